@@ -24,12 +24,13 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use solver::dem::contact::blocks::Blocks;
+use solver::dem::contact::blocks::BlockLaw;
 use solver::dem::polyhedron::{
-    self, HalfSpace, History, Model, Narrow, Placed, Polyhedron, ShapeError, Stiffness,
+    self, BlockContactModel, BlockHistory, HalfSpace, Narrow, Placed, Polyhedron, ShapeError,
+    Stiffness,
 };
 use solver::dem::{
-    Body, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, Wall, alone,
+    Body, Dem, DemSettings, GrainDomain, Law, Motion, PairTable, Particles, Volume, Wall, alone,
 };
 use solver::error::Error;
 use solver::random::Stream;
@@ -81,7 +82,13 @@ fn approach(shapes: [Polyhedron; 2], rotations: [Matrix3<f64>; 2], along: &Vecto
             rotation: rotations[k],
         });
         let at = along * middle;
-        match narrow.blocks(&one, &two, &at, &Model::Patch, &mut History::default()) {
+        match narrow.blocks(
+            &one,
+            &two,
+            &at,
+            &BlockContactModel::Patch,
+            &mut BlockHistory::default(),
+        ) {
             Some(_) => inside = middle,
             None => outside = middle,
         }
@@ -109,10 +116,10 @@ fn rate(pairs: &[Pair], mut look: impl FnMut(usize, &Pair, u32) -> bool) -> (f64
     (pairs.len() as f64 / best, touching)
 }
 
-fn row(name: &str, pairs: &[Pair], model: &Model) {
+fn row(name: &str, pairs: &[Pair], model: &BlockContactModel) {
     let mut narrow = Narrow::default();
-    let mut memories = vec![History::default(); pairs.len()];
-    let mut see = |pair: &Pair, at: &Vector3<f64>, memory: &mut History| {
+    let mut memories = vec![BlockHistory::default(); pairs.len()];
+    let mut see = |pair: &Pair, at: &Vector3<f64>, memory: &mut BlockHistory| {
         let [one, two] = [0, 1].map(|k| Placed {
             shape: &pair.shapes[k],
             rotation: pair.rotations[k],
@@ -120,16 +127,16 @@ fn row(name: &str, pairs: &[Pair], model: &Model) {
         black_box(narrow.blocks(&one, &two, black_box(at), model, memory)).is_some()
     };
     let (cold, touching) = rate(pairs, |_, pair, _| {
-        see(pair, &pair.touching, &mut History::default())
+        see(pair, &pair.touching, &mut BlockHistory::default())
     });
     let (warm, _) = rate(pairs, |k, pair, round| {
         let at = pair.touching * (1.0 - 1e-6 * f64::from(round % 2));
         see(pair, &at, &mut memories[k])
     });
     let (fresh, _) = rate(pairs, |_, pair, _| {
-        see(pair, &pair.apart, &mut History::default())
+        see(pair, &pair.apart, &mut BlockHistory::default())
     });
-    let mut memories = vec![History::default(); pairs.len()];
+    let mut memories = vec![BlockHistory::default(); pairs.len()];
     let (apart, _) = rate(pairs, |k, pair, _| see(pair, &pair.apart, &mut memories[k]));
     println!(
         "{name:32} {:8.3} {:8.3} {:8.3} {:12.3} M pairs/s, {touching} of {} touch",
@@ -188,7 +195,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
         .map_err(|error| Error::Internal(error.to_string()))?;
     let faces = shapes.iter().map(|s| s.half_spaces().len()).sum::<usize>();
     // Force over volume of overlap as in the peer's Young modulus of 1e8 (Pa/m here), Poisson 0.2.
-    let law = polyhedron::Law {
+    let law = polyhedron::BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal: 1e8,
             shear: 2e7,
@@ -197,14 +204,14 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
         normal_damping: 0.0,
         shear_damping: 0.0,
     };
-    let law = Law::Blocks(Blocks {
+    let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),
-        model: Model::Pressure,
+        model: BlockContactModel::Pressure,
         mass_damping: 0.0,
     });
     let upper = Vector3::new(BOX, BOX, 0.1 * f64::from(count.div_ceil(36)));
-    let region = Region::<Volume>::closed(Vector3::zeros(), upper, SIZE);
-    let mut settings = Settings::new(region, 1e-4, 0.002);
+    let region = GrainDomain::<Volume>::closed(Vector3::zeros(), upper, SIZE);
+    let mut settings = DemSettings::new(region, 1e-4, 0.002);
     settings.gravity = Vector3::z() * -9.81;
     settings.local_damping = 0.4;
     let mut walls = Wall::of_box(region.lower, upper, [true, true, false], 0);
@@ -337,14 +344,18 @@ fn pairs() -> Result<(), ShapeError> {
         let two = [twenty(&mut draw)?, twenty(&mut draw)?];
         hulls.push(approach(two, turns, &direction(&mut draw)));
     }
-    let published = Model::Point { rounding: 1e-3 };
+    let published = BlockContactModel::Point { rounding: 1e-3 };
     for (name, pairs) in [
         ("boxes face on face", &faces),
         ("boxes any way", &boxes),
         ("20 faces any way", &hulls),
     ] {
-        row(&format!("{name}, pressure"), pairs, &Model::Pressure);
-        row(&format!("{name}, patch"), pairs, &Model::Patch);
+        row(
+            &format!("{name}, pressure"),
+            pairs,
+            &BlockContactModel::Pressure,
+        );
+        row(&format!("{name}, patch"), pairs, &BlockContactModel::Patch);
         row(&format!("{name}, point"), pairs, &published);
     }
     Ok(())

@@ -15,8 +15,8 @@ use std::time::Instant;
 use decomposition::Communicator;
 use solver::darcy::permeability::kozeny_carman;
 use solver::darcy::{
-    Condition, Enclosure, Equations, Error, Grid, Liquid, Medium, Openness, Patch, Pressure,
-    Settings,
+    Condition, Enclosure, Equations, Liquid, Medium, Openness, Pressure, PressurePatch,
+    PressureSettings, SeepageError, SeepageGrid,
 };
 
 /// Dynamic viscosity \[Pa s\].
@@ -24,7 +24,7 @@ const VISCOSITY: f64 = 0.1;
 const SIZE: [f64; 3] = [0.06, 0.2, 0.06];
 
 /// Returns the cells along an axis whose centre is nearer than `half` to `middle`: first, one past the last.
-fn window(grid: &Grid, axis: usize, middle: f64, half: f64) -> (usize, usize) {
+fn window(grid: &SeepageGrid, axis: usize, middle: f64, half: f64) -> (usize, usize) {
     let near = |k: &usize| {
         let centre = (*k as f64 + 0.5) * grid.spacing[axis];
         (centre - middle).abs() < half * (1.0 - 1e-9)
@@ -36,8 +36,8 @@ fn window(grid: &Grid, axis: usize, middle: f64, half: f64) -> (usize, usize) {
     }
 }
 
-fn patches(grid: &Grid) -> Vec<Patch> {
-    let mut all = vec![Patch {
+fn patches(grid: &SeepageGrid) -> Vec<PressurePatch> {
+    let mut all = vec![PressurePatch {
         axis: 2,
         upper: true,
         from: [0; 3],
@@ -48,7 +48,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
     let x = window(grid, 0, 0.03, 0.01);
     for middle in [0.05, 0.15] {
         let y = window(grid, 1, middle, 0.02);
-        all.push(Patch {
+        all.push(PressurePatch {
             axis: 2,
             upper: false,
             from: [x.0, y.0, 0],
@@ -63,7 +63,7 @@ fn patches(grid: &Grid) -> Vec<Patch> {
 #[global_allocator]
 static ALLOCATOR: solver::allocator::Allocator = solver::allocator::Allocator;
 
-fn main() -> Result<(), Error> {
+fn main() -> Result<(), SeepageError> {
     let words: Vec<String> = std::env::args()
         .skip(1)
         .filter(|word| !word.starts_with('-'))
@@ -83,7 +83,7 @@ fn main() -> Result<(), Error> {
     }
     let tolerance = numbers.first().copied().unwrap_or(1e-8);
     let repeats = numbers.get(1).copied().unwrap_or(5.0);
-    let grid = Grid {
+    let grid = SeepageGrid {
         cells,
         origin: [0.0; 3],
         spacing: std::array::from_fn(|a| SIZE[a] / cells[a] as f64),
@@ -97,7 +97,7 @@ fn main() -> Result<(), Error> {
         conductivity.push(kozeny_carman(n, 1.9e-3) / (VISCOSITY * n));
     }
     let openness = Openness::measure(&grid, &Enclosure::Everything);
-    let settings = Settings {
+    let settings = PressureSettings {
         equations: Equations::Paper,
         gravity: [0.0; 3],
         tolerance,

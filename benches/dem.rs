@@ -19,8 +19,8 @@ use solver::dem::contact::Scaled;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
 use solver::dem::contact::linear::{self, Linear};
 use solver::dem::{
-    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space, Surface, Volume,
-    Wall, alone,
+    Body, Dem, DemSettings, FacetSurface, GrainDomain, Law, Motion, PairTable, Particles,
+    PlaneSpace, Space, Volume, Wall, alone,
 };
 use solver::error::Error;
 use solver::preparation::growth::{Packing, PackingSettings, Sizes, Stop};
@@ -29,15 +29,16 @@ use solver::preparation::supervision::Supervision;
 use solver::random::Stream;
 use solver::simulation::calibration;
 
-const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
-    normal_stiffness: Scaled::PerDiameter(150e6),
-    stiffness_ratio: 0.4,
-    // The tangent of 20 degrees.
-    friction: 0.363_970_234_266_202_36,
-    cohesion: Scaled::PerDiameter(0.506),
-    normal_damping: 0.0,
-    shear_damping: 0.0,
-};
+const PAPER: cohesive_frictional::CohesiveFrictionalParameters =
+    cohesive_frictional::CohesiveFrictionalParameters {
+        normal_stiffness: Scaled::PerDiameter(150e6),
+        stiffness_ratio: 0.4,
+        // The tangent of 20 degrees.
+        friction: 0.363_970_234_266_202_36,
+        cohesion: Scaled::PerDiameter(0.506),
+        normal_damping: 0.0,
+        shear_damping: 0.0,
+    };
 
 fn report<S: Space>(
     name: &str,
@@ -78,7 +79,7 @@ fn report<S: Space>(
 }
 
 /// Returns about 2,000 discs of the piping paper.
-fn discs() -> PackingSettings<Plane> {
+fn discs() -> PackingSettings<PlaneSpace> {
     PackingSettings {
         lower: Vector2::zeros(),
         upper: Vector2::new(10.5e-3, 7.2e-3),
@@ -99,14 +100,14 @@ fn discs() -> PackingSettings<Plane> {
     }
 }
 
-fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
+fn bonded(packing: &Packing<PlaneSpace>) -> Result<(), Error> {
     let how = discs();
     let law = Law::CohesiveFrictional(CohesiveFrictional {
         parameters: PairTable::uniform(1, PAPER),
     });
-    let mut particles = Particles::<Plane>::new();
+    let mut particles = Particles::<PlaneSpace>::new();
     for (id, grain) in (0..).zip(&packing.grains) {
-        let body = Body::uniform::<Plane>(id, grain.radius, 2650.0, 0);
+        let body = Body::uniform::<PlaneSpace>(id, grain.radius, 2650.0, 0);
         particles.insert(
             body,
             Motion {
@@ -115,9 +116,9 @@ fn bonded(packing: &Packing<Plane>) -> Result<(), Error> {
             },
         );
     }
-    let limit = law.critical_time_step::<Plane>(&particles.body, 1);
-    let region = Region::closed(how.lower, how.upper, 1e-4);
-    let settings = Settings::new(region, 0.2 * limit, 2e-5);
+    let limit = law.critical_time_step::<PlaneSpace>(&particles.body, 1);
+    let region = GrainDomain::closed(how.lower, how.upper, 1e-4);
+    let settings = DemSettings::new(region, 0.2 * limit, 2e-5);
     let walls = Wall::of_box(how.lower, how.upper, [true, true, false], 0);
     let mut dem = Dem::new(law, settings, walls)?;
     dem.bond_existing_contacts(&mut particles, &alone())?;
@@ -167,7 +168,7 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
     Law::Linear(Linear {
         parameters: PairTable::uniform(
             1,
-            linear::Parameters {
+            linear::LinearParameters {
                 normal_stiffness: Scaled::Absolute(stiffness),
                 stiffness_ratio: ratio,
                 friction: 0.5,
@@ -199,7 +200,7 @@ fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     Ok(vec![
         Wall::new(Vector3::zeros(), Vector3::y(), 0),
         Wall::new(Vector3::new(0.0, 0.2, 0.0), -Vector3::y(), 0),
-        Wall::of_surface(Arc::new(Surface::new(vertices, &facets)?), 0),
+        Wall::of_surface(Arc::new(FacetSurface::new(vertices, &facets)?), 0),
     ])
 }
 
@@ -235,18 +236,18 @@ fn state(path: &str, as_written: bool) -> Result<(), Error> {
     let (mut region, walls) = if boxed {
         let walls = vec![Wall::new(Vector3::zeros(), Vector3::z(), 0)];
         (
-            Region::closed(Vector3::zeros(), Vector3::new(0.2, 0.2, 0.06), 0.002),
+            GrainDomain::closed(Vector3::zeros(), Vector3::new(0.2, 0.2, 0.06), 0.002),
             walls,
         )
     } else {
         let lower = Vector3::new(-0.06, -0.01, 0.0);
         (
-            Region::closed(lower, Vector3::new(0.06, 0.21, 0.13), 0.01),
+            GrainDomain::closed(lower, Vector3::new(0.06, 0.21, 0.13), 0.01),
             fissure()?,
         )
     };
     region.periodic = [boxed, boxed, false];
-    let mut settings = Settings::new(region, time_step, skin);
+    let mut settings = DemSettings::new(region, time_step, skin);
     settings.gravity = Vector3::new(0.0, 0.0, -9.81);
     let before = resident();
     let mut particles = Particles::<Volume>::new();
@@ -304,8 +305,11 @@ fn scaling() -> Result<(), Error> {
             bodies.push(body);
         }
         let length = (filled / 0.3_f64).cbrt();
-        let mut region =
-            Region::<Volume>::closed(Vector3::zeros(), Vector3::repeat(length), length / 100.0);
+        let mut region = GrainDomain::<Volume>::closed(
+            Vector3::zeros(),
+            Vector3::repeat(length),
+            length / 100.0,
+        );
         // Closed for the wide range: the largest would make ghosts of all grains near a periodic face.
         region.periodic = [ratio < 2.0; 3];
         let places: Vec<Vector3<f64>> = (0..count)
@@ -323,7 +327,7 @@ fn scaling() -> Result<(), Error> {
             particles.insert(Body { id, ..bodies[k] }, motion);
         }
         // Soft enough that the overlaps of the random places do nothing in a few steps.
-        let settings = Settings::new(region, 1e-9, 1e-4);
+        let settings = DemSettings::new(region, 1e-9, 1e-4);
         let mut dem = Dem::new(springs(1e-3, 0.0, 1.0, 1.0), settings, Vec::new())?;
         dem.prepare(&mut particles, &alone())?;
         let mut best = f64::INFINITY;

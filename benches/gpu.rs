@@ -6,7 +6,7 @@
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, Ramp, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
 use solver::lbm::fluid::{Fluid, Force, Setup, kernel_exists_on_gpu};
@@ -32,7 +32,7 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
         end: 1.0,
         steps: 100.0,
     };
-    let lid = velocity::Links::new(Box::new(|_| [0.05, 0.0, 0.0]), ramp);
+    let lid = velocity::VelocityLinks::new(Box::new(|_| [0.05, 0.0, 0.0]), ramp);
     Setup {
         set: row.set,
         operator: row.operator,
@@ -70,7 +70,7 @@ fn fluid<S: Stored>(
     device: Device,
 ) -> Result<Fluid<S>, String> {
     let setup = setup(row, cells, periodic, device);
-    let domain = Domain::serial(Axis::X, setup.cells[0], setup.periodic[0]);
+    let domain = Domain::serial(SplitAxis::X, setup.cells[0], setup.periodic[0]);
     let mut fluid = Fluid::new(setup, &domain)?;
     let numbers = fluid.populations_mut().numbers_mut();
     for (n, number) in (0_u32..).zip(numbers) {
@@ -186,12 +186,12 @@ fn main() -> Result<(), String> {
         bandwidth / 1e9,
         edge * 18
     );
-    let bgk = Operator::Bgk(bgk::Parameters {});
-    let trt = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
-    let suga = Operator::Mrt(mrt::Parameters::default());
-    let second_order = Operator::Mrt(mrt::Parameters {
+    let bgk = Operator::Bgk(bgk::BgkParameters {});
+    let trt = Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 });
+    let suga = Operator::Mrt(mrt::MrtParameters::default());
+    let second_order = Operator::Mrt(mrt::MrtParameters {
         higher: Some(1.0),
-        ..mrt::Parameters::default()
+        ..mrt::MrtParameters::default()
     });
     let row = |name, set, operator, forced| Row {
         name,

@@ -6,7 +6,7 @@
 
 #![allow(clippy::print_stdout, reason = "a benchmark reports on the terminal")]
 
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
 use solver::lbm::fluid::{Fluid, Force, Setup};
@@ -24,7 +24,7 @@ fn lid<S: Stored>(axis: usize) -> Patch<S> {
         axis,
         upper: true,
         range: EVERYWHERE,
-        rule: Box::new(velocity::Links::uniform([0.05, 0.0, 0.0])),
+        rule: Box::new(velocity::VelocityLinks::uniform([0.05, 0.0, 0.0])),
     }
 }
 
@@ -59,7 +59,7 @@ fn measure_with<S: Stored>(
         device: solver::lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    let domain = Domain::serial(Axis::X, cells[0], false);
+    let domain = Domain::serial(SplitAxis::X, cells[0], false);
     let mut fluid = match Fluid::<S>::new(setup, &domain) {
         Ok(fluid) => fluid,
         Err(message) => {
@@ -113,7 +113,7 @@ fn main() {
         update_in_place()
     };
     println!("update in place {:.1} GB/s", bandwidth / 1e9);
-    let trt = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+    let trt = Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 });
     let force = Force::Constant([1e-6, 0.0, 0.0]);
     let show = |name: &str, measure: &dyn Fn() -> f64, bytes: f64| {
         if only.as_ref().is_some_and(|row| row != name) {
@@ -131,7 +131,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 square,
                 steps,
@@ -149,7 +149,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 force,
                 square,
                 steps,
@@ -162,7 +162,7 @@ fn main() {
         &|| {
             measure::<f32>(
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 square,
                 steps,
@@ -176,7 +176,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 small,
                 200,
@@ -191,7 +191,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D3Q19,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 cube,
                 steps / 2,
@@ -204,7 +204,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D3Q27,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 cube,
                 steps / 2,
@@ -222,7 +222,7 @@ fn main() {
         &|| {
             measure::<f32>(
                 VelocitySet::D3Q27,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 Force::None,
                 cube,
                 steps / 2,
@@ -230,7 +230,7 @@ fn main() {
         },
         216.0,
     );
-    let mrt = Operator::Mrt(mrt::Parameters::default());
+    let mrt = Operator::Mrt(mrt::MrtParameters::default());
     let wale = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
     show(
         "D3Q27 MRT f64",
@@ -247,7 +247,7 @@ fn main() {
         &|| {
             measure::<f64>(
                 VelocitySet::D3Q27,
-                Operator::Cumulant(cumulant::Parameters::default()),
+                Operator::Cumulant(cumulant::CumulantParameters::default()),
                 Force::None,
                 cube,
                 steps / 2,

@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use nalgebra::{Rotation3, Vector3};
 use solver::coupling::solid_fraction::{
-    BallInCells, BallTable, BlockTable, Form, Method, Scratch, Surface,
+    BallInCells, BallTable, BlockTable, Form, FractionMethod, PolyhedronSurface, Scratch,
 };
 use solver::dem::polyhedron::Polyhedron;
 
@@ -46,7 +46,7 @@ fn per_cell(cells: usize, mut work: impl FnMut() -> f64) -> f64 {
 fn show(name: &str, form: &Form, volume: f64) {
     let mut scratch = Scratch::default();
     let truth: Vec<f64> = all()
-        .map(|cell| form.fraction(Method::Exact, cell, &mut scratch))
+        .map(|cell| form.fraction(FractionMethod::Exact, cell, &mut scratch))
         .collect();
     let surface: Vec<([f64; 3], f64)> = all()
         .zip(truth.iter().copied())
@@ -54,12 +54,12 @@ fn show(name: &str, form: &Form, volume: f64) {
         .collect();
     let count = surface.len();
     for (label, method) in [
-        ("exact", Method::Exact),
-        ("samples 2", Method::Samples(2)),
-        ("samples 3", Method::Samples(3)),
-        ("samples 5", Method::Samples(5)),
-        ("samples 10", Method::Samples(10)),
-        ("linear", Method::Linear),
+        ("exact", FractionMethod::Exact),
+        ("samples 2", FractionMethod::Samples(2)),
+        ("samples 3", FractionMethod::Samples(3)),
+        ("samples 5", FractionMethod::Samples(5)),
+        ("samples 10", FractionMethod::Samples(10)),
+        ("linear", FractionMethod::Linear),
     ] {
         let squares: f64 = surface
             .iter()
@@ -176,8 +176,8 @@ fn main() {
 
 fn block(name: &str, shape: &Polyhedron) {
     let turn = Rotation3::new(Vector3::new(0.3, 0.5, 0.7));
-    let mut surface = Surface::default();
-    surface.place(shape, turn.matrix(), CENTRE, 1.0);
+    let mut surface = PolyhedronSurface::default();
+    surface.set_pose(shape, turn.matrix(), CENTRE, 1.0);
     let form = Form::Block {
         surface: &surface,
         centre: CENTRE,

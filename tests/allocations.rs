@@ -13,10 +13,11 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use solver::case::Document;
-use solver::dem::contact::blocks::Blocks;
-use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
+use solver::dem::contact::blocks::BlockLaw;
+use solver::dem::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
 use solver::dem::{
-    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Volume, Wall, alone,
+    Body, Dem, DemSettings, GrainDomain, Law, Motion, PairTable, Particles, PlaneSpace, Volume,
+    Wall, alone,
 };
 use solver::plan::Plan;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -92,7 +93,7 @@ fn plan() -> Plan {
 /// Returns a layer of boxes on a floor, some of them leaning on a sphere.
 fn blocks() -> (Dem<Volume>, Particles<Volume>) {
     let shape = Polyhedron::cuboid(Vector3::new(0.1, 0.08, 0.05)).unwrap();
-    let law = polyhedron::Law {
+    let law = polyhedron::BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal: 1e8,
             shear: 5e7,
@@ -101,13 +102,13 @@ fn blocks() -> (Dem<Volume>, Particles<Volume>) {
         normal_damping: 0.2,
         shear_damping: 0.2,
     };
-    let law = Law::Blocks(Blocks {
+    let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),
-        model: Model::Patch,
+        model: BlockContactModel::Patch,
         mass_damping: 1.0,
     });
-    let region = Region::closed(Vector3::zeros(), Vector3::repeat(1.0), 0.1);
-    let mut settings = Settings::new(region, 1e-4, 0.01);
+    let region = GrainDomain::closed(Vector3::zeros(), Vector3::repeat(1.0), 0.1);
+    let mut settings = DemSettings::new(region, 1e-4, 0.01);
     settings.gravity = Vector3::new(0.5, 0.0, -9.81);
     let walls = Wall::of_box(region.lower, region.upper, [true; 3], 0);
     let mut particles = Particles::new();
@@ -165,8 +166,8 @@ fn a_step_without_an_event_allocates_nothing() {
         .unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut simulation =
-        solver::simulation::run::ready::<Plane, f64>(plan(), folder.path()).unwrap();
-    let state = |simulation: &solver::simulation::Simulation<Plane, f64>| {
+        solver::simulation::run::ready::<PlaneSpace, f64>(plan(), folder.path()).unwrap();
+    let state = |simulation: &solver::simulation::Simulation<PlaneSpace, f64>| {
         let view = simulation.view();
         let now = view.dem.unwrap().statistics(view.particles);
         (now.rebuilds, now.bonds, now.owned)

@@ -183,11 +183,11 @@ fn check_sizes(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::slab::Axis;
+    use crate::slab::SplitAxis;
 
     #[test]
     fn a_slab_alone_and_periodic_is_its_own_neighbour() {
-        let domain = Domain::serial(Axis::Y, 4, true);
+        let domain = Domain::serial(SplitAxis::Y, 4, true);
         let mut halo = HaloExchange::new(&domain, 0, HaloBytes::crossing(12, 8)).unwrap();
         for round in 0..3_u8 {
             let (lower, upper) = halo.send_buffers_mut::<f32>();
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn closed_ends_have_no_halo() {
-        let domain = Domain::serial(Axis::X, 4, false);
+        let domain = Domain::serial(SplitAxis::X, 4, false);
         let mut halo = HaloExchange::new(&domain, 0, HaloBytes::symmetric(16)).unwrap();
         assert!(matches!(halo.send_buffers_mut::<f64>(), (None, None)));
         halo.start();
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn sizes_that_do_not_fit_are_refused() {
-        let domain = Domain::serial(Axis::X, 4, true);
+        let domain = Domain::serial(SplitAxis::X, 4, true);
         let sizes = HaloBytes {
             to_lower: 8,
             to_upper: 8,

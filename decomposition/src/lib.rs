@@ -68,7 +68,7 @@ pub use exact_sum::{ExactSum, Fixed, quantise};
 pub use exchange::{FixedExchange, exchange};
 pub use halo::{HaloBytes, HaloExchange};
 pub use persistent::PatternError;
-pub use slab::{Axis, Domain, SlabError, Slabs};
+pub use slab::{Domain, SlabError, Slabs, SplitAxis};
 pub use state_hash::{StateHash, field_key};
 pub use threads::on_threads;
 pub use waiting::{Traffic, Waited, traffic, waited};

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// A direction of space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Axis {
+pub enum SplitAxis {
     /// The first coordinate.
     X,
     /// The second coordinate.
@@ -18,7 +18,7 @@ pub enum Axis {
     Z,
 }
 
-impl Axis {
+impl SplitAxis {
     /// Returns the index of the coordinate in a vector: 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
@@ -64,7 +64,7 @@ pub enum SlabError {
 /// The split of `planes` planes along one axis; the same on every rank. Slab r belongs to rank r.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Slabs {
-    axis: Axis,
+    axis: SplitAxis,
     /// `bounds[r]..bounds[r + 1]` are the planes of rank r; never falling, the first is 0.
     bounds: Vec<usize>,
     periodic: bool,
@@ -74,7 +74,7 @@ impl Slabs {
     /// Slabs whose thickness differs by at most one plane, the thicker ones first. With more ranks
     /// than planes the last slabs are empty. A `size` of 0 counts as 1.
     #[must_use]
-    pub fn even(axis: Axis, planes: usize, size: usize, periodic: bool) -> Self {
+    pub fn even(axis: SplitAxis, planes: usize, size: usize, periodic: bool) -> Self {
         let size = size.max(1);
         let (thickness, thicker) = (planes / size, planes % size);
         let bounds = (0..=size)
@@ -91,7 +91,11 @@ impl Slabs {
     ///
     /// # Errors
     /// [`SlabError::Bounds`] if the list does not start at 0, falls, or is shorter than two.
-    pub fn from_bounds(axis: Axis, bounds: Vec<usize>, periodic: bool) -> Result<Self, SlabError> {
+    pub fn from_bounds(
+        axis: SplitAxis,
+        bounds: Vec<usize>,
+        periodic: bool,
+    ) -> Result<Self, SlabError> {
         if bounds.len() < 2 || bounds[0] != 0 || !bounds.is_sorted() {
             return Err(SlabError::Bounds { bounds });
         }
@@ -104,7 +108,7 @@ impl Slabs {
 
     /// Returns the axis along which the domain is cut.
     #[must_use]
-    pub fn axis(&self) -> Axis {
+    pub fn axis(&self) -> SplitAxis {
         self.axis
     }
 
@@ -222,7 +226,7 @@ impl Domain {
 
     /// Returns the whole domain on this process, without MPI.
     #[must_use]
-    pub fn serial(axis: Axis, planes: usize, periodic: bool) -> Self {
+    pub fn serial(axis: SplitAxis, planes: usize, periodic: bool) -> Self {
         Self {
             communicator: Communicator::serial(),
             slabs: Slabs::even(axis, planes, 1, periodic),
@@ -249,7 +253,7 @@ impl Domain {
 
     /// Returns the axis along which the domain is cut.
     #[must_use]
-    pub fn axis(&self) -> Axis {
+    pub fn axis(&self) -> SplitAxis {
         self.slabs.axis
     }
 
@@ -279,20 +283,20 @@ mod tests {
 
     #[test]
     fn even_slabs_differ_by_one_plane() {
-        let slabs = Slabs::even(Axis::X, 10, 4, false);
+        let slabs = Slabs::even(SplitAxis::X, 10, 4, false);
         assert_eq!(slabs.bounds(), [0, 3, 6, 8, 10]);
-        let few = Slabs::even(Axis::X, 2, 4, false);
+        let few = Slabs::even(SplitAxis::X, 2, 4, false);
         assert_eq!(few.bounds(), [0, 1, 2, 2, 2]);
-        assert_eq!(Slabs::even(Axis::X, 5, 0, false).size(), 1);
+        assert_eq!(Slabs::even(SplitAxis::X, 5, 0, false).size(), 1);
     }
 
     #[test]
     fn bounds_are_checked() {
         for wrong in [vec![], vec![0], vec![1, 4], vec![0, 5, 4]] {
-            let refused = Slabs::from_bounds(Axis::X, wrong.clone(), false);
+            let refused = Slabs::from_bounds(SplitAxis::X, wrong.clone(), false);
             assert_eq!(refused, Err(SlabError::Bounds { bounds: wrong }));
         }
-        let two = Slabs::even(Axis::X, 8, 2, false);
+        let two = Slabs::even(SplitAxis::X, 8, 2, false);
         let refused = Domain::new(Communicator::serial(), two).unwrap_err();
         assert_eq!(refused, SlabError::Ranks { slabs: 2, ranks: 1 });
     }
@@ -300,7 +304,7 @@ mod tests {
     #[test]
     fn neighbours_skip_empty_slabs() {
         let bounds = vec![0, 0, 3, 3, 3, 7, 7];
-        let closed = Slabs::from_bounds(Axis::Y, bounds.clone(), false).unwrap();
+        let closed = Slabs::from_bounds(SplitAxis::Y, bounds.clone(), false).unwrap();
         let owners: Vec<_> = (0..8).map(|plane| closed.owner_of_plane(plane)).collect();
         let (one, four) = (Some(1), Some(4));
         assert_eq!(owners, [one, one, one, four, four, four, four, None]);
@@ -309,19 +313,19 @@ mod tests {
         assert_eq!(sides(&closed, 1), (None, four));
         assert_eq!(sides(&closed, 4), (one, None));
         assert_eq!(sides(&closed, 2), (None, None));
-        let periodic = Slabs::from_bounds(Axis::Y, bounds, true).unwrap();
+        let periodic = Slabs::from_bounds(SplitAxis::Y, bounds, true).unwrap();
         assert_eq!(sides(&periodic, 1), (four, four));
         assert_eq!(sides(&periodic, 4), (one, one));
         assert_eq!(sides(&periodic, 0), (None, None));
-        let alone = Slabs::from_bounds(Axis::Y, vec![0, 0, 5], true).unwrap();
+        let alone = Slabs::from_bounds(SplitAxis::Y, vec![0, 0, 5], true).unwrap();
         assert_eq!(sides(&alone, 1), (Some(1), Some(1)));
     }
 
     #[test]
     fn longest_axis_prefers_the_first() {
-        assert_eq!(Axis::longest([4, 4, 1]), Axis::X);
-        assert_eq!(Axis::longest([4, 5, 5]), Axis::Y);
-        assert_eq!(Axis::longest([4, 5, 6]).index(), 2);
+        assert_eq!(SplitAxis::longest([4, 4, 1]), SplitAxis::X);
+        assert_eq!(SplitAxis::longest([4, 5, 5]), SplitAxis::Y);
+        assert_eq!(SplitAxis::longest([4, 5, 6]).index(), 2);
     }
 
     fn split() -> impl Strategy<Value = Slabs> {
@@ -337,7 +341,7 @@ mod tests {
                     sum += planes;
                     bounds.push(sum);
                 }
-                Slabs::from_bounds(Axis::X, bounds, periodic).unwrap()
+                Slabs::from_bounds(SplitAxis::X, bounds, periodic).unwrap()
             })
     }
 

@@ -31,7 +31,7 @@ pub fn on_threads<T: Send>(size: usize, work: impl Fn(Communicator) -> T + Sync)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Axis, Domain, FixedExchange, HaloBytes, HaloExchange, Slabs, exchange};
+    use crate::{Domain, FixedExchange, HaloBytes, HaloExchange, Slabs, SplitAxis, exchange};
 
     #[test]
     fn collective_calls_agree() {
@@ -67,7 +67,7 @@ mod tests {
     fn patterns_and_halos_cross_threads() {
         let bounds = vec![0, 2, 2, 5];
         on_threads(3, |ranks| {
-            let slabs = Slabs::from_bounds(Axis::X, bounds.clone(), true).unwrap();
+            let slabs = Slabs::from_bounds(SplitAxis::X, bounds.clone(), true).unwrap();
             let domain = Domain::new(ranks, slabs).unwrap();
             let rank = domain.rank();
             let mut halo = HaloExchange::new(&domain, 0, HaloBytes::symmetric(8)).unwrap();

@@ -12,7 +12,9 @@ use std::cell::Cell;
 use std::path::Path;
 use std::process::ExitCode;
 
-use io::{Array, Cells, Column, Data, Error, Group, Image, Mesh, Mode, Moment, Reader, Series};
+use io::{
+    Array, Cells, Column, Data, Error, Group, Image, MeshData, Mode, OutputTime, Reader, Series,
+};
 use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
 use mpi::topology::SimpleCommunicator;
@@ -117,7 +119,7 @@ const CELLS: [usize; 3] = [7, 5, 4];
 
 fn image_step(
     series: &mut Series,
-    when: Moment,
+    when: OutputTime,
     axis: usize,
     group: &dyn Group,
     mode: Mode,
@@ -166,7 +168,7 @@ fn image_step(
 }
 
 fn meshes(
-    when: Moment,
+    when: OutputTime,
     grains: usize,
     group: &dyn Group,
     mode: Mode,
@@ -185,7 +187,7 @@ fn meshes(
         components,
         data,
     };
-    let particles = Mesh {
+    let particles = MeshData {
         points: Data::F64(&position),
         cells: Cells::Vertices,
         point_columns: vec![
@@ -207,7 +209,7 @@ fn meshes(
         .collect();
     let lines: Vec<[usize; 2]> = (0..n).map(|i| [2 * i, 2 * i + 1]).collect();
     let force: Vec<f64> = (first..first + n).map(value).collect();
-    let contacts = Mesh {
+    let contacts = MeshData {
         points: Data::F32(&ends),
         cells: Cells::Lines(&lines),
         point_columns: vec![],
@@ -241,7 +243,7 @@ fn meshes(
     let block: Vec<i32> = (first..first + n)
         .flat_map(|i| [i32::try_from(i).unwrap_or_default(); 5])
         .collect();
-    let blocks = Mesh {
+    let blocks = MeshData {
         points: Data::F64(&corners),
         cells: Cells::Polygons {
             sizes: &sizes,
@@ -359,7 +361,7 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
     ];
     // No grains, many, fewer than ranks, none again.
     for (i, grains) in (0_u32..).zip([0, 23, 1, 0]) {
-        let when = Moment {
+        let when = OutputTime {
             step: u64::from(i) * 100,
             time: f64::from(i) * 0.1,
         };

@@ -27,7 +27,7 @@ use crate::atomic;
 use crate::data::{Element, Kind, Numbers};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree, on_root};
-use crate::hdf::{self, Attribute, Content, Mode, Part, Transfer, product};
+use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, Transfer, product};
 use crate::plain;
 
 /// One rank's box of a named array of the state.
@@ -78,12 +78,12 @@ pub struct ArrayInfo {
     /// Shape.
     pub shape: Vec<usize>,
     /// The boxes the ranks wrote, empty ones left out.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<ArrayBlock>,
 }
 
 /// A box of an array with the CRC-32 of its numbers, C order, little endian.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Block {
+pub struct ArrayBlock {
     /// First index.
     pub start: Vec<usize>,
     /// Size.
@@ -181,7 +181,7 @@ impl Manifest {
             };
             all = bytes;
             let outside =
-                |block: &&Block| !hdf::is_inside(&block.start, &block.count, &array.shape);
+                |block: &&ArrayBlock| !hdf::is_inside(&block.start, &block.count, &array.shape);
             if let Some(block) = array.blocks.iter().find(outside) {
                 return wrong(format!(
                     "a block at {:?} of size {:?} leaves the array {name} of shape {:?}",
@@ -312,7 +312,7 @@ pub fn write(
     );
     content.texts("/checkpoint/caller", &text, group);
     for array in arrays {
-        content.parts.push(Part {
+        content.parts.push(DatasetPart {
             path: format!("/{}", array.name),
             shape: array.shape.clone(),
             start: array.start.clone(),
@@ -399,10 +399,10 @@ fn manifests(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Returns every rank's boxes and checksums: for each array, one block per rank.
-fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>> {
-    let mine: Vec<Block> = arrays
+fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<ArrayBlock>>> {
+    let mine: Vec<ArrayBlock> = arrays
         .iter()
-        .map(|a| Block {
+        .map(|a| ArrayBlock {
             start: a.start.clone(),
             count: a.count.clone(),
             crc32: crc_of_numbers(a),
@@ -413,7 +413,7 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<Block>>>
     let all = group.gather(&agree(group, text)?);
     let mut by_array = vec![Vec::with_capacity(all.len()); arrays.len()];
     for bytes in all {
-        let blocks: Vec<Block> = serde_json::from_slice(&bytes)
+        let blocks: Vec<ArrayBlock> = serde_json::from_slice(&bytes)
             .map_err(|e| Error::invalid("the blocks of a checkpoint", e.to_string()))?;
         for (list, block) in by_array.iter_mut().zip(blocks) {
             list.push(block);
@@ -434,7 +434,7 @@ fn crc_of_numbers(array: &Array) -> u32 {
     sum.finalize()
 }
 
-fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
+fn describe(arrays: &[Array], blocks: &[Vec<ArrayBlock>]) -> Vec<ArrayInfo> {
     arrays
         .iter()
         .zip(blocks)
@@ -456,7 +456,7 @@ fn describe(arrays: &[Array], blocks: &[Vec<Block>]) -> Vec<ArrayInfo> {
 fn read_back(
     part: &Path,
     arrays: &[Array],
-    blocks: &[Vec<Block>],
+    blocks: &[Vec<ArrayBlock>],
     group: &dyn Group,
     mode: Mode,
 ) -> Result<()> {
@@ -470,7 +470,7 @@ fn read_back(
         None => opened?,
     };
     // No early return: opening a dataset is a joint act under the MPI driver, so every rank goes through all of them.
-    let compare = |array: &Array, blocks: &[Block]| -> Result<()> {
+    let compare = |array: &Array, blocks: &[ArrayBlock]| -> Result<()> {
         let name = format!("/{}", array.name);
         let dataset = file
             .dataset(&name)
@@ -496,14 +496,14 @@ fn read_back(
     compared.and(closed)
 }
 
-fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &Block) -> Result<u32> {
+fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &ArrayBlock) -> Result<u32> {
     // In pieces, so that reading back needs no memory of the size of the state.
-    fn crc<T: Element>(dataset: &hdf5::Dataset, block: &Block) -> hdf5::Result<u32> {
+    fn crc<T: Element>(dataset: &hdf5::Dataset, block: &ArrayBlock) -> hdf5::Result<u32> {
         let mut sum = crc32fast::Hasher::new();
         let mut numbers = Vec::new();
         let pieces = hdf::Pieces::new(&block.start, &block.count, size_of::<T>());
         for round in 0..pieces.rounds() {
-            let (start, count) = pieces.place(round);
+            let (start, count) = pieces.start_and_count(round);
             numbers.resize(product(&count), T::default());
             hdf::read_box(dataset, &start, &count, &mut numbers, Transfer::Independent)?;
             sum.update(T::data(&numbers).bytes());
@@ -891,7 +891,7 @@ impl<'g> Reader<'g> {
             None => pieces.rounds(),
         };
         for round in 0..rounds {
-            let (start, count) = pieces.place(round);
+            let (start, count) = pieces.start_and_count(round);
             let numbers = self.read::<T>(name, &start, &count)?;
             self.together(take(pieces.range(round), &numbers))?;
         }

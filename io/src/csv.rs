@@ -72,9 +72,9 @@ impl<'t> Reader<'t> {
     }
 
     /// Returns the next row.
-    pub fn row(&mut self) -> Option<Row<'_>> {
+    pub fn row(&mut self) -> Option<CsvRow<'_>> {
         let there = std::mem::take(&mut self.pending) || self.advance();
-        there.then_some(Row {
+        there.then_some(CsvRow {
             text: self.text,
             names: &self.names,
             cells: &self.row,
@@ -113,13 +113,13 @@ pub(crate) fn line(record: &StringRecord, text: &str) -> u64 {
 
 /// A row below the names.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'r> {
+pub struct CsvRow<'r> {
     text: &'r str,
     names: &'r StringRecord,
     cells: &'r StringRecord,
 }
 
-impl Row<'_> {
+impl CsvRow<'_> {
     /// Returns the line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {

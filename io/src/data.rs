@@ -47,7 +47,7 @@ impl Kind {
         }
     }
 
-    pub(crate) fn of(descriptor: &TypeDescriptor) -> Option<Self> {
+    pub(crate) fn from_descriptor(descriptor: &TypeDescriptor) -> Option<Self> {
         [
             Self::F32,
             Self::F64,
@@ -381,7 +381,7 @@ mod tests {
         assert_eq!(d.bytes()[..8], 1.5_f64.to_ne_bytes());
         assert!(Data::from(&Vec::<u8>::new()).is_empty());
         for kind in [Kind::F32, Kind::U8, Kind::I32, Kind::I64, Kind::U64] {
-            assert_eq!(Kind::of(&kind.descriptor()), Some(kind));
+            assert_eq!(Kind::from_descriptor(&kind.descriptor()), Some(kind));
         }
     }
 

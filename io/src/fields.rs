@@ -281,7 +281,7 @@ pub fn read_column(path: &Path, name: &str) -> Result<Values> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hdf::{Attribute, Content, Mode, Part};
+    use crate::hdf::{Attribute, Content, DatasetPart, Mode};
     use crate::{Alone, Data};
 
     #[test]
@@ -298,7 +298,7 @@ mod tests {
                 ("list", Attribute::Ints(vec![3, 4])),
             ],
         );
-        content.parts.push(Part {
+        content.parts.push(DatasetPart {
             path: "/g/id".to_owned(),
             shape: vec![3],
             start: vec![0],

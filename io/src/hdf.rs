@@ -97,7 +97,7 @@ pub struct Folder {
 
 /// A dataset, and the box of it that this rank holds.
 #[derive(Clone, Debug)]
-pub struct Part<'a> {
+pub struct DatasetPart<'a> {
     /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
     /// Shape of the whole dataset, the same on all ranks.
@@ -118,7 +118,7 @@ pub struct Content<'a> {
     /// Groups, parents first.
     pub folders: Vec<Folder>,
     /// Datasets.
-    pub parts: Vec<Part<'a>>,
+    pub parts: Vec<DatasetPart<'a>>,
 }
 
 impl<'a> Content<'a> {
@@ -146,7 +146,7 @@ impl<'a> Content<'a> {
         for (name, text) in long {
             let bytes = text.as_bytes();
             let mine = if group.rank() == 0 { bytes } else { &[] };
-            self.parts.push(Part {
+            self.parts.push(DatasetPart {
                 path: format!("{path}/{name}"),
                 shape: vec![bytes.len()],
                 start: vec![0],
@@ -179,7 +179,7 @@ impl<'a> Content<'a> {
 
     /// Checks that all ranks describe the same file, every box fits its dataset, and the boxes fill it.
     fn check(&self, group: &dyn Group) -> Result<()> {
-        agree(group, self.parts.iter().try_for_each(Part::check))?;
+        agree(group, self.parts.iter().try_for_each(DatasetPart::check))?;
         let mut description = format!("{:?}", self.folders);
         for part in &self.parts {
             description.push_str(&format!(
@@ -207,7 +207,7 @@ impl<'a> Content<'a> {
     }
 }
 
-impl Part<'_> {
+impl DatasetPart<'_> {
     /// Returns the pieces in which it is written: numbers in memory at once, others one by one.
     fn pieces(&self) -> Pieces {
         match self.data {
@@ -436,12 +436,12 @@ fn write_through_root(part: &Path, content: &Content, group: &dyn Group) -> Resu
 fn write_piece(
     path: &Path,
     dataset: &Dataset,
-    part: &Part,
+    part: &DatasetPart,
     pieces: &Pieces,
     round: usize,
     transfer: Transfer,
 ) -> Result<()> {
-    let (start, count) = pieces.place(round);
+    let (start, count) = pieces.start_and_count(round);
     let written = part.data.show(pieces.range(round), |bytes| {
         write_box(dataset, &start, &count, bytes, transfer)
     });
@@ -465,7 +465,12 @@ pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
 const PIECE: usize = 4 << 20;
 
 /// Sends one dataset, in pieces, to rank 0. After an error there, the messages continue so that no rank waits.
-fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Group) -> Result<()> {
+fn gather_dataset(
+    path: &Path,
+    file: Option<&File>,
+    part: &DatasetPart,
+    group: &dyn Group,
+) -> Result<()> {
     let made = file.map(|f| {
         make_dataset(f, part)
             .map(ManuallyDrop::new)
@@ -488,7 +493,7 @@ fn gather_dataset(path: &Path, file: Option<&File>, part: &Part, group: &dyn Gro
 fn gather_numbers(
     path: &Path,
     dataset: Option<&Dataset>,
-    part: &Part,
+    part: &DatasetPart,
     group: &dyn Group,
 ) -> Result<()> {
     let mut first = Ok(());
@@ -529,7 +534,7 @@ fn gather_numbers(
         let Some(dataset) = dataset else { continue };
         for (pieces, bytes) in boxes.iter().zip(&all) {
             if first.is_ok() && !bytes.is_empty() {
-                let (start, count) = pieces.place(round);
+                let (start, count) = pieces.start_and_count(round);
                 first = write_box(dataset, &start, &count, bytes, Transfer::Independent)
                     .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e));
             }
@@ -601,7 +606,7 @@ impl Pieces {
     }
 
     /// Returns start and count of a piece.
-    pub(crate) fn place(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
+    pub(crate) fn start_and_count(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
         let (from, to) = self.span(round);
         let (mut start, mut count) = (self.start.clone(), self.count.clone());
         start[self.axis] += from;
@@ -615,7 +620,7 @@ fn make_folder(file: &File, folder: &Folder) -> hdf5::Result<()> {
     set_attributes(&group, &folder.attributes)
 }
 
-fn make_dataset(file: &File, part: &Part) -> hdf5::Result<Dataset> {
+fn make_dataset(file: &File, part: &DatasetPart) -> hdf5::Result<Dataset> {
     let dataset = file
         .new_dataset_builder()
         .empty_as(part.data.kind().descriptor())
@@ -832,7 +837,7 @@ pub(crate) fn kind_of(dataset: &Dataset) -> hdf5::Result<Option<Kind>> {
         .dtype()?
         .to_descriptor()
         .ok()
-        .and_then(|d| Kind::of(&d)))
+        .and_then(|d| Kind::from_descriptor(&d)))
 }
 
 #[cfg(test)]
@@ -840,8 +845,8 @@ mod tests {
     use super::*;
     use crate::Alone;
 
-    fn part<'a>(path: &str, shape: &[usize], data: Data<'a>) -> Part<'a> {
-        Part {
+    fn part<'a>(path: &str, shape: &[usize], data: Data<'a>) -> DatasetPart<'a> {
+        DatasetPart {
             path: path.to_owned(),
             shape: shape.to_vec(),
             start: vec![0; shape.len()],
@@ -924,7 +929,7 @@ mod tests {
         let path = dir.path().join("a.h5");
         let numbers = [0.0_f32; 10];
         let mut short = part("/x", &[11], Data::F32(&numbers));
-        let refuse = |p: &Part| {
+        let refuse = |p: &DatasetPart| {
             let content = Content {
                 folders: vec![],
                 parts: vec![p.clone()],
@@ -966,7 +971,7 @@ mod tests {
                 let range = pieces.range(round);
                 if !range.is_empty() {
                     assert_eq!(range.start, next);
-                    assert_eq!(product(&pieces.place(round).1), range.len());
+                    assert_eq!(product(&pieces.start_and_count(round).1), range.len());
                     next = range.end;
                 }
             }

@@ -8,8 +8,8 @@ use std::path::Path;
 use crate::data::{Column, index, signed};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree};
-use crate::hdf::{self, Attribute, Content, Mode, Part, product};
-use crate::moment::Moment;
+use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, product};
+use crate::moment::OutputTime;
 
 /// One rank's box of a lattice and the columns on it. A rank may hold no cells.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub struct Image<'a> {
 /// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
-    when: Moment,
+    when: OutputTime,
     image: &Image,
     provenance: &[(String, String)],
     group: &dyn Group,
@@ -61,7 +61,7 @@ pub fn write(
     content.folder("/VTKHDF/CellData", &[]);
     let reversed = |[x, y, z]: [usize; 3]| [z, y, x];
     for field in &image.fields {
-        content.parts.push(Part {
+        content.parts.push(DatasetPart {
             path: format!("/VTKHDF/CellData/{}", field.name),
             shape: field.shaped(&reversed(image.cells)),
             start: field.start(&reversed(image.start)),
@@ -102,7 +102,7 @@ impl Image<'_> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageInfo {
     /// Step and time of the output.
-    pub when: Moment,
+    pub when: OutputTime,
     /// Lower corner of the first cell, x y z, m.
     pub origin: [f64; 3],
     /// Edges of a cell, x y z, m.
@@ -140,7 +140,7 @@ pub fn open(path: &Path) -> Result<ImageInfo> {
         *n = index(high.checked_sub(low).ok_or_else(|| wrong("WholeExtent"))?)?;
     }
     Ok(ImageInfo {
-        when: Moment::of(&info, path)?,
+        when: OutputTime::read(&info, path)?,
         origin: floats("Origin")?,
         spacing: floats("Spacing")?,
         cells,
@@ -184,7 +184,7 @@ mod tests {
                 },
             ],
         };
-        let when = Moment {
+        let when = OutputTime {
             step: 7,
             time: 0.25,
         };
@@ -217,7 +217,7 @@ mod tests {
             fields: vec![],
         };
         let refused = |image: &Image| {
-            let when = Moment { step: 0, time: 0.0 };
+            let when = OutputTime { step: 0, time: 0.0 };
             write(&path, when, image, &[], &Alone, Mode::Gather).is_err()
         };
         assert!(refused(&image));

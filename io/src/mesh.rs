@@ -9,8 +9,8 @@ use std::path::Path;
 use crate::data::{Column, Data, Kind, index, signed};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree};
-use crate::hdf::{self, Attribute, Content, Mode, Part};
-use crate::moment::Moment;
+use crate::hdf::{self, Attribute, Content, DatasetPart, Mode};
+use crate::moment::OutputTime;
 
 /// Cells that join the points.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +30,7 @@ pub enum Cells<'a> {
 
 /// One rank's points and cells and the columns on them.
 #[derive(Clone, Debug)]
-pub struct Mesh<'a> {
+pub struct MeshData<'a> {
     /// Positions `[n][3]`, f32 or f64, m.
     pub points: Data<'a>,
     /// Cells that join the points.
@@ -60,8 +60,8 @@ impl Cells<'_> {
 /// Those of [`hdf::write`].
 pub fn write(
     path: &Path,
-    when: Moment,
-    mesh: &Mesh,
+    when: OutputTime,
+    mesh: &MeshData,
     provenance: &[(String, String)],
     group: &dyn Group,
     mode: Mode,
@@ -114,7 +114,7 @@ pub fn write(
             for name in ["NumberOfCells", "NumberOfConnectivityIds", "Offsets"] {
                 content.parts.push(single(at(name), &[0], root));
             }
-            content.parts.push(Part {
+            content.parts.push(DatasetPart {
                 path: at("Connectivity"),
                 shape: vec![0],
                 start: vec![0],
@@ -159,9 +159,9 @@ pub fn write(
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
 /// Returns a dataset of one integer, held by rank 0.
-fn single(path: String, value: &[i64], root: bool) -> Part<'_> {
+fn single(path: String, value: &[i64], root: bool) -> DatasetPart<'_> {
     let held = usize::from(root);
-    Part {
+    DatasetPart {
         path,
         shape: vec![1],
         start: vec![0],
@@ -188,9 +188,15 @@ impl Span {
         })
     }
 
-    fn part<'a>(&self, path: &str, components: &[usize], data: Data<'a>, units: &str) -> Part<'a> {
+    fn part<'a>(
+        &self,
+        path: &str,
+        components: &[usize],
+        data: Data<'a>,
+        units: &str,
+    ) -> DatasetPart<'a> {
         let shaped = |n: usize| [&[n], components].concat();
-        Part {
+        DatasetPart {
             path: path.to_owned(),
             shape: shaped(self.total),
             start: [&[self.offset][..], &vec![0; components.len()]].concat(),
@@ -213,7 +219,7 @@ struct Joined {
 }
 
 impl Joined {
-    fn new(mesh: &Mesh, group: &dyn Group) -> Result<Self> {
+    fn new(mesh: &MeshData, group: &dyn Group) -> Result<Self> {
         let points = Span::new(mesh.points.len() / 3, group)?;
         let shifted = |i: usize| signed(i + points.offset);
         let (sizes, ids): (Vec<usize>, Vec<i64>) = match mesh.cells {
@@ -264,9 +270,9 @@ impl Joined {
         })
     }
 
-    fn starts_part(&self, path: &str, group: &dyn Group) -> Part<'_> {
+    fn starts_part(&self, path: &str, group: &dyn Group) -> DatasetPart<'_> {
         let last = usize::from(group.rank() + 1 == group.size());
-        Part {
+        DatasetPart {
             path: path.to_owned(),
             shape: vec![self.cells.total + 1],
             start: vec![self.cells.offset],
@@ -277,7 +283,7 @@ impl Joined {
     }
 }
 
-impl Mesh<'_> {
+impl MeshData<'_> {
     fn check(&self) -> Result<()> {
         let wrong = |reason: String| Err(Error::invalid("the mesh", reason));
         if !matches!(self.points.kind(), Kind::F32 | Kind::F64)
@@ -330,9 +336,9 @@ mod tests {
     use crate::Alone;
     use crate::fields::{inspect, read_column};
 
-    const WHEN: Moment = Moment { step: 3, time: 0.5 };
+    const WHEN: OutputTime = OutputTime { step: 3, time: 0.5 };
 
-    fn save(mesh: &Mesh) -> (tempfile::TempDir, Result<()>) {
+    fn save(mesh: &MeshData) -> (tempfile::TempDir, Result<()>) {
         let dir = tempfile::tempdir().unwrap();
         let done = write(
             &dir.path().join("a.vtkhdf"),
@@ -348,7 +354,7 @@ mod tests {
     #[test]
     fn two_blocks_come_back() {
         let points: Vec<f64> = (0..21).map(f64::from).collect();
-        let mesh = Mesh {
+        let mesh = MeshData {
             points: Data::F64(&points),
             cells: Cells::Polygons {
                 sizes: &[3, 4],
@@ -378,7 +384,7 @@ mod tests {
 
     #[test]
     fn no_grains_are_a_file_too() {
-        let (dir, done) = save(&Mesh {
+        let (dir, done) = save(&MeshData {
             points: Data::F32(&[]),
             cells: Cells::Vertices,
             point_columns: vec![],
@@ -396,7 +402,7 @@ mod tests {
     #[test]
     fn cells_that_leave_their_points_are_refused() {
         let points = [0.0_f64; 6];
-        let mesh = |cells| Mesh {
+        let mesh = |cells| MeshData {
             points: Data::F64(&points),
             cells,
             point_columns: vec![],

@@ -10,14 +10,14 @@ use crate::hdf::{Attribute, Content};
 
 /// Step and time of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Moment {
+pub struct OutputTime {
     /// Step from the start of the simulation.
     pub step: u64,
     /// Time \[s\].
     pub time: f64,
 }
 
-impl Moment {
+impl OutputTime {
     pub(crate) fn describe(self, content: &mut Content) {
         content.folder(
             "/output",
@@ -31,7 +31,7 @@ impl Moment {
         );
     }
 
-    pub(crate) fn of(info: &FileInfo, path: &Path) -> Result<Self> {
+    pub(crate) fn read(info: &FileInfo, path: &Path) -> Result<Self> {
         let get = |name| info.attribute("/output", name);
         match (
             get("step").and_then(serde_json::Value::as_u64),

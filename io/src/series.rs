@@ -14,8 +14,8 @@ use crate::error::Result;
 use crate::group::{Group, on_root};
 use crate::hdf::Mode;
 use crate::image::{self, Image};
-use crate::mesh::{self, Mesh};
-use crate::moment::Moment;
+use crate::mesh::{self, MeshData};
+use crate::moment::OutputTime;
 use crate::plain;
 use crate::xdmf;
 
@@ -29,7 +29,7 @@ pub struct Series {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Step {
-    when: Moment,
+    when: OutputTime,
     /// The `<Grid>`; empty for a step without cells.
     grid: String,
 }
@@ -108,7 +108,7 @@ impl Series {
     }
 
     /// Returns the steps written so far that hold cells, in order; only rank 0 knows them.
-    pub fn moments(&self) -> impl Iterator<Item = Moment> + '_ {
+    pub fn moments(&self) -> impl Iterator<Item = OutputTime> + '_ {
         self.steps
             .iter()
             .filter(|s| !s.grid.is_empty())
@@ -121,7 +121,7 @@ impl Series {
     /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_image(
         &mut self,
-        when: Moment,
+        when: OutputTime,
         image: &Image,
         provenance: &[(String, String)],
         group: &dyn Group,
@@ -138,8 +138,8 @@ impl Series {
     /// Those of [`crate::hdf::write`]; the index is then as it was.
     pub fn write_mesh(
         &mut self,
-        when: Moment,
-        mesh: &Mesh,
+        when: OutputTime,
+        mesh: &MeshData,
         provenance: &[(String, String)],
         group: &dyn Group,
         mode: Mode,
@@ -219,7 +219,7 @@ impl Series {
             let (step, rest) = line.split_once("\" GridType=\"Uniform\"><Time Value=\"")?;
             let (time, _) = rest.split_once("\"/>")?;
             steps.push(Step {
-                when: Moment {
+                when: OutputTime {
                     step: step.parse().ok()?,
                     time: time.parse().ok()?,
                 },
@@ -271,8 +271,8 @@ mod tests {
     use super::*;
     use crate::{Alone, Cells, Data};
 
-    fn mesh(points: &[f64]) -> Mesh<'_> {
-        Mesh {
+    fn mesh(points: &[f64]) -> MeshData<'_> {
+        MeshData {
             points: Data::F64(points),
             cells: Cells::Vertices,
             point_columns: vec![],
@@ -281,7 +281,7 @@ mod tests {
     }
 
     fn put(series: &mut Series, step: u64, points: &[f64]) -> PathBuf {
-        let when = Moment {
+        let when = OutputTime {
             step,
             time: f64::from(u32::try_from(step).unwrap()) / 1e7,
         };

@@ -485,7 +485,10 @@ impl<'t> Sheet<'t> {
     ///
     /// # Errors
     /// That of the function; a row of another length than the line of names.
-    pub fn each(&self, mut take: impl FnMut(&Row<'_>) -> Result<(), String>) -> Result<(), String> {
+    pub fn each(
+        &self,
+        mut take: impl FnMut(&SheetRow<'_>) -> Result<(), String>,
+    ) -> Result<(), String> {
         let separator = if self.separator == b' ' {
             b'\t'
         } else {
@@ -498,7 +501,7 @@ impl<'t> Sheet<'t> {
             if first.starts_with(['#', '%']) || cells.iter().all(|cell| cell.trim().is_empty()) {
                 continue;
             }
-            let row = Row {
+            let row = SheetRow {
                 sheet: self,
                 cells: &cells,
             };
@@ -511,12 +514,12 @@ impl<'t> Sheet<'t> {
 
 /// Row below the names.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'r> {
+pub struct SheetRow<'r> {
     sheet: &'r Sheet<'r>,
     cells: &'r StringRecord,
 }
 
-impl Row<'_> {
+impl SheetRow<'_> {
     /// Returns the line of the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {

@@ -15,7 +15,7 @@ use crate::plain;
 
 /// A CSV file that grows. Only one rank writes it.
 #[derive(Debug)]
-pub struct Table {
+pub struct CsvTable {
     path: PathBuf,
     file: File,
     columns: usize,
@@ -55,7 +55,7 @@ fn check(columns: &[Heading]) -> Result<()> {
     Ok(())
 }
 
-impl Table {
+impl CsvTable {
     /// Starts a table anew, with `step` and the given columns.
     ///
     /// # Errors
@@ -222,7 +222,7 @@ mod tests {
     fn rows_come_back_to_the_bit_and_a_restart_cuts_them() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("erosion.csv");
-        let mut table = Table::create(&path, &COLUMNS).unwrap();
+        let mut table = CsvTable::create(&path, &COLUMNS).unwrap();
         let values = [0.1 + 0.2, 1e-300, f64::MAX, -0.0];
         for (step, v) in (0_u64..).zip(values) {
             table.row(10 * step, &[v, -v]).unwrap();
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(bits(&rows.column("time").unwrap()), bits(&values));
         assert_eq!(rows.column("step"), None);
 
-        let mut table = Table::resume(&path, &COLUMNS, 15).unwrap();
+        let mut table = CsvTable::resume(&path, &COLUMNS, 15).unwrap();
         table.row(20, &[2.0, 3.0]).unwrap();
         assert_eq!(read(&path).unwrap().steps, [0, 10, 20]);
     }
@@ -245,14 +245,14 @@ mod tests {
     fn a_torn_last_row_is_dropped() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.csv");
-        Table::create(&path, &COLUMNS)
+        CsvTable::create(&path, &COLUMNS)
             .unwrap()
             .row(1, &[1.0, 2.0])
             .unwrap();
         let whole = fs::read(&path).unwrap();
         fs::write(&path, [&whole[..], b"2,0."].concat()).unwrap();
         assert_eq!(read(&path).unwrap().steps, [1]);
-        Table::resume(&path, &COLUMNS, 9).unwrap();
+        CsvTable::resume(&path, &COLUMNS, 9).unwrap();
         assert_eq!(fs::read(&path).unwrap(), whole);
     }
 
@@ -260,15 +260,15 @@ mod tests {
     fn other_columns_and_broken_rows_are_told() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.csv");
-        Table::resume(&path, &[("x", "")], 0).unwrap();
+        CsvTable::resume(&path, &[("x", "")], 0).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "step,x\n");
-        assert!(Table::resume(&path, &COLUMNS, 0).is_err());
-        assert!(Table::create(&path, &[("a,b", "")]).is_err());
+        assert!(CsvTable::resume(&path, &COLUMNS, 0).is_err());
+        assert!(CsvTable::create(&path, &[("a,b", "")]).is_err());
         fs::write(&path, "step,x\n1,2,3\n").unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(error.contains("line 2"), "{error}");
         fs::write(&path, "step,x\nq,2\n").unwrap();
-        assert!(Table::resume(&path, &[("x", "")], 5).is_err());
+        assert!(CsvTable::resume(&path, &[("x", "")], 5).is_err());
         fs::write(&path, "").unwrap();
         assert!(read(&path).is_err());
     }

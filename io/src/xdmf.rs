@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::fields::{DatasetInfo, FileInfo, inspect};
 use crate::image;
 use crate::mesh::MIXED;
-use crate::moment::Moment;
+use crate::moment::OutputTime;
 
 /// Returns the `<Grid>` of one heavy file and when it was written. The text is empty if the file holds no cells:
 /// readers complain about empty grids, so the index leaves them out.
-pub(crate) fn grid(path: &Path) -> Result<(Moment, String)> {
+pub(crate) fn grid(path: &Path) -> Result<(OutputTime, String)> {
     let info = inspect(path)?;
-    let when = Moment::of(&info, path)?;
+    let when = OutputTime::read(&info, path)?;
     let kind = info.attribute("/VTKHDF", "Type").and_then(|v| v.as_str());
     let text = match kind {
         Some("ImageData") => image_grid(path, when)?,
@@ -36,7 +36,7 @@ fn stem(path: &Path) -> &str {
 }
 
 /// Returns the first line of a grid; [`crate::series`] reads the time back from it.
-fn head(path: &Path, when: Moment) -> String {
+fn head(path: &Path, when: OutputTime) -> String {
     format!(
         "  <Grid Name=\"{}\" GridType=\"Uniform\"><Time Value=\"{:?}\"/>\n",
         stem(path),
@@ -44,7 +44,7 @@ fn head(path: &Path, when: Moment) -> String {
     )
 }
 
-fn image_grid(path: &Path, when: Moment) -> Result<String> {
+fn image_grid(path: &Path, when: OutputTime) -> Result<String> {
     let image = image::open(path)?;
     let [nx, ny, nz] = image.cells.map(|n| n + 1);
     let [ox, oy, oz] = image.origin;
@@ -66,7 +66,7 @@ fn image_grid(path: &Path, when: Moment) -> Result<String> {
     Ok(text)
 }
 
-fn mesh_grid(path: &Path, info: &FileInfo, when: Moment) -> Result<String> {
+fn mesh_grid(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
     let missing = |what: &str| Error::corrupt(path, format!("no {what}"));
     let dataset = |name: &str| info.dataset(name).ok_or_else(|| missing(name));
     let cells = |list: &str| -> Result<usize> {

@@ -15,7 +15,9 @@ use serde_json::Value;
 use solver::analysis::erosion_law::read_rows;
 use solver::analysis::ground_collapse::record::{CollapseRecord, CollapseSummary};
 use solver::error::Error;
-use solver::figures::plot::{Axis, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
+use solver::figures::plot::{
+    Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+};
 use solver::sweep::table::machine;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -260,12 +262,12 @@ fn porosity(sample: &str) -> f64 {
 fn figure(study: &Study, series: &[(&str, &str, f64, Deviation)]) -> Figure {
     let panel = |title: &str, error: fn(&Deviation) -> f64, legend| Panel {
         title: title.to_owned(),
-        x: Axis::log("processor time", "s"),
-        y: Axis::linear("error", "%"),
+        x: PlotAxis::log("processor time", "s"),
+        y: PlotAxis::linear("error", "%"),
         layers: series
             .iter()
             .map(|(soil, value, seconds, deviation)| {
-                let marks = vec![Mark::at(*seconds, 100.0 * error(deviation))];
+                let marks = vec![Mark::without_bars(*seconds, 100.0 * error(deviation))];
                 let style = if *soil == "sand" {
                     Style::Filled
                 } else {

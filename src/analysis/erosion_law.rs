@@ -20,13 +20,14 @@ pub mod record;
 mod statistics;
 
 pub use fit::{
-    CohesionTrend, FitOptions, Interval, Law, LinearLaw, RatePoint, cohesion_trend, fit_law,
+    CohesionTrend, FitOptions, FittedErosionLaw, Interval, LinearLaw, RatePoint, cohesion_trend,
+    fit_law,
 };
 pub use hole::{
     HoleFaces, WallShear, hole_faces, shear_by_balance, shear_by_gradient, shear_by_traction,
 };
 pub use rate::{RateWindow, WindowOptions, erosion_windows, mean_jump, run_point};
 pub use record::{
-    BondBreak, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, RemovedGrain, Row, read_rows,
-    write_rows,
+    BondBreak, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, RecordRow, RemovedGrain,
+    read_rows, write_rows,
 };

@@ -9,9 +9,9 @@
 //! differences are the uncertainty of the definition. `figures::erosion_law` writes tables and figures.
 
 use super::erosion_law::{
-    CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, Law, RatePoint, RateWindow,
-    RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump, read_rows,
-    run_point,
+    CohesionTrend, ErosionRecord, ErosionSummary, FitOptions, FittedErosionLaw, RatePoint,
+    RateWindow, RemovedGrain, WindowOptions, cohesion_trend, erosion_windows, fit_law, mean_jump,
+    read_rows, run_point,
 };
 use base::error::Error;
 use serde_json::Value;
@@ -61,7 +61,7 @@ pub struct CohesionReport {
     /// Points that the law is fitted to.
     pub points: Points,
     /// The law; `None` where no run has a point.
-    pub law: Option<Law>,
+    pub law: Option<FittedErosionLaw>,
     /// All readings, the law's own among them.
     pub readings: Vec<Reading>,
 }
@@ -96,12 +96,12 @@ pub struct Reading {
     /// The stress.
     pub stress: Stress,
     /// The law; `None` without points.
-    pub law: Option<Law>,
+    pub law: Option<FittedErosionLaw>,
 }
 
 /// Results and files of `solver erosion-law`.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct Report {
+pub struct ErosionLawReport {
     /// Reports by cohesion.
     pub cohesions: Vec<CohesionReport>,
     /// Trend over the cohesions; `None` for fewer than two fits.
@@ -116,7 +116,7 @@ pub struct Report {
 ///
 /// # Errors
 /// [`Error::Io`] when a run cannot be read, or holds no pressure or cohesion.
-pub fn fit(runs: &[PathBuf]) -> Result<Report, Error> {
+pub fn fit(runs: &[PathBuf]) -> Result<ErosionLawReport, Error> {
     if runs.is_empty() {
         return Err(Error::Io(
             "erosion-law needs at least one run folder".to_owned(),
@@ -164,11 +164,11 @@ pub fn fit(runs: &[PathBuf]) -> Result<Report, Error> {
             }
         }
     }
-    let laws: Vec<(f64, Law)> = cohesions
+    let laws: Vec<(f64, FittedErosionLaw)> = cohesions
         .iter()
         .filter_map(|c| c.law.clone().map(|law| (c.cohesion, law)))
         .collect();
-    Ok(Report {
+    Ok(ErosionLawReport {
         trend: cohesion_trend(&laws),
         cohesions,
         files: Vec::new(),

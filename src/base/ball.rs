@@ -99,7 +99,7 @@ pub struct Coordinate {
 impl Coordinate {
     /// Returns the coordinate of the corner at `x`.
     #[inline(always)]
-    pub fn of(x: i32, centre: f64, radius: f64) -> Self {
+    pub fn at_corner(x: i32, centre: f64, radius: f64) -> Self {
         let at = ((f64::from(x) - centre) / radius).clamp(-1.0, 1.0);
         Self {
             size: at.abs(),
@@ -132,7 +132,7 @@ pub struct Beside {
 impl Beside {
     /// Returns the distances along one axis of the cells from `lower` to `lower` + 1.
     #[inline(always)]
-    pub fn of(centre: f64, lower: f64) -> Self {
+    pub fn along_axis(centre: f64, lower: f64) -> Self {
         let (low, high) = (lower - centre, lower + 1.0 - centre);
         let near = low.max(-high).max(0.0);
         let far = high.max(-low);

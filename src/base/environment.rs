@@ -1,8 +1,8 @@
 //! Environment that libraries read when the program starts them.
 //!
 //! A rank of Open MPI polls for messages without pause. On a core that it shares with another rank or program, it takes
-//! the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA parameters) an
-//! idle rank yields its core at each poll, which costs nothing on a core of its own.
+//! the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA parameters)
+//! an idle rank yields its core at each poll, which costs nothing on a core of its own.
 
 use std::ffi::OsString;
 

@@ -6,13 +6,13 @@
 //! [`Description`] and `describe_choices` are shared by the families of the lattice and of structures.
 //!
 //! A model in the macro of this file is a type that implements the trait of its family, such as
-//! `darcy::drag::Law`. A model without parameters is a unit struct and stands in a case as its name; a model
+//! `darcy::drag::DragFormula`. A model without parameters is a unit struct and stands in a case as its name; a model
 //! with parameters is a struct of the same name, whose fields stand in the case below the name.
 //!
 //! ```text
 //! family! {
 //!     /// The drag law.
-//!     pub enum DragLaw: Law {
+//!     pub enum DragLaw: DragFormula {
 //!         #[default]
 //!         DiFelice,               "drag": "di_felice"
 //!         Toy(Toy),               "drag": {"toy": {"viscosity": 1e-3}}

@@ -69,7 +69,7 @@ pub trait Shared: Sync {
     ///
     /// # Safety
     /// Each piece calls this once.
-    unsafe fn share(&self, piece: usize) -> Self::Share;
+    unsafe fn take_share(&self, piece: usize) -> Self::Share;
 }
 
 /// A slice that was cut into consecutive parts.
@@ -118,7 +118,7 @@ pub fn evenly<T>(slice: &mut [T], pieces: usize) -> Cut<'_, T> {
 impl<'a, T: Send> Shared for Cut<'a, T> {
     type Share = &'a mut [T];
 
-    unsafe fn share(&self, piece: usize) -> &'a mut [T] {
+    unsafe fn take_share(&self, piece: usize) -> &'a mut [T] {
         let (from, to) = (self.bounds[piece], self.bounds[piece + 1]);
         // SAFETY: within the slice; parts do not overlap, and the caller asks for each once.
         unsafe { std::slice::from_raw_parts_mut(self.start.add(from), to - from) }
@@ -130,11 +130,11 @@ macro_rules! several {
         impl<$($name: Shared),*> Shared for ($($name,)*) {
             type Share = ($($name::Share,)*);
 
-            unsafe fn share(&self, piece: usize) -> Self::Share {
+            unsafe fn take_share(&self, piece: usize) -> Self::Share {
                 #[expect(non_snake_case, reason = "named as their types")]
                 let ($($name,)*) = self;
                 // SAFETY: promised by the caller.
-                unsafe { ($($name.share(piece),)*) }
+                unsafe { ($($name.take_share(piece),)*) }
             }
         }
     };
@@ -146,7 +146,9 @@ several!(A, B, C, D);
 /// Does [`each`], with the data of each piece.
 pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     // SAFETY: each piece is done once, and no other code accesses the shared data.
-    each(pieces, |piece| work(piece, unsafe { shared.share(piece) }));
+    each(pieces, |piece| {
+        work(piece, unsafe { shared.take_share(piece) })
+    });
     drop(shared);
 }
 
@@ -195,7 +197,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
                     break;
                 }
                 // SAFETY: no other thread has begun this run, and no other code accesses the shared data.
-                work(run, unsafe { shared.share(run) });
+                work(run, unsafe { shared.take_share(run) });
             }
         }
     });

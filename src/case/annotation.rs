@@ -20,7 +20,7 @@ pub struct Source {
 impl Source {
     /// Returns a source without a note.
     #[must_use]
-    pub fn of(source: &str) -> Self {
+    pub fn without_note(source: &str) -> Self {
         Self {
             source: source.into(),
             note: String::new(),

@@ -303,7 +303,7 @@ impl<'a> Walk<'a> {
             );
         }
         if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
-            let template = (list.len() >= MANY).then(|| Template::of(self.root, items));
+            let template = (list.len() >= MANY).then(|| Template::from_schema(self.root, items));
             for (index, child) in list.iter_mut().enumerate() {
                 if !template.as_ref().is_some_and(|t| t.fits(child, LARGEST)) {
                     self.node(child, items, &format!("{path}[{index}]"));

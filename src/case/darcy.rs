@@ -219,13 +219,14 @@ pub enum Enclosure {
     #[default]
     Grid,
     /// The side of all planes to which their normals point.
-    Planes(Vec<Plane>),
+    Planes(Vec<EnclosurePlane>),
 }
 
 /// A plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Plane {
+#[schemars(rename = "Plane")]
+pub struct EnclosurePlane {
     /// A point of the plane [m].
     pub point: Vector,
     /// Normal vector towards the water, of any length [1].

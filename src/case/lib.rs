@@ -180,7 +180,7 @@ impl Document {
             match set::apply(&mut tree, assignment) {
                 Ok(path) => {
                     sources.retain(|known, _| !set::covers(&path, known));
-                    sources.insert(path, Source::of("command line"));
+                    sources.insert(path, Source::without_note("command line"));
                 }
                 Err(problem) => problems.push(*problem),
             }

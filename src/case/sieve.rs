@@ -192,7 +192,7 @@ impl Percentiles {
     /// Returns those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter
     /// of the grain with which the mass of all smaller ones reaches it.
     #[must_use]
-    pub fn of(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
+    pub fn from_radii(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
         let mut diameters: Vec<f64> = radii.map(|r| 2.0 * r).collect();
         diameters.sort_by(f64::total_cmp);
         let power = exponent(dimension);
@@ -299,7 +299,8 @@ mod tests {
             // Half way between two sieves on the logarithmic axis.
             let (mass, _) = below((0.5e-3_f64 * 1e-3).sqrt());
             assert!((mass - 0.275).abs() < 1e-4);
-            let found = Percentiles::of(diameters.iter().map(|d| 0.5 * d), dimension).unwrap();
+            let found =
+                Percentiles::from_radii(diameters.iter().map(|d| 0.5 * d), dimension).unwrap();
             assert!((found.d10 / 0.5e-3 - 1.0).abs() < 1e-3);
             let d60 = 1.5e-3 * (4.0_f64 / 1.5).powf(0.15 / 0.55);
             assert!((found.d60 / d60 - 1.0).abs() < 1e-3);

@@ -115,7 +115,7 @@ fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
 
 /// Returns the cost of an estimate of a plan, or why there is none.
 pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
-    match Members::of(plan, false, true, stability.allow_unstable) {
+    match Members::for_case(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_lines(),
         Err(error) => format!("\n`solver estimate` is not possible: {}", why(&error)),
     }
@@ -123,7 +123,7 @@ pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
 
 /// Returns the cost of an estimate as JSON.
 pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
-    match Members::of(plan, false, true, stability.allow_unstable) {
+    match Members::for_case(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_json(),
         Err(error) => json!({"impossible": why(&error)}),
     }

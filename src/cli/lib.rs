@@ -498,7 +498,7 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
         show(plan, case)?;
         judge(&plan.warnings, case, stability)
     };
-    if !Verdict::of(&plan.warnings).runs(stability.allow_unstable) {
+    if !Verdict::from_findings(&plan.warnings).runs(stability.allow_unstable) {
         return accept(&plan);
     }
     // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are
@@ -555,12 +555,12 @@ fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
 
 /// Returns the verdict on a case that is not run.
 fn refusal(findings: &[Problem], name: &Path) -> String {
-    let sentence = match Verdict::of(findings) {
+    let sentence = match Verdict::from_findings(findings) {
         // Files that are not text have no findings.
         Verdict::Valid => Verdict::Refused.name().to_owned(),
         _ => Verdict::sentence(findings),
     };
-    let how = match Verdict::of(findings) {
+    let how = match Verdict::from_findings(findings) {
         Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
         _ => String::new(),
     };
@@ -672,13 +672,13 @@ fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
 /// Returns the plan and its verdict as data.
 fn shown(plan: &Plan) -> serde_json::Value {
     let mut tree = serde_json::to_value(plan).unwrap_or_default();
-    tree["verdict"] = Verdict::of(&plan.warnings).name().into();
+    tree["verdict"] = Verdict::from_findings(&plan.warnings).name().into();
     tree
 }
 
 /// Returns the findings as data.
 fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
-    let verdict = Verdict::of(findings);
+    let verdict = Verdict::from_findings(findings);
     let allowed = stability.allow_unstable;
     serde_json::json!({
         "verdict": verdict.name(),
@@ -693,7 +693,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
 /// # Errors
 /// [`Error::Case`] where the case is not run.
 fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
-    let accepted = Verdict::of(findings).runs(stability.allow_unstable);
+    let accepted = Verdict::from_findings(findings).runs(stability.allow_unstable);
     if !accepted {
         if !case.json {
             report_error(&refusal(findings, &case.case));

@@ -20,7 +20,7 @@ use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
 use lbm::lanes::Stored;
-use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, Load, Plane, Rigid, add_force};
+use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
 use links::Direction;
 use look::{Found, Nearest};
@@ -40,7 +40,7 @@ const FLUID: u32 = 0;
 
 /// The lattice that bodies are mapped to.
 #[derive(Clone, Debug)]
-pub struct Grid {
+pub struct MapGrid {
     /// Cells of the whole domain.
     pub cells: [usize; 3],
     /// First cell of the slab.
@@ -53,7 +53,7 @@ pub struct Grid {
     pub spacing: f64,
 }
 
-impl Grid {
+impl MapGrid {
     /// Returns the distance in cells from the raw frame of a body to the local cells of the slab, for its image.
     pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|a| {
@@ -110,7 +110,7 @@ struct Mapped {
 #[derive(Clone, Debug, Default)]
 struct Turned {
     quaternion: [f64; 4],
-    planes: Vec<Plane>,
+    planes: Vec<CellPlane>,
 }
 
 /// The map of one slab.
@@ -180,7 +180,7 @@ fn tag(id: u64) -> u32 {
 
 impl BodyMap {
     /// Returns a map without bodies for the slab of `populations`.
-    pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, rules: Rules) -> Self {
+    pub fn new<S: Stored>(populations: &Populations<S>, grid: MapGrid, rules: Rules) -> Self {
         let slab = Slab::new(populations, grid);
         Self {
             owner: slab.layout(FLUID, OUTSIDE),
@@ -212,7 +212,7 @@ impl BodyMap {
         sheets: &HashSet<(usize, u8)>,
     ) {
         for cell in cells {
-            let position = self.slab.at(cell);
+            let position = self.slab.layout_index(cell);
             self.owner[position] = OUTSIDE;
         }
         self.sheets.clone_from(sheets);
@@ -250,7 +250,7 @@ impl BodyMap {
 
     /// Faces of an entry, in the frame of its position: none of a disc or sphere.
     #[must_use]
-    pub fn faces(&self, k: usize) -> &[Plane] {
+    pub fn faces(&self, k: usize) -> &[CellPlane] {
         self.blocks.get(k).map_or(&[], |block| &block.planes)
     }
 
@@ -258,7 +258,7 @@ impl BodyMap {
     #[must_use]
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
-        match self.owner[self.slab.at(cell)] {
+        match self.owner[self.slab.layout_index(cell)] {
             FLUID | OUTSIDE => None,
             tag => Some(u64::from(tag) - 1),
         }
@@ -378,7 +378,7 @@ impl BodyMap {
         let mut changes = std::mem::take(&mut self.changes);
         thread_pool::each_item(&mut changes, CHANGES_PER_THREAD, |_, change| {
             let &mut Change { cell, before, .. } = change;
-            let after = self.owner[self.slab.at(cell)];
+            let after = self.owner[self.slab.layout_index(cell)];
             if before != after {
                 if loads.is_some() {
                     change.impulse = self.impulse(cell, before, after, populations);
@@ -457,7 +457,7 @@ impl BodyMap {
 /// Returns the motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
 pub(super) fn in_cells<Sp: Space>(
     motion: &Motion<Sp>,
-    grid: &Grid,
+    grid: &MapGrid,
     velocity: f64,
     spin: f64,
 ) -> Rigid {

@@ -9,7 +9,7 @@
 //! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse
 //! of cells covered since then (6 … 11).
 
-use super::body_map::{BodyMap, Grid, Rules};
+use super::body_map::{BodyMap, MapGrid, Rules};
 use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::structure_map::StructureMap;
@@ -30,7 +30,7 @@ use structure::Images;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct BounceBackSettings {
     /// Position of the surface on a link.
     pub scheme: Scheme,
     /// `true` if the loads of two half steps are averaged.
@@ -48,7 +48,7 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     map: BodyMap,
     structures: Option<Box<StructureMap>>,
     units: LatticeUnits,
-    settings: Settings,
+    settings: BounceBackSettings,
     loads: Vec<Load>,
     owned: usize,
     /// Motions for which the gradients know the links.
@@ -61,8 +61,13 @@ pub struct BounceBack<Sp: Space, S: Stored> {
 impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
     /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
     #[inline(never)]
-    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
-        let grid = Grid {
+    pub fn new(
+        fluid: Fluid<S>,
+        units: LatticeUnits,
+        origin: [f64; 3],
+        settings: BounceBackSettings,
+    ) -> Self {
+        let grid = MapGrid {
             cells: fluid.domain_cells(),
             start: fluid.start(),
             periodic: fluid.periodic(),

@@ -13,8 +13,8 @@ mod runs;
 
 use self::alone::{Alone, Sphere};
 use self::runs::{Rows, Runs, Walk};
-use super::body_map::{Grid, in_cells};
-use super::solid_fraction::{Form, Method, Scratch, Surface};
+use super::body_map::{MapGrid, in_cells};
+use super::solid_fraction::{Form, FractionMethod, PolyhedronSurface, Scratch};
 use base::number::{floor_i32, real, to_i32, to_u32};
 use base::thread_pool;
 use dem::particles::Particles;
@@ -22,7 +22,7 @@ use dem::space::{Components, Space};
 use lbm::lanes::{Level, Stored};
 use lbm::links::Rigid;
 use lbm::populations::Populations;
-use lbm::saturation::{Cover, DEEP, Solid};
+use lbm::saturation::{Cover, CoveringBody, DEEP};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -40,7 +40,7 @@ struct Mapped {
     cells: Runs,
     next: Runs,
     /// Surface of a polyhedron; without faces that of a disc or sphere.
-    surface: Surface,
+    surface: PolyhedronSurface,
     /// `true` if the body has moved since its cells were covered.
     moved: bool,
 }
@@ -98,8 +98,8 @@ struct Pose {
 /// The map of one slab.
 #[derive(Debug)]
 pub struct CoverMap {
-    grid: Grid,
-    method: Method,
+    grid: MapGrid,
+    method: FractionMethod,
     rows: Rows,
     dimension: usize,
     bodies: Vec<Mapped>,
@@ -130,7 +130,11 @@ struct Piece {
 
 impl CoverMap {
     /// Returns a map without bodies over the slab of `populations`.
-    pub fn new<S: Stored>(populations: &Populations<S>, grid: Grid, method: Method) -> Self {
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        grid: MapGrid,
+        method: FractionMethod,
+    ) -> Self {
         let origin = populations.cell([0; 3]);
         let stride = |axis: usize| {
             let mut at = [0; 3];
@@ -182,7 +186,7 @@ impl CoverMap {
     /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share
     /// of a thread in those of each body.
     pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
-        let share = move |body| Runs::share(body, thread, threads);
+        let share = move |body| Runs::cells_of_thread(body, thread, threads);
         let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
         cells
             .filter(|(_, part)| *part != 0.0 && part.abs() < DEEP)
@@ -192,7 +196,10 @@ impl CoverMap {
     /// Returns the positions of all cells and ghost cells that bodies fill in part or whole, those of several bodies
     /// more than once.
     pub fn filled_cells(&self) -> impl Iterator<Item = usize> {
-        let cells = self.bodies.iter().flat_map(|body| body.cells.share(0, 1));
+        let cells = self
+            .bodies
+            .iter()
+            .flat_map(|body| body.cells.cells_of_thread(0, 1));
         cells
             .filter(|(_, part)| *part != 0.0)
             .map(|(position, _)| position)
@@ -220,7 +227,7 @@ impl CoverMap {
         self.alone
             .update(spheres, &self.grid, self.method, self.dimension);
         let mut balls =
-            self.dimension == 3 && self.method == Method::Exact && self.closed.is_empty();
+            self.dimension == 3 && self.method == FractionMethod::Exact && self.closed.is_empty();
         for (k, body) in self.bodies.iter_mut().enumerate() {
             let motion = rigid(particles, k, &self.grid, velocity, spin);
             let block = particles.polyhedron(k);
@@ -236,12 +243,13 @@ impl CoverMap {
             if let (true, Some((shape, state))) = (body.moved, block) {
                 let rotation = state.matrix();
                 let spacing = self.grid.spacing;
-                body.surface.place(shape, &rotation, pose.centre, spacing);
+                body.surface
+                    .set_pose(shape, &rotation, pose.centre, spacing);
             }
             let frame = self.grid.frame(self.dimension, body.name.1);
             cover.set(
                 body.slot,
-                Solid {
+                CoveringBody {
                     name: body.name.into(),
                     motion,
                     frame,
@@ -304,7 +312,7 @@ impl CoverMap {
                 look_at_all(&mut scratch[0], body);
                 // At once: what was found is in the cache.
                 if body.moved {
-                    body.next.tell(&mut part, body.slot, &body.cells);
+                    body.next.write_changes(&mut part, body.slot, &body.cells);
                 }
             }
         } else {
@@ -346,7 +354,7 @@ impl CoverMap {
             let bodies = &self.bodies;
             cover.each_part(&self.cuts(), |part| {
                 for body in bodies.iter().filter(|body| body.moved) {
-                    body.next.tell(part, body.slot, &body.cells);
+                    body.next.write_changes(part, body.slot, &body.cells);
                 }
             });
         }
@@ -412,11 +420,11 @@ impl CoverMap {
         let gone: Vec<Mapped> = old.into_values().collect();
         let mut part = cover.whole();
         for gone in &gone {
-            Runs::default().tell(&mut part, gone.slot, &gone.cells);
+            Runs::default().write_changes(&mut part, gone.slot, &gone.cells);
         }
         drop(part);
         for gone in &gone {
-            cover.set(gone.slot, Solid::default());
+            cover.set(gone.slot, CoveringBody::default());
         }
         self.unused.extend(gone.iter().map(|gone| gone.slot));
         for k in fresh {
@@ -435,7 +443,7 @@ impl CoverMap {
 }
 
 /// Returns the bounding sphere of an entry, its image included.
-fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere {
+fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &MapGrid) -> Sphere {
     let mut centre = [0.0; 3];
     for (a, x) in centre.iter_mut().enumerate().take(Sp::DIMENSION) {
         let raw = (particles.motion[k].position.get(a) - grid.origin[a]) / grid.spacing;
@@ -451,7 +459,7 @@ fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &Grid) -> Sphere
 pub fn rigid<Sp: Space>(
     particles: &Particles<Sp>,
     k: usize,
-    grid: &Grid,
+    grid: &MapGrid,
     velocity: f64,
     spin: f64,
 ) -> Rigid {

@@ -9,7 +9,7 @@ use crate::bounce_back::BounceBack;
 use crate::partially_saturated::PartiallySaturated;
 use crate::seepage::Seepage;
 use crate::water::Water;
-use dem::{Plane, Space, Volume};
+use dem::{PlaneSpace, Space, Volume};
 use lbm::lanes::Stored;
 
 /// The address of a function: it has to be compiled.
@@ -43,10 +43,10 @@ fn water<Sp: Space, S: Stored>() -> Vec<Address> {
 #[must_use]
 pub fn all() -> Vec<Address> {
     [
-        seepage::<Plane>(),
+        seepage::<PlaneSpace>(),
         seepage::<Volume>(),
-        water::<Plane, f64>(),
-        water::<Plane, f32>(),
+        water::<PlaneSpace, f64>(),
+        water::<PlaneSpace, f32>(),
         water::<Volume, f64>(),
         water::<Volume, f32>(),
     ]

@@ -17,7 +17,7 @@
 //! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are
 //! known (6).
 
-use super::body_map::Grid;
+use super::body_map::MapGrid;
 use super::cover_map::{CoverMap, rigid};
 use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
 use super::loads::{about_centre, to_grain};
@@ -41,9 +41,9 @@ use structure::Images;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct PartiallySaturatedSettings {
     /// Method by which solid fractions are computed.
-    pub fractions: solid_fraction::Method,
+    pub fractions: solid_fraction::FractionMethod,
     /// `true` if the fluid inside a body is subtracted from its inertia.
     pub without_inner_water: bool,
     /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
@@ -56,9 +56,9 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     fluid: Fluid<S>,
     map: CoverMap,
     structures: Option<Box<StructureMap>>,
-    grid: Grid,
+    grid: MapGrid,
     units: LatticeUnits,
-    settings: Settings,
+    settings: PartiallySaturatedSettings,
     loads: Vec<Load>,
     /// Sums for [`shares_in_flow`] of each entry.
     shares: Vec<Load>,
@@ -71,8 +71,13 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
 impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
     /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
     #[inline(never)]
-    pub fn new(fluid: Fluid<S>, units: LatticeUnits, origin: [f64; 3], settings: Settings) -> Self {
-        let grid = Grid {
+    pub fn new(
+        fluid: Fluid<S>,
+        units: LatticeUnits,
+        origin: [f64; 3],
+        settings: PartiallySaturatedSettings,
+    ) -> Self {
+        let grid = MapGrid {
             cells: fluid.domain_cells(),
             start: fluid.start(),
             periodic: fluid.periodic(),

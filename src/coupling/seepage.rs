@@ -23,7 +23,7 @@
 //!
 //! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux
 //! `R_bed(|U|)` of the law of resistance, in
-//! dilute water the drag of a grain alone ([`darcy::permeability::Law::dilute`]), and between them
+//! dilute water the drag of a grain alone ([`darcy::permeability::PermeabilityFormula::dilute`]), and between them
 //! one passes over into the other
 //! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is
 //! that of the
@@ -95,7 +95,8 @@ use bed::Sums;
 use darcy::pressure;
 use darcy::zones::Conduct;
 use darcy::{
-    DragLaw, Equations, Grid, Liquid, Openness, Permeability, Pores, Pressure, Report, Zones,
+    DragLaw, Equations, Liquid, Openness, Permeability, Pores, Pressure, SeepageGrid,
+    SolutionReport, Zones,
 };
 use decomposition::{Communicator, Domain, ExactSum};
 use dem::particles::{Load, Particles};
@@ -114,7 +115,7 @@ const FILLED: f64 = 0.95;
 
 /// Choices of the coupling.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct SeepageSettings {
     /// The water.
     pub liquid: Liquid,
     /// Porosity and diameter to permeability.
@@ -138,7 +139,7 @@ pub struct Settings {
     pub walls: [[bool; 2]; 3],
 }
 
-impl Settings {
+impl SeepageSettings {
     /// Returns `true` if the bed moves with its water.
     fn moves(&self) -> bool {
         self.transient && self.equations == Equations::Corrected
@@ -155,7 +156,7 @@ impl Settings {
 
 /// Seepage with grains in it.
 pub struct Seepage<Sp: Space> {
-    settings: Settings,
+    settings: SeepageSettings,
     openness: Openness,
     pores: Pores,
     pressure: Pressure,
@@ -168,7 +169,7 @@ pub struct Seepage<Sp: Space> {
     has_before: bool,
     /// Permeabilities by region.
     zones: Option<(Arc<Zones>, Conduct)>,
-    report: Report,
+    report: SolutionReport,
     balance: Balance,
     extremes: Option<Extremes>,
     parts: Parts,
@@ -185,7 +186,7 @@ impl<Sp: Space> Seepage<Sp> {
         openness: Openness,
         pores: Pores,
         pressure: Pressure,
-        settings: Settings,
+        settings: SeepageSettings,
         communicator: &Communicator,
     ) -> Self {
         let n = openness.grid.count();
@@ -203,7 +204,7 @@ impl<Sp: Space> Seepage<Sp> {
             before: vec![0.0; n],
             has_before: false,
             zones: None,
-            report: Report::default(),
+            report: SolutionReport::default(),
             balance: Balance::default(),
             extremes: None,
             parts: Parts::default(),
@@ -222,7 +223,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Returns the grid of the water.
     #[must_use]
-    pub fn grid(&self) -> &Grid {
+    pub fn grid(&self) -> &SeepageGrid {
         &self.openness.grid
     }
 
@@ -262,7 +263,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Returns the cost of the last solution.
     #[must_use]
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &SolutionReport {
         &self.report
     }
 
@@ -383,9 +384,9 @@ fn components<V: Components>(vector: &V) -> [f64; 3] {
     std::array::from_fn(|a| component(vector, a))
 }
 
-fn failed(error: darcy::Error) -> Error {
+fn failed(error: darcy::SeepageError) -> Error {
     match error {
-        darcy::Error::Messages(text) => Error::Internal(text),
+        darcy::SeepageError::Messages(text) => Error::Internal(text),
         other => Error::Numerical(other.to_string()),
     }
 }

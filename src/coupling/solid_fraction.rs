@@ -18,7 +18,7 @@ mod disc;
 mod round_rows;
 
 pub use ball::{BallInCells, BallTable};
-pub use block::{BlockTable, Surface};
+pub use block::{BlockTable, PolyhedronSurface};
 use block_rows::BlockRows;
 use disc::DiscTable;
 pub(crate) use round_rows::{RoundRows, RowCells};
@@ -26,12 +26,12 @@ pub(crate) use round_rows::{RoundRows, RowCells};
 use base::number::floor_i32;
 use darcy::overlap::{disc_rectangle, sphere_box};
 use dem::polyhedron::Polyhedron;
-use lbm::links::Plane;
+use lbm::links::CellPlane;
 use nalgebra::Matrix3;
 
 /// Method by which fractions are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+pub enum FractionMethod {
     /// Closed forms.
     Exact,
     /// Samples: this number of points along each edge of a cell.
@@ -47,12 +47,12 @@ pub fn faces(
     rotation: &Matrix3<f64>,
     centre: [f64; 3],
     spacing: f64,
-    planes: &mut Vec<Plane>,
+    planes: &mut Vec<CellPlane>,
 ) {
     planes.clear();
     planes.extend(shape.half_spaces().iter().map(|face| {
         let normal: [f64; 3] = (rotation * face.normal).into();
-        Plane {
+        CellPlane {
             normal,
             offset: face.offset / spacing + dot(normal, centre),
         }
@@ -79,7 +79,7 @@ pub enum Form<'a> {
     /// A convex polyhedron: what all planes have in common.
     Block {
         /// Faces.
-        surface: &'a Surface,
+        surface: &'a PolyhedronSurface,
         /// Centroid.
         centre: [f64; 3],
         /// Distance from the centroid to the farthest corner.
@@ -90,7 +90,7 @@ pub enum Form<'a> {
 /// Intervals of a row of cells that may meet a body, that are inside it, and that are inside with all their neighbours:
 /// empty if the first is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct RowIntervals {
     /// Interval outside which no cell meets the body.
     pub outer: [f64; 2],
     /// Every cell within it is full.
@@ -99,7 +99,7 @@ pub struct Row {
     pub deep: [f64; 2],
 }
 
-impl Row {
+impl RowIntervals {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
     /// Returns `true` if the row does not meet the body.
@@ -142,11 +142,11 @@ impl Form<'_> {
 
     /// Returns the filled part of the cell with this lower corner, 0 … 1.
     #[must_use]
-    pub fn fraction(&self, method: Method, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
+    pub fn fraction(&self, method: FractionMethod, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
         match method {
-            Method::Exact => self.exact(lower, scratch).clamp(0.0, 1.0),
-            Method::Samples(n) => self.samples(n, lower),
-            Method::Linear => self.linear(lower),
+            FractionMethod::Exact => self.exact(lower, scratch).clamp(0.0, 1.0),
+            FractionMethod::Samples(n) => self.samples(n, lower),
+            FractionMethod::Linear => self.linear(lower),
         }
     }
 
@@ -214,7 +214,7 @@ impl Form<'_> {
 
 /// Returns the height of a point over the highest of the planes of a polyhedron.
 #[inline(always)]
-pub(crate) fn height_over(planes: &[Plane], point: [f64; 3]) -> f64 {
+pub(crate) fn height_over(planes: &[CellPlane], point: [f64; 3]) -> f64 {
     let heights = planes.iter().map(|plane| plane.height(point));
     heights.fold(f64::NEG_INFINITY, f64::max)
 }

@@ -8,7 +8,7 @@
 //! Populations inside solid cells are no water. They are set to rest every [`CLEARED`] steps, so that no body force
 //! accelerates them without end.
 
-use super::body_map::{BodyMap, GHOSTS, Grid};
+use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
@@ -59,7 +59,7 @@ struct Cut {
 #[derive(Debug)]
 pub struct StructureMap {
     solids: Vec<Arc<Images>>,
-    grid: Grid,
+    grid: MapGrid,
     interpolated: bool,
     local: [i32; 3],
     dimension: usize,
@@ -81,7 +81,7 @@ impl StructureMap {
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
-        grid: Grid,
+        grid: MapGrid,
         solids: Vec<Arc<Images>>,
         interpolated: bool,
     ) -> Self {
@@ -137,7 +137,7 @@ impl StructureMap {
         if solids.is_empty() {
             return None;
         }
-        let grid = Grid {
+        let grid = MapGrid {
             cells: fluid.domain_cells(),
             start: fluid.start(),
             periodic: fluid.periodic(),

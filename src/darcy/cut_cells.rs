@@ -7,7 +7,7 @@
 //! acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
 
 use super::enclosure::{LEAST_OPEN, Openness};
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use base::number::real;
 use std::sync::Arc;
 use structure::Images;
@@ -30,7 +30,7 @@ enum Left {
 
 /// The division of cells.
 struct Division<'a> {
-    grid: &'a Grid,
+    grid: &'a SeepageGrid,
     solids: &'a [Arc<Images>],
     /// Sub-cells along each axis: 1 along z in 2-D.
     by: [usize; 3],
@@ -244,7 +244,7 @@ impl Division<'_> {
 }
 
 impl<'a> Division<'a> {
-    fn new(grid: &'a Grid, solids: &'a [Arc<Images>]) -> Self {
+    fn new(grid: &'a SeepageGrid, solids: &'a [Arc<Images>]) -> Self {
         let n = DIVISIONS[usize::from(grid.dimension == 3)];
         Self {
             grid,
@@ -256,7 +256,11 @@ impl<'a> Division<'a> {
 
 /// Returns the centroid of the water of a cell near these solids \[m\]; none for a cell without water.
 #[must_use]
-pub fn centre_of_water(grid: &Grid, solids: &[Arc<Images>], cell: [usize; 3]) -> Option<[f64; 3]> {
+pub fn centre_of_water(
+    grid: &SeepageGrid,
+    solids: &[Arc<Images>],
+    cell: [usize; 3],
+) -> Option<[f64; 3]> {
     let division = Division::new(grid, solids);
     match division.left(cell) {
         Left::Water => Some(grid.centre(cell)),
@@ -375,7 +379,7 @@ mod tests {
 
     fn open(text: &str, n: usize, dimension: usize) -> Openness {
         let flat = dimension == 2;
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: [n, n, if flat { 1 } else { n }],
             origin: [0.0; 3],
             spacing: [

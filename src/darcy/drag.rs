@@ -1,7 +1,7 @@
 //! Drag of seeping water on grains.
 //!
-//! A law gives the force on a grain of a bed over the superficial velocity of the water past it, [`Law::coefficient`]
-//! `b`. The water of a bed of n grains per volume at rest then loses the pressure
+//! A law gives the force on a grain of a bed over the superficial velocity of the water past it,
+//! [`DragFormula::coefficient`] `b`. The water of a bed of n grains per volume at rest then loses the pressure
 //!
 //! ```text
 //! eps |grad phi| = n b(q) q
@@ -27,7 +27,7 @@ use reaction::Reaction;
 family! {
     /// The drag laws. A line here makes a law known to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
-    pub enum DragLaw: Law {
+    pub enum DragLaw: DragFormula {
         #[default]
         Reaction,
         DiFelice,
@@ -37,7 +37,7 @@ family! {
 }
 
 /// A drag law.
-pub trait Law: Sync {
+pub trait DragFormula: Sync {
     /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -47,12 +47,18 @@ pub trait Law: Sync {
     fn description(&self) -> String;
 
     /// Returns the force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
-    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64;
+    fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64;
 
     /// Returns the time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\].
     /// `measure` is the factor of the grain's velocity relative to the flux. Explicit drag is unstable where the
     /// coupling interval exceeds twice this time.
-    fn stopping_time(&self, bed: &Bed, grain: &Grain, mass: f64, measure: f64) -> f64 {
+    fn stopping_time(
+        &self,
+        bed: &BedConditions,
+        grain: &GrainSize,
+        mass: f64,
+        measure: f64,
+    ) -> f64 {
         mass / (measure * self.coefficient(bed, grain, 0.0))
     }
 
@@ -64,7 +70,7 @@ pub trait Law: Sync {
 
 /// The water and the bed around a grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bed {
+pub struct BedConditions {
     /// Density of the water \[kg/m3\].
     pub density: f64,
     /// Dynamic viscosity \[Pa s\].
@@ -79,7 +85,7 @@ pub struct Bed {
 
 /// Size of a grain; in 2-D per metre of depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grain {
+pub struct GrainSize {
     /// Diameter \[m\].
     pub diameter: f64,
     /// Area across the flow \[m2\].
@@ -88,7 +94,7 @@ pub struct Grain {
     pub volume: f64,
 }
 
-impl Grain {
+impl GrainSize {
     /// Returns a sphere, or a disc in 2-D.
     #[must_use]
     pub fn new(dimension: usize, radius: f64) -> Self {
@@ -106,9 +112,15 @@ impl Grain {
 
 /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the
 /// drag is that of a law.
-pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64 {
-    let grain = Grain::new(3, 0.5 * diameter);
-    let bed = Bed {
+pub fn resistance(
+    law: &impl DragFormula,
+    porosity: f64,
+    diameter: f64,
+    liquid: Liquid,
+    speed: f64,
+) -> f64 {
+    let grain = GrainSize::new(3, 0.5 * diameter);
+    let bed = BedConditions {
         density: liquid.density,
         viscosity: liquid.viscosity,
         porosity,
@@ -124,7 +136,7 @@ pub fn resistance(law: &impl Law, porosity: f64, diameter: f64, liquid: Liquid, 
 /// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
 /// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
 pub fn permeability(
-    law: &impl Law,
+    law: &impl DragFormula,
     porosity: f64,
     diameter: f64,
     liquid: Liquid,
@@ -161,8 +173,8 @@ pub(super) mod testing {
     use crate::permeability::kozeny_carman;
 
     /// Returns water in a bed of this porosity.
-    pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> Bed {
-        Bed {
+    pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> BedConditions {
+        BedConditions {
             density: 1000.0,
             viscosity,
             porosity,
@@ -172,8 +184,13 @@ pub(super) mod testing {
     }
 
     /// Loss of pressure in a bed at rest from the sum of drags: eps |grad p| = n f.
-    pub(in crate::drag) fn gradient(law: &dyn Law, bed: &Bed, d: f64, speed: f64) -> f64 {
-        let grain = Grain::new(3, 0.5 * d);
+    pub(in crate::drag) fn gradient(
+        law: &dyn DragFormula,
+        bed: &BedConditions,
+        d: f64,
+        speed: f64,
+    ) -> f64 {
+        let grain = GrainSize::new(3, 0.5 * d);
         let per_volume = bed.solid / grain.volume;
         per_volume * law.coefficient(bed, &grain, speed) * speed / bed.porosity
     }
@@ -186,7 +203,7 @@ mod tests {
     use serde_json::json;
 
     mod stokes {
-        use crate::drag::{Bed, Grain, Law};
+        use crate::drag::{BedConditions, DragFormula, GrainSize};
 
         /// Drag of a single grain in creeping flow: 3 pi mu d U.
         #[derive(
@@ -205,7 +222,7 @@ mod tests {
             factor: f64,
         }
 
-        impl Law for Stokes {
+        impl DragFormula for Stokes {
             fn summary() -> &'static str {
                 "Stokes 1851."
             }
@@ -214,7 +231,7 @@ mod tests {
                 format!("Stokes times {}", self.factor)
             }
 
-            fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
+            fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, _: f64) -> f64 {
                 3.0 * std::f64::consts::PI * bed.viscosity * grain.diameter * self.factor
             }
         }
@@ -223,7 +240,7 @@ mod tests {
 
     family! {
         /// The real list with one line more.
-        enum Longer: Law {
+        enum Longer: DragFormula {
             DiFelice,
             Stokes(Stokes),
         }
@@ -235,7 +252,7 @@ mod tests {
         let law: Longer = serde_json::from_value(written.clone()).unwrap();
         assert_eq!(serde_json::to_value(law).unwrap(), written);
         assert_eq!(law.model().description(), "Stokes times 2");
-        let (bed, grain) = (testing::bed(0.4, 1e-3), Grain::new(3, 5e-4));
+        let (bed, grain) = (testing::bed(0.4, 1e-3), GrainSize::new(3, 5e-4));
         let exact = 3.0 * std::f64::consts::PI * 1e-3 * 1e-3 * 2.0;
         assert!((law.model().coefficient(&bed, &grain, 0.1) / exact - 1.0).abs() < 1e-15);
         let time = law.model().stopping_time(&bed, &grain, 3e-6, 0.4);

@@ -124,10 +124,10 @@ impl Openness {
 mod tests {
     use super::*;
     use crate::enclosure::Enclosure;
-    use crate::grid::Grid;
+    use crate::grid::SeepageGrid;
 
     fn faces(drain: DrainCells) -> (Openness, Vec<(usize, usize, bool)>) {
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: [5, 4, 1],
             origin: [0.0; 3],
             spacing: [1.0; 3],

@@ -5,7 +5,7 @@
 //! divergence theorem) and a convex polygon. A closed surface of triangles is sampled with `samples` lines along x per
 //! edge of a cell; a point on a line is inside if the number of crossings before it is odd.
 
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use base::number::real;
 
 type Point = [f64; 3];
@@ -58,13 +58,13 @@ pub struct Openness {
     /// Faces between the ground and drains, by rising position of their cells.
     pub drain_faces: Vec<DrainFace>,
     /// The grid.
-    pub grid: Grid,
+    pub grid: SeepageGrid,
 }
 
 impl Openness {
     /// Measures an enclosure on a grid.
     #[must_use]
-    pub fn measure(grid: &Grid, enclosure: &Enclosure) -> Self {
+    pub fn measure(grid: &SeepageGrid, enclosure: &Enclosure) -> Self {
         let mut all = Self {
             inside: vec![1.0; grid.count()],
             faces: std::array::from_fn(|axis| vec![1.0; with_one_more(grid, axis).count()]),
@@ -195,7 +195,7 @@ impl Openness {
     }
 }
 
-pub(super) fn with_one_more(grid: &Grid, axis: usize) -> Grid {
+pub(super) fn with_one_more(grid: &SeepageGrid, axis: usize) -> SeepageGrid {
     let mut faces = *grid;
     faces.cells[axis] += 1;
     faces
@@ -374,8 +374,8 @@ fn odd_before(crossings: &[f64], x: f64) -> bool {
 mod tests {
     use super::*;
 
-    fn grid(n: usize) -> Grid {
-        Grid {
+    fn grid(n: usize) -> SeepageGrid {
+        SeepageGrid {
             cells: [n; 3],
             origin: [0.0; 3],
             spacing: [1.0 / real(n); 3],

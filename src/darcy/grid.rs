@@ -4,7 +4,7 @@ use base::number::{real, whole};
 
 /// A regular grid of boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
+pub struct SeepageGrid {
     /// Cells along x, y, z; 1 along z in 2-D.
     pub cells: [usize; 3],
     /// Lower corner \[m\].
@@ -15,7 +15,7 @@ pub struct Grid {
     pub dimension: usize,
 }
 
-impl Grid {
+impl SeepageGrid {
     /// Returns the cells of the grid.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn every_point_has_one_cell() {
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: [3, 4, 5],
             origin: [-1.0, 0.0, 2.0],
             spacing: [0.5, 0.25, 1.0],

@@ -42,7 +42,7 @@ impl Layout {
 
     /// Returns the position of a cell.
     #[inline]
-    pub(super) fn at(&self, cell: [usize; 3]) -> usize {
+    pub(super) fn position(&self, cell: [usize; 3]) -> usize {
         (cell[0] + 1) + (cell[1] + 1) * self.stride[1] + (cell[2] + 1) * self.stride[2]
     }
 
@@ -72,7 +72,7 @@ impl Layout {
         z.flat_map(move |k| {
             let x = x.clone();
             y.clone().map(move |j| {
-                let start = layout.at([x.start, j, k]);
+                let start = layout.position([x.start, j, k]);
                 start..start + x.len()
             })
         })
@@ -91,7 +91,7 @@ impl Layout {
             let mut cell = [0; 3];
             cell[axis] = plane;
             cell[b] = j;
-            let start = layout.at(cell);
+            let start = layout.position(cell);
             (0..cells[a]).map(move |i| start + i * stride[a])
         })
     }
@@ -194,7 +194,7 @@ impl Gather {
         planes: &[Range<usize>],
         communicator: &Communicator,
         tag: u8,
-    ) -> Result<Self, super::Error> {
+    ) -> Result<Self, super::SeepageError> {
         let bytes = |r: &Range<usize>| r.len() * layout.plane_size(axis) * size_of::<T>();
         let rank = communicator.rank();
         let others = || planes.iter().enumerate().filter(|(r, _)| *r != rank);
@@ -208,7 +208,7 @@ impl Gather {
         let receives: Vec<(usize, usize)> = full().map(|(r, range)| (r, bytes(range))).collect();
         Ok(Self {
             exchange: FixedExchange::new(communicator, tag, &sends, &receives)
-                .map_err(|e| super::Error::Messages(e.to_string()))?,
+                .map_err(|e| super::SeepageError::Messages(e.to_string()))?,
             layout,
             axis,
             others: full().map(|(_, range)| range.clone()).collect(),

@@ -4,11 +4,11 @@
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! All fields are on a coarse regular [`Grid`] whose cells hold many grains. Each rank holds the porosity and the
-//! pressure of the whole grid, because its grains may be anywhere on it. The linear solver takes most of the time and
-//! is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid, independently of
-//! the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so that the bits are the
-//! same on any number of ranks.
+//! All fields are on a coarse regular [`SeepageGrid`] whose cells hold many grains. Each rank holds the porosity and
+//! the pressure of the whole grid, because its grains may be anywhere on it. The linear solver takes most of the time
+//! and is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid,
+//! independently of the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so that
+//! the bits are the same on any number of ranks.
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
@@ -50,7 +50,7 @@ pub mod zones;
 pub use drag::DragLaw;
 pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
-pub use grid::Grid;
+pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
@@ -58,7 +58,8 @@ pub use pressure::unsaturated::{
     ConditionHistory, InitialWater, Soil, TransientSettings, WaterBalance,
 };
 pub use pressure::{
-    Condition, Equations, Heave, Liquid, Medium, Patch, Pressure, Prisms, Report, Settings,
+    Condition, Equations, Heave, Liquid, Medium, Pressure, PressurePatch, PressureSettings, Prisms,
+    SolutionReport,
 };
 pub use retention::Retention;
 pub use surface::WettedSurface;
@@ -68,7 +69,7 @@ pub use reproducible::power_above;
 
 /// Reason why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Error {
+pub enum SeepageError {
     /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
     #[error(
         "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected \

@@ -178,7 +178,7 @@ impl Multigrid {
         ranges: &[std::ops::Range<usize>],
         communicator: &decomposition::Communicator,
         tag: u8,
-    ) -> Result<Self, super::Error> {
+    ) -> Result<Self, super::SeepageError> {
         let mut levels = Vec::new();
         let mut cells = cells;
         let mut sizes = Vec::new();
@@ -452,8 +452,9 @@ impl Level {
             for y in 0..from.cells[1] {
                 for x in 0..from.cells[0] {
                     let fine_cell = [x, y, z];
-                    let at = from.at(fine_cell);
-                    let coarse = to.at(std::array::from_fn(|a| fine_cell[a] / fine.joined[a]));
+                    let at = from.position(fine_cell);
+                    let coarse =
+                        to.position(std::array::from_fn(|a| fine_cell[a] / fine.joined[a]));
                     for axis in 0..3 {
                         // Inner faces of coarse cells are not faces.
                         let t = fine.matrix.t[axis][at];
@@ -480,7 +481,7 @@ impl Level {
             } else {
                 fine.in_series(g, axis, at, cell[axis])
             };
-            let coarse = to.at(std::array::from_fn(|a| cell[a] / fine.joined[a]));
+            let coarse = to.position(std::array::from_fn(|a| cell[a] / fine.joined[a]));
             self.ground.push((coarse, axis, lane));
         }
     }
@@ -554,7 +555,7 @@ impl Level {
                     if cell[1] >= fine.cells[1] || cell[2] >= fine.cells[2] {
                         continue;
                     }
-                    let at = fine.at(cell);
+                    let at = fine.position(cell);
                     let row = &r[at..at + fine.cells[0] - cell[0]];
                     if joined[0] == 1 {
                         for (out, r) in out.iter_mut().zip(row) {
@@ -584,7 +585,7 @@ impl Level {
             let first = [start % sy - 1, start % sz / sy - 1, start / sz - 1];
             let at = coarse
                 .layout
-                .at(std::array::from_fn(|a| first[a] / joined[a]));
+                .position(std::array::from_fn(|a| first[a] / joined[a]));
             if joined[0] == 1 {
                 for (x, c) in out.iter_mut().zip(&correction[at..]) {
                     *x += c;

@@ -66,12 +66,12 @@ pub fn solid_fraction(openness: &Openness, porosity: &[f64], cell: usize, diamet
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Enclosure, Grid};
+    use crate::{Enclosure, SeepageGrid};
     use std::f64::consts::FRAC_PI_6 as PART;
 
     #[test]
     fn a_lone_grain_is_no_bed_and_a_bed_is_one() {
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: [9, 9, 9],
             origin: [0.0; 3],
             spacing: [0.005; 3],

@@ -44,7 +44,7 @@
 
 use super::Liquid;
 use super::enclosure::Openness;
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use std::f64::consts::PI;
 
 /// Solid fractions up to which a cell is open water, and from which it is soil.
@@ -162,7 +162,7 @@ impl Duct {
 /// The channels of all cells.
 #[derive(Clone, Debug)]
 pub struct OpenWater {
-    grid: Grid,
+    grid: SeepageGrid,
     /// Openness of each cell, 0 to 1.
     open: Vec<f64>,
     /// Part of each cell that no solid at rest fills.
@@ -183,7 +183,7 @@ pub struct OpenWater {
 impl OpenWater {
     /// Returns open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
     #[must_use]
-    pub fn new(grid: Grid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
+    pub fn new(grid: SeepageGrid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
         let extent =
             (0..grid.dimension).map(|a| base::number::real(grid.cells[a]) * grid.spacing[a]);
@@ -393,8 +393,8 @@ mod tests {
         }
     }
 
-    fn grid(dimension: usize) -> Grid {
-        Grid {
+    fn grid(dimension: usize) -> SeepageGrid {
+        SeepageGrid {
             cells: [6, 5, if dimension == 3 { 4 } else { 1 }],
             origin: [0.0; 3],
             spacing: [0.01, 0.01, if dimension == 3 { 0.01 } else { 1.0 }],

@@ -12,7 +12,7 @@ pub use kozeny_carman::kozeny_carman;
 
 use super::drag::di_felice::DiFelice;
 use super::drag::gidaspow::{Gidaspow, wen_yu};
-use super::drag::{Bed, Grain};
+use super::drag::{BedConditions, GrainSize};
 use super::mean_diameter::MeanDiameter;
 use super::{Equations, Liquid};
 use base::family::family;
@@ -22,7 +22,7 @@ use kozeny_carman::KozenyCarman;
 family! {
     /// The laws of resistance. A line here makes a law known to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
-    pub enum Resistance: Law {
+    pub enum Resistance: PermeabilityFormula {
         #[default]
         Gidaspow,
         KozenyCarman,
@@ -32,7 +32,7 @@ family! {
 }
 
 /// A law of resistance: the permeability K \[m2\] of a bed.
-pub trait Law: Sync {
+pub trait PermeabilityFormula: Sync {
     /// Returns the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -52,7 +52,7 @@ pub trait Law: Sync {
     /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of
     /// beds that vanishes on a lone grain
     /// passes over to the law of Wen and Yu there.
-    fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    fn dilute(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         wen_yu(bed, grain, speed)
     }
 

@@ -13,7 +13,7 @@ pub mod divided;
 pub mod exact;
 
 use super::enclosure::Openness;
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use super::mean_diameter::MeanDiameter;
 use base::family::family;
 use base::number::real;
@@ -26,7 +26,7 @@ use std::f64::consts::PI;
 family! {
     /// The porosity methods. A line here makes a method known to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
-    pub enum PorosityMethod: Method {
+    pub enum PorosityMethod: PorosityFormula {
         Centroid,
         Divided,
         #[default]
@@ -35,7 +35,7 @@ family! {
 }
 
 /// A porosity method: the part of a grain in each cell.
-pub trait Method {
+pub trait PorosityFormula {
     /// Returns the method in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -45,7 +45,13 @@ pub trait Method {
     fn description(&self) -> String;
 
     /// Appends (cell, part) for the cells that hold a part of the grain; parts outside the grid are left out.
-    fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>);
+    fn parts(
+        &self,
+        grid: &SeepageGrid,
+        centre: [f64; 3],
+        radius: f64,
+        parts: &mut Vec<(usize, f64)>,
+    );
 }
 
 /// Returns the volume of a sphere; in 2-D area of a disc.
@@ -62,7 +68,7 @@ pub fn measure(dimension: usize, radius: f64) -> f64 {
 /// [`Pores::finish`].
 #[derive(Clone, Debug)]
 pub struct Pores {
-    grid: Grid,
+    grid: SeepageGrid,
     method: PorosityMethod,
     mean: MeanDiameter,
     /// Diameters are summed in units of this \[m\].
@@ -79,7 +85,7 @@ pub struct Pores {
 impl Pores {
     /// Returns pores without grains.
     #[must_use]
-    pub fn new(grid: Grid, method: PorosityMethod, mean: MeanDiameter) -> Self {
+    pub fn new(grid: SeepageGrid, method: PorosityMethod, mean: MeanDiameter) -> Self {
         let n = grid.count();
         let unit = (0..grid.dimension)
             .map(|a| 2.0 * grid.spacing[a])
@@ -148,9 +154,9 @@ impl Pores {
         &mut self,
         openness: &Openness,
         communicator: &Communicator,
-    ) -> Result<(), super::Error> {
+    ) -> Result<(), super::SeepageError> {
         if !communicator.all_true(self.finite) {
-            return Err(super::Error::NotFinite("a grain"));
+            return Err(super::SeepageError::NotFinite("a grain"));
         }
         for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
             *words = sums.map(i128::cast_unsigned);
@@ -210,8 +216,8 @@ mod tests {
     use base::number::real;
     use base::random::SplitMix;
 
-    fn grid(dimension: usize) -> Grid {
-        Grid {
+    fn grid(dimension: usize) -> SeepageGrid {
+        SeepageGrid {
             cells: if dimension == 2 { [6, 5, 1] } else { [6, 5, 4] },
             origin: [-0.01, 0.0, if dimension == 2 { 0.0 } else { 0.02 }],
             spacing: [0.01, 0.012, if dimension == 2 { 1.0 } else { 0.011 }],
@@ -219,7 +225,7 @@ mod tests {
         }
     }
 
-    fn cloud(grid: &Grid, count: usize) -> Vec<([f64; 3], f64)> {
+    fn cloud(grid: &SeepageGrid, count: usize) -> Vec<([f64; 3], f64)> {
         let mut draws = SplitMix::new(5);
         (0..count)
             .map(|_| {
@@ -239,7 +245,7 @@ mod tests {
         pores.add(centre, radius, &parts);
     }
 
-    fn pores(grid: &Grid, method: PorosityMethod, grains: &[([f64; 3], f64)]) -> Pores {
+    fn pores(grid: &SeepageGrid, method: PorosityMethod, grains: &[([f64; 3], f64)]) -> Pores {
         let open = Openness::measure(grid, &Enclosure::Everything);
         let mut pores = Pores::new(*grid, method, MeanDiameter::Sauter);
         for (at, r) in grains {

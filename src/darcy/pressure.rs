@@ -36,9 +36,9 @@ pub mod section;
 mod tensor;
 pub mod unsaturated;
 
-use super::Error;
+use super::SeepageError;
 use super::enclosure::Openness;
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use super::layout::{Gather, Halo, Layout, Part};
 use super::multigrid::{Ground, Matrix, Multigrid};
 use super::reproducible::power_above;
@@ -75,7 +75,7 @@ pub struct Liquid {
 
 /// A part of a face of the grid, or a drain in the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Patch {
+pub struct PressurePatch {
     /// Axis of the normal.
     pub axis: usize,
     /// `true` if it is at the upper end of the axis.
@@ -91,7 +91,7 @@ pub struct Patch {
     pub inside: bool,
 }
 
-impl Patch {
+impl PressurePatch {
     /// Returns `true` if the patch covers the face of a cell.
     fn covers(&self, axis: usize, upper: bool, cell: [usize; 3]) -> bool {
         let covers = |a: usize| a == axis || (self.from[a]..self.to[a]).contains(&cell[a]);
@@ -118,7 +118,7 @@ pub fn numbers(cells: usize, transient: bool) -> usize {
 
 /// Equations and parameters of the pressure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct PressureSettings {
     /// Form of the equations.
     pub equations: Equations,
     /// Gravity \[m/s2\].
@@ -143,7 +143,7 @@ pub struct Medium<'a> {
 
 /// Cost and quality of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct SolutionReport {
     /// Iterations.
     pub iterations: u32,
     /// The largest imbalance of a cell, relative to that at uniform pressure.
@@ -164,7 +164,7 @@ struct Directions {
 
 /// Cells of a rank, and its exchange with others.
 struct Slab {
-    grid: Grid,
+    grid: SeepageGrid,
     layout: Layout,
     part: Part,
     communicator: Communicator,
@@ -211,8 +211,8 @@ impl Conduction {
                 let open = openness.faces[axis][openness.face(axis, cell)];
                 if cell[axis] > 0 && open > 0.0 {
                     let area = open * grid.area(axis);
-                    all.factor[axis][layout.at(cell)] = 2.0 * area / grid.spacing[axis];
-                    all.per_area[axis][layout.at(cell)] = 1.0 / area;
+                    all.factor[axis][layout.position(cell)] = 2.0 * area / grid.spacing[axis];
+                    all.per_area[axis][layout.position(cell)] = 1.0 / area;
                 }
             }
         }
@@ -236,8 +236,8 @@ pub struct Pressure {
     conduction: Conduction,
     system: System,
     liquid: Liquid,
-    settings: Settings,
-    patches: Vec<Patch>,
+    settings: PressureSettings,
+    patches: Vec<PressurePatch>,
     boundary: Vec<Boundary>,
     ground: Vec<Ground>,
     /// Reduced pressure above `level` \[Pa\]: small differences from a large level keep their digits.
@@ -256,19 +256,20 @@ impl Pressure {
     /// Sets up the solver: at rest, without conductivity. Collective.
     ///
     /// # Errors
-    /// [`Error::Pocket`] if connected cells have no face with imposed pressure, [`Error::NoOpenCell`] if none is open.
+    /// [`SeepageError::Pocket`] if connected cells have no face with imposed pressure, [`SeepageError::NoOpenCell`] if
+    /// none is open.
     pub fn new(
         openness: &Openness,
-        patches: Vec<Patch>,
+        patches: Vec<PressurePatch>,
         liquid: Liquid,
-        settings: Settings,
+        settings: PressureSettings,
         communicator: &Communicator,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, SeepageError> {
         let grid = openness.grid;
         let layout = Layout::new(grid.cells);
-        let message = |e: decomposition::Disagreement| Error::Messages(e.to_string());
+        let message = |e: decomposition::Disagreement| SeepageError::Messages(e.to_string());
         let domain = Domain::new(communicator.clone(), slabs(&grid, communicator.size()))
-            .map_err(|e| Error::Messages(e.to_string()))?;
+            .map_err(|e| SeepageError::Messages(e.to_string()))?;
         let part = Part {
             axis: domain.axis().index(),
             planes: domain.range(),
@@ -332,7 +333,7 @@ impl Pressure {
     }
 
     /// Labels connected cells; each set needs a face where the pressure is imposed.
-    fn check_outlets(&self) -> Result<(), Error> {
+    fn check_outlets(&self) -> Result<(), SeepageError> {
         let mut held = vec![false; self.slab.layout.len()];
         for face in &self.boundary {
             held[face.at] |= self.patches[face.patch].condition.holds();
@@ -341,7 +342,7 @@ impl Pressure {
         let mut stack = Vec::new();
         let mut open = false;
         for index in 0..self.slab.grid.count() {
-            let first = self.slab.layout.at(self.slab.grid.cell(index));
+            let first = self.slab.layout.position(self.slab.grid.cell(index));
             if !self.conduction.conducts[index] || seen[first] {
                 continue;
             }
@@ -363,18 +364,22 @@ impl Pressure {
                 }
             }
             if !outlet {
-                return Err(Error::Pocket {
+                return Err(SeepageError::Pocket {
                     cells,
                     at: self.slab.grid.centre(self.slab.grid.cell(index)),
                 });
             }
         }
-        if open { Ok(()) } else { Err(Error::NoOpenCell) }
+        if open {
+            Ok(())
+        } else {
+            Err(SeepageError::NoOpenCell)
+        }
     }
 
     /// Returns the grid.
     #[must_use]
-    pub fn grid(&self) -> &Grid {
+    pub fn grid(&self) -> &SeepageGrid {
         &self.slab.grid
     }
 
@@ -395,7 +400,7 @@ impl Pressure {
         let place = self.slab.grid.cell(cell);
         let last = place[axis] + 1 == self.slab.grid.cells[axis];
         let on_face = if upper { last } else { place[axis] == 0 };
-        let holds = |p: &&Patch| p.covers(axis, upper, place);
+        let holds = |p: &&PressurePatch| p.covers(axis, upper, place);
         let patch = self.patches.iter().rev().find(holds);
         patch.filter(|_| on_face).map(|p| p.condition)
     }
@@ -432,8 +437,8 @@ impl Pressure {
     /// quasi-steady. Collective.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], [`Error::NotConverged`]; the same on every rank.
-    pub fn solve(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+    /// [`SeepageError::NotFinite`], [`SeepageError::NotConverged`]; the same on every rank.
+    pub fn solve(&mut self, medium: Medium<'_>) -> Result<SolutionReport, SeepageError> {
         if self.unsaturated.is_some() {
             return self.solve_unsaturated(medium);
         }
@@ -444,7 +449,7 @@ impl Pressure {
         }
         self.take_tensor_flows();
         let (inflow, outflow) = self.fluxes();
-        Ok(Report {
+        Ok(SolutionReport {
             iterations,
             residual,
             inflow,
@@ -452,11 +457,11 @@ impl Pressure {
         })
     }
 
-    fn assemble(&mut self, medium: Medium<'_>) -> Result<(), Error> {
+    fn assemble(&mut self, medium: Medium<'_>) -> Result<(), SeepageError> {
         let mut bad = self.take(medium);
         bad |= self.direct();
         if bad {
-            return Err(Error::NotFinite("the permeability"));
+            return Err(SeepageError::NotFinite("the permeability"));
         }
         self.join_cells();
         self.centre();
@@ -480,7 +485,7 @@ impl Pressure {
             }
         }
         if bad {
-            return Err(Error::NotFinite("the source or the boundary"));
+            return Err(SeepageError::NotFinite("the source or the boundary"));
         }
         self.system.multigrid.set(
             &self.system.matrix,
@@ -636,7 +641,7 @@ impl Pressure {
         for (axis, along) in directions.conductivity.iter_mut().enumerate() {
             along.copy_from_slice(&self.conduction.conductivity);
             for (cell, ratios) in directions.ratios.iter().enumerate() {
-                let at = self.slab.layout.at(self.slab.grid.cell(cell));
+                let at = self.slab.layout.position(self.slab.grid.cell(cell));
                 along[at] *= ratios[axis];
                 bad |= !(0.0..f64::MAX).contains(&along[at]);
             }
@@ -785,7 +790,7 @@ impl Pressure {
     #[must_use]
     pub fn flux(&self, cell: usize) -> [f64; 3] {
         if self.conduction.carries {
-            let at = self.slab.layout.at(self.slab.grid.cell(cell));
+            let at = self.slab.layout.position(self.slab.grid.cell(cell));
             std::array::from_fn(|a| {
                 self.conduction.driven[cell][a] + self.conduction.carried[a][at]
             })
@@ -797,13 +802,13 @@ impl Pressure {
     /// Returns the flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
-        self.conduction.conductivity[self.slab.layout.at(self.slab.grid.cell(cell))]
+        self.conduction.conductivity[self.slab.layout.position(self.slab.grid.cell(cell))]
     }
 
     /// Returns the gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        let at = self.slab.layout.position(self.slab.grid.cell(cell));
         std::array::from_fn(|a| {
             let k = self.along(a)[at];
             if k > 0.0 {
@@ -836,14 +841,14 @@ impl Pressure {
         if !self.conduction.conducts[cell] {
             return 0.0;
         }
-        self.level + self.phi[self.slab.layout.at(self.slab.grid.cell(cell))]
+        self.level + self.phi[self.slab.layout.position(self.slab.grid.cell(cell))]
     }
 
     /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the
     /// imposed ones \[Pa\].
     pub fn saved(&self) -> impl Iterator<Item = f64> {
         (0..self.slab.grid.count())
-            .map(|index| self.phi[self.slab.layout.at(self.slab.grid.cell(index))])
+            .map(|index| self.phi[self.slab.layout.position(self.slab.grid.cell(index))])
     }
 
     /// Returns the largest difference of the reduced pressure between cells and imposed values \[Pa\].
@@ -877,16 +882,16 @@ impl Pressure {
     ///
     /// # Errors
     /// If there is not one for each cell.
-    pub fn restore(&mut self, saved: &[f64]) -> Result<(), Error> {
+    pub fn restore(&mut self, saved: &[f64]) -> Result<(), SeepageError> {
         if saved.len() != self.slab.grid.count() {
-            return Err(Error::Messages(format!(
+            return Err(SeepageError::Messages(format!(
                 "{} pressures for {} cells",
                 saved.len(),
                 self.slab.grid.count()
             )));
         }
         for (index, phi) in saved.iter().enumerate() {
-            self.phi[self.slab.layout.at(self.slab.grid.cell(index))] = *phi;
+            self.phi[self.slab.layout.position(self.slab.grid.cell(index))] = *phi;
         }
         self.level = self.middle();
         self.fresh = false;

@@ -6,7 +6,7 @@
 
 use super::Pressure;
 use super::cut_cells::centre_of_water;
-use super::grid::Grid;
+use super::grid::SeepageGrid;
 use decomposition::ExactSum;
 use std::sync::Arc;
 use structure::Images;
@@ -41,7 +41,7 @@ impl WettedSurface {
     /// Divides the surface of the structure of an index; `wet`: `true` for cells that hold water.
     #[must_use]
     pub fn new(
-        grid: &Grid,
+        grid: &SeepageGrid,
         solids: &[Arc<Images>],
         index: usize,
         wet: &dyn Fn(usize) -> bool,
@@ -106,7 +106,7 @@ impl Pressure {
 }
 
 /// Gives the points of an outline, two in each part of an edge within a cell.
-fn outline(grid: &Grid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 3], [f64; 3])) {
+fn outline(grid: &SeepageGrid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 3], [f64; 3])) {
     for (k, from) in outline.iter().enumerate() {
         let to = outline[(k + 1) % outline.len()];
         let ends = [[from[0], from[1], 0.0], [to[0], to[1], 0.0]];
@@ -135,7 +135,7 @@ fn outline(grid: &Grid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 3], [f6
 /// Returns the cell whose water is in front of a point close to a surface: the one that holds the point, or the nearest
 /// adjacent one whose water no structure separates from it; none above the ground.
 fn in_front(
-    grid: &Grid,
+    grid: &SeepageGrid,
     solids: &[Arc<Images>],
     wet: &dyn Fn(usize) -> bool,
     start: [f64; 3],

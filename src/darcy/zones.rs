@@ -21,8 +21,8 @@
 //! ```
 
 use super::Liquid;
-use super::grid::Grid;
-use super::permeability::{BedOfCells, Law, Resistance, larger};
+use super::grid::SeepageGrid;
+use super::permeability::{BedOfCells, PermeabilityFormula, Resistance, larger};
 use std::collections::BTreeMap;
 
 /// The permeability of a zone.
@@ -78,7 +78,7 @@ impl Raster {
 
 /// A region with its own permeability or porosity.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Zone {
+pub struct SoilZone {
     /// Lower corner \[m\]; infinite if the region has no end.
     pub from: [f64; 3],
     /// Upper corner \[m\].
@@ -99,7 +99,7 @@ pub struct Zone {
     pub without_grains: bool,
 }
 
-impl Zone {
+impl SoilZone {
     fn contains(&self, point: [f64; 3]) -> bool {
         (0..3).all(|a| point[a] >= self.from[a] && point[a] < self.to[a])
             && (self.polygon.is_empty() || is_inside(&self.polygon, [point[0], point[1]]))
@@ -162,7 +162,7 @@ impl Medium {
     #[must_use]
     pub fn permeability(
         &self,
-        law: &dyn Law,
+        law: &dyn PermeabilityFormula,
         (porosity, diameter): (f64, f64),
         liquid: Liquid,
         gradient: f64,
@@ -170,7 +170,8 @@ impl Medium {
     ) -> f64 {
         let porosity = self.porosity(grains).unwrap_or(porosity);
         let rule = self.permeability.filter(|(_, without)| grains || *without);
-        let by = |law: &dyn Law| law.permeability(porosity, diameter, liquid, gradient);
+        let by =
+            |law: &dyn PermeabilityFormula| law.permeability(porosity, diameter, liquid, gradient);
         match rule.map(|(rule, _)| rule) {
             Some(Rule::Value(value)) => value,
             Some(Rule::Factor(factor)) => factor * by(law),
@@ -209,7 +210,7 @@ pub struct Zones {
 impl Zones {
     /// Divides the cells of a grid. A later zone takes precedence in what it states.
     #[must_use]
-    pub fn new(grid: &Grid, zones: &[Zone]) -> Self {
+    pub fn new(grid: &SeepageGrid, zones: &[SoilZone]) -> Self {
         let mut all = Self {
             dimension: grid.dimension,
             cells: Vec::new(),
@@ -279,7 +280,7 @@ impl Zones {
     /// Returns the medium of a point.
     fn medium(
         &mut self,
-        zones: &[Zone],
+        zones: &[SoilZone],
         point: [f64; 3],
         known: &mut BTreeMap<[u64; 2], u32>,
         (seen, cell): (&mut [usize], usize),
@@ -435,7 +436,7 @@ impl Zones {
 }
 
 /// Planes across an axis at which a zone or a node may end, rising.
-fn planes(grid: &Grid, zones: &[Zone], axis: usize) -> Vec<f64> {
+fn planes(grid: &SeepageGrid, zones: &[SoilZone], axis: usize) -> Vec<f64> {
     let mut all = Vec::new();
     if axis < grid.dimension {
         for zone in zones {
@@ -465,7 +466,7 @@ pub fn is_inside(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
 }
 
 /// Returns `true` if an edge of a polygon passes through a cell.
-fn passes(polygon: &[[f64; 2]], grid: &Grid, cell: [usize; 3]) -> bool {
+fn passes(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
     let low = grid.corner(cell);
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).any(|(from, to)| {
@@ -500,7 +501,7 @@ fn subdivide(edges: &mut Vec<f64>) {
 const ON_THE_EDGE: f64 = 1e-9;
 
 /// Collects the edges of a cell along an axis with the planes between them.
-fn divide(grid: &Grid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
+fn divide(grid: &SeepageGrid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
     let edge = |n: usize| grid.origin[axis] + base::number::real(n) * grid.spacing[axis];
     let (low, high) = (edge(cell), edge(cell + 1));
     let slack = ON_THE_EDGE * (high - low);
@@ -618,7 +619,7 @@ impl Conduct {
     pub fn replace(
         &mut self,
         zones: &Zones,
-        law: &dyn Law,
+        law: &dyn PermeabilityFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &mut [f64],
@@ -680,11 +681,11 @@ impl Conduct {
     }
 
     /// Computes the largest relative change, along any axis, from the permeabilities that are given to those of the
-    /// bed, weighted as in [`Law::change`].
+    /// bed, weighted as in [`PermeabilityFormula::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
-        law: &dyn Law,
+        law: &dyn PermeabilityFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &[f64],

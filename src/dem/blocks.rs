@@ -10,10 +10,10 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::columns::{Entry, joined};
 use super::message::{Reader, Writer};
-use super::particles::{Body, Kind, Motion, Particles, SPHERE, View};
+use super::particles::{Body, Kind, Motion, Particles, ParticlesView, SPHERE};
 use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
-use super::table::{Columns, Table};
+use super::table::{Columns, NamedColumns};
 use base::error::Error;
 
 /// Numbers in the state of a rotation.
@@ -64,7 +64,7 @@ impl<S: Space> Entry<S> for RotationState {
     fn first_column(name: &str) -> String {
         joined(name, COLUMNS[0])
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         let mut columns = [&[][..]; NUMBERS];
         for (values, column) in columns.iter_mut().zip(COLUMNS) {
             *values = from.get_real(&joined(name, column))?;
@@ -201,7 +201,7 @@ impl<S: Space> Particles<S> {
     }
 }
 
-impl<'a, S: Space> View<'a, S> {
+impl<'a, S: Space> ParticlesView<'a, S> {
     /// Returns the polyhedron of an entry: see [`Particles::polyhedron`].
     #[must_use]
     #[inline]

@@ -92,7 +92,7 @@ impl Buckets {
     }
 
     /// Returns the numbers of a bucket.
-    pub(super) fn of(&self, bucket: usize) -> &[u32] {
+    pub(super) fn numbers_in(&self, bucket: usize) -> &[u32] {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }
 

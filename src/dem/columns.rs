@@ -10,7 +10,7 @@ mod entry;
 use std::ops::{Deref, DerefMut};
 
 use super::space::Space;
-use super::table::Table;
+use super::table::NamedColumns;
 use base::error::Error;
 pub(super) use entry::{Entry, entry, joined};
 
@@ -59,7 +59,7 @@ pub(super) trait Array {
     /// Rearranges the array: element `k` of the result is element `order[k]`.
     fn arrange(&mut self, order: &[usize]);
     /// Reads the array from a table, where the table holds it.
-    fn load<S: Space>(&mut self, name: &str, from: &Table) -> Result<(), Error>
+    fn load<S: Space>(&mut self, name: &str, from: &NamedColumns) -> Result<(), Error>
     where
         Self::Item: Entry<S>;
 }
@@ -79,7 +79,7 @@ impl<T: Copy> Array for Vec<T> {
     fn arrange(&mut self, order: &[usize]) {
         *self = order.iter().map(|&k| self[k]).collect();
     }
-    fn load<S: Space>(&mut self, name: &str, from: &Table) -> Result<(), Error>
+    fn load<S: Space>(&mut self, name: &str, from: &NamedColumns) -> Result<(), Error>
     where
         T: Entry<S>,
     {
@@ -159,7 +159,7 @@ impl<T: Copy> Array for Optional<T> {
             self.values.arrange(order);
         }
     }
-    fn load<S: Space>(&mut self, name: &str, from: &Table) -> Result<(), Error>
+    fn load<S: Space>(&mut self, name: &str, from: &NamedColumns) -> Result<(), Error>
     where
         T: Entry<S>,
     {
@@ -378,7 +378,7 @@ macro_rules! grain_arrays {
             }
 
             /// Loads the arrays from the columns of a table.
-            fn load_columns(&mut self, from: &Table) -> Result<(), Error> {
+            fn load_columns(&mut self, from: &NamedColumns) -> Result<(), Error> {
                 $( Array::load::<S>(
                     &mut self.$given,
                     Saved::$given_saved($given_prefix).prefix(),

@@ -183,16 +183,17 @@ contact_laws! {
     /// A contact law with its parameters for every pair of materials.
     Law:
     /// Linear springs with friction, no tension.
-    Linear(linear::Input) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
+    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
     /// Linear springs with friction and brittle cohesion.
-    CohesiveFrictional(cohesive_frictional::Input) => CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
+    CohesiveFrictional(cohesive_frictional::CohesiveFrictionalInput) =>
+        CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
     /// The linear law with bonds of given tensile and shear strength.
-    ContactBond(contact_bond::Input) => ContactBond(contact_bond::ContactBond),
+    ContactBond(contact_bond::ContactBondInput) => ContactBond(contact_bond::ContactBond),
         RollingContactBond(Rolling<contact_bond::ContactBond>);
     /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
-    HertzMindlin(hertz_mindlin::Input) => HertzMindlin(hertz_mindlin::HertzMindlin);
+    HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin);
     /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
-    Blocks(blocks::Input) => Blocks(blocks::Blocks);
+    Blocks(blocks::BlockInput) => Blocks(blocks::BlockLaw);
 }
 
 impl Law {
@@ -200,7 +201,7 @@ impl Law {
     #[must_use]
     pub fn without_forces(materials: u32) -> Self {
         Self::Linear(linear::Linear {
-            parameters: PairTable::uniform(materials, linear::Parameters::WITHOUT_FORCES),
+            parameters: PairTable::uniform(materials, linear::LinearParameters::WITHOUT_FORCES),
         })
     }
 

@@ -41,12 +41,12 @@ use super::integrate::{self, Fastest, Kick, Phase};
 use super::message::{Reader, Writer};
 use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
-use super::particles::{Body, Load, Motion, Particles, View};
-use super::region::Region;
+use super::particles::{Body, Load, Motion, Particles, ParticlesView};
+use super::region::GrainDomain;
 use super::space::{Components, Space};
-use super::surface::{Nearest, Surface};
+use super::surface::{FacetSurface, Nearest};
 use super::walls::Wall;
-use super::{BondBreak, Settings, Statistics};
+use super::{BondBreak, DemSettings, Statistics};
 pub(super) use any::{AnyEngine, MakeEngine};
 use base::error::Error;
 use base::thread_pool;
@@ -153,7 +153,7 @@ pub(super) struct Events<S: Space> {
 pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) law: L,
     rows: PairTable<L::Row>,
-    pub(super) settings: Settings<S>,
+    pub(super) settings: DemSettings<S>,
     pub(super) walls: Vec<Wall<S>>,
     pub(super) steps: u64,
     lists: Lists<S, L>,
@@ -177,7 +177,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    pub(super) fn new(law: L, settings: Settings<S>, walls: Vec<Wall<S>>) -> Self {
+    pub(super) fn new(law: L, settings: DemSettings<S>, walls: Vec<Wall<S>>) -> Self {
         Self {
             rows: law.table(),
             law,

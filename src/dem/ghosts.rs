@@ -9,7 +9,7 @@ use super::columns::Crosses;
 use super::ghost_plan::{GhostPlan, Messages};
 use super::message::{Reader, Writer};
 use super::particles::Particles;
-use super::region::{Region, edge};
+use super::region::{GrainDomain, edge};
 use super::space::{Components, Space};
 use base::error::Error;
 use decomposition::{Domain, exchange};
@@ -18,7 +18,7 @@ use decomposition::{Domain, exchange};
 /// within which grains are ghosts for reasons other than contacts \[m\]. Call without ghosts. Collective.
 pub(super) fn make<S: Space>(
     particles: &mut Particles<S>,
-    region: &Region<S>,
+    region: &GrainDomain<S>,
     census: &[Census],
     range: f64,
     margin: f64,
@@ -113,7 +113,7 @@ pub(super) fn index(k: usize) -> u32 {
 fn image_shifts<S: Space>(
     particles: &Particles<S>,
     k: usize,
-    region: &Region<S>,
+    region: &GrainDomain<S>,
     bounds: (&S::Vector, &S::Vector),
     reach: f64,
     shifts: &mut Vec<[i32; 3]>,

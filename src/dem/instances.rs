@@ -4,7 +4,7 @@
 //! package below is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they
 //! are the doors to the kernels of grains and contacts: what they call is compiled here with them.
 
-use crate::{Dem, Particles, Plane, Space, Volume};
+use crate::{Dem, Particles, PlaneSpace, Space, Volume};
 
 /// The address of a function: it has to be compiled.
 type Address = *const ();
@@ -23,5 +23,5 @@ fn grains<Sp: Space>() -> Vec<Address> {
 /// Lists all of them, for both spaces.
 #[must_use]
 pub fn all() -> Vec<Address> {
-    [grains::<Plane>(), grains::<Volume>()].concat()
+    [grains::<PlaneSpace>(), grains::<Volume>()].concat()
 }

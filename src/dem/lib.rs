@@ -77,30 +77,30 @@ pub mod walls;
 pub use contact::{Failure, Law, PairProperties, PairTable};
 pub use deepest::Deepest;
 pub use neighbors::Search;
-pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, View};
-pub use region::Region;
+pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, ParticlesView};
+pub use region::GrainDomain;
 pub use relax::{Relaxation, Stillness};
-pub use space::{Components, Plane, Space, Volume};
-pub use surface::Surface;
+pub use space::{Components, PlaneSpace, Space, Volume};
+pub use surface::FacetSurface;
 pub use walls::Wall;
 
 use contact::family::Family;
 use engine::{AnyEngine, MakeEngine};
 
 use base::error::Error;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 
 /// Returns a domain of one rank that owns all grains; needs no MPI.
 #[must_use]
 pub fn alone() -> Domain {
-    Domain::serial(Axis::X, 1, false)
+    Domain::serial(SplitAxis::X, 1, false)
 }
 
 /// Parameters of the step and of the lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings<S: Space> {
+pub struct DemSettings<S: Space> {
     /// The box and the planes that ranks share.
-    pub region: Region<S>,
+    pub region: GrainDomain<S>,
     /// Solid time step \[s\].
     pub time_step: f64,
     /// Gravity [m/s²].
@@ -115,10 +115,10 @@ pub struct Settings<S: Space> {
     pub ghost_margin: f64,
 }
 
-impl<S: Space> Settings<S> {
+impl<S: Space> DemSettings<S> {
     /// Returns settings without gravity, damping and margin.
     #[must_use]
-    pub fn new(region: Region<S>, time_step: f64, skin: f64) -> Self {
+    pub fn new(region: GrainDomain<S>, time_step: f64, skin: f64) -> Self {
         Self {
             region,
             time_step,
@@ -211,14 +211,14 @@ impl<S: Space> Dem<S> {
     /// A time step, skin or damping out of range, a wall that faces along a periodic axis, and the law of blocks in a
     /// plane scene.
     #[inline(never)]
-    pub fn new(law: Law, settings: Settings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
+    pub fn new(law: Law, settings: DemSettings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         Self::of_family(&law, settings, walls)
     }
 
     /// Makes the solver with a law of any list.
     fn of_family(
         law: &impl Family,
-        settings: Settings<S>,
+        settings: DemSettings<S>,
         walls: Vec<Wall<S>>,
     ) -> Result<Self, Error> {
         let refuse = |what: String| Err(Error::Numerical(what));
@@ -344,7 +344,7 @@ impl<S: Space> Dem<S> {
 
     /// Returns the settings.
     #[must_use]
-    pub fn settings(&self) -> &Settings<S> {
+    pub fn settings(&self) -> &DemSettings<S> {
         self.engine.settings()
     }
 

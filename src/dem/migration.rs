@@ -8,8 +8,8 @@
 use super::columns::Crosses;
 use super::escape::Escape;
 use super::message::{Reader, Writer};
-use super::particles::{Motion, Particles, place};
-use super::region::{Region, plane_of, wraps};
+use super::particles::{Motion, Particles, image_position};
+use super::region::{GrainDomain, plane_of, wraps};
 use super::space::{Components, Space};
 use base::error::Error;
 use base::thread_pool;
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Moves the shift of every owned grain into the box and checks that none is lost.
 pub(super) fn wrap<S: Space>(
     particles: &mut Particles<S>,
-    region: &Region<S>,
+    region: &GrainDomain<S>,
 ) -> Result<(), Error> {
     let owned = particles.owned();
     let lengths = particles.lengths;
@@ -64,9 +64,9 @@ fn shift_of<S: Space>(
     motion: &Motion<S>,
     mut shift: [i32; 3],
     lengths: &[f64; 3],
-    region: &Region<S>,
+    region: &GrainDomain<S>,
 ) -> Result<[i32; 3], Astray> {
-    let place = place(motion, shift, lengths);
+    let place = image_position(motion, shift, lengths);
     for axis in 0..S::DIMENSION {
         let at = place.get(axis);
         let (lower, length) = (region.lower.get(axis), region.length(axis));
@@ -111,7 +111,7 @@ fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
 /// Returns the rank that owns each own grain now.
 pub(super) fn owners<S: Space>(
     particles: &Particles<S>,
-    region: &Region<S>,
+    region: &GrainDomain<S>,
     domain: &Domain,
 ) -> Result<Vec<usize>, Error> {
     let (axis, slabs) = (domain.axis().index(), domain.slabs());

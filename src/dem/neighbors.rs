@@ -14,7 +14,7 @@
 //! in this order, the forces on a grain are added in the order of the other grain's id.
 
 use super::buckets::{Buckets, Items};
-use super::particles::{Particles, View};
+use super::particles::{Particles, ParticlesView};
 use super::space::{Components, Space};
 use base::number::real;
 use base::thread_pool;
@@ -226,7 +226,7 @@ impl Overlaps {
             let at = |n: usize| super::ghosts::index(n);
             let (y, z) = (at(row % across), at(row / across));
             for x in 0..along {
-                let members = self.cells.of(row * along + x);
+                let members = self.cells.numbers_in(row * along + x);
                 let here = [at(x), y, z];
                 for (i, &a) in members.iter().enumerate() {
                     let first = &self.spans[a as usize];
@@ -256,7 +256,7 @@ impl Overlaps {
             ];
         }
         self.each_cell(&span, |cell, here| {
-            for &k in self.cells.of(cell) {
+            for &k in self.cells.numbers_in(cell) {
                 let other = &self.spans[k as usize];
                 if (0..3).all(|axis| span[axis][0].max(other[axis][0]) == here[axis]) {
                     visit(k as usize);
@@ -269,7 +269,11 @@ impl Overlaps {
 impl Search {
     /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be
     /// moved by forces.
-    pub(super) fn look<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> Candidates {
+    pub(super) fn find_candidates<S: Space>(
+        &mut self,
+        particles: &Particles<S>,
+        gap: f64,
+    ) -> Candidates {
         self.find_pairs(particles, gap);
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
@@ -281,8 +285,8 @@ impl Search {
         self.found.iter().map(Vec::len).sum()
     }
 
-    /// Calls `visit` with every entry of the last [`Self::look`] whose surface may be within `gap` \[m\] of the box
-    /// between two corners, and with some others.
+    /// Calls `visit` with every entry of the last [`Self::find_candidates`] whose surface may be within `gap` \[m\] of
+    /// the box between two corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,
         low: &S::Vector,
@@ -458,7 +462,7 @@ impl Search {
     /// Finds the pairs of some entries with the large bodies.
     fn find_large<S: Space>(
         &self,
-        particles: &View<'_, S>,
+        particles: &ParticlesView<'_, S>,
         gap: f64,
         entries: Range<usize>,
         found: &mut Vec<[u32; 2]>,
@@ -546,7 +550,7 @@ impl Candidates {
     pub(super) fn each(&self, thread: usize, threads: usize, mut visit: impl FnMut(usize, usize)) {
         let bound = |thread: usize| self.seconds.bound(thread, threads);
         for place in bound(thread)..bound(thread + 1) {
-            for &second in self.seconds.of(place) {
+            for &second in self.seconds.numbers_in(place) {
                 visit(
                     self.order[place] as usize,
                     self.order[second as usize] as usize,
@@ -627,7 +631,7 @@ fn cells_clamped(at: f64, count: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::super::particles::{Body, Motion};
-    use super::super::space::{Plane, Volume};
+    use super::super::space::{PlaneSpace, Volume};
     use super::*;
     use base::random::Stream;
 
@@ -650,7 +654,7 @@ mod tests {
 
     fn check<S: Space>(particles: &Particles<S>, gap: f64) {
         let mut found = Vec::new();
-        let pairs = Search::default().look(particles, gap);
+        let pairs = Search::default().find_candidates(particles, gap);
         for thread in 0..3 {
             pairs.each(thread, 3, |a, b| found.push((a, b)));
             assert_eq!(pairs.before(thread + 1, 3), found.len());
@@ -681,7 +685,7 @@ mod tests {
     #[test]
     fn linked_cells_find_what_brute_force_finds() {
         for (seed, ratio) in [(1, 1.0), (2, 3.0), (3, 100.0)] {
-            check(&scatter::<Plane>(300, ratio, seed), 0.01);
+            check(&scatter::<PlaneSpace>(300, ratio, seed), 0.01);
             check(
                 &scatter::<Volume>(if ratio > 50.0 { 700 } else { 300 }, ratio, seed),
                 0.02,
@@ -700,7 +704,7 @@ mod tests {
             pool.unwrap().install(|| {
                 let particles = &make();
                 assert_eq!(threads_for(particles.len()), threads);
-                let candidates = Search::default().look(particles, 0.01);
+                let candidates = Search::default().find_candidates(particles, 0.01);
                 let mut found = Vec::new();
                 for thread in 0..2 {
                     candidates.each(thread, 2, |a, b| found.push((a, b)));
@@ -718,7 +722,7 @@ mod tests {
                 }
                 all
             }
-            let flat = || with::<Plane>(ratio, giants);
+            let flat = || with::<PlaneSpace>(ratio, giants);
             let deep = || with::<Volume>(ratio, giants);
             for (one, three) in [
                 (pairs(flat, 1), pairs(flat, 3)),
@@ -743,7 +747,7 @@ mod tests {
                 check(&particles, 0.02);
             }
             let mut search = Search::default();
-            search.look(&particles, 0.02);
+            search.find_candidates(&particles, 0.02);
             let (low, high) = (
                 nalgebra::Vector3::new(0.3, 0.2, 0.4),
                 nalgebra::Vector3::new(0.5, 0.9, 0.45),
@@ -778,7 +782,7 @@ mod tests {
         }
         check(&particles, 0.001);
         let mut search = Search::default();
-        search.look(&particles, 0.001);
+        search.find_candidates(&particles, 0.001);
         assert_eq!((search.small > 0, search.large.len()), (true, 3));
         let corner = nalgebra::Vector3::repeat(0.5);
         let mut seen = vec![0; particles.len()];

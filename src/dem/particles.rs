@@ -17,7 +17,7 @@ use super::ghost_plan::GhostPlan;
 use super::message::{Reader, Writer};
 use super::polyhedron::{Polyhedron, RotationState};
 use super::space::{Components, Space};
-use super::table::{Columns, Table, Values};
+use super::table::{Columns, NamedColumns, Values};
 use base::error::Error;
 
 /// Kind of motion of a grain.
@@ -70,7 +70,7 @@ impl<S: Space> Entry<S> for Kind {
     fn first_column(name: &str) -> String {
         name.to_owned()
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         let column = from.get_whole(name)?.iter();
         column.map(|code| Self::from_code(*code)).collect()
     }
@@ -264,7 +264,7 @@ impl<S: Space> Particles<S> {
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
-        place(&self.motion[k], self.shift[k], &self.lengths)
+        image_position(&self.motion[k], self.shift[k], &self.lengths)
     }
 
     /// Returns the shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists
@@ -339,8 +339,8 @@ impl<S: Space> Particles<S> {
 
     /// Returns the entries as plain slices, readable by many threads.
     #[must_use]
-    pub fn view(&self) -> View<'_, S> {
-        View {
+    pub fn view(&self) -> ParticlesView<'_, S> {
+        ParticlesView {
             owned: self.owned,
             body: &self.body,
             contact: &self.contact,
@@ -461,8 +461,8 @@ impl<S: Space> Particles<S> {
     /// Returns the owned grains with everything that the next step depends on, in rising order of id.
     #[must_use]
     #[inline(never)]
-    pub fn table(&self) -> Table {
-        Table::of(|columns| self.save_columns(false, columns))
+    pub fn table(&self) -> NamedColumns {
+        NamedColumns::collect(|columns| self.save_columns(false, columns))
     }
 
     /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids
@@ -477,7 +477,7 @@ impl<S: Space> Particles<S> {
     /// # Errors
     /// Where a column is missing, short or of another type.
     #[inline(never)]
-    pub fn from_table(table: &Table) -> Result<Self, Error> {
+    pub fn from_table(table: &NamedColumns) -> Result<Self, Error> {
         let mut particles = Self::new();
         particles.load_columns(table)?;
         particles.owned = table.rows();
@@ -499,7 +499,7 @@ impl<S: Space> Particles<S> {
 
 /// Data of [`Particles`] that all threads may read.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a, S: Space> {
+pub struct ParticlesView<'a, S: Space> {
     /// Number of owned entries.
     pub owned: usize,
     /// Body of each entry.
@@ -523,17 +523,17 @@ pub struct View<'a, S: Space> {
     pub(super) rotation: &'a [RotationState],
 }
 
-impl<S: Space> View<'_, S> {
+impl<S: Space> ParticlesView<'_, S> {
     /// Returns the position of the image of entry `k` \[m\]: see [`Particles::location`].
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
-        place(&self.motion[k], self.shift[k], &self.lengths)
+        image_position(&self.motion[k], self.shift[k], &self.lengths)
     }
 }
 
 #[inline]
-pub(super) fn place<S: Space>(
+pub(super) fn image_position<S: Space>(
     motion: &Motion<S>,
     shift: [i32; 3],
     lengths: &[f64; 3],

@@ -21,9 +21,9 @@
 //! | `force` | contact law |
 //! | `rotation` | orientation and angular momentum |
 //!
-//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`History`]. Pass the lower id
-//! first, and a separation from raw positions: every rank that sees the pair then computes the same bits. `History` is
-//! plain data; it travels with the history of a contact between ranks and into checkpoints.
+//! **Order.** The result of a pair is a function of (first, second) and of the pair's [`BlockHistory`]. Pass the lower
+//! id first, and a separation from raw positions: every rank that sees the pair then computes the same bits.
+//! `BlockHistory` is plain data; it travels with the history of a contact between ranks and into checkpoints.
 
 mod analytic_centre;
 pub mod contact;
@@ -37,11 +37,11 @@ mod separating_axes;
 pub mod shape;
 mod shape_error;
 
-pub use contact::{Geometry, Hidden, History, Model, Narrow, Placed};
-pub use force::{Action, Law, Stiffness};
+pub use contact::{BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Placed};
+pub use force::{BlockPairLaw, ContactResponse, Stiffness};
 pub use piece::Piece;
 pub use rotation::{Damping, RotationState};
-pub use shape::{Polyhedron, Solid};
+pub use shape::{PlacedPolyhedron, Polyhedron};
 pub use shape_error::ShapeError;
 
 use nalgebra::Vector3;

@@ -4,7 +4,7 @@ use super::space::{Components, Space};
 
 /// The box the grains live in, and the planes of the split axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Region<S: Space> {
+pub struct GrainDomain<S: Space> {
     /// Lower corner \[m\].
     pub lower: S::Vector,
     /// Upper corner \[m\].
@@ -15,7 +15,7 @@ pub struct Region<S: Space> {
     pub spacing: f64,
 }
 
-impl<S: Space> Region<S> {
+impl<S: Space> GrainDomain<S> {
     /// Returns a box without periodic axes, split in planes of `spacing` \[m\].
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
@@ -90,7 +90,7 @@ pub(super) fn edge(plane: usize, lower: f64, spacing: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{plane_of, wraps};
-    use decomposition::{Axis, Slabs};
+    use decomposition::{Slabs, SplitAxis};
     use proptest::prelude::*;
 
     fn split() -> impl Strategy<Value = Slabs> {
@@ -100,7 +100,7 @@ mod tests {
             for planes in thickness.into_iter().chain([last]) {
                 bounds.push(bounds[bounds.len() - 1] + planes);
             }
-            Slabs::from_bounds(Axis::X, bounds, periodic).unwrap()
+            Slabs::from_bounds(SplitAxis::X, bounds, periodic).unwrap()
         })
     }
 

@@ -92,7 +92,7 @@ macro_rules! components {
 components!(2, 0, 1);
 components!(3, 0, 1, 2);
 
-/// The number of dimensions as a type: [`Plane`] or [`Volume`].
+/// The number of dimensions as a type: [`PlaneSpace`] or [`Volume`].
 pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// 2 or 3.
     const DIMENSION: usize;
@@ -138,13 +138,13 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
 
 /// The plane: discs of unit depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Plane;
+pub struct PlaneSpace;
 
 /// Space: spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Volume;
 
-impl Space for Plane {
+impl Space for PlaneSpace {
     const DIMENSION: usize = 2;
     type Vector = SVector<f64, 2>;
     type Spin = f64;
@@ -278,8 +278,8 @@ mod tests {
         let (v, w) = (SVector::<f64, 2>::new(0.3, -1.1), 2.5);
         let n = SVector::<f64, 2>::new(x, y);
         let n3 = Vector3::new(x, y, 0.0);
-        let slip = Plane::slip(&n, &v, &w);
-        let flat = Plane::embed(&slip, &n);
+        let slip = PlaneSpace::slip(&n, &v, &w);
+        let flat = PlaneSpace::embed(&slip, &n);
         let full = Volume::slip(
             &n3,
             &Vector3::new(v[0], v[1], 0.0),
@@ -288,9 +288,13 @@ mod tests {
         assert_relative_eq!(flat[0], full[0], epsilon = 1e-14);
         assert_relative_eq!(flat[1], full[1], epsilon = 1e-14);
         let moment = Volume::tangent_moment(&full, &n3);
-        assert_relative_eq!(Plane::tangent_moment(&slip, &n), moment[2], epsilon = 1e-14);
         assert_relative_eq!(
-            Plane::moment(&n, &v),
+            PlaneSpace::tangent_moment(&slip, &n),
+            moment[2],
+            epsilon = 1e-14
+        );
+        assert_relative_eq!(
+            PlaneSpace::moment(&n, &v),
             Volume::moment(&n3, &Vector3::new(v[0], v[1], 0.0))[2],
             epsilon = 1e-14
         );

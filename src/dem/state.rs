@@ -10,18 +10,18 @@ use super::engine::bodies::Bodies;
 use super::engine::{Engine, Key};
 use super::space::Space;
 use super::table::{AXES, Columns, small, unsigned};
-pub use super::table::{Table, Values};
+pub use super::table::{NamedColumns, Values};
 use base::error::Error;
 
 /// Data of the contacts that a run restored from the state needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
     /// Grain with grain.
-    pub grains: Table,
+    pub grains: NamedColumns,
     /// Grain with wall.
-    pub walls: Table,
+    pub walls: NamedColumns,
     /// The walls themselves, the same on every rank.
-    pub faces: Table,
+    pub faces: NamedColumns,
     /// Solid steps done.
     pub steps: u64,
     /// Index of each wall of a changed scene among those saved; none for a new one. Without it the walls are unchanged.
@@ -121,7 +121,9 @@ fn history_columns<S: Space, L: ContactLaw<S>>(table: &mut Columns<'_>, historie
     }
 }
 
-fn read_histories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::History>, Error> {
+fn read_histories<S: Space, L: ContactLaw<S>>(
+    table: &NamedColumns,
+) -> Result<Vec<L::History>, Error> {
     let columns = (0..L::NUMBERS)
         .map(|n| table.get_real(&format!("memory_{n}")))
         .collect::<Result<Vec<_>, _>>()?;
@@ -135,7 +137,7 @@ fn read_histories<S: Space, L: ContactLaw<S>>(table: &Table) -> Result<Vec<L::Hi
 
 pub(super) fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
     let (pairs, at_walls) = engine.saved();
-    let grains = Table::of(|table| {
+    let grains = NamedColumns::collect(|table| {
         table.whole("first", pairs.iter().map(|(key, _)| key.first));
         table.whole("second", pairs.iter().map(|(key, _)| key.second));
         for (axis, name) in AXES.iter().enumerate().take(S::DIMENSION) {
@@ -145,14 +147,14 @@ pub(super) fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
         let histories: Vec<_> = pairs.iter().map(|(_, history)| *history).collect();
         history_columns::<S, L>(table, &histories);
     });
-    let walls = Table::of(|table| {
+    let walls = NamedColumns::collect(|table| {
         table.whole("grain", at_walls.iter().map(|(key, _)| key.0));
         table.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
         table.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
         let histories: Vec<_> = at_walls.iter().map(|(_, history)| *history).collect();
         history_columns::<S, L>(table, &histories);
     });
-    let faces = Table::of(|table| {
+    let faces = NamedColumns::collect(|table| {
         let walls = engine.walls.iter();
         table.components("point", walls.clone().map(|wall| wall.point));
         table.components("normal", walls.clone().map(|wall| wall.normal));

@@ -33,7 +33,7 @@ use repeated::Repeated;
 
 /// Convex facets with shared vertices, at rest; a wall carries them along.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
+pub struct FacetSurface {
     vertices: Vec<Vector3<f64>>,
     /// Vertices of all facets, one facet after the other.
     corners: Vec<u32>,
@@ -113,7 +113,7 @@ const ON: f64 = 1e-6;
 /// Cosine of the angle between normals below which two minima are one.
 const SAME: f64 = 0.984_807_753_012_208;
 
-impl Surface {
+impl FacetSurface {
     /// Facets of at least three corners each, given by numbers of `vertices` \[m\].
     ///
     /// # Errors
@@ -477,7 +477,7 @@ mod tests {
     use approx::assert_relative_eq;
     use base::random::Stream;
 
-    fn touch(surface: &Surface, at: [f64; 3], reach: f64) -> Vec<Nearest> {
+    fn touch(surface: &FacetSurface, at: [f64; 3], reach: f64) -> Vec<Nearest> {
         let all: Vec<u32> = (0..u32::try_from(surface.len()).unwrap()).collect();
         let mut found = Vec::new();
         surface.contacts(&all, &Vector3::from(at), reach, &mut found);
@@ -485,7 +485,7 @@ mod tests {
     }
 
     /// Returns a plane square of `n` by `n` squares of two triangles each.
-    fn flat(n: u32) -> Surface {
+    fn flat(n: u32) -> FacetSurface {
         let vertices = (0..=n)
             .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))
             .collect();
@@ -497,7 +497,7 @@ mod tests {
                 facets.push(vec![a, a + n + 2, a + n + 1]);
             }
         }
-        Surface::new(vertices, &facets).unwrap()
+        FacetSurface::new(vertices, &facets).unwrap()
     }
 
     #[test]
@@ -545,7 +545,7 @@ mod tests {
         facets.sort_by_key(|corners| {
             u64::from(corners[0] + 7 * corners[1]).wrapping_mul(0x9e37_79b9) % 1009
         });
-        let alone = Surface::new(vertices, &facets).unwrap();
+        let alone = FacetSurface::new(vertices, &facets).unwrap();
         let repeated = alone.clone().repeated([0.0; 3], [12.0, 0.0, 0.0]).unwrap();
         for surface in [&alone, &repeated] {
             let mut within = 0;
@@ -571,7 +571,7 @@ mod tests {
 
     #[test]
     fn a_box_pushes_once_per_wall_edge_or_corner() {
-        let cube = Surface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();
+        let cube = FacetSurface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();
         // Inside: a corner is three faces, an edge two, no edge or vertex of its own.
         assert_eq!(touch(&cube, [0.1, 0.1, 0.1], 0.2).len(), 3);
         assert_eq!(touch(&cube, [0.1, 0.1, 0.5], 0.2).len(), 2);
@@ -597,7 +597,7 @@ mod tests {
             Vector3::new(1.2, 0.1, 0.0),
             Vector3::new(0.4, 0.9, 0.5),
         ];
-        let triangle = Surface::new(corners.to_vec(), &[vec![0, 1, 2]]).unwrap();
+        let triangle = FacetSurface::new(corners.to_vec(), &[vec![0, 1, 2]]).unwrap();
         for k in 0..200 {
             let mut draw = Stream::new(2, k, 0);
             let point = Vector3::from_fn(|_, _| 2.0 * draw.uniform() - 0.5);
@@ -624,7 +624,7 @@ mod tests {
             .map(|[x, y]| Vector3::new(x, y, 0.0))
             .to_vec();
         let refused = |vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]| {
-            Surface::new(vertices, facets).unwrap_err().to_string()
+            FacetSurface::new(vertices, facets).unwrap_err().to_string()
         };
         assert!(refused(square.clone(), &[]).contains("without facets"));
         assert!(refused(square.clone(), &[vec![0, 1]]).contains("three corners"));

@@ -31,12 +31,12 @@ impl Values {
 
 /// Columns of equal length, each with a name.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
+pub struct NamedColumns {
     /// Name and values.
     pub columns: Vec<(String, Values)>,
 }
 
-impl Table {
+impl NamedColumns {
     /// Returns the number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
@@ -96,7 +96,7 @@ impl Table {
     }
 
     /// Returns the columns that `make` hands over.
-    pub(super) fn of(make: impl FnOnce(&mut Columns<'_>)) -> Self {
+    pub(super) fn collect(make: impl FnOnce(&mut Columns<'_>)) -> Self {
         let mut columns = Vec::new();
         make(&mut Columns(&mut |name, values| {
             columns.push((name, values))
@@ -182,7 +182,7 @@ impl Columns<'_> {
     }
 }
 
-impl Table {
+impl NamedColumns {
     /// Returns the quantity whose components [`Columns::components`] wrote.
     pub(super) fn components<C: Components>(&self, name: &str) -> Result<Vec<C>, Error> {
         let mut all = vec![C::default(); self.rows()];

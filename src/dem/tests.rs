@@ -19,8 +19,8 @@ use super::contact::linear::{self, Linear};
 use super::*;
 
 pub(super) fn linear<S: Space>(
-    parameters: linear::Parameters,
-    settings: Settings<S>,
+    parameters: linear::LinearParameters,
+    settings: DemSettings<S>,
     walls: Vec<Wall<S>>,
 ) -> Dem<S> {
     let law = Law::Linear(Linear {
@@ -30,8 +30,8 @@ pub(super) fn linear<S: Space>(
 }
 
 pub(super) fn cohesive<S: Space>(
-    parameters: cohesive_frictional::Parameters,
-    settings: Settings<S>,
+    parameters: cohesive_frictional::CohesiveFrictionalParameters,
+    settings: DemSettings<S>,
     walls: Vec<Wall<S>>,
 ) -> Dem<S> {
     let law = Law::CohesiveFrictional(CohesiveFrictional {
@@ -40,7 +40,7 @@ pub(super) fn cohesive<S: Space>(
     Dem::new(law, settings, walls).unwrap()
 }
 
-pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
+pub(super) const SPRINGS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 1.0,
     friction: 0.5,
@@ -50,24 +50,25 @@ pub(super) const SPRINGS: linear::Parameters = linear::Parameters {
 };
 
 /// Contacts of a simulation of piping erosion: k_n/d = 150e6 N/m², k_s/k_n = 0.4, 20 degrees, C/d = 0.506 N/m.
-pub(super) const PAPER: cohesive_frictional::Parameters = cohesive_frictional::Parameters {
-    normal_stiffness: Scaled::PerDiameter(150e6),
-    stiffness_ratio: 0.4,
-    // The tangent of 20 degrees.
-    friction: 0.363_970_234_266_202_36,
-    cohesion: Scaled::PerDiameter(0.506),
-    normal_damping: 0.0,
-    shear_damping: 0.0,
-};
+pub(super) const PAPER: cohesive_frictional::CohesiveFrictionalParameters =
+    cohesive_frictional::CohesiveFrictionalParameters {
+        normal_stiffness: Scaled::PerDiameter(150e6),
+        stiffness_ratio: 0.4,
+        // The tangent of 20 degrees.
+        friction: 0.363_970_234_266_202_36,
+        cohesion: Scaled::PerDiameter(0.506),
+        normal_damping: 0.0,
+        shear_damping: 0.0,
+    };
 
 /// Returns a box of side 2 `half` about the origin.
-pub(super) fn about_origin<S: Space>(half: f64) -> Region<S> {
+pub(super) fn about_origin<S: Space>(half: f64) -> GrainDomain<S> {
     let (mut lower, mut upper) = (S::Vector::default(), S::Vector::default());
     for axis in 0..S::DIMENSION {
         lower.set(axis, -half);
         upper.set(axis, half);
     }
-    Region::closed(lower, upper, half / 50.0)
+    GrainDomain::closed(lower, upper, half / 50.0)
 }
 
 /// Returns the rows of a small table: `#` comments, a line of names, numbers.

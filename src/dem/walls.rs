@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use super::space::{Components, Space};
-use super::surface::{Nearest, Surface};
+use super::surface::{FacetSurface, Nearest};
 
 /// A half-space that grains cannot enter, or a surface that they touch from either side.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Wall<S: Space> {
     /// Row in the table of contact parameters.
     pub material: u32,
     /// The facets; none for a plane.
-    pub surface: Option<Arc<Surface>>,
+    pub surface: Option<Arc<FacetSurface>>,
     /// `true` if grains pass through it.
     pub open: bool,
 }
@@ -41,7 +41,7 @@ impl<S: Space> Wall<S> {
 
     /// Returns a wall of facets at rest.
     #[must_use]
-    pub fn of_surface(surface: Arc<Surface>, material: u32) -> Self {
+    pub fn of_surface(surface: Arc<FacetSurface>, material: u32) -> Self {
         Self {
             point: S::Vector::default(),
             normal: S::Vector::default(),
@@ -70,8 +70,8 @@ impl<S: Space> Wall<S> {
             .map_or(at, |surface| surface.in_domain(&at).0)
     }
 
-    /// Finds the contacts of a centre \[m\] in space, like [`Surface::contacts`]; contacts carry the names of their
-    /// facets.
+    /// Finds the contacts of a centre \[m\] in space, like [`FacetSurface::contacts`]; contacts carry the names of
+    /// their facets.
     #[inline]
     pub(super) fn touched(
         &self,

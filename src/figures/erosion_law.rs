@@ -16,8 +16,8 @@
 mod plots;
 mod tables;
 
-use analysis::erosion_law::{Interval, Law};
-use analysis::study::{self, CohesionReport, Reading, Report, Stress, close, points_of};
+use analysis::erosion_law::{FittedErosionLaw, Interval};
+use analysis::study::{self, CohesionReport, ErosionLawReport, Reading, Stress, close, points_of};
 use base::error::Error;
 use std::fmt::Write as _;
 use std::fs;
@@ -66,7 +66,11 @@ impl FromStr for Published {
 ///
 /// # Errors
 /// [`Error::Io`] when a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
-pub fn run(runs: &[PathBuf], output: &Path, published: Option<Published>) -> Result<Report, Error> {
+pub fn run(
+    runs: &[PathBuf],
+    output: &Path,
+    published: Option<Published>,
+) -> Result<ErosionLawReport, Error> {
     let mut report = study::fit(runs)?;
     write_all(&mut report, output, published)?;
     Ok(report)
@@ -91,7 +95,7 @@ pub fn command(
 }
 
 fn write_all(
-    report: &mut Report,
+    report: &mut ErosionLawReport,
     output: &Path,
     published: Option<Published>,
 ) -> Result<(), Error> {
@@ -186,9 +190,9 @@ fn digits(value: f64) -> String {
 }
 
 /// Returns the threshold, coefficient and R2 of a law, for the terminal.
-fn words(law: Option<&Law>) -> [String; 3] {
+fn words(law: Option<&FittedErosionLaw>) -> [String; 3] {
     match law {
-        Some(Law::Fitted(fit)) => [
+        Some(FittedErosionLaw::Fitted(fit)) => [
             with_interval(fit.critical_shear, fit.critical_shear_interval),
             with_interval(fit.coefficient, fit.coefficient_interval),
             if fit.r_squared.is_nan() {
@@ -197,12 +201,12 @@ fn words(law: Option<&Law>) -> [String; 3] {
                 format!("{:.3}", fit.r_squared)
             },
         ],
-        Some(Law::LowerBound { at_least }) => [
+        Some(FittedErosionLaw::LowerBound { at_least }) => [
             format!(">= {}", digits(*at_least)),
             "no erosion".to_owned(),
             String::new(),
         ],
-        Some(Law::Bracketed { above, below }) => [
+        Some(FittedErosionLaw::Bracketed { above, below }) => [
             format!("between {} and {}", digits(*above), digits(*below)),
             "one stress erodes".to_owned(),
             String::new(),
@@ -212,14 +216,18 @@ fn words(law: Option<&Law>) -> [String; 3] {
 }
 
 /// Returns the report for the terminal.
-fn text(report: &Report, published: Option<Published>) -> String {
+fn text(report: &ErosionLawReport, published: Option<Published>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write_text(&mut text, report, published);
     text
 }
 
-fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> std::fmt::Result {
+fn write_text(
+    f: &mut String,
+    report: &ErosionLawReport,
+    published: Option<Published>,
+) -> std::fmt::Result {
     writeln!(
         f,
         "{:>10}  {:>4}  {:>6}  {:>8}  {:>32}  {:>26}  {:>6}",
@@ -294,7 +302,7 @@ fn write_text(f: &mut String, report: &Report, published: Option<Published>) -> 
 mod tests {
     use super::*;
     use analysis::erosion_law::{
-        ErosionRecord, ErosionSummary, RemovedGrain, Row, read_rows, write_rows,
+        ErosionRecord, ErosionSummary, RecordRow, RemovedGrain, read_rows, write_rows,
     };
     use base::random::Draws;
 
@@ -427,14 +435,14 @@ mod tests {
         let report = run(&runs, &output, Some(PUBLISHED)).unwrap();
         assert_eq!(report.cohesions.len(), 4);
         for (cohesion, (_, threshold)) in report.cohesions[..3].iter().zip(series) {
-            let Some(Law::Fitted(fit)) = &cohesion.law else {
+            let Some(FittedErosionLaw::Fitted(fit)) = &cohesion.law else {
                 panic!("{:?}", cohesion.law)
             };
             assert!(fit.coefficient_interval.contains(9.1), "{fit:?}");
             assert!(fit.critical_shear_interval.contains(threshold), "{fit:?}");
             assert!(fit.r_squared > 0.9);
         }
-        let Some(Law::LowerBound { at_least }) = report.cohesions[3].law else {
+        let Some(FittedErosionLaw::LowerBound { at_least }) = report.cohesions[3].law else {
             panic!("{:?}", report.cohesions[3].law)
         };
         assert!((at_least / (0.5 * 8e-4 / (2.0 * LENGTH)) - 1.0).abs() < 0.01);
@@ -501,7 +509,7 @@ mod tests {
                 .remove(0)
                 .law
         };
-        assert!(matches!(law("bonds"), Some(Law::Fitted(_))));
+        assert!(matches!(law("bonds"), Some(FittedErosionLaw::Fitted(_))));
         for folder in &runs {
             let file = folder.join("erosion.csv");
             let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
@@ -512,7 +520,10 @@ mod tests {
             write_rows(&file, &rows).unwrap();
         }
         let found = law("none");
-        assert!(matches!(found, Some(Law::LowerBound { .. })), "{found:?}");
+        assert!(
+            matches!(found, Some(FittedErosionLaw::LowerBound { .. })),
+            "{found:?}"
+        );
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The figures of a run: the collapse against time with its stages, and the long section of the settlement.
 
-use super::plot::{Axis, CATEGORY, Figure, Layer, Legend, Panel, Shape, sequential};
+use super::plot::{CATEGORY, Figure, Layer, Legend, Panel, PlotAxis, Shape, sequential};
 use analysis::ground_collapse::record::{CollapseRecord, StageTimes, SurfaceRecord};
 use std::collections::BTreeMap;
 
@@ -48,8 +48,8 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
         }
         Panel {
             title: title.to_owned(),
-            x: Axis::linear("time", "s"),
-            y: Axis::linear(quantity, unit),
+            x: PlotAxis::linear("time", "s"),
+            y: PlotAxis::linear(quantity, unit),
             layers,
             legend: Legend::Right,
             legend_title: String::new(),
@@ -124,8 +124,8 @@ pub fn settlement(rows: &[SurfaceRecord]) -> Figure {
     Figure {
         panels: vec![Panel {
             title: "Long section of the surface".to_owned(),
-            x: Axis::linear("along", "m"),
-            y: Axis::linear("change of elevation", "m"),
+            x: PlotAxis::linear("along", "m"),
+            y: PlotAxis::linear("change of elevation", "m"),
             layers,
             legend: Legend::Right,
             legend_title: "time [s]".to_owned(),

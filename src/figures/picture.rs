@@ -23,7 +23,7 @@ use colours::{grain_colour, water_colour};
 use cuts::Cuts;
 use faces::{Faces, id_of};
 use flow_net::{FlowNet, Ground};
-use io::Moment;
+use io::OutputTime;
 use io::fields::{Values, inspect, read_column};
 use io::{Alone, Series};
 use overlays::{Arrows, Network};
@@ -58,7 +58,7 @@ pub struct PictureOptions {
     pub contacts: bool,
     /// From where a scene in space is seen.
     #[arg(long, value_enum, default_value = "corner")]
-    pub view: View,
+    pub view: ViewDirection,
     /// Cut a scene in space by a plane such as y=0.08 [m] and show its water [default: its middle, where there is only
     /// water].
     #[arg(long, value_name = "AXIS=METRES")]
@@ -134,7 +134,7 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
 
 /// View of a scene in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum View {
+pub enum ViewDirection {
     /// Along -x: y to the right, z up.
     X,
     /// Along y: x to the right, z up.
@@ -181,7 +181,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             "holds neither grains.xmf nor blocks.xmf nor fluid.xmf with outputs",
         ));
     };
-    let moments: Vec<Moment> = clock.moments().collect();
+    let moments: Vec<OutputTime> = clock.moments().collect();
     let chosen = choose(&moments, &request.times);
     let ground = Rc::new(
         request
@@ -245,9 +245,9 @@ fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
 }
 
 /// Returns the outputs nearest to the asked times; without any, up to four over the run.
-fn choose(moments: &[Moment], times: &[f64]) -> Vec<Moment> {
+fn choose(moments: &[OutputTime], times: &[f64]) -> Vec<OutputTime> {
     let last = moments.len().saturating_sub(1);
-    let mut chosen: Vec<Moment> = if times.is_empty() {
+    let mut chosen: Vec<OutputTime> = if times.is_empty() {
         let panels = moments.len().min(4);
         (0..panels)
             .map(|k| moments[k * last / (panels - 1).max(1)])

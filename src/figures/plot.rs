@@ -39,7 +39,7 @@ pub fn sequential(index: usize, count: usize) -> String {
 }
 /// Mapping of values to an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
+pub enum AxisScale {
     /// Linear scale.
     Linear,
     /// Logarithmic scale; values that are not positive are not drawn.
@@ -48,25 +48,25 @@ pub enum Scale {
 
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct PlotAxis {
     /// The quantity, as `τ_{h}` or `eroded mass`.
     pub quantity: String,
     /// Unit; empty for none.
     pub unit: String,
     /// Mapping of values.
-    pub scale: Scale,
+    pub scale: AxisScale,
     /// First and last value; from the data where `None`.
     pub range: Option<(f64, f64)>,
 }
 
-impl Axis {
+impl PlotAxis {
     /// Returns a linear axis that starts at zero where the data are not negative.
     #[must_use]
     pub fn linear(quantity: &str, unit: &str) -> Self {
         Self {
             quantity: quantity.to_owned(),
             unit: unit.to_owned(),
-            scale: Scale::Linear,
+            scale: AxisScale::Linear,
             range: None,
         }
     }
@@ -75,7 +75,7 @@ impl Axis {
     #[must_use]
     pub fn log(quantity: &str, unit: &str) -> Self {
         Self {
-            scale: Scale::Log,
+            scale: AxisScale::Log,
             ..Self::linear(quantity, unit)
         }
     }
@@ -106,7 +106,7 @@ pub struct Mark {
 impl Mark {
     /// Returns a point without bars.
     #[must_use]
-    pub fn at(x: f64, y: f64) -> Self {
+    pub fn without_bars(x: f64, y: f64) -> Self {
         Self {
             x,
             y,
@@ -207,9 +207,9 @@ pub struct Panel {
     /// Title above the panel.
     pub title: String,
     /// Horizontal axis.
-    pub x: Axis,
+    pub x: PlotAxis,
     /// Vertical axis.
-    pub y: Axis,
+    pub y: PlotAxis,
     /// Drawn in this order.
     pub layers: Vec<Layer>,
     /// Place of the legend.
@@ -306,7 +306,7 @@ impl Pen {
 
 /// The range of an axis, its ticks, and how values map to the unit interval.
 struct Mapping {
-    scale: Scale,
+    scale: AxisScale,
     low: f64,
     high: f64,
     /// Ticks with their labels; an empty label is a minor tick.
@@ -316,14 +316,14 @@ struct Mapping {
 }
 
 impl Mapping {
-    fn new(axis: &Axis, values: &[f64]) -> Self {
+    fn new(axis: &PlotAxis, values: &[f64]) -> Self {
         match axis.scale {
-            Scale::Linear => Self::linear(axis, values),
-            Scale::Log => Self::log(axis, values),
+            AxisScale::Linear => Self::linear(axis, values),
+            AxisScale::Log => Self::log(axis, values),
         }
     }
 
-    fn linear(axis: &Axis, values: &[f64]) -> Self {
+    fn linear(axis: &PlotAxis, values: &[f64]) -> Self {
         let (least, most) = bounds(values.iter().copied().filter(|v| v.is_finite()));
         let (mut low, mut high) = axis.range.unwrap_or_else(|| {
             let least = if least > 0.0 && least < 0.6 * most {
@@ -366,7 +366,7 @@ impl Mapping {
             })
             .collect();
         Self {
-            scale: Scale::Linear,
+            scale: AxisScale::Linear,
             low,
             high,
             ticks,
@@ -374,7 +374,7 @@ impl Mapping {
         }
     }
 
-    fn log(axis: &Axis, values: &[f64]) -> Self {
+    fn log(axis: &PlotAxis, values: &[f64]) -> Self {
         let positive = values.iter().copied().filter(|v| v.is_finite() && *v > 0.0);
         let (low, high) = axis.range.unwrap_or_else(|| {
             let (least, most) = bounds(positive);
@@ -407,7 +407,7 @@ impl Mapping {
             }
         }
         Self {
-            scale: Scale::Log,
+            scale: AxisScale::Log,
             low,
             high,
             ticks,
@@ -418,9 +418,9 @@ impl Mapping {
     /// Returns 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
     fn fraction(&self, value: f64) -> Option<f64> {
         let share = match self.scale {
-            Scale::Linear => (value - self.low) / (self.high - self.low),
-            Scale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
-            Scale::Log => return None,
+            AxisScale::Linear => (value - self.low) / (self.high - self.low),
+            AxisScale::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
+            AxisScale::Log => return None,
         };
         share.is_finite().then_some(share)
     }
@@ -861,7 +861,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
 }
 
 /// Returns the label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
-fn label(axis: &Axis, power: i32) -> String {
+fn label(axis: &PlotAxis, power: i32) -> String {
     let factor = if power == 0 {
         String::new()
     } else {
@@ -890,7 +890,7 @@ mod tests {
 
     #[test]
     fn linear_ticks_are_round_and_small_numbers_lend_their_power_to_the_label() {
-        let axis = Axis::linear("t", "s");
+        let axis = PlotAxis::linear("t", "s");
         let mapping = Mapping::new(&axis, &[0.0, 9.7]);
         assert_eq!(labels(&mapping), ["0", "2", "4", "6", "8", "10"]);
         let mapping = Mapping::new(&axis, &[0.0, 0.0031]);
@@ -904,7 +904,7 @@ mod tests {
 
     #[test]
     fn logarithmic_ticks_are_decades_and_over_a_short_range_also_2_and_5() {
-        let axis = Axis::log("C", "N/m");
+        let axis = PlotAxis::log("C", "N/m");
         let mapping = Mapping::new(&axis, &[0.152, 12.7]);
         assert_eq!(labels(&mapping), ["1", "10"]);
         let mapping = Mapping::new(&axis, &[0.9, 11.0]);
@@ -927,8 +927,8 @@ mod tests {
     fn a_figure_of_nothing_and_of_odd_values_is_still_a_figure() {
         let panel = |layers| Panel {
             title: String::new(),
-            x: Axis::log("x", ""),
-            y: Axis::linear("y", ""),
+            x: PlotAxis::log("x", ""),
+            y: PlotAxis::linear("y", ""),
             layers,
             legend: Legend::TopLeft,
             legend_title: String::new(),
@@ -959,8 +959,8 @@ mod tests {
     fn points_land_where_the_axes_say() {
         let panel = Panel {
             title: String::new(),
-            x: Axis::linear("x", "").over(0.0, 10.0),
-            y: Axis::log("y", "").over(1.0, 100.0),
+            x: PlotAxis::linear("x", "").over(0.0, 10.0),
+            y: PlotAxis::log("y", "").over(1.0, 100.0),
             layers: vec![],
             legend: Legend::None,
             legend_title: String::new(),

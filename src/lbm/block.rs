@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// Rows of planes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
+pub struct RowBlock {
     /// Planes across the slab axis.
     pub planes: Range<usize>,
     /// Rows of each.
@@ -26,7 +26,7 @@ pub(crate) struct Line {
 
 impl Line {
     /// Returns one in a row.
-    pub(crate) fn of(row: u32) -> Self {
+    pub(crate) fn single(row: u32) -> Self {
         Self {
             count: 1,
             stride: 0,

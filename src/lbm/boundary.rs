@@ -9,8 +9,8 @@
 //!
 //! 1. the formula and its source;
 //! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
-//! 3. what the program asks about them ([`Model`]): the nature of the boundary, what is wrong with the parameters, the
-//!    speed, the pressure and the inflow that they impose, and the rule on the lattice;
+//! 3. what the program asks about them ([`BoundaryModel`]): the kind of the boundary, what is wrong with the
+//!    parameters, the speed, the pressure and the inflow that they impose, and the rule on the lattice;
 //! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
 //!
 //! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
@@ -20,8 +20,8 @@
 //! |---|---|
 //! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
 //! | `discharge`, `level`, `outfall` | an opening of water with a free surface each |
-//! | `model` | [`Model`], what the program asks a boundary of a case |
-//! | `nature`, `site` | what a boundary is to what surrounds it, and where it is imposed |
+//! | `model` | [`BoundaryModel`], what the program asks a boundary of a case |
+//! | `kind`, `site` | the kind of a boundary, and where it is imposed |
 //! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
 //! | `wall` | half-way bounce-back at walls and imposed velocities, also during the pass |
 //! | `profile` | a velocity over a face |
@@ -32,9 +32,9 @@
 
 mod covered;
 mod flux;
+mod kind;
 mod links;
 mod model;
-mod nature;
 pub mod profile;
 mod rule;
 mod site;
@@ -44,14 +44,14 @@ pub mod wall;
 
 pub use super::quanta::{QUANTA, from_quanta, quanta};
 pub use flux::Flux;
+pub use kind::{BoundaryKind, Inflow, Strength, SurfaceKind, WithSurface};
 pub use links::{Crossing, FaceLink, Mirror, MirrorRun};
-pub use model::{ImposedPressure, ImposedSpeed, Model};
-pub use nature::{Inflow, Nature, Strength, Surface, WithSurface};
-pub use rule::{Giver, Moment, Rule};
+pub use model::{BoundaryModel, ImposedPressure, ImposedSpeed};
+pub use rule::{Giver, Rule, RuleStep};
 pub use site::{Opening, Place, Sides, Site};
 pub use sound::{Sound, Sums};
 
-use super::block::Block;
+use super::block::RowBlock;
 use super::gpu::copies::Copies;
 use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
@@ -86,7 +86,7 @@ macro_rules! boundaries {
         impl $list {
             /// Returns the model of the boundary.
             #[must_use]
-            pub fn model(&self) -> &dyn Model {
+            pub fn model(&self) -> &dyn BoundaryModel {
                 match self {
                     $(Self::$boundary(parameters) => parameters,)*
                 }
@@ -174,7 +174,7 @@ impl Ramp {
 
     /// Returns the value at a step.
     #[must_use]
-    pub fn at(&self, step: f64) -> f64 {
+    pub fn value_at(&self, step: f64) -> f64 {
         if step >= self.steps {
             self.end
         } else {
@@ -200,7 +200,7 @@ pub struct Patch<S: Stored = f64> {
 impl<S: Stored> Patch<S> {
     /// Returns `true` if water passes through the face at a point, in cells.
     fn lets_through(&self, position: [f64; 3]) -> bool {
-        self.rule.nature().surface == Surface::Opening
+        self.rule.kind().surface == SurfaceKind::Opening
             && self
                 .rule
                 .velocity(position)
@@ -216,7 +216,7 @@ impl<S: Stored> Patch<S> {
 
 /// Returns the last patch that holds a position on a face; none where only the default wall does.
 #[must_use]
-pub fn holder<S: Stored>(
+pub fn patch_at<S: Stored>(
     patches: &[Patch<S>],
     axis: usize,
     upper: bool,
@@ -271,7 +271,7 @@ fn on_border<S: Stored>(
     middle: [f64; 3],
     beside: impl Iterator<Item = (usize, [f64; 3])>,
 ) -> (usize, f64) {
-    let strength = |p: usize| patches[p].rule.nature().strength;
+    let strength = |p: usize| patches[p].rule.kind().strength;
     let (mut strongest, mut imposing) = (None, None);
     let (mut count, mut imposed) = (0.0, 0.0);
     for (p, centre) in beside {
@@ -280,7 +280,7 @@ fn on_border<S: Stored>(
         }
         count += 1.0;
         let rule = &patches[p].rule;
-        if rule.nature().surface != Surface::Wall && rule.velocity(middle).is_some() {
+        if rule.kind().surface != SurfaceKind::Wall && rule.velocity(middle).is_some() {
             imposed += rule.part(centre);
             imposing = imposing.max(Some(p));
         }
@@ -306,7 +306,7 @@ fn no_slip_walls<S: Stored>() -> impl Iterator<Item = Patch<S>> {
             axis,
             upper,
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-            rule: Box::new(no_slip::Links),
+            rule: Box::new(no_slip::NoSlipLinks),
         }
     })
 }
@@ -334,12 +334,12 @@ fn crossed<S: Stored>(
             let default = defaults + 2 * axis + usize::from(upper);
             let beside = around(frame, c, outside, middle);
             let beside = beside.map(|point| {
-                let holder = holder(&patches[..defaults], axis, upper, point);
+                let holder = patch_at(&patches[..defaults], axis, upper, point);
                 (holder.unwrap_or(default), point)
             });
             on_border(patches, middle, beside)
         })
-        .max_by_key(|&(p, _)| patches[p].rule.nature().strength)
+        .max_by_key(|&(p, _)| patches[p].rule.kind().strength)
         .unwrap_or((defaults, 1.0))
 }
 
@@ -433,7 +433,7 @@ impl<S: Stored> Boundaries<S> {
             }
         }
         let mut order: Vec<usize> = (0..patches.len()).collect();
-        order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.nature().strength));
+        order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.kind().strength));
         let summed: Vec<usize> = (0..patches.len())
             .filter(|&p| patches[p].rule.sums())
             .collect();
@@ -455,7 +455,7 @@ impl<S: Stored> Boundaries<S> {
         let first = |i: usize| populations.slot(0, i);
         self.walls
             .links()
-            .filter(|wall| self.patches[wall.patch].rule.nature().surface == Surface::Wall)
+            .filter(|wall| self.patches[wall.patch].rule.kind().surface == SurfaceKind::Wall)
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
@@ -519,7 +519,7 @@ impl<S: Stored> Boundaries<S> {
     pub fn mirrored(&self) -> [[bool; 2]; 3] {
         let mut mirrored = [[false; 2]; 3];
         for patch in self.patches.iter().take(self.count() - FACES) {
-            let mirror = patch.rule.nature().surface == Surface::Symmetry;
+            let mirror = patch.rule.kind().surface == SurfaceKind::Symmetry;
             mirrored[patch.axis][usize::from(patch.upper)] = mirror;
         }
         mirrored
@@ -560,7 +560,7 @@ impl<S: Stored> Boundaries<S> {
     /// their neighbours.
     pub(crate) unsafe fn give_walls(
         &self,
-        cells: &Block,
+        cells: &RowBlock,
         step: f64,
         parity: Parity,
         numbers: *mut S,
@@ -603,7 +603,7 @@ impl<S: Stored> Boundaries<S> {
         if self.summed.is_empty() {
             return;
         }
-        let moment = Moment { step, half_force };
+        let moment = RuleStep { step, half_force };
         let count = Sums::default().len();
         for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact_mut(count)) {
             let measured = self.patches[patch].rule.measure(populations, &moment);
@@ -627,7 +627,7 @@ impl<S: Stored> Boundaries<S> {
         half_force: [f64; 3],
         planes: impl Iterator<Item = Range<usize>>,
     ) {
-        let moment = Moment { step, half_force };
+        let moment = RuleStep { step, half_force };
         // Pressure reads whole cells, so it goes before what is weaker; the others touch only their own two numbers.
         for &patch in &self.order {
             self.patches[patch].rule.apply(populations, &moment);

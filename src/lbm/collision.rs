@@ -32,7 +32,7 @@ use trt::AntisymmetricRate;
 /// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an
 /// operator in a case is that of its module.
 macro_rules! operators {
-    ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
+    ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident $parameters:ident,)*) => {
         $(pub mod $module;)*
 
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,14 +42,14 @@ macro_rules! operators {
         pub enum $list {
             $(
                 #[allow(missing_docs, reason = "the documentation of an operator stands in its module")]
-                $operator($module::Parameters),
+                $operator($module::$parameters),
             )*
         }
 
         impl $list {
             /// Returns the description of the operator.
             #[must_use]
-            pub fn model(&self) -> &dyn Model {
+            pub fn model(&self) -> &dyn CollisionModel {
                 match self {
                     $(Self::$operator(parameters) => parameters,)*
                 }
@@ -77,21 +77,21 @@ operators! {
     /// Collision operator.
     #[schemars(rename = "Collision")]
     Operator:
-    bgk Bgk,
-    trt Trt,
-    mrt Mrt,
-    suga Suga,
-    cumulant Cumulant,
+    bgk Bgk BgkParameters,
+    trt Trt TrtParameters,
+    mrt Mrt MrtParameters,
+    suga Suga SugaParameters,
+    cumulant Cumulant CumulantParameters,
 }
 
 impl Default for Operator {
     fn default() -> Self {
-        Self::Trt(trt::Parameters::default())
+        Self::Trt(trt::TrtParameters::default())
     }
 }
 
 /// A collision operator of a case: its parameters and its interface to the program.
-pub trait Model {
+pub trait CollisionModel {
     /// Returns the operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;
 
@@ -122,8 +122,8 @@ pub trait Model {
     /// Returns the cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;
 
-    /// Returns the wave that grows fastest in fluid at rest, where [`Model::check`] does not report it at every number
-    /// of steps.
+    /// Returns the wave that grows fastest in fluid at rest, where [`CollisionModel::check`] does not report it at
+    /// every number of steps.
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let _ = relaxation_time;
         None

@@ -22,7 +22,7 @@ struct Share {
 
 impl Rows {
     /// Checks every row.
-    pub fn look<S: Stored>(&mut self, fluid: &Fluid<S>) {
+    pub fn check<S: Stored>(&mut self, fluid: &Fluid<S>) {
         if let Some(found) = fluid.extremes_on_gpu() {
             self.threads.resize_with(1, Share::default);
             self.threads[0].found = found;
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn extremes_of_a_row_are_those_of_its_cells() {
-        let velocities = Velocities::of::<D3Q19, 19>();
+        let velocities = Velocities::for_lattice::<D3Q19, 19>();
         let mut lattice = Populations::<f64>::new(velocities, [21, 4, 3], 2).unwrap();
         for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
             *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;

@@ -11,7 +11,7 @@ mod two_steps;
 pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
-use super::block::Block;
+use super::block::RowBlock;
 use super::boundary::{Boundaries, Frame, Patch};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
@@ -23,8 +23,8 @@ use super::lanes::{Level, Stored};
 use super::lattice::VelocitySet;
 use super::populations::Populations;
 use super::saturation::pass::View as CoverView;
-use super::saturation::{Cover, Method};
-use super::surface::Surface;
+use super::saturation::{Cover, SaturationMethod};
+use super::surface::SlabSurface;
 use super::term::{self, ClosedCells, Term};
 use super::turbulence::EddyViscosity;
 use super::turbulence::field::{Field as VelocityField, View};
@@ -52,7 +52,7 @@ pub struct Setup<S: Stored = f64> {
     /// Patches of the faces; faces without one are no-slip walls.
     pub patches: Vec<Patch<S>>,
     /// The action of solids on covered cells; none if no cell can be covered.
-    pub saturation: Option<Method>,
+    pub saturation: Option<SaturationMethod>,
     /// Device that it runs on.
     pub device: Device,
     /// Terms of the step that are added to force, boundaries, eddies and covered cells.
@@ -113,7 +113,7 @@ fn terms<'a, S: Stored>(
     boundaries: &'a Boundaries<S>,
     cover: Option<&'a Cover>,
     closed: Option<&'a ClosedCells>,
-    surface: Option<&'a Surface>,
+    surface: Option<&'a SlabSurface>,
     added: &'a [Box<dyn Term<S>>],
 ) -> impl Iterator<Item = &'a dyn Term<S>> {
     let built_in: [Option<&'a dyn Term<S>>; 6] = [
@@ -176,7 +176,7 @@ pub struct Fluid<S: Stored> {
     /// Cover of the cells by solids, if cells can be covered.
     cover: Option<Cover>,
     /// Free surface, if there is one.
-    surface: Option<Box<Surface>>,
+    surface: Option<Box<SlabSurface>>,
     closed: ClosedCells,
     /// Terms that act before the collision.
     added: Vec<Box<dyn Term<S>>>,
@@ -208,7 +208,7 @@ impl<S: Stored> Fluid<S> {
         cells[split] = planes.len();
         let mut start = [0; 3];
         start[split] = planes.start;
-        let pass = Choice::of(&setup, Level::best()).on(setup.set);
+        let pass = Choice::from_setup(&setup, Level::best()).on(setup.set);
         let describe = match setup.set {
             VelocitySet::D2Q9 => Shared::new::<9>,
             VelocitySet::D3Q19 => Shared::new::<19>,
@@ -416,7 +416,10 @@ impl<S: Stored> Fluid<S> {
         self.hide_dry(true);
         // End planes first: their populations travel while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
-        let cover = self.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
+        let cover = self
+            .cover
+            .as_mut()
+            .map_or(CoverView::NONE, CoverView::from_cover);
         let [_, middle, fast] = self.populations.order();
         let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
         let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
@@ -588,7 +591,7 @@ impl<S: Stored> Fluid<S> {
             let mine = planes_of(&(0..all), threads, t);
             for (plane, first) in [(0, 0), (planes - 1, rows)] {
                 let part = |row: usize| row.clamp(first, first + rows) - first;
-                let cells = Block {
+                let cells = RowBlock {
                     planes: plane..plane + 1,
                     rows: part(mine.start)..part(mine.end),
                 };

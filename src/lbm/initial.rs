@@ -15,11 +15,11 @@ const MOST: usize = 27;
 /// Density deviation and velocity (lattice units) at a position in cells of the whole domain.
 pub trait Field: Sync {
     /// Returns the state at a position; the first cell's centre is (½, ½, ½).
-    fn at(&self, position: [f64; 3]) -> (f64, [f64; 3]);
+    fn state_at(&self, position: [f64; 3]) -> (f64, [f64; 3]);
 }
 
 impl<F: Fn([f64; 3]) -> (f64, [f64; 3]) + Sync> Field for F {
-    fn at(&self, position: [f64; 3]) -> (f64, [f64; 3]) {
+    fn state_at(&self, position: [f64; 3]) -> (f64, [f64; 3]) {
         self(position)
     }
 }
@@ -112,7 +112,7 @@ struct State<'a> {
 
 impl State<'_> {
     fn given(&self, field: &dyn Field, position: [f64; 3]) -> Given {
-        let (drho, u) = field.at(position);
+        let (drho, u) = field.state_at(position);
         let mut gradient = [[0.0; 3]; 3];
         for (a, row) in gradient
             .iter_mut()
@@ -122,7 +122,7 @@ impl State<'_> {
             let side = |shift: f64| {
                 let mut p = position;
                 p[a] += shift;
-                field.at(p).1
+                field.state_at(p).1
             };
             let (high, low) = (side(0.5), side(-0.5));
             for b in 0..3 {

@@ -4,7 +4,7 @@
 //! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in
 //! ghosts and padding, whose contents the boundaries renew after every pass.
 
-use super::block::Block;
+use super::block::RowBlock;
 use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored, prefetch};
 use super::lattice::{Lattice, unroll};
@@ -50,7 +50,7 @@ pub struct Update<C, T> {
 
 /// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and
 /// processor.
-pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &Block);
+pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &RowBlock);
 
 /// Data that the threads of one pass share.
 pub struct Shared<S> {
@@ -118,8 +118,8 @@ impl<S> Shared<S> {
     }
 
     /// Returns some whole planes.
-    pub(crate) fn planes(&self, planes: Range<usize>) -> Block {
-        Block {
+    pub(crate) fn planes(&self, planes: Range<usize>) -> RowBlock {
+        RowBlock {
             planes,
             rows: 0..self.rows,
         }
@@ -209,7 +209,7 @@ pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, cons
 unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
-    block: &Block,
+    block: &RowBlock,
 ) {
     // SAFETY: forwarded from the caller.
     unsafe { pass::<L, C, T, P, S, super::lanes::Avx2, Q>(shared, update, block) }
@@ -220,7 +220,7 @@ unsafe fn avx2<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, con
 unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
-    block: &Block,
+    block: &RowBlock,
 ) {
     // SAFETY: forwarded from the caller.
     unsafe { pass::<L, C, T, P, S, super::lanes::Avx512, Q>(shared, update, block) }
@@ -229,7 +229,7 @@ unsafe fn avx512<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
 unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
-    block: &Block,
+    block: &RowBlock,
 ) {
     // SAFETY: forwarded from the caller.
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
@@ -379,7 +379,7 @@ fn opaque(along: &mut [isize; 2]) {
 unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     shared: &Shared<S>,
     update: &Update<C, T>,
-    block: &Block,
+    block: &RowBlock,
 ) where
     L: Lattice<Q>,
     C: Collision,

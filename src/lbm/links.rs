@@ -49,14 +49,14 @@ pub struct BodyLink {
 
 /// The half-space `normal . x <= offset` of a convex polyhedron, in cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
+pub struct CellPlane {
     /// Unit normal, outwards.
     pub normal: [f64; 3],
     /// Distance from the origin along it.
     pub offset: f64,
 }
 
-impl Plane {
+impl CellPlane {
     /// Returns the height of a point over it \[cells\].
     #[inline(always)]
     #[must_use]
@@ -152,7 +152,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     scheme: Scheme,
     links: &[Vec<BodyLink>],
     motion: &[Rigid],
-    faces: impl Fn(usize) -> &'a [Plane] + Sync,
+    faces: impl Fn(usize) -> &'a [CellPlane] + Sync,
     loads: &mut [Load],
 ) {
     let parity = populations.parity();
@@ -220,7 +220,7 @@ fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
 /// Returns the point of entry, like [`into_ball`], for a convex polyhedron about `centre`: it is entered through the
 /// last of the faces that have the link's start in front of them.
 #[inline(always)]
-fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[Plane]) -> f64 {
+fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[CellPlane]) -> f64 {
     let start = std::array::from_fn(|a| centre[a] + d[a]);
     let mut q = 0.0_f64;
     for face in faces {
@@ -394,7 +394,7 @@ mod tests {
     use base::random::Stream;
 
     /// Returns a turned cuboid about a centre that no cell favours.
-    fn cuboid(centre: [f64; 3]) -> Vec<Plane> {
+    fn cuboid(centre: [f64; 3]) -> Vec<CellPlane> {
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
         let edges = [5.0, 6.0, 7.0];
         (0..6)
@@ -402,7 +402,7 @@ mod tests {
                 let mut normal = nalgebra::Vector3::zeros();
                 normal[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
                 let normal: [f64; 3] = (turn * normal).into();
-                Plane {
+                CellPlane {
                     normal,
                     offset: 0.5 * edges[k / 2] + dot::<3>(normal, centre),
                 }
@@ -446,7 +446,7 @@ mod tests {
 
     #[test]
     fn a_polyhedron_that_turned_away_keeps_its_link_within_bounds() {
-        let faces = [Plane {
+        let faces = [CellPlane {
             normal: [0.0, 0.0, 1.0],
             offset: 4.0,
         }];

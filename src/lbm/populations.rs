@@ -138,7 +138,7 @@ pub struct Layout {
 impl Layout {
     /// Returns the places of a slab of `cells` (x, y, z) with the slab axis `split`.
     #[must_use]
-    pub fn of<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
+    pub fn for_slab<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
         // Capacity for whole vectors beyond the last cell; never a multiple of a page.
@@ -174,7 +174,7 @@ impl<S: Stored> Populations<S> {
     /// # Errors
     /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
     pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
-        let layout = Layout::of::<S>(&velocities, cells, split);
+        let layout = Layout::for_slab::<S>(&velocities, cells, split);
         let Layout {
             order,
             pitch,
@@ -670,7 +670,7 @@ mod tests {
     #[test]
     fn a_position_leads_back_to_its_cell() {
         for split in 0..3 {
-            let velocities = Velocities::of::<D3Q19, 19>();
+            let velocities = Velocities::for_lattice::<D3Q19, 19>();
             let lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
             for z in -1..4 {
                 for y in -1..5 {
@@ -686,7 +686,7 @@ mod tests {
     #[test]
     fn moments_of_a_row_are_those_of_its_cells() {
         for split in 0..3 {
-            let velocities = Velocities::of::<D3Q19, 19>();
+            let velocities = Velocities::for_lattice::<D3Q19, 19>();
             let mut lattice = Populations::<f64>::new(velocities, [5, 4, 3], split).unwrap();
             for (n, number) in (0_u32..).zip(lattice.numbers_mut()) {
                 *number = f64::from(n.wrapping_mul(2_654_435_761)) * 1e-12 - 2e-3;

@@ -45,7 +45,7 @@ mod weighting;
 
 #[cfg(not(target_arch = "nvptx64"))]
 pub use cover::{Cover, cells};
-pub use solid::{DEEP, Solid};
+pub use solid::{CoveringBody, DEEP};
 pub use weighting::Weighting;
 
 use super::collision::along;
@@ -88,7 +88,7 @@ macro_rules! solid_operators {
 
             /// The description of the operator.
             #[must_use]
-            pub fn model(self) -> &'static dyn Model {
+            pub fn model(self) -> &'static dyn SolidOperatorModel {
                 match self {
                     $(Self::$operator => &$module::$operator,)*
                 }
@@ -113,10 +113,10 @@ macro_rules! solid_operators {
                 schema.insert("oneOf".into(), json!(choices));
             }
 
-            /// See [`SolidCollision::share`].
-            fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
+            /// See [`SolidCollision::force_left_out`].
+            fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
                 match self {
-                    $(Self::$operator => $module::$operator.share(fluid, fraction),)*
+                    $(Self::$operator => $module::$operator.force_left_out(fluid, fraction),)*
                 }
             }
         }
@@ -149,7 +149,7 @@ solid_operators! {
 }
 
 /// A solid collision operator: its interface to the program.
-pub trait Model {
+pub trait SolidOperatorModel {
     /// The operator in the schema of a case.
     fn documentation(&self) -> &'static str;
 
@@ -234,7 +234,7 @@ pub struct DensityRatios {
 impl DensityRatios {
     /// Returns the ratios for a body: within the measured relaxation times as given, beyond them wider: every body
     /// below 0.3 fails, and bodies hold from `wider` above.
-    fn of(body: &LightBody, fails: f64, holds: f64, wider: f64) -> Self {
+    fn for_body(body: &LightBody, fails: f64, holds: f64, wider: f64) -> Self {
         if body.measured() {
             Self { fails, holds }
         } else {
@@ -248,7 +248,7 @@ impl DensityRatios {
 
 /// Action of solids on the cells that they cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Method {
+pub struct SaturationMethod {
     /// Operator that acts on the populations.
     pub operator: SolidOperator,
     /// Weight of a covered fraction.
@@ -281,7 +281,7 @@ trait SolidCollision: Copy {
     ) -> Act<N>;
 
     /// Returns the part of the body force on a cell filled by `fraction` that does not act on the fluid.
-    fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64;
+    fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64;
 }
 
 /// Type of a pass: with or without covered cells.

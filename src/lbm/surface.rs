@@ -92,10 +92,10 @@ use lists::Plane;
 const ROUND: f64 = 1e-9;
 
 /// Kind, mass and unshared excess of a cell, as a checkpoint has them.
-pub type Saved = [f64; 3];
+pub type SavedCell = [f64; 3];
 
 /// Free surface of one slab.
-pub struct Surface {
+pub struct SlabSurface {
     cells: Cells,
     planes: Vec<Plane>,
     ghosts: Ghosts,
@@ -115,7 +115,7 @@ pub struct Surface {
     fed: Vec<conversion::Fed>,
 }
 
-impl Surface {
+impl SlabSurface {
     /// Returns the surface of a slab of gas; all ranks call it together.
     ///
     /// # Errors
@@ -198,7 +198,7 @@ impl Surface {
         &mut self,
         populations: &mut Populations<S>,
         cells: &[usize],
-        saved: &[Saved],
+        saved: &[SavedCell],
     ) {
         for (&cell, &[kind, mass, share]) in cells.iter().zip(saved) {
             let known = [SOLID, GAS, LIQUID, SURFACE];
@@ -217,7 +217,7 @@ impl Surface {
 
     /// Returns kind, mass and unshared excess of a cell.
     #[must_use]
-    pub fn saved(&self, cell: usize) -> Saved {
+    pub fn saved(&self, cell: usize) -> SavedCell {
         let kind = match self.cells.kind[cell] {
             ENCLOSED | STRAY => SURFACE,
             HELD => LIQUID,

@@ -144,7 +144,7 @@ impl Modes {
 
     /// Returns the velocity at a place in cells.
     #[must_use]
-    pub fn at(&self, place: [f64; 3]) -> [f64; 3] {
+    pub fn velocity_at(&self, place: [f64; 3]) -> [f64; 3] {
         let mut u = [0.0; 3];
         for mode in &self.list {
             let c = (dot(mode.wave, place) + mode.phase).cos();
@@ -272,7 +272,10 @@ mod tests {
     fn a_periodic_field_repeats_and_stays_free_of_divergence() {
         let lengths = [Some(16.0), None, Some(9.0)];
         let modes = Modes::new(1, 2.5, 3).periodic(lengths);
-        let (a, b) = (modes.at([1.3, 2.0, 0.2]), modes.at([17.3, 2.0, 9.2]));
+        let (a, b) = (
+            modes.velocity_at([1.3, 2.0, 0.2]),
+            modes.velocity_at([17.3, 2.0, 9.2]),
+        );
         for c in 0..3 {
             approx::assert_abs_diff_eq!(a[c], b[c], epsilon = 1e-12);
         }

@@ -26,7 +26,7 @@ use super::fluid::Force;
 use super::lanes::Stored;
 use super::populations::Populations;
 use super::saturation::Cover;
-use super::surface::Surface;
+use super::surface::SlabSurface;
 use super::turbulence::EddyViscosity;
 
 /// Makes a term for the slab of these populations, whose first cell is given in cells of the domain.
@@ -129,7 +129,7 @@ impl<S: Stored> Term<S> for Cover {
     }
 }
 
-impl<S: Stored> Term<S> for Surface {
+impl<S: Stored> Term<S> for SlabSurface {
     fn name(&self) -> &'static str {
         "a free surface"
     }

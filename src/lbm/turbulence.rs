@@ -77,7 +77,7 @@ eddy_viscosities! {
 }
 
 /// A model of an eddy viscosity with its parameters as they stand in a case.
-pub trait Model {
+pub trait TurbulenceModel {
     /// Returns the model for `plan`.
     fn describe(&self) -> Description;
 
@@ -110,7 +110,7 @@ pub trait Eddies: Copy + Send + Sync + 'static {
     fn present(&self) -> bool {
         Self::ACTIVE
     }
-    /// Returns the fraction of the model: see [`Model::fraction`].
+    /// Returns the fraction of the model: see [`TurbulenceModel::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
     /// Returns ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.

@@ -19,7 +19,7 @@ use base::number::real;
 use base::units::LatticeUnits;
 use coupling::{BandStates, FluidView, bands, cells_of};
 use decomposition::{Communicator, ExactSum};
-use io::{Column, Image, Table};
+use io::{Column, CsvTable, Image};
 use plan::Plan;
 use plan::interval::Interval;
 use plan::scene::grid::Grid;
@@ -183,7 +183,7 @@ pub(super) struct AverageFields {
     stress: Vec<f64>,
     samples: Vec<f64>,
     pub(super) profile: Option<usize>,
-    pub(super) table: Option<Table>,
+    pub(super) table: Option<CsvTable>,
 }
 
 impl AverageFields {
@@ -282,11 +282,11 @@ pub(super) fn profile_path(folder: &Path) -> PathBuf {
 }
 
 /// Opens the table of the profile, on rank 0; `resumed_at` is a step, and whether its rows are whole.
-pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<Table, io::Error> {
+pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<CsvTable, io::Error> {
     match resumed_at {
-        None | Some((0, false)) => Table::create(path, &HEADINGS),
-        Some((step, true)) => Table::resume(path, &HEADINGS, step),
-        Some((step, false)) => Table::resume(path, &HEADINGS, step - 1),
+        None | Some((0, false)) => CsvTable::create(path, &HEADINGS),
+        Some((step, true)) => CsvTable::resume(path, &HEADINGS, step),
+        Some((step, false)) => CsvTable::resume(path, &HEADINGS, step - 1),
     }
 }
 

@@ -11,7 +11,7 @@ use base::number::to_i64;
 use decomposition::Communicator;
 use dem::particles::{Kind, Particles};
 use dem::space::Space;
-use io::{Cells, Column, Data, Mesh};
+use io::{Cells, Column, Data, MeshData};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use plan::scene::Scene;
 
@@ -107,7 +107,7 @@ impl Blocks {
     }
 
     /// This rank's faces.
-    pub(crate) fn mesh(&self) -> Mesh<'_> {
+    pub(crate) fn mesh(&self) -> MeshData<'_> {
         let column = |name, units, components, data| Column {
             name,
             units,
@@ -129,7 +129,7 @@ impl Blocks {
         for (name, units, data) in vectors {
             cell_columns.push(column(name, units, 3, Data::F64(data)));
         }
-        Mesh {
+        MeshData {
             points: Data::F64(&self.points),
             cells: Cells::Polygons {
                 sizes: &self.sizes,

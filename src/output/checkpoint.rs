@@ -6,7 +6,7 @@
 
 mod check;
 
-pub use check::{Bounds, Expected};
+pub use check::{Expected, StateLimits};
 
 use crate::averages::{Averages, SUMS};
 use crate::group::RankGroup;
@@ -16,14 +16,14 @@ use decomposition::{Communicator, StateHash, field_key};
 use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
-use dem::state::{Contacts, Table, Values};
+use dem::state::{Contacts, NamedColumns, Values};
 use io::checkpoint::{Array, Reader};
 use io::{Maker, Numbers};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
 use lbm::surface::Passed;
-use lbm::surface::Surface;
+use lbm::surface::SlabSurface;
 use lbm::surface::kind::is_wet;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -54,7 +54,7 @@ fn each_cell_of<S: Stored>(
 
 /// Returns the incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy
 /// would double the memory of a run.
-fn gather<S: Saved>(fluid: &Fluid<S>) -> impl io::Make + '_ {
+fn gather<S: SavedNumber>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
     let count = populations.cells().iter().product::<usize>() * q;
@@ -145,7 +145,7 @@ fn slab<'a, S: Stored>(fluid: &Fluid<S>, name: &'a str, q: usize, data: Numbers<
 }
 
 /// Returns the names of the arrays of all columns of the tables.
-fn column_names(tables: &[Table; 3]) -> Vec<String> {
+fn column_names(tables: &[NamedColumns; 3]) -> Vec<String> {
     let tables = TABLES.iter().zip(tables);
     let names = tables.flat_map(|(kind, table)| {
         let columns = table.columns.iter();
@@ -157,7 +157,7 @@ fn column_names(tables: &[Table; 3]) -> Vec<String> {
 /// Adds the columns of the tables that have rows on any rank; returns how many rows each has. Collective.
 fn add_tables<'a>(
     arrays: &mut Vec<Array<'a>>,
-    tables: &'a [Table; 3],
+    tables: &'a [NamedColumns; 3],
     names: &'a [String],
     communicator: &Communicator,
 ) -> [u64; 3] {
@@ -185,7 +185,7 @@ fn add_tables<'a>(
 }
 
 /// Returns names and kinds of the columns of a table.
-fn columns_to_json(table: &Table) -> Value {
+fn columns_to_json(table: &NamedColumns) -> Value {
     let kind = |values: &Values| match values {
         Values::Real(_) => "real",
         Values::Whole(_) => "whole",
@@ -197,12 +197,12 @@ fn columns_to_json(table: &Table) -> Value {
 }
 
 /// A stored number that files support.
-pub trait Saved: Stored + io::data::Element {}
-impl Saved for f64 {}
-impl Saved for f32 {}
+pub trait SavedNumber: Stored + io::data::Element {}
+impl SavedNumber for f64 {}
+impl SavedNumber for f32 {}
 
 /// The state of a run, lent for saving.
-pub struct State<'a, Sp: Space, S: Stored> {
+pub struct RunState<'a, Sp: Space, S: Stored> {
     /// The fluid, if any.
     pub fluid: Option<&'a Fluid<S>>,
     /// Sums over time, if any.
@@ -228,7 +228,7 @@ const OPENINGS: &str = "openings";
 const EARLIER: &str = "earlier_velocities";
 const TABLES: [&str; 3] = ["grains", "contacts", "wall_contacts"];
 
-impl<Sp: Space, S: Saved> State<'_, Sp, S> {
+impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
     /// Writes a checkpoint. Collective.
     ///
     /// # Errors
@@ -334,7 +334,7 @@ impl<Sp: Space, S: Saved> State<'_, Sp, S> {
             let [shape, start, _] = box_of(fluid, fluid.populations().velocities().q());
             let populations = fluid.populations();
             let cells = populations.cells();
-            let kinds = fluid.surface().map(Surface::kinds);
+            let kinds = fluid.surface().map(SlabSurface::kinds);
             // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as
             // they lie in memory.
             let [slow, middle, fast] = populations.order();
@@ -481,7 +481,7 @@ fn history_keys<'a>(
     }
     keys.iter().zip(numbers)
 }
-fn table_to_json(table: &Table) -> Value {
+fn table_to_json(table: &NamedColumns) -> Value {
     table
         .columns
         .iter()
@@ -497,8 +497,8 @@ fn table_to_json(table: &Table) -> Value {
         .collect()
 }
 
-fn table_from_json(value: &Value) -> Table {
-    let mut table = Table::default();
+fn table_from_json(value: &Value) -> NamedColumns {
+    let mut table = NamedColumns::default();
     for column in value.as_array().into_iter().flatten() {
         let name = column[0].as_str().unwrap_or_default().to_owned();
         let bits: Vec<u64> = column[2]
@@ -531,7 +531,7 @@ fn finite(name: &str, all_finite: bool) -> Result<(), Error> {
 ///
 /// # Errors
 /// If the populations of the checkpoint do not fit the slab.
-pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
+pub fn read_fluid<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     let q = fluid.populations().velocities().q();
     let [_, start, count] = box_of(fluid, q).map(|v| v.to_vec());
     let mut all_finite = true;
@@ -574,7 +574,7 @@ pub fn read_fluid<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(),
 }
 
 /// Reads the free surface, if there is one. The first rank takes the loss of all.
-fn read_surface<S: Saved>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
+fn read_surface<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     if fluid.surface().is_none() {
         return Ok(());
     }
@@ -609,11 +609,11 @@ fn sum_of_ranks(communicator: &Communicator, value: i128) -> i128 {
         .cast_signed()
 }
 
-/// Velocities at an earlier step of a slab from a checkpoint, as [`State::earlier`].
+/// Velocities at an earlier step of a slab from a checkpoint, as [`RunState::earlier`].
 ///
 /// # Errors
 /// When it holds none.
-pub fn read_earlier<S: Saved>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f64>, Error> {
+pub fn read_earlier<S: SavedNumber>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f64>, Error> {
     let [_, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
     reader.read(EARLIER, &start, &count).map_err(as_error)
 }
@@ -627,7 +627,7 @@ pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
 ///
 /// # Errors
 /// When they cannot be read.
-pub fn read_averages<S: Saved>(
+pub fn read_averages<S: SavedNumber>(
     averages: &mut Averages,
     fluid: &Fluid<S>,
     reader: &Reader,
@@ -663,13 +663,13 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
 ///
 /// # Errors
 /// When a column is missing or broken.
-pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Error> {
+pub fn read_tables(reader: &Reader, rank: usize) -> Result<(NamedColumns, Contacts), Error> {
     let attributes = reader.attributes();
     let mut tables = Vec::new();
     for (n, kind) in TABLES.iter().enumerate() {
         let total = to_usize(attributes["rows"][n].as_u64().unwrap_or(0));
         let count = if n == 0 && rank != 0 { 0 } else { total };
-        let mut table = Table::default();
+        let mut table = NamedColumns::default();
         for column in attributes["columns"][n].as_array().into_iter().flatten() {
             let name = column[0].as_str().unwrap_or_default();
             let array = format!("{kind}_{name}");
@@ -684,7 +684,7 @@ pub fn read_tables(reader: &Reader, rank: usize) -> Result<(Table, Contacts), Er
         }
         tables.push(table);
     }
-    let [grains, contacts, walls] = <[Table; 3]>::try_from(tables).unwrap_or_default();
+    let [grains, contacts, walls] = <[NamedColumns; 3]>::try_from(tables).unwrap_or_default();
     let mut saved = Contacts::default();
     saved.grains = contacts;
     saved.walls = walls;

@@ -8,7 +8,7 @@ use decomposition::Communicator;
 use dem::particles::Particles;
 use dem::space::Space;
 use dem::{Contact, Dem};
-use io::{Cells, Column, Data, Mesh};
+use io::{Cells, Column, Data, MeshData};
 use plan::scene::grid::Grid;
 
 /// Columns of the contacts of one output; buffers reused.
@@ -73,14 +73,14 @@ impl Contacts {
     }
 
     /// This rank's lines.
-    pub(crate) fn mesh(&self, dimension: usize) -> Mesh<'_> {
+    pub(crate) fn mesh(&self, dimension: usize) -> MeshData<'_> {
         let column = |name, units, data| Column {
             name,
             units,
             components: 1,
             data,
         };
-        Mesh {
+        MeshData {
             points: Data::F64(&self.points),
             cells: Cells::Lines(&self.lines),
             point_columns: Vec::new(),

@@ -7,7 +7,7 @@ use decomposition::Communicator;
 use dem::Load;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
-use io::{Cells, Column, Data, Mesh};
+use io::{Cells, Column, Data, MeshData};
 use plan::scene::grid::Grid;
 
 /// Columns of the grains of one output; buffers reused.
@@ -110,7 +110,7 @@ impl Grains {
     }
 
     /// This rank's rows.
-    pub(crate) fn mesh(&self, dimension: usize) -> Mesh<'_> {
+    pub(crate) fn mesh(&self, dimension: usize) -> MeshData<'_> {
         let force = force_unit(dimension);
         let column = |name, units, components, data| Column {
             name,
@@ -141,7 +141,7 @@ impl Grains {
                 Data::F64(&self.displacement),
             ));
         }
-        Mesh {
+        MeshData {
             points: Data::F64(&self.position),
             cells: Cells::Vertices,
             point_columns,

@@ -1,7 +1,7 @@
 //! Output of fields and series: selection, schedule, and conversion to SI.
 //!
 //! [`Outputs`] connects the run and the files. It determines the outputs due at a step, requests them from the
-//! [`View`], converts them with [`base::units`] and passes named arrays to [`io`]. A step without output costs one
+//! [`StateView`], converts them with [`base::units`] and passes named arrays to [`io`]. A step without output costs one
 //! comparison.
 //!
 //! | file | content |
@@ -54,7 +54,7 @@ mod walls;
 
 pub use probes::columns as probe_columns;
 
-use crate::view::View;
+use crate::view::StateView;
 use averages::{AverageFields, Averages};
 use base::error::Error;
 use blocks::Blocks;
@@ -66,7 +66,7 @@ use dem::space::Space;
 use fluid::Fields;
 use grains::Grains;
 use group::RankGroup;
-use io::{Image, Mesh, Mode, Moment, Series};
+use io::{Image, MeshData, Mode, OutputTime, Series};
 use plan::Plan;
 use probes::Probe;
 use schedule::Schedule;
@@ -198,7 +198,7 @@ impl Outputs {
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
-    pub fn write_due<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+    pub fn write_due<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         if view.step < self.next {
             return Ok(());
         }
@@ -225,7 +225,7 @@ impl Outputs {
     ///
     /// # Errors
     /// Those of [`Self::write_due`].
-    pub fn write_all_now<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+    pub fn write_all_now<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
         for probe in &mut self.probes {
             if probe.last != Some(view.step) {
@@ -292,14 +292,14 @@ impl Outputs {
             return Ok(());
         }
         RankGroup(domain.communicator()).on_root(|| {
-            profile.map_or(Ok(()), io::Table::sync)?;
+            profile.map_or(Ok(()), io::CsvTable::sync)?;
             self.probes.iter().try_for_each(Probe::sync)
         })
     }
 
     fn write_series<S: Space>(
         &mut self,
-        view: &View<S>,
+        view: &StateView<S>,
         due: impl Fn(&Schedule) -> bool,
     ) -> Result<(), Error> {
         let (scene, grid) = (&view.plan.scene, &view.plan.scene.grid);
@@ -394,15 +394,15 @@ impl Place<'_> {
 
 /// The parts that the files of all series at one step have in common.
 struct File<'a> {
-    when: Moment,
+    when: OutputTime,
     provenance: &'a [(String, String)],
     group: RankGroup<'a>,
 }
 
 impl<'a> File<'a> {
-    fn new<S: Space>(view: &View<'a, S>, provenance: &'a [(String, String)]) -> Self {
+    fn new<S: Space>(view: &StateView<'a, S>, provenance: &'a [(String, String)]) -> Self {
         Self {
-            when: Moment {
+            when: OutputTime {
                 step: view.step,
                 time: view.time,
             },
@@ -417,7 +417,7 @@ impl<'a> File<'a> {
         group.checked(written).map(drop)
     }
 
-    fn write_mesh(&self, series: &mut Series, mesh: &Mesh) -> Result<(), Error> {
+    fn write_mesh(&self, series: &mut Series, mesh: &MeshData) -> Result<(), Error> {
         let (group, mode) = (&self.group, Mode::Collective);
         let written = series.write_mesh(self.when, mesh, self.provenance, group, mode);
         group.checked(written).map(drop)
@@ -436,7 +436,7 @@ impl FluidFields {
 
     fn write<S: Space>(
         &mut self,
-        view: &View<S>,
+        view: &StateView<S>,
         file: &File,
         series: &mut Series,
     ) -> Result<(), Error> {
@@ -462,7 +462,7 @@ impl AverageFields {
     fn write<S: Space>(
         &mut self,
         averages: &Averages,
-        view: &View<S>,
+        view: &StateView<S>,
         file: &File,
         series: &mut Series,
     ) -> Result<(), Error> {

@@ -43,7 +43,7 @@ mod water_table;
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
 use super::group::RankGroup;
 use super::schedule::Schedule;
-use crate::view::View;
+use crate::view::StateView;
 use base::error::Error;
 use base::number::real;
 use base::units::LatticeUnits;
@@ -55,11 +55,11 @@ use decomposition::{Domain, ExactSum};
 use dem::space::Space;
 use fabric::Fabric;
 use gauge::Gauge;
-use io::Table;
+use io::CsvTable;
 use lbm::links::Load;
 use plan::Plan;
 use plan::scene::Scene;
-use plan::scene::observe::{Action, ProbeAt};
+use plan::scene::observe::{ProbeAt, RegionAction};
 use points::{Points, along, clamped};
 use seepage::{Crossing, Section, SurfaceLoad};
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ pub(crate) struct Probe {
     path: PathBuf,
     headings: Vec<Heading>,
     /// Table of the probe, on rank 0.
-    table: Option<Table>,
+    table: Option<CsvTable>,
     /// The rows of one sample, on rank 0; reused.
     rows: Vec<Vec<f64>>,
 }
@@ -170,7 +170,7 @@ impl Probe {
     }
 
     /// Samples and writes the rows of this step. Collective.
-    pub(crate) fn write<S: Space>(&mut self, view: &View<S>) -> Result<(), Error> {
+    pub(crate) fn write<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         let width = self.headings.len();
         let time = (view.time - self.at.delay() * view.plan.clock.time_step).max(0.0);
         self.rows.resize_with(self.at.rows(), Vec::new);
@@ -211,7 +211,7 @@ impl Probe {
 
     /// Flushes the rows to the disk itself, on rank 0.
     pub(crate) fn sync(&self) -> io::Result<()> {
-        self.table.as_ref().map_or(Ok(()), Table::sync)
+        self.table.as_ref().map_or(Ok(()), CsvTable::sync)
     }
 }
 
@@ -222,11 +222,11 @@ fn open(
     headings: &[Heading],
     resumed_at: Option<u64>,
     rows: u64,
-) -> io::Result<(Table, bool)> {
+) -> io::Result<(CsvTable, bool)> {
     let Some(step) = resumed_at else {
-        return Ok((Table::create(path, headings)?, false));
+        return Ok((CsvTable::create(path, headings)?, false));
     };
-    let table = Table::resume(path, headings, step)?;
+    let table = CsvTable::resume(path, headings, step)?;
     let steps = io::table::read(path)?.steps;
     let there = steps.iter().rev().take_while(|&&s| s == step).count() as u64;
     if there == 0 || there == rows {
@@ -237,10 +237,10 @@ fn open(
 }
 
 /// Returns the table without its rows from `step` on.
-fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<Table> {
+fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<CsvTable> {
     match step.checked_sub(1) {
-        Some(before) => Table::resume(path, headings, before),
-        None => Table::create(path, headings),
+        Some(before) => CsvTable::resume(path, headings, before),
+        None => CsvTable::create(path, headings),
     }
 }
 
@@ -446,7 +446,7 @@ impl At {
                 )))
             }
             ProbeAt::Grains { part, .. } => {
-                let removes = |action: &Action| matches!(action, Action::Remove { .. });
+                let removes = |action: &RegionAction| matches!(action, RegionAction::Remove { .. });
                 let removes = scene.regions.iter().any(|region| removes(&region.action));
                 Self::Grains(Box::new(Fabric::new(
                     *part,
@@ -482,7 +482,11 @@ impl At {
 
     /// Appends this step's values to the rows, which hold the time, on rank 0; whether there is anything to sample.
     /// Collective.
-    fn sample<S: Space>(&mut self, view: &View<S>, rows: &mut [Vec<f64>]) -> Result<bool, Error> {
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
         match self {
             Self::Point(points) => {
                 let samples = points.sample(fluid(view)?, view.domain)?;
@@ -522,7 +526,7 @@ impl At {
                 return Ok(false);
             }
             Self::Pores(point) => {
-                let values = seepage::at(view.seepage.ok_or_else(no_fluid)?, *point);
+                let values = seepage::values_at(view.seepage.ok_or_else(no_fluid)?, *point);
                 rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::PoresLine(points) => {
@@ -532,7 +536,7 @@ impl At {
                     let squared: f64 = (0..3).map(|a| (point[a] - first[a]).powi(2)).sum();
                     row.push(squared.sqrt());
                     row.extend(point);
-                    row.extend(seepage::at(seepage, *point));
+                    row.extend(seepage::values_at(seepage, *point));
                 }
             }
             Self::SurfaceLoad(load) => {
@@ -632,7 +636,7 @@ pub(super) fn no_fluid() -> Error {
     Error::Internal("there is no fluid to sample".into())
 }
 
-pub(super) fn fluid<'a, S: Space>(view: &View<'a, S>) -> Result<&'a dyn FluidView, Error> {
+pub(super) fn fluid<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a dyn FluidView, Error> {
     view.fluid.ok_or_else(no_fluid)
 }
 
@@ -647,7 +651,12 @@ fn face_area(units: &LatticeUnits) -> f64 {
 
 /// Returns the discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN if there is no
 /// fluid.
-fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position: f64) -> [f64; 7] {
+fn plane<S: Space>(
+    view: &StateView<S>,
+    fluid: &dyn FluidView,
+    axis: usize,
+    position: f64,
+) -> [f64; 7] {
     let (grid, units) = (&view.plan.scene.grid, fluid.units());
     let neighbours = clamped(position, grid, axis);
     let mut sums: [ExactSum; 5] = std::array::from_fn(|_| ExactSum::new());
@@ -708,7 +717,7 @@ fn plane<S: Space>(view: &View<S>, fluid: &dyn FluidView, axis: usize, position:
 
 /// Returns the force and torque of the water on a structure in the last step, the torque about a point \[m\].
 fn structure<S: Space>(
-    view: &View<S>,
+    view: &StateView<S>,
     fluid: &dyn FluidView,
     index: usize,
     about: [f64; 3],
@@ -736,7 +745,7 @@ fn structure<S: Space>(
 }
 
 /// Returns the motion and loads of a body; NaN once it is gone.
-fn body<S: Space>(view: &View<S>, id: u64) -> Result<[f64; 21], Error> {
+fn body<S: Space>(view: &StateView<S>, id: u64) -> Result<[f64; 21], Error> {
     let particles = view.particles;
     let mut bytes = Vec::new();
     if let Some(k) = (0..particles.owned()).find(|&k| particles.body[k].id == id) {

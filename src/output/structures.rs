@@ -3,7 +3,7 @@
 use super::group::RankGroup;
 use base::error::Error;
 use base::number::{to_i32, to_i64};
-use io::{Cells, Column, Data, Mesh, Mode, Moment, Series};
+use io::{Cells, Column, Data, MeshData, Mode, OutputTime, Series};
 use plan::scene::Scene;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ pub(super) fn write(
         components: 1,
         data,
     };
-    let mesh = Mesh {
+    let mesh = MeshData {
         points: Data::F64(&points),
         cells: Cells::Polygons {
             sizes: &sizes,
@@ -58,7 +58,7 @@ pub(super) fn write(
             column("stops_grains", Data::U8(&grains)),
         ],
     };
-    let when = Moment { step: 0, time: 0.0 };
+    let when = OutputTime { step: 0, time: 0.0 };
     group.checked(series.write_mesh(when, &mesh, provenance, group, Mode::Collective))?;
     Ok(())
 }

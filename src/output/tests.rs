@@ -3,12 +3,12 @@ use approx::assert_relative_eq;
 use base::units::LatticeUnits;
 use case::Document;
 use coupling::FluidView;
-use decomposition::Axis;
+use decomposition::SplitAxis;
 use dem::contact::Scaled;
-use dem::contact::linear::{Linear, Parameters};
+use dem::contact::linear::{Linear, LinearParameters};
 use dem::particles::{Body, Motion, Particles};
-use dem::space::Plane;
-use dem::{Dem, Law, PairTable, Region, Settings, Wall, alone};
+use dem::space::PlaneSpace;
+use dem::{Dem, DemSettings, GrainDomain, Law, PairTable, Wall, alone};
 use io::fields::read_column;
 use lbm::boundary::Flux;
 use nalgebra::Vector2;
@@ -90,11 +90,11 @@ fn plan() -> Plan {
 }
 
 /// Returns the ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
-fn solids() -> (Particles<Plane>, Dem<Plane>) {
+fn solids() -> (Particles<PlaneSpace>, Dem<PlaneSpace>) {
     let law = Law::Linear(Linear {
         parameters: PairTable::uniform(
             1,
-            Parameters {
+            LinearParameters {
                 normal_stiffness: Scaled::Absolute(1e3),
                 stiffness_ratio: 1.0,
                 friction: 0.0,
@@ -104,9 +104,9 @@ fn solids() -> (Particles<Plane>, Dem<Plane>) {
             },
         ),
     });
-    let region = Region::closed(Vector2::zeros(), Vector2::new(6e-3, 4e-3), 1e-3);
+    let region = GrainDomain::closed(Vector2::zeros(), Vector2::new(6e-3, 4e-3), 1e-3);
     let floor = Wall::new(Vector2::zeros(), Vector2::new(0.0, 1.0), 0);
-    let mut dem = Dem::new(law, Settings::new(region, 1e-6, 1e-4), vec![floor]).unwrap();
+    let mut dem = Dem::new(law, DemSettings::new(region, 1e-6, 1e-4), vec![floor]).unwrap();
     let mut particles = Particles::new();
     for (id, x, y) in [(0, 3.2e-3, 1.5e-3), (2, 1e-3, 0.49e-3), (1, 1.9e-3, 0.6e-3)] {
         let motion = Motion {
@@ -114,7 +114,7 @@ fn solids() -> (Particles<Plane>, Dem<Plane>) {
             velocity: Vector2::new(0.0, 0.0),
             spin: 3.0,
         };
-        particles.insert(Body::uniform::<Plane>(id, 5e-4, 2500.0, 0), motion);
+        particles.insert(Body::uniform::<PlaneSpace>(id, 5e-4, 2500.0, 0), motion);
     }
     dem.prepare(&mut particles, &alone()).unwrap();
     particles.allocate_fluid_loads();
@@ -127,8 +127,8 @@ struct Run {
     plan: Plan,
     domain: Domain,
     fluid: Turning,
-    particles: Particles<Plane>,
-    dem: Dem<Plane>,
+    particles: Particles<PlaneSpace>,
+    dem: Dem<PlaneSpace>,
     folder: tempfile::TempDir,
 }
 
@@ -138,7 +138,7 @@ impl Run {
         let (particles, dem) = solids();
         let patches = plan.scene.flow.as_ref().unwrap().patches().count() + 6;
         Self {
-            domain: Domain::serial(Axis::X, 6, false),
+            domain: Domain::serial(SplitAxis::X, 6, false),
             fluid: Turning {
                 units: plan.units.unwrap(),
                 cells: [6, 4, 1],
@@ -158,8 +158,8 @@ impl Run {
         Outputs::create(plan, folder, provenance, &self.domain, resumed_at).unwrap()
     }
 
-    fn view(&self, step: u64) -> View<'_, Plane> {
-        View {
+    fn view(&self, step: u64) -> StateView<'_, PlaneSpace> {
+        StateView {
             plan: &self.plan,
             domain: &self.domain,
             fluid: Some(&self.fluid),

@@ -13,7 +13,7 @@ use plan::Plan;
 /// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains
 /// follow.
 #[derive(Clone, Copy)]
-pub struct View<'a, S: Space> {
+pub struct StateView<'a, S: Space> {
     /// The plan of the run.
     pub plan: &'a Plan,
     /// Ranks and slabs.

@@ -92,7 +92,7 @@ impl Velocities {
     }
 
     /// Returns the velocity of a cell of the slab.
-    pub(crate) fn at(&self, cell: [usize; 3]) -> [f64; 3] {
+    pub(crate) fn velocity_at(&self, cell: [usize; 3]) -> [f64; 3] {
         self.own[self.index(cell)]
     }
 
@@ -116,13 +116,13 @@ impl Velocities {
             (false, true) => cell[axis] + 1,
             (false, false) => cell[axis] - 1,
         };
-        Some(self.at(next))
+        Some(self.velocity_at(next))
     }
 
     /// Returns the derivative of the velocity along `axis` per cell: central, one-sided in the cells at a face of the
     /// domain.
     fn derivative(&self, cell: [usize; 3], axis: usize, periodic: bool) -> [f64; 3] {
-        let here = self.at(cell);
+        let here = self.velocity_at(cell);
         let low = self.beside(cell, axis, false, periodic);
         let high = self.beside(cell, axis, true, periodic);
         let (from, to, over) = match (low, high) {

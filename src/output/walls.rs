@@ -3,15 +3,15 @@
 use super::group::RankGroup;
 use base::error::Error;
 use base::number::{to_i32, to_i64};
-use io::{Cells, Column, Data, Mesh, Mode, Moment, Series};
+use io::{Cells, Column, Data, MeshData, Mode, OutputTime, Series};
 use nalgebra::Vector3;
 use plan::scene::Scene;
-use plan::scene::walls::Wall;
+use plan::scene::walls::SceneWall;
 use std::path::Path;
 
 /// Returns the walls that are surfaces of their own, with their numbers: planes have no end, and structures
 /// have a series.
-pub(super) fn surfaces(scene: &Scene) -> impl Iterator<Item = (usize, &Wall)> {
+pub(super) fn surfaces(scene: &Scene) -> impl Iterator<Item = (usize, &SceneWall)> {
     let walls = scene.walls.iter().enumerate();
     walls.filter(|(_, wall)| wall.surface.is_some() && wall.structure.is_none())
 }
@@ -53,7 +53,7 @@ pub(super) fn write(
         components,
         data,
     };
-    let mesh = Mesh {
+    let mesh = MeshData {
         points: Data::F64(&points),
         cells: Cells::Polygons {
             sizes: &sizes,
@@ -66,7 +66,7 @@ pub(super) fn write(
             column("velocity", "m/s", 3, Data::F64(&velocity)),
         ],
     };
-    let when = Moment { step: 0, time: 0.0 };
+    let when = OutputTime { step: 0, time: 0.0 };
     group.checked(series.write_mesh(when, &mesh, provenance, group, Mode::Collective))?;
     Ok(())
 }

@@ -8,7 +8,7 @@
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
-use crate::scene::blocks::Blocks;
+use crate::scene::blocks::PlacedBlocks;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::grains::GrainSource;
 use base::error::Remedy;
@@ -101,7 +101,7 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
     let bodies = scene.bodies.iter().enumerate();
     let of_bodies =
         bodies.filter_map(|(n, body)| Some((format!("bodies[{n}].shape"), body.thickness()?)));
-    let thinnest = scene.blocks.as_ref().and_then(Blocks::thinnest);
+    let thinnest = scene.blocks.as_ref().and_then(PlacedBlocks::thinnest);
     let of_blocks = thinnest.map(|thinnest| (String::from("blocks.initial"), thinnest));
     for (path, thickness) in of_bodies.chain(of_blocks) {
         let cells = thickness / scene.grid.spacing;

@@ -477,7 +477,7 @@ fn written_models(case: &Value, used: &mut Vec<(&'static str, String)>) {
 mod tests {
     use super::*;
     use case::{Document, examples};
-    use dem::polyhedron::Model as BlockModel;
+    use dem::polyhedron::BlockContactModel as BlockModel;
     use std::collections::BTreeSet;
     use std::path::Path;
 

@@ -308,10 +308,10 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
             GrainSource::List(_) | GrainSource::File { .. }
         )
     });
-    let network = network::Network::of(scene, law, !prepared, Depth::Expected);
+    let network = network::Network::for_scene(scene, law, !prepared, Depth::Expected);
     let held = !prepared && scene.regions.is_empty() && network.holds_all();
     let sticking = network.stiffest_part().limit();
-    let mut network = network::Network::of(scene, law, !prepared, Depth::Start);
+    let mut network = network::Network::for_scene(scene, law, !prepared, Depth::Start);
     network.let_slip();
     Limits {
         slipping: network.stiffest_part().limit(),

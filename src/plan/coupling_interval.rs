@@ -33,7 +33,7 @@ use crate::scene::grains::GrainSource;
 use base::error::Remedy;
 use base::number::to_u32;
 use darcy::Liquid;
-use darcy::drag::Grain;
+use darcy::drag::GrainSize;
 use dem::contact::{Depth, StaticContact};
 use std::f64::consts::PI;
 
@@ -112,7 +112,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
             scene.mass(material, radius),
         );
         let period = 0.5 * law.time_limits(to_u32(material), radius, mass).spring;
-        let grain = Grain::new(dimension, radius);
+        let grain = GrainSize::new(dimension, radius);
         let of_beds = beds(seepage, (eps, diameter), liquid, 0.0).into_iter();
         let stops = of_beds
             .map(|(_, k)| density * (1.0 - eps) * k / written.viscosity)

@@ -31,7 +31,7 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
         }
     }
     for region in &scene.regions {
-        if let crate::scene::observe::Action::Generate {
+        if let crate::scene::observe::RegionAction::Generate {
             radii, material, ..
         } = &region.action
         {

@@ -9,7 +9,7 @@ use crate::scene::flow::{BodyForce, PATH};
 use base::error::Remedy;
 use case::coupling::Coupling;
 use case::fluid::{Device, Precision};
-use lbm::boundary::Surface;
+use lbm::boundary::SurfaceKind;
 use lbm::fluid::kernel_exists_on_gpu;
 
 /// Returns the features of a scene that a GPU does not run yet.
@@ -38,8 +38,8 @@ fn obstacles(scene: &Scene) -> Vec<String> {
         ));
     }
     let open = flow.patches().find(|patch| {
-        let surface = patch.condition.model().nature().surface;
-        !matches!(surface, Surface::Wall | Surface::MovingWall)
+        let surface = patch.condition.model().kind().surface;
+        !matches!(surface, SurfaceKind::Wall | SurfaceKind::MovingWall)
     });
     if let Some(patch) = open {
         all.push(format!(

@@ -183,7 +183,7 @@ fn outputs(every: f64, end: f64) -> f64 {
 }
 
 impl Estimate {
-    pub(crate) fn of(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
+    pub(crate) fn for_scene(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
         let amounts = Amounts::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
@@ -201,7 +201,7 @@ impl Estimate {
     }
 
     fn count_time(&mut self, scene: &Scene, clock: &Clock) {
-        self.seconds = Seconds::of(
+        self.seconds = Seconds::for_scene(
             scene,
             clock,
             &Amounts::new(scene),

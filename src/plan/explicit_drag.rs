@@ -17,7 +17,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use crate::scene::seepage::Seepage;
 use base::error::Remedy;
-use darcy::drag::{Bed, Grain};
+use darcy::drag::{BedConditions, GrainSize};
 use darcy::porosity::measure;
 use darcy::{Enclosure, Equations, Liquid, Openness, Pores};
 
@@ -39,7 +39,7 @@ pub(super) fn check(
         return;
     };
     let mass = scene.mass(material, smallest);
-    let grain = Grain::new(scene.grid.dimension, smallest);
+    let grain = GrainSize::new(scene.grid.dimension, smallest);
     let times = |porosity: f64| stopping_times(seepage, &grain, mass, porosity);
     let shortest = times(porosity(scene, seepage)).fold(f64::INFINITY, f64::min);
     let longest = times(seepage.written.porosity_cap()).fold(shortest, f64::max);
@@ -91,7 +91,7 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
 /// medium of the zones.
 pub(super) fn stopping_times(
     seepage: &Seepage,
-    grain: &Grain,
+    grain: &GrainSize,
     mass: f64,
     porosity: f64,
 ) -> impl Iterator<Item = f64> {
@@ -105,7 +105,7 @@ pub(super) fn stopping_times(
     };
     let beds = beds(seepage, (porosity, grain.diameter), liquid, 0.0);
     beds.into_iter().map(move |(bed_porosity, permeability)| {
-        let bed = Bed {
+        let bed = BedConditions {
             density: written.density,
             viscosity: written.viscosity,
             porosity: bed_porosity,

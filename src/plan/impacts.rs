@@ -22,9 +22,9 @@ use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::grains::{GrainSource, Grains};
-use crate::scene::observe::Action;
+use crate::scene::observe::RegionAction;
 use crate::scene::pairs::{self, Ball};
-use crate::scene::sample::Grain;
+use crate::scene::sample::ListedGrain;
 use crate::scene::speed::settling;
 use base::error::Remedy;
 use base::number::{to_u32, whole};
@@ -71,7 +71,7 @@ impl Moving {
     }
 
     /// Returns a grain that may fall.
-    fn grain(scene: &Scene, path: String, grain: &Grain) -> Self {
+    fn grain(scene: &Scene, path: String, grain: &ListedGrain) -> Self {
         Self {
             velocity: grain.velocity,
             at: grain.position,
@@ -194,7 +194,7 @@ impl Things {
 
     fn add_generated(&mut self, scene: &Scene) {
         for (n, region) in scene.regions.iter().enumerate() {
-            if let Action::Generate {
+            if let RegionAction::Generate {
                 radii,
                 material,
                 velocity,

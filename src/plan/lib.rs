@@ -257,7 +257,7 @@ impl Plan {
                     problem.severity = Severity::Unstable;
                 }
             }
-            let estimate = Estimate::of(&scene, &clock, &mut findings);
+            let estimate = Estimate::for_scene(&scene, &clock, &mut findings);
             Some(Self {
                 models: models::choices(&scene, &clock),
                 scene,

@@ -45,7 +45,7 @@ use case::observe::Output;
 use case::solids;
 use case::time::{Checkpoint, Guards, SolidSteps, Time};
 use dem::contact::{blocks as law_of_blocks, linear};
-use dem::polyhedron::Solid;
+use dem::polyhedron::PlacedPolyhedron;
 use findings::Findings;
 use serde::Serialize;
 
@@ -71,7 +71,7 @@ pub struct Scene {
     /// The grains, if any.
     pub grains: Option<grains::Grains>,
     /// The blocks, if any.
-    pub blocks: Option<blocks::Blocks>,
+    pub blocks: Option<blocks::PlacedBlocks>,
     /// The contact law, if contacts are possible.
     pub contact: Option<contact::ContactTable>,
     /// Structures, in the order of the case.
@@ -79,15 +79,15 @@ pub struct Scene {
     /// Porous zones of a fluid on a lattice, in the order of the case.
     pub porous_zones: Vec<porous::PorousZone>,
     /// Walls of grains: those of the case, of the structures, and on faces of the domain.
-    pub walls: Vec<walls::Wall>,
+    pub walls: Vec<walls::SceneWall>,
     /// Named bodies.
-    pub bodies: Vec<bodies::Body>,
+    pub bodies: Vec<bodies::NamedBody>,
     /// The coupling, if there are fluid and solids.
     pub coupling: Option<Coupling>,
     /// Duration and steps, as written.
     pub time: Time,
     /// Regions.
-    pub regions: Vec<observe::Region>,
+    pub regions: Vec<observe::ObservedRegion>,
     /// Probes.
     pub probes: Vec<observe::Probe>,
     /// Outputs, as written.
@@ -118,11 +118,11 @@ pub struct Material {
 /// The solids of a scene, and the law of their contacts.
 struct Solids {
     structures: Vec<structures::Structure>,
-    walls: Vec<walls::Wall>,
-    bodies: Vec<bodies::Body>,
+    walls: Vec<walls::SceneWall>,
+    bodies: Vec<bodies::NamedBody>,
     grains: Option<grains::Grains>,
     contact: Option<contact::ContactTable>,
-    blocks: Option<blocks::Blocks>,
+    blocks: Option<blocks::PlacedBlocks>,
 }
 
 impl Solids {
@@ -155,12 +155,13 @@ impl Solids {
 
     /// Checks walls in the water.
     fn check_water(&self, case: &Case, grid: &grid::Grid, findings: &mut Findings) {
-        let fixed = |body: &&bodies::Body| body.mobility == bodies::Mobility::Fixed;
+        let fixed = |body: &&bodies::NamedBody| body.mobility == bodies::Mobility::Fixed;
         let bodies = self.bodies.iter().filter(fixed);
         let bodies = bodies.filter_map(|body| body.solid.as_ref());
         let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
         let blocks = blocks.filter(|block| block.fixed);
-        let fixed: Vec<&Solid> = bodies.chain(blocks.map(|block| &block.solid)).collect();
+        let fixed: Vec<&PlacedPolyhedron> =
+            bodies.chain(blocks.map(|block| &block.solid)).collect();
         let solids = (self.structures.as_slice(), fixed.as_slice());
         walls::walls_in_water(case, grid, &self.walls, solids, findings);
     }
@@ -280,7 +281,7 @@ impl Scene {
     fn filled(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
         let grid = grid::Grid::resolve(&case.domain, findings)?;
         let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
-            block::Block::vector(&grid, g, "gravity", findings)
+            block::AlignedBox::vector(&grid, g, "gravity", findings)
         });
         gravity::check_size(gravity, findings);
         let names: Vec<String> = case.materials.keys().cloned().collect();
@@ -389,7 +390,7 @@ impl Scene {
 
     /// Returns all polyhedra with their materials and whether they move by forces, in the order of their ids: bodies,
     /// then blocks.
-    pub fn polyhedra(&self) -> impl Iterator<Item = (&Solid, usize, bool)> {
+    pub fn polyhedra(&self) -> impl Iterator<Item = (&PlacedPolyhedron, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
             let free = body.mobility == bodies::Mobility::Free;
             body.solid
@@ -402,7 +403,7 @@ impl Scene {
 
     /// Returns the polyhedron of this id in its initial position.
     #[must_use]
-    pub fn polyhedron(&self, id: u64) -> Option<&Solid> {
+    pub fn polyhedron(&self, id: u64) -> Option<&PlacedPolyhedron> {
         let place = usize::try_from(id).ok()?;
         if let Some(body) = self.bodies.get(place) {
             return body.solid.as_ref();

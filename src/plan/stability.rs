@@ -23,20 +23,20 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::{self, Speed};
 use base::error::Remedy;
 use case::coupling::{Coupling, Scheme};
-use lbm::boundary::Surface;
-use lbm::collision::border::{Border, Bounds, MovingBody, Situation, Surroundings};
+use lbm::boundary::SurfaceKind;
+use lbm::collision::border::{Border, MovingBody, ReynoldsBounds, Situation, Surroundings};
 
 fn surroundings(flow: &Flow) -> Surroundings {
     let mut all = Surroundings::Periodic;
     for patch in flow.patches() {
-        match patch.condition.model().nature().surface {
-            Surface::Symmetry => {}
-            Surface::Wall | Surface::MovingWall => {
+        match patch.condition.model().kind().surface {
+            SurfaceKind::Symmetry => {}
+            SurfaceKind::Wall | SurfaceKind::MovingWall => {
                 if all == Surroundings::Periodic {
                     all = Surroundings::Walls;
                 }
             }
-            Surface::Opening => all = Surroundings::Openings,
+            SurfaceKind::Opening => all = Surroundings::Openings,
         }
     }
     all
@@ -58,13 +58,13 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
 
 /// Returns `true` if a wall that moves along itself ends at one that does not.
 fn lid_meets_wall(flow: &Flow) -> bool {
-    let faces = |surface: Surface| {
+    let faces = |surface: SurfaceKind| {
         let of_surface = flow
             .patches()
-            .filter(move |patch| patch.condition.model().nature().surface == surface);
+            .filter(move |patch| patch.condition.model().kind().surface == surface);
         of_surface.map(|patch| patch.face.axis())
     };
-    faces(Surface::MovingWall).any(|lid| faces(Surface::Wall).any(|wall| wall != lid))
+    faces(SurfaceKind::MovingWall).any(|lid| faces(SurfaceKind::Wall).any(|wall| wall != lid))
 }
 
 /// Links that are interpolated to the faces of polyhedra: all links of a face are cut at the same part, and what they
@@ -154,7 +154,7 @@ fn judge(
     };
     // A value written with few digits may lie a little beyond its bound.
     let slack = 1.0 + 1e-6;
-    let within = |part: &Bounds| lattice_velocity <= part.lattice_velocity * slack;
+    let within = |part: &ReynoldsBounds| lattice_velocity <= part.lattice_velocity * slack;
     let Some(at) = bounds.iter().position(within) else {
         return;
     };

@@ -12,13 +12,14 @@ use serde::{Deserialize, Serialize};
 
 use super::numbering::curve_order;
 use super::room::Room;
-use super::supervision::{Saved, Supervision};
+use super::supervision::{SavedSample, Supervision};
 use base::error::Error;
 use base::number::{floor_i64, whole};
 use base::random::Stream;
 use dem::relax::unbalanced_text;
 use dem::{
-    Body, Components, Dem, Kind, Law, Motion, Particles, Region, Settings, Space, Wall, alone,
+    Body, Components, Dem, DemSettings, GrainDomain, Kind, Law, Motion, Particles, Space, Wall,
+    alone,
 };
 use plan::scene::grading::Grading;
 
@@ -45,7 +46,7 @@ pub struct Deposition<S: Space> {
     /// The clouds. Those of one material have one density.
     pub clouds: Vec<Cloud<S>>,
     /// The box the grains may be in.
-    pub region: Region<S>,
+    pub region: GrainDomain<S>,
     /// Walls.
     pub walls: Vec<Wall<S>>,
     /// Space that structures leave.
@@ -90,7 +91,7 @@ pub struct Look {
 
 /// Result of the deposition.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct DepositionReport {
     /// Grains that fell.
     pub fallen: u64,
     /// Grains left after trimming.
@@ -120,7 +121,10 @@ impl<S: Space> Deposition<S> {
     /// # Errors
     /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
     /// where the outside wants an end.
-    pub fn run(&self, supervision: &Supervision<'_, S>) -> Result<(Vec<Placed<S>>, Report), Error> {
+    pub fn run(
+        &self,
+        supervision: &Supervision<'_, S>,
+    ) -> Result<(Vec<Placed<S>>, DepositionReport), Error> {
         let (axis, up) = self.height_axis()?;
         let mut falling = match supervision.take_saved() {
             Some(saved) => Falling::resume(self, supervision, saved)?,
@@ -158,10 +162,10 @@ impl<S: Space> Deposition<S> {
     fn result(
         &self,
         grains: &[Placed<S>],
-        mut report: Report,
+        mut report: DepositionReport,
         axis: usize,
         up: f64,
-    ) -> (Vec<Placed<S>>, Report) {
+    ) -> (Vec<Placed<S>>, DepositionReport) {
         let places: Vec<S::Vector> = grains.iter().map(|grain| grain.0).collect();
         let grains: Vec<_> = curve_order::<S>(&places)
             .iter()
@@ -294,7 +298,7 @@ impl<S: Space> Deposition<S> {
             .map(|b| b.radius)
             .fold(f64::INFINITY, f64::min);
         let time_step = self.step_ratio * law.critical_time_step::<S>(bodies, self.materials);
-        let mut settings = Settings::new(self.region, time_step, 0.3 * smallest);
+        let mut settings = DemSettings::new(self.region, time_step, 0.3 * smallest);
         settings.gravity = self.gravity;
         settings.local_damping = self.damping(landed);
         Dem::new(law.clone(), settings, self.walls.clone())
@@ -355,7 +359,7 @@ struct Progress {
     began: u64,
     /// Steps until the next check.
     left: u64,
-    report: Report,
+    report: DepositionReport,
 }
 
 /// Grains that fall or come to rest.
@@ -386,10 +390,10 @@ impl<'a, S: Space> Falling<'a, S> {
             landed: false,
             began: 0,
             left: 0,
-            report: Report {
+            report: DepositionReport {
                 fallen: radii.len() as u64,
                 settled: true,
-                ..Report::default()
+                ..DepositionReport::default()
             },
         };
         let places = deposition.cloud(&radii, &first)?;
@@ -413,7 +417,7 @@ impl<'a, S: Space> Falling<'a, S> {
     fn resume(
         deposition: &'a Deposition<S>,
         supervision: &'a Supervision<'a, S>,
-        saved: Saved<S>,
+        saved: SavedSample<S>,
     ) -> Result<Self, Error> {
         let progress: Progress = serde_json::from_value(saved.progress)
             .map_err(|e| Error::Io(format!("the saved deposition: {e}")))?;
@@ -519,7 +523,7 @@ mod tests {
         Law::Linear(Linear {
             parameters: PairTable::uniform(
                 1,
-                linear::Parameters {
+                linear::LinearParameters {
                     normal_stiffness: Scaled::Absolute(stiffness),
                     stiffness_ratio: 1.0,
                     friction: 0.5,
@@ -544,7 +548,7 @@ mod tests {
 
     fn small() -> Deposition<Volume> {
         let corner = Vector3::new(0.012, 0.012, 0.05);
-        let region = Region::closed(Vector3::zeros(), corner, 1e-3);
+        let region = GrainDomain::closed(Vector3::zeros(), corner, 1e-3);
         Deposition {
             clouds: vec![cloud(800, classes())],
             region,
@@ -682,7 +686,7 @@ mod tests {
         }
         let mut dem = Dem::new(
             linear(1e4),
-            Settings::new(deposition.region, 1e-7, 1e-4),
+            DemSettings::new(deposition.region, 1e-7, 1e-4),
             deposition.walls.clone(),
         )
         .unwrap();

@@ -16,14 +16,15 @@ mod cloud;
 use cloud::{put_neighbours_together, scatter};
 use serde::{Deserialize, Serialize};
 
-use super::supervision::{Saved, Supervision};
+use super::supervision::{SavedSample, Supervision};
 use base::error::Error;
 use base::number::{real, to_usize};
 use base::random::Stream;
 use dem::contact::Scaled;
-use dem::contact::linear::{Linear, Parameters};
+use dem::contact::linear::{Linear, LinearParameters};
 use dem::{
-    Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Space, Wall, alone,
+    Body, Components, Dem, DemSettings, GrainDomain, Law, Motion, PairTable, Particles, Space,
+    Wall, alone,
 };
 
 /// Diameters (m) of the grains.
@@ -86,7 +87,7 @@ pub struct PackingSettings<S: Space> {
 
 /// Properties of a packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct PackingReport {
     /// Number of grains.
     pub grains: u64,
     /// Final over requested diameters, one factor for all.
@@ -111,7 +112,7 @@ pub struct Report {
 
 /// One grain of a packing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grain<S: Space> {
+pub struct PackedGrain<S: Space> {
     /// Centre (m).
     pub position: S::Vector,
     /// Radius (m).
@@ -122,9 +123,9 @@ pub struct Grain<S: Space> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packing<S: Space> {
     /// The grains, neighbours mostly close together in the list.
-    pub grains: Vec<Grain<S>>,
+    pub grains: Vec<PackedGrain<S>>,
     /// Properties of the packing when it was made.
-    pub report: Report,
+    pub report: PackingReport,
 }
 
 const SIZES: u32 = 1;
@@ -297,7 +298,7 @@ impl<'a, S: Space> Growing<'a, S> {
         settings: &'a PackingSettings<S>,
         radii: Vec<f64>,
         supervision: &'a Supervision<'a, S>,
-        saved: Saved<S>,
+        saved: SavedSample<S>,
     ) -> Result<Self, Error> {
         let wrong = |what: String| Error::Io(format!("the saved growth of the sample: {what}"));
         let progress: Progress =
@@ -326,7 +327,7 @@ impl<'a, S: Space> Growing<'a, S> {
         particles: Particles<S>,
     ) -> Result<Self, Error> {
         let mean_diameter = 2.0 * radii.iter().sum::<f64>() / real(radii.len());
-        let parameters = Parameters {
+        let parameters = LinearParameters {
             normal_stiffness: Scaled::PerDiameter(settings.stiffness_per_diameter),
             stiffness_ratio: 0.4,
             friction: settings.friction,
@@ -342,13 +343,13 @@ impl<'a, S: Space> Growing<'a, S> {
             .map(|radius| Body::uniform::<S>(0, *radius, settings.density, 0))
             .collect();
         let time_step = 0.2 * law.critical_time_step::<S>(&grown, 1);
-        let region = Region {
+        let region = GrainDomain {
             lower: settings.lower,
             upper: settings.upper,
             periodic: settings.periodic,
             spacing: settings.upper.get(0) - settings.lower.get(0),
         };
-        let mut of_engine = Settings::new(region, time_step, 0.1 * mean_diameter);
+        let mut of_engine = DemSettings::new(region, time_step, 0.1 * mean_diameter);
         of_engine.local_damping = WHILE_GROWING;
         let closed = settings.periodic.map(|periodic| !periodic);
         let dem = Dem::new(
@@ -376,7 +377,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 
     /// Returns the packing as it is, the unbalanced force left out.
-    fn measure(&self) -> Report {
+    fn measure(&self) -> PackingReport {
         let count = self.particles.owned();
         let mut touches = vec![0_usize; count];
         let (mut contacts, mut sum, mut largest) = (0.0, 0.0, 0.0_f64);
@@ -398,7 +399,7 @@ impl<'a, S: Space> Growing<'a, S> {
         let holding = || touches.iter().filter(|touches| **touches >= S::DIMENSION);
         let held = real(holding().count());
         let ends = real(holding().sum::<usize>());
-        Report {
+        PackingReport {
             grains: count as u64,
             size_factor: self.progress.factor,
             solid_fraction: self
@@ -621,12 +622,12 @@ impl<'a, S: Space> Growing<'a, S> {
 
     fn packing(self) -> Result<Packing<S>, Error> {
         let still = self.dem.stillness(&self.particles, &alone());
-        let report = Report {
+        let report = PackingReport {
             unbalanced: still.unbalanced(),
             ..self.measure()
         };
-        let mut grains: Vec<Grain<S>> = (0..self.particles.owned())
-            .map(|k| Grain {
+        let mut grains: Vec<PackedGrain<S>> = (0..self.particles.owned())
+            .map(|k| PackedGrain {
                 position: self.particles.location(k),
                 radius: self.particles.body[k].radius,
             })
@@ -652,7 +653,7 @@ mod tests {
     use super::*;
     use decomposition::Domain;
     use dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use dem::{Plane, Relaxation, Stillness, Volume};
+    use dem::{PlaneSpace, Relaxation, Stillness, Volume};
     use nalgebra::{Vector2, Vector3};
 
     /// Advances with damping until the grains are at rest, and restores the damping.
@@ -678,7 +679,7 @@ mod tests {
         still
     }
 
-    fn small() -> PackingSettings<Plane> {
+    fn small() -> PackingSettings<PlaneSpace> {
         PackingSettings {
             lower: Vector2::new(0.0, 0.0),
             upper: Vector2::new(4e-3, 3e-3),
@@ -725,7 +726,7 @@ mod tests {
         let cut = before - packing.grains.len();
         assert!(cut > 20);
 
-        let parameters = cohesive_frictional::Parameters {
+        let parameters = cohesive_frictional::CohesiveFrictionalParameters {
             normal_stiffness: Scaled::PerDiameter(150e6),
             stiffness_ratio: 0.4,
             friction: 20.0_f64.to_radians().tan(),
@@ -736,9 +737,9 @@ mod tests {
         let law = Law::CohesiveFrictional(CohesiveFrictional {
             parameters: PairTable::uniform(1, parameters),
         });
-        let mut particles = Particles::<Plane>::new();
+        let mut particles = Particles::<PlaneSpace>::new();
         for (id, grain) in (0..).zip(&packing.grains) {
-            let body = Body::uniform::<Plane>(id, grain.radius, 2650.0, 0);
+            let body = Body::uniform::<PlaneSpace>(id, grain.radius, 2650.0, 0);
             particles.insert(
                 body,
                 Motion {
@@ -747,9 +748,9 @@ mod tests {
                 },
             );
         }
-        let limit = law.critical_time_step::<Plane>(&particles.body, 1);
-        let of_engine = Settings::new(
-            Region::closed(settings.lower, settings.upper, 1e-4),
+        let limit = law.critical_time_step::<PlaneSpace>(&particles.body, 1);
+        let of_engine = DemSettings::new(
+            GrainDomain::closed(settings.lower, settings.upper, 1e-4),
             0.2 * limit,
             2e-5,
         );

@@ -40,16 +40,16 @@ use case::grains as case;
 use case::sieve::Percentiles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space, vector};
-use dem::{Region, Wall};
+use dem::{GrainDomain, Wall};
 use deposition::Deposition;
 use growth::{PackingSettings, Sizes, Stop};
-use plan::scene::block::Block;
-use plan::scene::blocks::Blocks;
+use plan::scene::block::AlignedBox;
+use plan::scene::blocks::PlacedBlocks;
 use plan::scene::grading::Grading;
 use plan::scene::grains::{Cloud, GrainSource, assign};
 use plan::scene::rock::list;
 use plan::scene::sample;
-use plan::scene::sample::Grain;
+use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
 use room::Room;
@@ -61,7 +61,7 @@ use supervision::Supervision;
 #[derive(Clone, Debug, Default)]
 pub struct Prepared {
     /// The grains after cutting; on the first rank only.
-    pub grains: Vec<Grain>,
+    pub grains: Vec<ListedGrain>,
     /// The entry of `summary.json`.
     pub report: Value,
     /// One line for the terminal.
@@ -71,7 +71,7 @@ pub struct Prepared {
 /// The parts of the engine that a deposition shares with the run.
 pub struct Engine<S: Space> {
     /// The box of the grains.
-    pub region: Region<S>,
+    pub region: GrainDomain<S>,
     /// The walls, including those that are removed when the run begins.
     pub walls: Vec<Wall<S>>,
 }
@@ -141,7 +141,7 @@ pub fn prepare<S: Space>(
     prepared.cut(&scene.cut, &mut all);
     if let Value::Object(report) = &mut prepared.report {
         let radii = all.iter().map(|grain| grain.radius);
-        if let Some(made) = Percentiles::of(radii, dimension) {
+        if let Some(made) = Percentiles::from_radii(radii, dimension) {
             report.insert("grading".into(), json!(made));
             prepared.add(made.to_string());
         }
@@ -164,7 +164,7 @@ impl Prepared {
         &mut self,
         deposition: &Deposition<S>,
         supervision: &Supervision<'_, S>,
-    ) -> Result<Vec<Grain>, Error> {
+    ) -> Result<Vec<ListedGrain>, Error> {
         let (grains, report) = deposition.run(supervision)?;
         let last = report.convergence.last().copied().unwrap_or_default();
         self.line = format!(
@@ -212,7 +212,7 @@ impl Prepared {
         packing: &PackingSettings<S>,
         material: usize,
         supervision: &Supervision<'_, S>,
-    ) -> Result<Vec<Grain>, Error> {
+    ) -> Result<Vec<ListedGrain>, Error> {
         let packing = packing.pack(supervision)?;
         let r = &packing.report;
         self.line = format!(
@@ -234,12 +234,12 @@ impl Prepared {
     }
 
     /// Takes out the grains that touch the boxes.
-    fn cut(&mut self, boxes: &[(String, Block)], grains: &mut Vec<Grain>) {
+    fn cut(&mut self, boxes: &[(String, AlignedBox)], grains: &mut Vec<ListedGrain>) {
         if boxes.is_empty() {
             return;
         }
         let before = grains.len();
-        let touches = |g: &Grain| boxes.iter().any(|(_, b)| b.touches(g.position, g.radius));
+        let touches = |g: &ListedGrain| boxes.iter().any(|(_, b)| b.touches(g.position, g.radius));
         grains.retain(|grain| !touches(grain));
         let left = grains.len();
         self.add(format!("{left} of {before} grains remain after cutting"));
@@ -247,8 +247,8 @@ impl Prepared {
 }
 
 /// Returns a grain at rest.
-fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> Grain {
-    Grain {
+fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> ListedGrain {
+    ListedGrain {
         position: components(position),
         radius,
         velocity: [0.0; 3],
@@ -258,7 +258,7 @@ fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> Grain {
 }
 
 /// Saves the blocks if the case requests it; returns a line about them.
-fn save_blocks(plan: &Plan, blocks: &Blocks, folder: &Path) -> Result<String, Error> {
+fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<String, Error> {
     if let Some(path) = &blocks.save {
         let text = list::write(blocks.list.iter().map(|block| {
             let name = plan.scene.materials[block.material].name.as_str();
@@ -368,7 +368,7 @@ const MORE_CONTACTS: f64 = 2.0;
 /// Returns the packing of a plan.
 fn packing_of<S: Space>(
     plan: &Plan,
-    block: &Block,
+    block: &AlignedBox,
     number: usize,
     growth: &case::Growth,
 ) -> PackingSettings<S> {

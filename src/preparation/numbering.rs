@@ -5,13 +5,13 @@
 
 use base::number::whole;
 use dem::{Components, Space};
-use plan::scene::sample::Grain;
+use plan::scene::sample::ListedGrain;
 
 /// Bits of a coordinate: three of them fill a word.
 const BITS: u32 = 21;
 
 /// Puts grains in order along the curve through the box around their centres.
-pub fn along_curve(grains: &mut [Grain]) {
+pub fn along_curve(grains: &mut [ListedGrain]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for grain in &*grains {
@@ -82,8 +82,8 @@ pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn grain(position: [f64; 3]) -> Grain {
-        Grain {
+    fn grain(position: [f64; 3]) -> ListedGrain {
+        ListedGrain {
             position,
             radius: 1.0,
             velocity: [0.0; 3],
@@ -94,13 +94,13 @@ mod tests {
 
     #[test]
     fn the_curve_goes_through_octants_one_after_the_other() {
-        let mut grains: Vec<Grain> = (0..64)
+        let mut grains: Vec<ListedGrain> = (0..64)
             .map(|n| [n * 37 % 4, n * 37 / 4 % 4, n * 37 / 16 % 4].map(f64::from))
             .map(grain)
             .collect();
         along_curve(&mut grains);
         for (n, eight) in grains.chunks(8).enumerate() {
-            let octant = |grain: &Grain| grain.position.map(|x| x >= 2.0);
+            let octant = |grain: &ListedGrain| grain.position.map(|x| x >= 2.0);
             assert!(eight.iter().all(|g| octant(g) == octant(&eight[0])), "{n}");
         }
         let first: Vec<_> = grains[..4].iter().map(|g| g.position).collect();

@@ -210,7 +210,7 @@ mod tests {
     use dem::contact::Scaled;
     use dem::contact::linear::{self, Linear};
     use dem::particles::{Body, Motion};
-    use dem::{Law, PairTable, Region, Settings, Volume, Wall, alone};
+    use dem::{DemSettings, GrainDomain, Law, PairTable, Volume, Wall, alone};
     use nalgebra::Vector3;
 
     /// Supervisor without requests.
@@ -230,11 +230,15 @@ mod tests {
     #[test]
     fn walls_stand_still() {
         let corner = Vector3::repeat(0.01);
-        let settings = Settings::new(Region::closed(Vector3::zeros(), corner, 1e-3), 1e-5, 1e-4);
+        let settings = DemSettings::new(
+            GrainDomain::closed(Vector3::zeros(), corner, 1e-3),
+            1e-5,
+            1e-4,
+        );
         let law = Law::Linear(Linear {
             parameters: PairTable::uniform(
                 1,
-                linear::Parameters {
+                linear::LinearParameters {
                     normal_stiffness: Scaled::Absolute(1e3),
                     stiffness_ratio: 1.0,
                     friction: 0.5,

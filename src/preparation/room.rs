@@ -229,8 +229,8 @@ mod tests {
     use crate::supervision::Supervision;
     use crate::{Engine, Prepared, prepare};
     use case::Document;
-    use dem::space::Plane;
-    use dem::{Region, Wall};
+    use dem::space::PlaneSpace;
+    use dem::{GrainDomain, Wall};
     use nalgebra::Vector2;
     use plan::Plan;
     use std::path::Path;
@@ -274,8 +274,8 @@ mod tests {
         let mut walls = Wall::of_box(Vector2::zeros(), corner, [true, true, false], 0);
         let surfaces = plan.scene.walls.iter().filter_map(|w| w.surface.clone());
         walls.extend(surfaces.map(|surface| Wall::of_surface(surface, 0)));
-        let engine = Engine::<Plane> {
-            region: Region::closed(Vector2::zeros(), corner, 0.005),
+        let engine = Engine::<PlaneSpace> {
+            region: GrainDomain::closed(Vector2::zeros(), corner, 0.005),
             walls,
         };
         prepare(plan, Path::new("."), &engine, &Supervision::none()).unwrap()

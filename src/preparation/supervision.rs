@@ -37,7 +37,7 @@ pub trait Requests {
 
 /// The state of an unfinished sample.
 #[derive(Debug)]
-pub struct Saved<S: Space> {
+pub struct SavedSample<S: Space> {
     /// The grains.
     pub particles: Particles<S>,
     /// Contacts of the grains, and the solid steps done.
@@ -91,7 +91,7 @@ impl<S: Space> Supervisor<S> for Unsupervised {
 /// Runs the steps of a sample in batches, between which it reports and asks for requests.
 pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
-    saved: RefCell<Option<Saved<S>>>,
+    saved: RefCell<Option<SavedSample<S>>>,
     reported: Cell<Instant>,
     /// Time of the last request; none before the first, which comes after the first batch: a stop requested before the
     /// start is noticed at once.
@@ -103,7 +103,7 @@ pub struct Supervision<'a, S: Space> {
 impl<'a, S: Space> Supervision<'a, S> {
     /// Starts, or continues from a saved state.
     #[must_use]
-    pub fn new(supervisor: &'a dyn Supervisor<S>, saved: Option<Saved<S>>) -> Self {
+    pub fn new(supervisor: &'a dyn Supervisor<S>, saved: Option<SavedSample<S>>) -> Self {
         Self {
             supervisor,
             saved: RefCell::new(saved),
@@ -120,7 +120,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     }
 
     /// Takes the saved state of an earlier attempt; none at the second call.
-    pub fn take_saved(&self) -> Option<Saved<S>> {
+    pub fn take_saved(&self) -> Option<SavedSample<S>> {
         self.saved.borrow_mut().take()
     }
 
@@ -196,7 +196,7 @@ pub(super) mod tests {
     /// Stops the work after a number of questions.
     struct Impatient<S: Space> {
         questions: Cell<u32>,
-        file: RefCell<Option<Saved<S>>>,
+        file: RefCell<Option<SavedSample<S>>>,
     }
 
     impl<S: Space> Supervisor<S> for Impatient<S> {
@@ -222,7 +222,7 @@ pub(super) mod tests {
             progress: &Value,
             _: Request,
         ) -> Result<(), Error> {
-            *self.file.borrow_mut() = Some(Saved {
+            *self.file.borrow_mut() = Some(SavedSample {
                 particles: Particles::from_table(&particles.table())?,
                 contacts: dem.contacts(),
                 // As a file holds it.

@@ -38,12 +38,12 @@ pub(super) struct Costs {
 
 impl Costs {
     /// Returns those of a scene with particles, of which each rank gives its own. Collective.
-    pub(super) fn of<Sp: Space>(
+    pub(super) fn for_scene<Sp: Space>(
         plan: &Plan,
         particles: &Particles<Sp>,
         communicator: &Communicator,
     ) -> Self {
-        let (scene, mut parts) = (&plan.scene, Parts::of(&plan.scene, &plan.clock));
+        let (scene, mut parts) = (&plan.scene, Parts::for_scene(&plan.scene, &plan.clock));
         // The pass over the lattice depends on the width of vectors and on the memory; the work of solids hardly does.
         parts.cell /= plan.estimate.machine.fluid;
         let axis = scene.grid.split_axis;
@@ -317,7 +317,7 @@ fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
 mod tests {
     use super::*;
     use case::Document;
-    use decomposition::Axis;
+    use decomposition::SplitAxis;
     use dem::polyhedron::Polyhedron;
     use dem::{Body, Motion, Volume};
     use nalgebra::{UnitQuaternion, Vector3};
@@ -373,7 +373,7 @@ mod tests {
             "coupling": {"partially_saturated": {}}, "time": {"end": 0.01}}"#;
         let document = Document::read(text, &[], Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();
-        let (grid, parts) = (&plan.scene.grid, Parts::of(&plan.scene, &plan.clock));
+        let (grid, parts) = (&plan.scene.grid, Parts::for_scene(&plan.scene, &plan.clock));
         let shape = Polyhedron::cuboid(Vector3::new(0.02, 0.08, 0.02)).unwrap();
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes([shape.clone()].into()).unwrap();
@@ -384,7 +384,7 @@ mod tests {
         let body = Body::of_block(0, &shape, 2600.0, 0);
         let turn = UnitQuaternion::identity();
         particles.add_block(body, motion, 0, turn).unwrap();
-        let all = Costs::of(&plan, &particles, &Communicator::serial());
+        let all = Costs::for_scene(&plan, &particles, &Communicator::serial());
         let cells = real(grid.cell_count()) * parts.cell / plan.estimate.machine.fluid;
         let fluid = real(all.fluid.iter().sum::<i64>()) / PICOSECONDS - cells;
         let map = real(all.solids.iter().sum::<i64>()) / PICOSECONDS - parts.solid[1];
@@ -405,8 +405,8 @@ mod tests {
         for plane in &mut planes[40..60] {
             *plane = 2_000_000;
         }
-        let equal = Slabs::even(Axis::X, 100, 4, false);
-        let by_cost = Slabs::from_bounds(Axis::X, bounds(&planes, 4), false).unwrap();
+        let equal = Slabs::even(SplitAxis::X, 100, 4, false);
+        let by_cost = Slabs::from_bounds(SplitAxis::X, bounds(&planes, 4), false).unwrap();
         assert!(imbalance(&equal, &planes) > 1.6);
         assert!(imbalance(&by_cost, &planes) < 1.1, "{by_cost:?}");
         assert!(is_worth(&equal, &by_cost, &planes) && !is_worth(&by_cost, &equal, &planes));

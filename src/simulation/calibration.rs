@@ -4,11 +4,12 @@ use base::error::Error;
 use base::number::real;
 use base::random::Stream;
 use case::fluid::Precision;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 use dem::contact::Scaled;
 use dem::contact::linear::{self, Linear};
 use dem::{
-    Body, Components, Dem, Law, Motion, PairTable, Particles, Region, Settings, Volume, alone,
+    Body, Components, Dem, DemSettings, GrainDomain, Law, Motion, PairTable, Particles, Volume,
+    alone,
 };
 use lbm::fluid::{Fluid, Force, Setup};
 use lbm::lanes::Stored;
@@ -100,7 +101,7 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
     } else {
         (3e-3, 0.1)
     };
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(1e5),
         stiffness_ratio: 2.0 / 7.0,
         friction: 0.5,
@@ -112,7 +113,8 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
         parameters: PairTable::uniform(1, parameters),
     });
     let length = side * spacing;
-    let mut region = Region::<Volume>::closed(Vector3::zeros(), Vector3::repeat(length), spacing);
+    let mut region =
+        GrainDomain::<Volume>::closed(Vector3::zeros(), Vector3::repeat(length), spacing);
     region.periodic = [true; 3];
     let mut particles = Particles::<Volume>::new();
     for n in 0..count {
@@ -132,7 +134,7 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
         }
         particles.insert(Body::uniform::<Volume>(id, 1e-3, 2600.0, 0), motion);
     }
-    let mut settings = Settings::new(region, 1e-6, if packed { 1e-4 } else { 5e-4 });
+    let mut settings = DemSettings::new(region, 1e-6, if packed { 1e-4 } else { 5e-4 });
     if !packed {
         settings.gravity = Vector3::new(0.0, 0.0, -9.81);
     }
@@ -242,7 +244,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
         device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    let axis = [Axis::X, Axis::Y, Axis::Z][plan.scene.grid.split_axis.min(2)];
+    let axis = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z][plan.scene.grid.split_axis.min(2)];
     let domain = Domain::serial(axis, cells[plan.scene.grid.split_axis], false);
     let fluid = Fluid::<S>::new(setup, &domain).ok()?;
     Some((fluid, cells.iter().product()))

@@ -11,10 +11,12 @@ mod gathered;
 use super::agreement::agree;
 use super::removal::Departed;
 use super::table::{Table, append};
-use super::view::View;
-use analysis::erosion_law::{Row, read_rows};
+use super::view::StateView;
+use analysis::erosion_law::{RecordRow, read_rows};
 use analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
-use analysis::ground_collapse::measure::{Above, Cells, Grain, Ground, Limits, Point, Sample};
+use analysis::ground_collapse::measure::{
+    Above, Cells, Ground, Limits, MeasuredGrain, Point, Sample,
+};
 use analysis::ground_collapse::record::{
     ClusterKind, ClusterRecord, CollapseRecord, CollapseSummary, PointRecord, PointSummary,
     StageTimes, SurfaceRecord,
@@ -52,7 +54,7 @@ struct Left {
 
 /// The state of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct CollapseState {
     start: Option<Start>,
     ground: Option<Ground>,
     points: Vec<Left>,
@@ -81,7 +83,7 @@ pub struct CollapseRecorder {
     asked: Option<GroundCollapse>,
     interval: Option<Interval>,
     first_grain: u64,
-    state: State,
+    state: CollapseState,
     tables: Tables,
     news: Vec<String>,
 }
@@ -102,7 +104,7 @@ impl CollapseRecorder {
         let mut recorder = Self {
             interval: asked.as_ref().map(|asked| plan.clock.every(asked.every)),
             first_grain: plan.scene.first_grain(),
-            state: State::default(),
+            state: CollapseState::default(),
             tables: Tables::default(),
             news: Vec::new(),
             asked,
@@ -143,7 +145,7 @@ impl CollapseRecorder {
     /// [`Error::Io`] on every rank where a table cannot be written.
     pub fn record_due<S: Space>(
         &mut self,
-        view: &View<'_, S>,
+        view: &StateView<'_, S>,
         removed: &[Departed],
     ) -> Result<(), Error> {
         let Some(asked) = &self.asked else {
@@ -177,7 +179,7 @@ impl CollapseRecorder {
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
-    pub fn record_end<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
+    pub fn record_end<S: Space>(&mut self, view: &StateView<'_, S>) -> Result<(), Error> {
         if self.asked.is_none() {
             return Ok(());
         }
@@ -251,7 +253,7 @@ impl CollapseRecorder {
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
-    pub fn state(&self, domain: &Domain) -> Result<Option<State>, Error> {
+    pub fn state(&self, domain: &Domain) -> Result<Option<CollapseState>, Error> {
         if self.asked.is_none() {
             return Ok(None);
         }
@@ -277,7 +279,7 @@ impl CollapseRecorder {
     ///
     /// # Errors
     /// [`Error::Io`] where the state is missing or does not fit the case.
-    pub fn restore(&mut self, state: Option<State>) -> Result<(), Error> {
+    pub fn restore(&mut self, state: Option<CollapseState>) -> Result<(), Error> {
         let Some(asked) = &self.asked else {
             return Ok(());
         };
@@ -354,7 +356,7 @@ impl CollapseRecorder {
         }
     }
 
-    fn measure_start<S: Space>(&self, view: &View<'_, S>) -> Start {
+    fn measure_start<S: Space>(&self, view: &StateView<'_, S>) -> Start {
         let (mut mass, mut diameter, mut grains) = (ExactSum::new(), ExactSum::new(), 0);
         let owned = &view.particles.body[..view.particles.owned()];
         for body in owned.iter().filter(|body| body.id >= self.first_grain) {
@@ -372,7 +374,7 @@ impl CollapseRecorder {
         }
     }
 
-    fn write_row<S: Space>(&mut self, view: &View<'_, S>) -> Result<(), Error> {
+    fn write_row<S: Space>(&mut self, view: &StateView<'_, S>) -> Result<(), Error> {
         let (Some(asked), Some(start)) = (self.asked.clone(), self.state.start) else {
             return Ok(());
         };
@@ -391,10 +393,10 @@ impl CollapseRecorder {
     /// Measures and writes; on rank 0.
     fn analyse<S: Space>(
         &mut self,
-        view: &View<'_, S>,
+        view: &StateView<'_, S>,
         asked: &GroundCollapse,
         start: Start,
-        grains: &[Grain],
+        grains: &[MeasuredGrain],
         bonds: &[[u64; 2]],
     ) -> Result<(), Error> {
         let (step, time) = (view.step, view.time);
@@ -473,7 +475,7 @@ impl CollapseRecorder {
         step: u64,
         time: f64,
         loose: f64,
-        grains: &[Grain],
+        grains: &[MeasuredGrain],
         bonds: &[[u64; 2]],
     ) -> Result<(), Error> {
         let away = grains.iter().filter(|grain| length(grain.moved) > loose);

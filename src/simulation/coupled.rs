@@ -7,13 +7,13 @@ use case::coupling::{
 use coupling::body_map::Rules;
 use coupling::bounce_back::{self, BounceBack};
 use coupling::partially_saturated::{self, PartiallySaturated};
-use coupling::solid_fraction::Method as FractionMethod;
+use coupling::solid_fraction::FractionMethod;
 use coupling::water::Water;
 use dem::space::Space;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Scheme;
-use lbm::saturation::Method as Saturation;
+use lbm::saturation::SaturationMethod as Saturation;
 use plan::Plan;
 use std::sync::Arc;
 use structure::Images;
@@ -43,7 +43,7 @@ pub fn flow<Sp: Space, S: Stored>(
     let origin = [0.0; 3];
     match &plan.scene.coupling {
         Some(Coupling::PartiallySaturated(written)) => {
-            let settings = partially_saturated::Settings {
+            let settings = partially_saturated::PartiallySaturatedSettings {
                 fractions: match written.solid_fraction {
                     SolidFraction::Exact => FractionMethod::Exact,
                     SolidFraction::Samples(n) => FractionMethod::Samples(n),
@@ -97,9 +97,9 @@ pub fn saturation(plan: &Plan) -> Option<Saturation> {
     })
 }
 
-fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::Settings {
+fn links(plan: &Plan, written: &WrittenBounceBack) -> bounce_back::BounceBackSettings {
     let scene = &plan.scene;
-    bounce_back::Settings {
+    bounce_back::BounceBackSettings {
         scheme: match written.scheme {
             WrittenScheme::HalfWay => Scheme::HalfWay,
             WrittenScheme::Interpolated => Scheme::Interpolated,

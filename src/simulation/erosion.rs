@@ -38,10 +38,10 @@ mod mechanism;
 use super::agreement::agree;
 use super::removal::{Departed, boxed, rows};
 use super::table::{Table, append};
-use super::view::View;
+use super::view::StateView;
 use analysis::erosion_law::{
     BondBreak as BreakRow, BreakMode, BreakPlace, ErosionRecord, ErosionSummary, HoleFaces,
-    RemovedGrain, Row, hole_faces, shear_by_balance, shear_by_traction,
+    RecordRow, RemovedGrain, hole_faces, shear_by_balance, shear_by_traction,
 };
 use base::error::Error;
 use base::number::real;
@@ -53,7 +53,7 @@ use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
 use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
 use plan::Plan;
 use plan::interval::Interval;
-use plan::scene::observe::Action;
+use plan::scene::observe::RegionAction;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
@@ -77,7 +77,7 @@ struct Start {
 
 /// The state of the recorder in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct ErosionState {
     start: Option<Start>,
     /// Solid fraction next to the hole in the cells of the water, at the first row.
     intact: Option<f64>,
@@ -114,7 +114,7 @@ pub struct ErosionRecorder {
     law: Option<Hole>,
     interval: Option<Interval>,
     first_grain: u64,
-    state: State,
+    state: ErosionState,
     /// Bonds broken on this rank since the last flush.
     pending: Vec<Pending>,
     removed: Option<Table>,
@@ -147,7 +147,7 @@ impl ErosionRecorder {
         let removes = scene
             .regions
             .iter()
-            .any(|region| matches!(region.action, Action::Remove { .. }));
+            .any(|region| matches!(region.action, RegionAction::Remove { .. }));
         let bonded = scene.contact.as_ref().is_some_and(|c| c.model().bonds());
         let opened = (|| {
             Ok::<_, Error>((
@@ -169,7 +169,7 @@ impl ErosionRecorder {
                 .as_ref()
                 .map(|law| plan.clock.every(law.every)),
             first_grain: scene.first_grain(),
-            state: State::default(),
+            state: ErosionState::default(),
             pending: Vec::new(),
             removed,
             bonds,
@@ -218,7 +218,7 @@ impl ErosionRecorder {
     /// [`Error::Io`] on every rank where a table cannot be written.
     pub fn record_due<S: Space>(
         &mut self,
-        view: &View<'_, S>,
+        view: &StateView<'_, S>,
         removed: &[Departed],
         breaks: Vec<BondBreak<S>>,
         mass_error: f64,
@@ -256,7 +256,7 @@ impl ErosionRecorder {
     }
 
     /// Takes note of bonds that broke on this rank.
-    pub fn note_breaks<S: Space>(&mut self, view: &View<'_, S>, breaks: Vec<BondBreak<S>>) {
+    pub fn note_breaks<S: Space>(&mut self, view: &StateView<'_, S>, breaks: Vec<BondBreak<S>>) {
         for broken in breaks {
             let at_wall = self.at_wall(&broken.position, view.plan);
             self.pending.push(Pending {
@@ -283,7 +283,7 @@ impl ErosionRecorder {
     /// [`Error::Io`] on every rank where a table cannot be written.
     pub fn record_end<S: Space>(
         &mut self,
-        view: &View<'_, S>,
+        view: &StateView<'_, S>,
         mass_error: f64,
     ) -> Result<(), Error> {
         self.flush(view.domain)?;
@@ -377,7 +377,7 @@ impl ErosionRecorder {
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
-    pub fn state(&mut self, domain: &Domain) -> Result<State, Error> {
+    pub fn state(&mut self, domain: &Domain) -> Result<ErosionState, Error> {
         self.flush(domain)?;
         let synced = [&self.removed, &self.bonds, &self.rows]
             .into_iter()
@@ -388,7 +388,7 @@ impl ErosionRecorder {
     }
 
     /// Takes back [`Self::state`].
-    pub fn restore(&mut self, state: State) {
+    pub fn restore(&mut self, state: ErosionState) {
         self.state = state;
     }
 
@@ -420,7 +420,7 @@ impl ErosionRecorder {
             .map_err(|error| Error::Internal(error.to_string()))
     }
 
-    fn measure_start<S: Space>(&self, view: &View<'_, S>, removed: &[Departed]) -> Start {
+    fn measure_start<S: Space>(&self, view: &StateView<'_, S>, removed: &[Departed]) -> Start {
         let grid = &view.plan.scene.grid;
         let (mut mass, mut diameter, mut beside) =
             (ExactSum::new(), ExactSum::new(), ExactSum::new());
@@ -498,7 +498,11 @@ impl ErosionRecorder {
     }
 
     /// Writes the state of the hole as a row. Collective.
-    fn write_row<S: Space>(&mut self, view: &View<'_, S>, mass_error: f64) -> Result<(), Error> {
+    fn write_row<S: Space>(
+        &mut self,
+        view: &StateView<'_, S>,
+        mass_error: f64,
+    ) -> Result<(), Error> {
         let (Some(hole), Some(start)) = (self.law, self.state.start) else {
             return Ok(());
         };

@@ -58,7 +58,7 @@ const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 /// The meters of the guards in a checkpoint. A number that is not finite is null there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct State {
+pub struct GuardState {
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
     #[serde(alias = "mach")]
@@ -109,15 +109,15 @@ impl Guards {
     pub fn new(plan: &Plan) -> Self {
         Self {
             every: u64::from(plan.scene.guards.check_every_steps).max(1),
-            openings: Openings::of(plan),
+            openings: Openings::from_plan(plan),
             ..Self::default()
         }
     }
 
     /// Returns the meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
     #[must_use]
-    pub fn state(&self) -> State {
-        State {
+    pub fn state(&self) -> GuardState {
+        GuardState {
             mass_error: self.mass_error,
             momentum_error: self.momentum_error,
             lattice_velocity: self.speed[1],
@@ -130,7 +130,7 @@ impl Guards {
     }
 
     /// Takes back [`Self::state`]; numbers that are missing count as never measured.
-    pub fn restore(&mut self, state: State) {
+    pub fn restore(&mut self, state: GuardState) {
         self.mass_error = state.mass_error;
         self.momentum_error = state.momentum_error;
         self.speed[1] = state.lattice_velocity;
@@ -398,7 +398,7 @@ impl Guards {
         {
             // Once, for the buffers that checks reuse: no step after the first allocates.
             self.ready = true;
-            self.look.at(flow);
+            self.look.check_cells(flow);
             self.openings.prepare(self.every, flow);
         }
         // The pressure at a free surface pushes the water, and interface cells keep their mass apart.
@@ -497,7 +497,8 @@ impl Guards {
             && self.stepped
         {
             let communicator = domain.communicator();
-            self.openings.look(step, self.every, flow, communicator);
+            self.openings
+                .record_step(step, self.every, flow, communicator);
         }
         self.inspect(When::Step(step), flow, particles, plan, domain)?;
         let deepest = self.note_overlap(deepest, domain.communicator());
@@ -574,7 +575,7 @@ impl Guards {
         domain: &Domain,
     ) -> Result<(), Error> {
         let communicator = domain.communicator();
-        let seen = flow.map(|flow| self.look.at(flow));
+        let seen = flow.map(|flow| self.look.check_cells(flow));
         let lost = lost_grain(particles).map(|id| GRAINS + id);
         let mine = seen.and_then(|seen| seen.broken).or(lost);
         let broken = communicator.all_reduce_min_u64(mine.unwrap_or(u64::MAX));
@@ -641,7 +642,7 @@ impl Guards {
             && !self.warned[0]
         {
             self.warned[0] = true;
-            let cell = Order::of(flow).cell(squeezed.cell);
+            let cell = Order::from_flow(flow).cell(squeezed.cell);
             self.news.push(format!(
                 "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {limit}: \
                  pressures have an error of this size, which decreases with the square of the time step",

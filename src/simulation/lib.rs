@@ -78,16 +78,16 @@ use gates::Gates;
 use guards::Guards;
 use output::Outputs;
 use output::averages::Averages;
-use output::checkpoint::{Saved, State};
+use output::checkpoint::{RunState, SavedNumber};
 pub use output::view;
 use phases::{Phase, Phases};
 use plan::Plan;
 use removal::{Departed, Removal};
 use schedule::Schedule;
-use view::View;
+use view::StateView;
 
 /// Simulated state at the present step.
-struct Present<Sp: Space, S: Saved> {
+struct Present<Sp: Space, S: SavedNumber> {
     plan: Plan,
     domain: Domain,
     flow: Option<Water<Sp, S>>,
@@ -99,7 +99,7 @@ struct Present<Sp: Space, S: Saved> {
     step: u64,
 }
 
-impl<Sp: Space, S: Saved> Present<Sp, S> {
+impl<Sp: Space, S: SavedNumber> Present<Sp, S> {
     fn lattice(&self) -> Option<&dyn LatticeFlow<Sp, S>> {
         self.flow.as_ref().and_then(Water::lattice)
     }
@@ -117,8 +117,8 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         base::number::real(self.step) * self.plan.clock.time_step
     }
 
-    fn view(&self) -> View<'_, Sp> {
-        View {
+    fn view(&self) -> StateView<'_, Sp> {
+        StateView {
             plan: &self.plan,
             domain: &self.domain,
             fluid: self.lattice().map(|flow| flow as &dyn FluidView),
@@ -132,8 +132,8 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
         }
     }
 
-    fn state(&self) -> State<'_, Sp, S> {
-        State {
+    fn state(&self) -> RunState<'_, Sp, S> {
+        RunState {
             fluid: self.lattice().map(LatticeFlow::fluid),
             averages: self.averages.as_ref(),
             seepage: match self.joints() {
@@ -148,7 +148,7 @@ impl<Sp: Space, S: Saved> Present<Sp, S> {
 }
 
 /// A run in progress: the simulated state and its recorders.
-pub struct Simulation<Sp: Space, S: Saved> {
+pub struct Simulation<Sp: Space, S: SavedNumber> {
     now: Present<Sp, S>,
     removal: Removal,
     gates: Gates,
@@ -159,10 +159,10 @@ pub struct Simulation<Sp: Space, S: Saved> {
     phases: Phases,
 }
 
-impl<Sp: Space, S: Saved> Simulation<Sp, S> {
+impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// Returns the present state.
     #[must_use]
-    pub fn view(&self) -> View<'_, Sp> {
+    pub fn view(&self) -> StateView<'_, Sp> {
         self.now.view()
     }
 
@@ -188,7 +188,7 @@ impl<Sp: Space, S: Saved> Simulation<Sp, S> {
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
-        let due = Schedule::of(self);
+        let due = Schedule::next_step(self);
         self.advance_water(due)?;
         self.advance_solids(due)?;
         self.now.step += due.steps;

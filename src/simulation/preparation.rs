@@ -11,9 +11,9 @@ use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
 use io::checkpoint::{Found, Reader};
-use output::checkpoint::{self, State};
+use output::checkpoint::{self, RunState};
 use plan::Plan;
-use preparation::supervision::{Request, Requests, Saved, Supervision, Supervisor};
+use preparation::supervision::{Request, Requests, SavedSample, Supervision, Supervisor};
 use preparation::{Engine, Prepared, prepare};
 use serde_json::{Value, json};
 use std::cell::RefCell;
@@ -51,7 +51,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
             .map_err(|e| Error::Io(format!("{}: {e}", folder.display())))?;
         let mut attributes = self.attributes.clone();
         attributes["preparation"] = json!({ "sample": progress });
-        let state = State::<S, f64> {
+        let state = RunState::<S, f64> {
             fluid: None,
             averages: None,
             seepage: Vec::new(),
@@ -91,10 +91,10 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
 }
 
 /// Returns the state of a sample in a checkpoint. First rank.
-fn saved<S: Space>(found: &Found) -> Result<Saved<S>, Error> {
+fn saved<S: Space>(found: &Found) -> Result<SavedSample<S>, Error> {
     let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
     let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
-    Ok(Saved {
+    Ok(SavedSample {
         particles: Particles::from_table(&grains)?,
         contacts,
         progress: reader.attributes()["preparation"]["sample"].clone(),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// The state of the run for a progress line.
 #[derive(Clone, Debug, Default)]
-pub struct Moment {
+pub struct ProgressState {
     /// Steps done and in all.
     pub step: u64,
     /// Steps of the whole run.
@@ -70,7 +70,7 @@ impl Progress {
     }
 
     /// Says where the run is.
-    pub fn say(&mut self, moment: &Moment) {
+    pub fn say(&mut self, moment: &ProgressState) {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
         let number = base::number::real;
         let rate = number(moment.step.saturating_sub(self.last_step)) / since;

@@ -9,15 +9,15 @@ use serde_json::Value;
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(super) struct Recorders {
     /// Counts of the regions.
-    pub(super) removal: removal::State,
+    pub(super) removal: removal::RemovalState,
     /// The erosion record.
-    pub(super) recorder: erosion::State,
+    pub(super) recorder: erosion::ErosionState,
     /// The collapse record; none without such an analysis.
     #[serde(default)]
-    pub(super) collapse: Option<collapse::State>,
+    pub(super) collapse: Option<collapse::CollapseState>,
     /// The meters of the guards; [`saved_guards`] reads them.
     #[serde(skip_deserializing)]
-    pub(super) guards: Option<guards::State>,
+    pub(super) guards: Option<guards::GuardState>,
 }
 
 impl Recorders {
@@ -49,10 +49,10 @@ impl Recorders {
 ///
 /// # Errors
 /// [`Error::Io`] where they are broken.
-pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::State>, Error> {
+pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::GuardState>, Error> {
     match &attributes["guards"] {
         Value::Null => Ok(None),
-        saved => guards::State::deserialize(saved)
+        saved => guards::GuardState::deserialize(saved)
             .map(Some)
             .map_err(|error| Error::Io(format!("the saved state of the guards: {error}"))),
     }

@@ -22,9 +22,9 @@ use dem::particles::{Body, Motion, Particles};
 use dem::space::{Components, Space};
 use nalgebra::Vector3;
 use plan::Plan;
-use plan::scene::block::Block;
+use plan::scene::block::AlignedBox;
 use plan::scene::grid::Grid;
-use plan::scene::observe::Action;
+use plan::scene::observe::RegionAction;
 use serde::{Deserialize, Serialize};
 
 /// A grain that was taken out, and by which region.
@@ -68,7 +68,7 @@ pub struct Feed {
 
 /// The counts in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct RemovalState {
     /// The next free id; none until first needed.
     next_id: Option<u64>,
     /// Per region of the scene.
@@ -81,11 +81,11 @@ pub struct State {
 pub struct Removal {
     /// Ids below this are named bodies and blocks.
     first_grain: u64,
-    removes: Vec<(usize, Block, When)>,
+    removes: Vec<(usize, AlignedBox, When)>,
     generates: bool,
     /// Time of the last step that generated \[s\].
     last: Option<f64>,
-    state: State,
+    state: RemovalState,
 }
 
 /// Random numbers of the radius; places use the purposes above.
@@ -104,15 +104,15 @@ impl Removal {
                 .iter()
                 .enumerate()
                 .filter_map(|(n, region)| match region.action {
-                    Action::Remove { when } => Some((n, region.block, when)),
+                    RegionAction::Remove { when } => Some((n, region.block, when)),
                     _ => None,
                 })
                 .collect(),
             generates: regions
                 .iter()
-                .any(|region| matches!(region.action, Action::Generate { .. })),
+                .any(|region| matches!(region.action, RegionAction::Generate { .. })),
             last: None,
-            state: State {
+            state: RemovalState {
                 next_id: None,
                 taken: vec![Taken::default(); regions.len()],
                 made: vec![Made::default(); regions.len()],
@@ -137,7 +137,7 @@ impl Removal {
     pub fn feeds(&self, plan: &Plan) -> Vec<Feed> {
         let regions = plan.scene.regions.iter().zip(&self.state.made);
         let feeds = regions.filter_map(|(region, made)| {
-            let Action::Generate { rate, at_most, .. } = region.action else {
+            let RegionAction::Generate { rate, at_most, .. } = region.action else {
                 return None;
             };
             let due = self.last.map_or(0, |time| owed(rate, time, at_most));
@@ -259,7 +259,7 @@ impl Removal {
         self.last = Some(time);
         let mut born = 0;
         for (n, region) in plan.scene.regions.iter().enumerate() {
-            let Action::Generate {
+            let RegionAction::Generate {
                 rate,
                 ref radii,
                 velocity,
@@ -322,7 +322,7 @@ impl Removal {
 
     /// Returns the counts for a checkpoint; the same on every rank.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> RemovalState {
         self.state.clone()
     }
 
@@ -333,7 +333,7 @@ impl Removal {
     /// [`Error::Io`] where they are not those of a run with as many regions.
     pub fn restore(
         &mut self,
-        state: &State,
+        state: &RemovalState,
         origins: Option<&[Option<usize>]>,
     ) -> Result<(), Error> {
         let regions = self.state.taken.len();
@@ -406,7 +406,7 @@ pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
 
 /// Returns `true` if a grain is in a region. A grain that flew out of the domain between two checks counts at the face
 /// where it left.
-fn holds(block: &Block, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
+fn holds(block: &AlignedBox, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
     let at = std::array::from_fn(|axis| {
         if axis < grid.dimension && !grid.periodic[axis] {
             at[axis].clamp(0.0, grid.size[axis].next_down())
@@ -456,7 +456,7 @@ fn draw_radius(radii: &Radii, dimension: usize, draw: &mut Stream) -> f64 {
 }
 
 /// Places at which a grain lies wholly in the box, or on its middle line where the box is thinner.
-fn draw_places(block: &Block, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATCH] {
+fn draw_places(block: &AlignedBox, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATCH] {
     std::array::from_fn(|_| {
         std::array::from_fn(|axis| {
             if axis >= block.dimension {
@@ -523,8 +523,8 @@ fn first_free<S: Space>(
 mod tests {
     use super::*;
     use case::Document;
-    use decomposition::Axis;
-    use dem::space::Plane;
+    use decomposition::SplitAxis;
+    use dem::space::PlaneSpace;
     use nalgebra::Vector2;
     use std::path::Path;
 
@@ -546,22 +546,22 @@ mod tests {
         "action": {"remove": {"when": "centre"}}},
         {"name": "out", "box": {"from": [0.009, 0], "to": [0.01, 0.004]}, "action": {"remove": {}}}"#;
 
-    fn grain(id: u64, x: f64, y: f64) -> (Body, Motion<Plane>) {
+    fn grain(id: u64, x: f64, y: f64) -> (Body, Motion<PlaneSpace>) {
         let motion = Motion {
             position: Vector2::new(x, y),
             ..Motion::default()
         };
-        (Body::uniform::<Plane>(id, 1e-4, 2000.0, 0), motion)
+        (Body::uniform::<PlaneSpace>(id, 1e-4, 2000.0, 0), motion)
     }
 
     fn serial() -> Domain {
-        Domain::serial(Axis::X, 100, false)
+        Domain::serial(SplitAxis::X, 100, false)
     }
 
     #[test]
     fn grains_in_a_region_go_by_rising_id_and_bodies_stay() {
         let plan = plan(OUT);
-        let mut particles = Particles::<Plane>::new();
+        let mut particles = Particles::<PlaneSpace>::new();
         for (body, motion) in [
             grain(0, 0.0095, 0.002),
             // Touches the outlet.
@@ -584,7 +584,7 @@ mod tests {
         let ids: Vec<_> = gone.iter().map(|d| (d.grain.id, d.region)).collect();
         assert_eq!(ids, [(2, 1), (4, 0), (8, 1), (9, 1)]);
         assert_eq!((gone[0].grain.step, gone[0].grain.time), (7, 0.5));
-        let mass = Body::uniform::<Plane>(0, 1e-4, 2000.0, 0).mass;
+        let mass = Body::uniform::<PlaneSpace>(0, 1e-4, 2000.0, 0).mass;
         assert_eq!(removal.taken()[1].grains, 3);
         approx::assert_relative_eq!(removal.taken()[1].mass, 3.0 * mass, max_relative = 1e-15);
         assert_eq!(particles.owned(), 3);
@@ -598,14 +598,14 @@ mod tests {
             .restore(&serde_json::from_str(&text).unwrap(), None)
             .unwrap();
         assert_eq!(other.taken(), removal.taken());
-        assert!(other.restore(&State::default(), None).is_err());
+        assert!(other.restore(&RemovalState::default(), None).is_err());
     }
 
     const SPRING: &str = r#"{"name": "spring", "box": {"from": [0.002, 0.001], "to": [0.004, 0.002]},
         "action": {"generate": {"rate": 1000, "radii": {"uniform": {"min": 1e-4, "max": 1.5e-4}},
         "velocity": [0.1, 0], "seed": 4, "at_most": 12}}}"#;
 
-    fn apart(particles: &Particles<Plane>) -> bool {
+    fn apart(particles: &Particles<PlaneSpace>) -> bool {
         let n = particles.owned();
         (0..n).all(|i| {
             (i + 1..n).all(|j| {
@@ -615,7 +615,7 @@ mod tests {
         })
     }
 
-    fn present(particles: &Particles<Plane>) -> Vec<(u64, u64, u64, u64)> {
+    fn present(particles: &Particles<PlaneSpace>) -> Vec<(u64, u64, u64, u64)> {
         (0..particles.owned())
             .map(|k| {
                 let (body, at) = (particles.body[k], particles.motion[k].position);
@@ -634,7 +634,7 @@ mod tests {
         let plan = plan(SPRING);
         let domain = serial();
         let start = || {
-            let mut particles = Particles::<Plane>::new();
+            let mut particles = Particles::<PlaneSpace>::new();
             let (body, motion) = grain(41, 0.003, 0.0015);
             particles.insert(body, motion);
             particles
@@ -689,7 +689,7 @@ mod tests {
     fn a_full_region_waits_and_ids_are_never_used_twice() {
         let plan = plan(&format!("{OUT}, {SPRING}"));
         let domain = serial();
-        let mut particles = Particles::<Plane>::new();
+        let mut particles = Particles::<PlaneSpace>::new();
         let mut stopper = grain(7, 0.003, 0.0015);
         stopper.0.radius = 2e-3;
         particles.insert(stopper.0, stopper.1);

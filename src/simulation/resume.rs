@@ -27,8 +27,8 @@ use output::group::RankGroup;
 use plan::Plan;
 use plan::scene::findings::refused;
 use plan::scene::grains::{GrainSource, Grains};
-use plan::scene::observe::Action;
-use plan::scene::walls::Wall;
+use plan::scene::observe::RegionAction;
+use plan::scene::walls::SceneWall;
 use preparation::rest::SavedRest;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -195,12 +195,12 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     let length = scene.grid.size.iter().copied().chain(radii);
     let expected = scene.grains.as_ref().map_or(0, |grains| grains.expected) as u64;
     let generates =
-        (scene.regions.iter()).any(|region| matches!(region.action, Action::Generate { .. }));
+        (scene.regions.iter()).any(|region| matches!(region.action, RegionAction::Generate { .. }));
     let mut grains = scene
         .first_grain()
         .saturating_add(expected.saturating_mul(2));
     for region in &scene.regions {
-        if let Action::Generate { rate, at_most, .. } = &region.action {
+        if let RegionAction::Generate { rate, at_most, .. } = &region.action {
             let by_time = whole(rate * scene.time.end) as u64;
             let most = at_most.map_or(u64::MAX, u64::from).min(by_time);
             grains = grains.saturating_add(most.saturating_add(1));
@@ -231,7 +231,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
 
 /// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of
 /// generated grains may have been others.
-pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
+pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
     let scene = &plan.scene;
     // A growth that ends by touching leaves all grains smaller than stated.
     let grown = |grains: &Grains| match grains.source {
@@ -246,7 +246,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
         .regions
         .iter()
         .filter_map(|region| match &region.action {
-            Action::Generate { radii, .. } => Some(radii.bounds()),
+            RegionAction::Generate { radii, .. } => Some(radii.bounds()),
             _ => None,
         });
     let of_blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
@@ -275,7 +275,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::Bounds {
     } else {
         4.0 / 3.0 * std::f64::consts::PI * largest.powi(3)
     };
-    checkpoint::Bounds {
+    checkpoint::StateLimits {
         size: scene.grid.size,
         materials: scene.materials.len() as u64,
         shapes: scene.polyhedra().count() as u64,
@@ -440,7 +440,7 @@ pub(super) fn plan(
         plan
     };
     check_scales(&plan, attributes, &resumed)?;
-    if !Verdict::of(&plan.warnings).runs(allow_unstable) {
+    if !Verdict::from_findings(&plan.warnings).runs(allow_unstable) {
         return Err(Error::Case(plan.warnings));
     }
     resumed.changed = plan.case_text != text;
@@ -556,7 +556,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
 }
 
 /// Returns for each new wall the old one that it is: of the same name, or on the same face of the domain.
-fn wall_origins(old: &[Wall], new: &[Wall]) -> Vec<Option<usize>> {
+fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
             old.iter()
@@ -571,7 +571,7 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         let regions = plan.scene.regions.iter();
         regions
             .clone()
-            .position(|region| matches!(region.action, Action::Generate { .. }))
+            .position(|region| matches!(region.action, RegionAction::Generate { .. }))
     };
     if let (None, Some(n)) = (generates(old), generates(new)) {
         return Err(Error::Case(vec![refusal(

@@ -27,8 +27,8 @@ use super::setup;
 use base::error::{Error, Problem, Severity};
 use case::fluid::Precision;
 use decomposition::{Communicator, Slabs, World};
-use dem::space::{Plane, Space, Volume};
-use output::checkpoint::Saved;
+use dem::space::{PlaneSpace, Space, Volume};
+use output::checkpoint::SavedNumber;
 use plan::Plan;
 use plan::scene::grid::Grid;
 use runner::Runner;
@@ -127,7 +127,7 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
 
 /// Time until which work of several runs may continue.
 #[derive(Clone, Debug)]
-pub struct Bounds {
+pub struct WorkLimits {
     /// Folder in which a file STOP ends it.
     pub folder: PathBuf,
     /// Start of the work.
@@ -145,7 +145,7 @@ pub fn trial(
     threads: usize,
     plan: Plan,
     folder: &Path,
-    bounds: &Bounds,
+    bounds: &WorkLimits,
 ) -> Result<(), Error> {
     let resumes = agreement::on_first(communicator, || Ok(resume::is_open(folder, &plan)))?;
     let resumes = communicator.all_reduce_max_u64(u64::from(resumes)) > 0;
@@ -300,8 +300,8 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
         .as_ref()
         .map_or(Precision::F64, |flow| flow.storage);
     match (grid.dimension, storage) {
-        (2, Precision::F64) => Runner::<Plane, f64>::go(plan, communicator, start),
-        (2, Precision::F32) => Runner::<Plane, f32>::go(plan, communicator, start),
+        (2, Precision::F64) => Runner::<PlaneSpace, f64>::go(plan, communicator, start),
+        (2, Precision::F32) => Runner::<PlaneSpace, f32>::go(plan, communicator, start),
         (_, Precision::F64) => Runner::<Volume, f64>::go(plan, communicator, start),
         (_, Precision::F32) => Runner::<Volume, f32>::go(plan, communicator, start),
     }
@@ -348,7 +348,10 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
 ///
 /// # Errors
 /// Those of [`run`].
-pub fn ready<Sp: Space, S: Saved>(plan: Plan, folder: &Path) -> Result<Simulation<Sp, S>, Error> {
+pub fn ready<Sp: Space, S: SavedNumber>(
+    plan: Plan,
+    folder: &Path,
+) -> Result<Simulation<Sp, S>, Error> {
     let communicator = Communicator::serial();
     let entry = Entry::Fresh {
         overwrite: true,

@@ -4,7 +4,7 @@ use super::Simulation;
 use super::guards::Guards;
 use coupling::water::Water;
 use dem::space::Space;
-use output::checkpoint::Saved;
+use output::checkpoint::SavedNumber;
 
 /// The events that are due after the next step. The same on every rank.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ pub(super) struct Schedule {
 
 impl Schedule {
     /// Finds the events of the next step of a run.
-    pub(super) fn of<Sp: Space, S: Saved>(simulation: &Simulation<Sp, S>) -> Self {
+    pub(super) fn next_step<Sp: Space, S: SavedNumber>(simulation: &Simulation<Sp, S>) -> Self {
         let now = &simulation.now;
         let recorders = simulation.recorder.measures() || simulation.collapse.measures();
         let measures = recorders || now.averages.is_some();

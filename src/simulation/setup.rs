@@ -14,11 +14,11 @@ use coupling::body_map::GHOSTS;
 use coupling::joint_water::{self, JointWater};
 use coupling::seepage::{self, Seepage};
 use darcy;
-use decomposition::{Axis, Communicator};
+use decomposition::{Communicator, SplitAxis};
 use dem::particles::{Body, Kind, Motion, Particles};
 pub use dem::space::vector;
 use dem::space::{Components, Space};
-use dem::{Dem, Region, Settings, Wall};
+use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
@@ -28,14 +28,14 @@ use plan::scene::bodies::Mobility;
 use plan::scene::boundaries;
 use plan::scene::flow::{BodyForce, Flow};
 use plan::scene::porous;
-use plan::scene::sample::Grain;
-use plan::scene::seepage::Patch as SeepagePatch;
+use plan::scene::sample::ListedGrain;
+use plan::scene::seepage::SeepagePatch;
 use plan::{self, Plan};
 use std::sync::Arc;
 
 /// Axis by number.
-pub fn axis(n: usize) -> Axis {
-    [Axis::X, Axis::Y, Axis::Z][n.min(2)]
+pub fn axis(n: usize) -> SplitAxis {
+    [SplitAxis::X, SplitAxis::Y, SplitAxis::Z][n.min(2)]
 }
 
 /// Returns the fluid of a plan in lattice units.
@@ -116,7 +116,7 @@ fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {
 
 fn patch<S: Stored>(
     plan: &Plan,
-    patch: &boundaries::Patch,
+    patch: &boundaries::ScenePatch,
     openings: &[Opening],
     units: &LatticeUnits,
 ) -> Result<Patch<S>, Error> {
@@ -138,7 +138,7 @@ fn patch<S: Stored>(
         [low, high]
     });
     let path = format!("fluid.lattice_boltzmann.boundaries `{}`", patch.name);
-    let mut place = patch.place(&plan.scene.grid, &path);
+    let mut place = patch.imposed_at(&plan.scene.grid, &path);
     place.openings = openings;
     Ok(Patch {
         name: patch.name.clone(),
@@ -163,9 +163,9 @@ pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
 }
 
 /// Returns the box of the grains.
-pub fn region<S: Space>(plan: &Plan) -> Region<S> {
+pub fn region<S: Space>(plan: &Plan) -> GrainDomain<S> {
     let grid = &plan.scene.grid;
-    Region {
+    GrainDomain {
         lower: S::Vector::default(),
         upper: vector::<S>(grid.size),
         periodic: grid.periodic,
@@ -180,7 +180,7 @@ pub fn region<S: Space>(plan: &Plan) -> Region<S> {
 pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     let scene = &plan.scene;
     let skin = scene.time.neighbour_skin * radius;
-    let mut settings = Settings::new(region::<S>(plan), plan.clock.solid_time_step, skin);
+    let mut settings = DemSettings::new(region::<S>(plan), plan.clock.solid_time_step, skin);
     settings.gravity = vector::<S>(scene.gravity);
     settings.local_damping = scene.contact.as_ref().map_or(0.0, |c| c.local_damping);
     if scene.flow.is_some() {
@@ -271,7 +271,7 @@ pub fn grains<S: Space>(
     plan: &Plan,
     communicator: &Communicator,
     particles: &mut Particles<S>,
-    grains: &[Grain],
+    grains: &[ListedGrain],
     first: u64,
 ) {
     if communicator.rank() != 0 {
@@ -346,7 +346,7 @@ pub fn seepage<S: Space>(
     let written = &scene.written;
     let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
     let pores = plan::explicit_drag::pores(scene, &openness);
-    let patch = |p: &SeepagePatch| darcy::Patch {
+    let patch = |p: &SeepagePatch| darcy::PressurePatch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
         from: p.from,
@@ -354,7 +354,7 @@ pub fn seepage<S: Space>(
         condition: p.condition,
         inside: false,
     };
-    let drains = scene.drains.iter().map(|drain| darcy::Patch {
+    let drains = scene.drains.iter().map(|drain| darcy::PressurePatch {
         axis: 0,
         upper: false,
         from: drain.cells.from,
@@ -370,7 +370,7 @@ pub fn seepage<S: Space>(
         &openness,
         scene.patches.iter().map(patch).chain(drains).collect(),
         liquid,
-        darcy::Settings {
+        darcy::PressureSettings {
             equations: written.equations,
             gravity: plan.scene.gravity,
             tolerance: written.tolerance,
@@ -420,7 +420,7 @@ pub fn seepage<S: Space>(
         }
         None => pressure,
     };
-    let settings = seepage::Settings {
+    let settings = seepage::SeepageSettings {
         liquid,
         permeability: darcy::Permeability {
             law: written.resistance(),

@@ -24,7 +24,7 @@ const LEAF: usize = 4;
 
 /// Triangles with shared vertices, in a tree.
 #[derive(Debug)]
-pub struct Mesh {
+pub struct TriangleMesh {
     vertices: Vec<Point>,
     triangles: Vec<[u32; 3]>,
     /// Normals of each triangle: of its face, of its edges from each corner to the next, at its corners.
@@ -96,7 +96,7 @@ fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
     result(foot, 0)
 }
 
-impl Mesh {
+impl TriangleMesh {
     /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles
     /// without an area are left out, and so is all but one of those with the same corners.
     ///

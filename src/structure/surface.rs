@@ -35,7 +35,7 @@ impl Surface {
         if !only_in(3, frame, path, "polygon", report) {
             return None;
         }
-        let made = read(&self.mesh).and_then(|triangles| mesh::Mesh::new(&triangles));
+        let made = read(&self.mesh).and_then(|triangles| mesh::TriangleMesh::new(&triangles));
         let mesh = match made {
             Ok(mesh) => mesh,
             Err(reason) => {
@@ -101,7 +101,7 @@ pub fn judge_unit(
 
 #[derive(Debug)]
 struct Triangulated {
-    mesh: mesh::Mesh,
+    mesh: mesh::TriangleMesh,
     /// Half the thickness of a sheet.
     half: Option<f64>,
 }

@@ -171,7 +171,7 @@ fn facets_close_the_volume_of_a_solid() {
             "{text}: {volume} {expected}"
         );
     }
-    let triangles = mesh::Mesh::new(&ell()).unwrap();
+    let triangles = mesh::TriangleMesh::new(&ell()).unwrap();
     assert!((triangles.volume() / 3.08 - 1.0).abs() < 1e-12);
     assert_eq!(triangles.open_edges(), 0);
 }
@@ -183,7 +183,7 @@ fn a_surface_of_triangles_has_the_distance_of_its_solid() {
     // Turned inside out it is the same solid.
     let reversed: Vec<[Point; 3]> = ell().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
     for triangles in [ell(), reversed] {
-        let mesh = mesh::Mesh::new(&triangles).unwrap();
+        let mesh = mesh::TriangleMesh::new(&triangles).unwrap();
         for k in 0..400 {
             let at = point(&mut Stream::new(9, k, 0), &SPACE);
             let (a, b) = (exact.distance(at), mesh.distance(at));
@@ -246,7 +246,7 @@ fn shells_that_cross_are_one_solid() {
         ([turned(&one), inner.clone()].concat(), &hollow),
     ];
     for (n, (triangles, inside)) in cases.iter().enumerate() {
-        let mesh = mesh::Mesh::new(triangles).unwrap();
+        let mesh = mesh::TriangleMesh::new(triangles).unwrap();
         for k in 0..600 {
             let at = point(&mut Stream::new(5, k, 0), &SPACE);
             assert_eq!(mesh.distance(at) < 0.0, inside(&at), "{n}: {at:?}");
@@ -270,7 +270,7 @@ fn shells_that_cross_are_one_solid() {
 /// than others.
 #[test]
 fn lines_that_graze_a_surface_are_sure() {
-    let mesh = mesh::Mesh::new(&boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5])).unwrap();
+    let mesh = mesh::TriangleMesh::new(&boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5])).unwrap();
     let chords = |from: Point, to: Point| {
         let mut found = Vec::new();
         mesh.chords(from, minus(to, from), &mut found);

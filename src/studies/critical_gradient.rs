@@ -16,13 +16,13 @@ use case::Document;
 use darcy::Condition;
 use decomposition::Communicator;
 use plan::Plan;
-use plan::scene::observe::{Action, Region};
-use plan::scene::seepage::{Patch, Seepage};
+use plan::scene::observe::{ObservedRegion, RegionAction};
+use plan::scene::seepage::{Seepage, SeepagePatch};
 use serde::Serialize;
 use serde_json::Value;
 use simulation::agreement;
 use simulation::progress::Progress;
-use simulation::run::{self, Bounds};
+use simulation::run::{self, WorkLimits};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -134,7 +134,7 @@ fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> 
     let plan = Document::read(text, &set, directory)
         .and_then(Plan::prepare)
         .map_err(Error::Case)?;
-    if Verdict::of(&plan.warnings).runs(search.allow_unstable) {
+    if Verdict::from_findings(&plan.warnings).runs(search.allow_unstable) {
         Ok(plan)
     } else {
         Err(Error::Case(plan.warnings))
@@ -196,7 +196,7 @@ impl<'a> Heads<'a> {
     }
 
     /// Returns the imposed head; none where another quantity is imposed.
-    fn of_patch(&self, patch: &Patch) -> Option<f64> {
+    fn of_patch(&self, patch: &SeepagePatch) -> Option<f64> {
         match patch.condition {
             Condition::Pressure { value } => {
                 let elevation = self.elevation(self.seepage.centre(patch));
@@ -209,7 +209,10 @@ impl<'a> Heads<'a> {
 }
 
 /// Returns the boundary that drives the water: that of this name, or the one with the highest head.
-fn driving<'a>(heads: &Heads<'a>, name: Option<&String>) -> Result<(usize, &'a Patch), Error> {
+fn driving<'a>(
+    heads: &Heads<'a>,
+    name: Option<&String>,
+) -> Result<(usize, &'a SeepagePatch), Error> {
     let patches = heads.seepage.patches.iter().enumerate();
     let chosen = patches.filter(|(_, patch)| {
         name.map_or_else(
@@ -254,7 +257,8 @@ impl Inlet {
                 search.from, search.to
             )));
         }
-        let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
+        let removes =
+            |region: &ObservedRegion| matches!(region.action, RegionAction::Remove { .. });
         if !plan.scene.regions.iter().any(removes) {
             return Err(refusal(
                 "regions",
@@ -311,7 +315,7 @@ impl Inlet {
 fn lowest(
     seepage: &Seepage,
     inlet: usize,
-    head: impl Fn(&Patch) -> Option<f64>,
+    head: impl Fn(&SeepagePatch) -> Option<f64>,
 ) -> Option<[f64; 2]> {
     let from = seepage.centre(&seepage.patches[inlet]);
     let others = seepage
@@ -404,7 +408,7 @@ impl Searching<'_> {
         }
         let plan = planned(self.text, self.search, &more)?;
         let half = plan.clock.steps / 2;
-        let bounds = Bounds {
+        let bounds = WorkLimits {
             folder: self.search.output.clone(),
             begun: self.search.begun,
             limit: self.search.max_walltime,

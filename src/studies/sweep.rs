@@ -64,13 +64,13 @@ pub enum Task {
 }
 
 /// Receives the lines to print.
-pub type Report<'a> = &'a dyn Fn(&str);
+pub type LineReport<'a> = &'a dyn Fn(&str);
 
 /// Carries out a sweep; `report` takes lines for the reader.
 ///
 /// # Errors
 /// All problems of the study, before any member runs; [`Error::Stopped`] if a signal ended it.
-pub fn command(sweep: &Sweep, report: Report<'_>) -> Result<(), Error> {
+pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(format!("the study: {e}")))?;
@@ -189,14 +189,19 @@ fn run(
     members: &[Member],
     output: &Path,
     sweep: &Sweep,
-    report: Report<'_>,
+    report: LineReport<'_>,
 ) -> Result<(), Error> {
     let allowed = study.refused == Refused::Run;
     let runner = Runner::new(&study.run, allowed, output, sweep.max_walltime, report)?;
     runner.run(members)
 }
 
-fn list(study: &Study, members: &[Member], output: &Path, report: Report<'_>) -> Result<(), Error> {
+fn list(
+    study: &Study,
+    members: &[Member],
+    output: &Path,
+    report: LineReport<'_>,
+) -> Result<(), Error> {
     let limit = study.run.time_limit;
     let version = solver_version()?;
     let width = members.iter().map(|m| m.name.len()).max().unwrap_or(0);
@@ -238,15 +243,15 @@ fn collect(
     members: &[Member],
     beside: &Path,
     output: &Path,
-    report: Report<'_>,
+    report: LineReport<'_>,
 ) -> Result<(), Error> {
-    let table = table::Table::of(study, members, beside, output);
+    let table = table::SweepTable::collect(study, members, beside, output);
     let mut files = vec![
         ("members.csv", table.to_csv(study, members)),
         ("sweep.svg", picture::front(study, members, &table).to_svg()),
     ];
     if let Some(axes) = &study.map {
-        let map = picture::Map::of(axes, study, members, &table);
+        let map = picture::Map::from_table(axes, study, members, &table);
         report(&map.confusion());
         files.push(("map.csv", map.to_csv()));
         files.push(("map.svg", map.figure().to_svg()));

@@ -32,7 +32,7 @@ use crate::sweep::members::{Member, Prepared};
 use crate::sweep::record::{Outcome, Record};
 use crate::sweep::runner::{Runner, solver_version};
 use crate::sweep::study::Run;
-use crate::sweep::{Report, enough_cores};
+use crate::sweep::{LineReport, enough_cores};
 use base::error::{Error, Problem, Severity, Verdict};
 use case::Document;
 use case::fluid::Precision;
@@ -43,7 +43,7 @@ use serde_json::{Value, json};
 use settings::Setting;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use table::{Grid, Noise, Table};
+use table::{GridData, Noise, UncertaintyTable};
 
 /// Options of an estimate.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,7 +84,7 @@ impl Members {
     ///
     /// # Errors
     /// [`Error::Case`] where no other grid can run.
-    pub fn of(
+    pub fn for_case(
         plan: &Plan,
         finer: bool,
         with_settings: bool,
@@ -146,7 +146,7 @@ impl Members {
                 name: "1-case".into(),
                 labels: Vec::new(),
                 case: Value::Null,
-                verdict: Verdict::of(&plan.warnings),
+                verdict: Verdict::from_findings(&plan.warnings),
                 problems: plan.warnings.clone(),
                 prepared: Some(prepared(plan)),
             }],
@@ -231,7 +231,7 @@ impl Members {
 
     fn add_settings(&mut self, plan: &Plan, stated: &Value) {
         let case = self.compared(plan, stated);
-        for setting in settings::of(&case, plan, self.scaling) {
+        for setting in settings::scene_settings(&case, plan, self.scaling) {
             self.push_setting(setting, plan);
         }
     }
@@ -347,7 +347,7 @@ fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member
         Ok(plan) => plan.warnings.clone(),
         Err(problems) => problems.clone(),
     };
-    let verdict = Verdict::of(&problems);
+    let verdict = Verdict::from_findings(&problems);
     let planned = planned.ok().filter(|_| verdict.runs(unstable));
     Member {
         name,
@@ -363,10 +363,14 @@ fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member
 ///
 /// # Errors
 /// Problems of the case, [`Error::Stopped`] where the runs were stopped, and the failure of the run of the case itself.
-pub fn command(plan: &Plan, options: &Options, report: Report<'_>) -> Result<Table, Error> {
+pub fn command(
+    plan: &Plan,
+    options: &Options,
+    report: LineReport<'_>,
+) -> Result<UncertaintyTable, Error> {
     enough_cores(&options.run)?;
     let unstable = options.allow_unstable;
-    let mut members = Members::of(plan, options.finer, options.settings, unstable)?;
+    let mut members = Members::for_case(plan, options.finer, options.settings, unstable)?;
     if options.ends {
         members.add_ends(plan)?;
     }
@@ -441,7 +445,7 @@ fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answe
 }
 
 /// Reads the answers of all runs.
-fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error> {
+fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyTable, Error> {
     let found: Vec<Result<answers::Answers, String>> = members
         .list
         .iter()
@@ -466,10 +470,10 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
     let edge = grids::refinable_seepage(&plan.scene).map_or(plan.scene.grid.spacing, |seepage| {
         seepage.smallest_edge(plan.scene.grid.dimension)
     });
-    let grids: Vec<Grid> = members
+    let grids: Vec<GridData> = members
         .grids
         .iter()
-        .map(|(ratio, place)| Grid {
+        .map(|(ratio, place)| GridData {
             folder: members.list[*place].name.clone(),
             spacing: edge * ratio,
             ratio: *ratio,
@@ -496,7 +500,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
         let answers = [of(members.beside), of(*place)];
         table::sensitivity(setting, [folder, beside], answers, &missing, noise)
     });
-    Ok(Table {
+    Ok(UncertaintyTable {
         scaling: members.meaning().to_owned(),
         formal_order,
         conclusion: table::conclusion(&grids),
@@ -508,7 +512,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<Table, Error
 }
 
 /// Writes `estimate.csv` and the block in the summary of the case.
-fn write(table: &Table, output: &Path) -> Result<(), Error> {
+fn write(table: &UncertaintyTable, output: &Path) -> Result<(), Error> {
     let fail = |e: io::Error| Error::Io(e.to_string());
     io::atomic::write(&output.join("estimate.csv"), table.csv().as_bytes()).map_err(fail)?;
     let path = output.join("1-case").join("summary.json");

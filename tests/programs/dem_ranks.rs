@@ -11,25 +11,27 @@
 
 use std::process::ExitCode;
 
-use decomposition::{Axis, Communicator, Domain, Slabs, StateHash, World, field_key};
+use decomposition::{Communicator, Domain, Slabs, SplitAxis, StateHash, World, field_key};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use solver::dem::contact::Scaled;
-use solver::dem::contact::blocks::Blocks;
+use solver::dem::contact::blocks::BlockLaw;
 use solver::dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-use solver::dem::polyhedron::{self, Model, Polyhedron, Stiffness};
-use solver::dem::state::{Table, Values};
+use solver::dem::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
+use solver::dem::state::{NamedColumns, Values};
 use solver::dem::{
-    Body, Dem, Law, Motion, PairTable, Particles, Plane, Region, Settings, Space, Volume, Wall,
+    Body, Dem, DemSettings, GrainDomain, Law, Motion, PairTable, Particles, PlaneSpace, Space,
+    Volume, Wall,
 };
 use solver::error::Error;
 use solver::random::Stream;
 
-type Grains = Vec<(Body, Motion<Plane>)>;
+type Grains = Vec<(Body, Motion<PlaneSpace>)>;
 
-fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
-    let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
+fn scene(name: &str) -> Result<(Dem<PlaneSpace>, Grains), Error> {
+    let mut region =
+        GrainDomain::<PlaneSpace>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
     region.periodic[0] = name == "periodic";
-    let mut settings = Settings::new(region, 2e-6, 3e-4);
+    let mut settings = DemSettings::new(region, 2e-6, 3e-4);
     settings.gravity = Vector2::new(2.0, -9.81);
     settings.ghost_margin = 1e-3;
     let walls = Wall::of_box(
@@ -38,7 +40,7 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
         [!region.periodic[0], true, false],
         0,
     );
-    let parameters = cohesive_frictional::Parameters {
+    let parameters = cohesive_frictional::CohesiveFrictionalParameters {
         normal_stiffness: Scaled::Absolute(5e5),
         stiffness_ratio: 0.4,
         friction: 20.0_f64.to_radians().tan(),
@@ -65,7 +67,7 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
         let velocity = Vector2::new(draw.uniform() - 0.3, draw.uniform() - 0.5) * 2.0;
         let spin = 100.0 * (draw.uniform() - 0.5);
         grains.push((
-            Body::uniform::<Plane>(id, radius, 2600.0, 0),
+            Body::uniform::<PlaneSpace>(id, radius, 2600.0, 0),
             Motion {
                 position,
                 velocity,
@@ -79,7 +81,7 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
             position,
             ..Motion::default()
         };
-        grains.push((Body::uniform::<Plane>(5000, 0.008, 2600.0, 0), motion));
+        grains.push((Body::uniform::<PlaneSpace>(5000, 0.008, 2600.0, 0), motion));
     }
     Ok((Dem::new(law, settings, walls)?, grains))
 }
@@ -87,10 +89,10 @@ fn scene(name: &str) -> Result<(Dem<Plane>, Grains), Error> {
 /// Boxes of many proportions over a block wider than a slab; those that `mine` says.
 fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
     let upper = Vector3::new(0.24, 0.24, 0.4);
-    let region = Region::<Volume>::closed(Vector3::zeros(), upper, 0.01);
-    let mut settings = Settings::new(region, 1e-4, 4e-3);
+    let region = GrainDomain::<Volume>::closed(Vector3::zeros(), upper, 0.01);
+    let mut settings = DemSettings::new(region, 1e-4, 4e-3);
     settings.gravity = Vector3::new(1.0, 0.0, -9.81);
-    let law = polyhedron::Law {
+    let law = polyhedron::BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal: 1e8,
             shear: 5e7,
@@ -99,9 +101,9 @@ fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>)
         normal_damping: 0.1,
         shear_damping: 0.1,
     };
-    let law = Law::Blocks(Blocks {
+    let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),
-        model: Model::Patch,
+        model: BlockContactModel::Patch,
         mass_damping: 0.0,
     });
     let walls = Wall::of_box(region.lower, region.upper, [true; 3], 0);
@@ -155,7 +157,7 @@ fn halves(value: u128) -> [u64; 2] {
 }
 
 /// Adds a table's rows to the hash; `keys` columns name a row.
-fn add(hash: &mut StateHash, name: &str, table: &Table, keys: usize) {
+fn add(hash: &mut StateHash, name: &str, table: &NamedColumns, keys: usize) {
     let whole = |column: usize, row: usize| match &table.columns[column].1 {
         Values::Whole(values) => values[row],
         Values::Real(values) => values[row].to_bits(),
@@ -178,9 +180,9 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
     let communicator = world.communicator();
     let mut words = std::env::args().skip(1);
     let axis = if words.next().as_deref() == Some("y") {
-        Axis::Y
+        SplitAxis::Y
     } else {
-        Axis::X
+        SplitAxis::X
     };
     for name in words {
         simulate(&communicator, axis, &name)?;
@@ -190,19 +192,19 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
 
 fn simulate(
     communicator: &Communicator,
-    axis: Axis,
+    axis: SplitAxis,
     name: &str,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let planes = match (name, axis) {
         ("blocks", _) => 24,
-        (_, Axis::X) => 40,
+        (_, SplitAxis::X) => 40,
         _ => 30,
     };
     let slabs = Slabs::even(
         axis,
         planes,
         communicator.size(),
-        axis == Axis::X && name == "periodic",
+        axis == SplitAxis::X && name == "periodic",
     );
     let domain = Domain::new(communicator.clone(), slabs)?;
     let (rank, size) = (communicator.rank() as u64, communicator.size() as u64);

@@ -35,7 +35,7 @@ fn scenes_without_numerics_run_and_keep_their_promise_second_half() {
 
 #[test]
 fn every_choice_has_a_reason_and_keeps_all_limits() {
-    let _core = Cores::of(1);
+    let _core = Cores::acquire(1);
     for folder in suite::cases(&root()).unwrap() {
         let text = std::fs::read_to_string(folder.join("case.json")).unwrap();
         for word in [

@@ -32,7 +32,7 @@ fn agrees(name: &str, chosen: &[(&str, &[&str])]) {
     for variable in ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"] {
         command.env_remove(variable);
     }
-    let _core = Cores::of(1);
+    let _core = Cores::acquire(1);
     let output = command.output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");

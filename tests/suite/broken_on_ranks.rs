@@ -37,7 +37,7 @@ fn broken_cases_are_refused_by_one_voice() {
         // more.
         let patient = n < 3;
         // Refused before it computes: it waits more than it works.
-        let _cores = Cores::of(1);
+        let _cores = Cores::acquire(1);
         let running = if patient {
             start(2, &arguments)
         } else {
@@ -73,7 +73,7 @@ fn broken_cases_are_refused_by_one_voice() {
 #[test]
 fn slabs_for_another_number_of_ranks_are_refused() {
     let _beside = beside_others();
-    let study = Study::of("couette", &[("domain.slab_bounds", "[3, 7]")]);
+    let study = Study::from_example("couette", &[("domain.slab_bounds", "[3, 7]")]);
     let done = run(2, &study.arguments("run", 1, &[])).expect(3);
     let line = done.stderr.lines().find(|line| {
         line.starts_with("error: domain.slab_bounds = [3, 7]: this list makes 3 slabs")
@@ -96,7 +96,7 @@ fn slabs_for_another_number_of_ranks_are_refused() {
 #[test]
 fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
     let _beside = beside_others();
-    let study = Study::of("couette", &[]);
+    let study = Study::from_example("couette", &[]);
     let mut arguments = study.arguments("run", 1, &["time.end=0.01"]);
     arguments.push("--no-final-checkpoint".into());
     run(1, &arguments).expect(0);
@@ -151,7 +151,7 @@ fn fails(study: &Study, words: &[&str]) {
 fn a_flow_that_diverges_is_named_by_its_cell() {
     let _beside = beside_others();
     // A lid at a Reynolds number of 600 000 on a hundred cells, at a relaxation time of almost 1/2.
-    let study = Study::of(
+    let study = Study::from_example(
         "cavity",
         &[
             ("fluid.lattice_boltzmann.lattice_velocity", "null"),
@@ -173,7 +173,7 @@ fn a_flow_that_diverges_is_named_by_its_cell() {
 #[test]
 fn a_lost_grain_is_named() {
     let _beside = beside_others();
-    let study = Study::of("collision", &[("time.end", "1"), ("output", "{}")]);
+    let study = Study::from_example("collision", &[("time.end", "1"), ("output", "{}")]);
     fails(&study, &["grain ", "outside the box"]);
 }
 
@@ -182,24 +182,30 @@ fn a_lost_grain_is_named() {
 fn soil_that_cannot_be_is_named() {
     let _beside = beside_others();
     let weak = ("fluid.darcy.max_iterations", "1");
-    fails(&Study::of("seepage", &[weak]), &["did not converge"]);
+    fails(
+        &Study::from_example("seepage", &[weak]),
+        &["did not converge"],
+    );
     // Water of no viscosity to speak of: conductivities beyond all numbers.
     let thin = ("fluid.darcy.viscosity", "1e-30");
-    fails(&Study::of("seepage", &[thin]), &["not finite"]);
+    fails(&Study::from_example("seepage", &[thin]), &["not finite"]);
     // A thousand metres of head below a pile of four centimetres: above critical everywhere.
     let inlet = ("fluid.darcy.boundaries[1].condition.head.value", "1000");
     fails(
-        &Study::of("seepage", &[inlet]),
+        &Study::from_example("seepage", &[inlet]),
         &["grain ", "outside the box"],
     );
     // Walls that the cloud falls past.
     let open = ("walls", "[]");
     refuses(
-        &Study::of("deposition", &[open]),
+        &Study::from_example("deposition", &[open]),
         &["grain ", "outside the box"],
     );
     // A level of trimming below the floor.
     let level = ("grains.initial.deposition.trim_above", "0.001");
     let short = ("grains.initial.deposition.stop.at_most_steps", "2000");
-    refuses(&Study::of("deposition", &[level, short]), &["trim_above"]);
+    refuses(
+        &Study::from_example("deposition", &[level, short]),
+        &["trim_above"],
+    );
 }

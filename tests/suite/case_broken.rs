@@ -1659,7 +1659,7 @@ fn broken_cases_are_refused_by_the_binary() {
 
 /// Checks that each of these cases is refused by two commands.
 fn are_refused(cases: &[(&str, &str, Break, &str)]) {
-    let _cores = Cores::of(1);
+    let _cores = Cores::acquire(1);
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("case.json");
     for (name, example, how, path) in cases {

@@ -91,7 +91,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     // k_n and C go with the mean diameter of the pair.
     let law = plan.scene.contact.as_ref().expect("contacts").model();
     approx::assert_relative_eq!(
-        law.cohesion([0, 0]).at(2e-4) / law.normal_stiffness([0, 0], 2e-4),
+        law.cohesion([0, 0]).for_diameter(2e-4) / law.normal_stiffness([0, 0], 2e-4),
         0.506 / 150e6
     );
 }

@@ -101,7 +101,7 @@ fn judge(text: &str, what: &str) -> bool {
 fn no_mutant_of_an_example_panics() {
     let (mut tried, mut accepted) = (0, 0);
     for example in EXAMPLES {
-        let _core = Cores::of(1);
+        let _core = Cores::acquire(1);
         let original: Value = serde_json::from_str(example.text).unwrap();
         let mut paths = Vec::new();
         pointers(&original, "", &mut paths);
@@ -178,7 +178,7 @@ proptest::proptest! {
     #[test]
     fn any_number_in_any_leaf_gives_an_answer(which in 0_usize..EXAMPLES.len(), leaf in 0_usize..1000,
         exponent in -40.0_f64..40.0, negative: bool) {
-        let _core = Cores::of(1);
+        let _core = Cores::acquire(1);
         let mut case: Value = serde_json::from_str(EXAMPLES[which].text).unwrap();
         let mut paths = Vec::new();
         pointers(&case, "", &mut paths);

@@ -183,7 +183,7 @@ fn study(structure: &str, heel: f64, toe: f64, probes: &str) -> Study {
             {{"name": "downstream", "face": "y_max", "patch": {{"from": [{toe}, 0], "to": [18, 2]}},
              "condition": {{"head": {{"value": 2}}}}}}]"#
     );
-    Study::of(
+    Study::from_example(
         "sheet-pile",
         &[
             ("domain.size", "[18, 3]"),
@@ -346,7 +346,7 @@ fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {
 #[test]
 fn a_line_probe_reads_the_ground() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "sheet-pile",
         &[
             ("domain.size", "[4, 1]"),
@@ -383,7 +383,7 @@ fn a_line_probe_reads_the_ground() {
 #[test]
 fn drains_and_dips_give_the_same_bits() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "sheet-pile",
         &[
             ("domain.spacing", "0.05"),

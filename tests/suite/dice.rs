@@ -18,7 +18,7 @@ impl Dice {
         usize::try_from(self.draw() % n.max(1) as u64).unwrap()
     }
 
-    pub(crate) fn of<'a, T>(&mut self, list: &'a [T]) -> &'a T {
+    pub(crate) fn choose<'a, T>(&mut self, list: &'a [T]) -> &'a T {
         &list[self.below(list.len())]
     }
 }

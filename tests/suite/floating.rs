@@ -48,7 +48,7 @@ fn discs_that_fall_into_water_on_any_ranks_and_over_restarts() {
     let _beside = beside_others();
     let mut set = DISCS.to_vec();
     set.extend([("checkpoint.every", "0.03"), ("time.end", "0.12")]);
-    let study = Study::of("dam-break", &set);
+    let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
     for (name, ranks, threads, set) in [
         ("threads", 1, 2, "domain.split=y"),
@@ -98,7 +98,7 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
         ),
         ("time.end", "0.04"),
     ]);
-    let study = Study::of("dam-break", &set);
+    let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 2, &[]);
     // Fractions of tilted blocks are rounded along rows: slabs along another axis have other bits, with a surface or
     // without.
@@ -112,8 +112,8 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     keeps_water(&study.summary("straight")["water"], 1e-12);
 }
 
-/// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits and the mass
-/// of the water kept.
+/// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits and the
+/// mass of the water kept.
 #[test]
 fn discs_in_a_stream_between_openings() {
     let _beside = beside_others();
@@ -136,7 +136,7 @@ fn discs_in_a_stream_between_openings() {
         ("checkpoint.every", "0.03"),
         ("time.end", "0.12"),
     ]);
-    let study = Study::of("dam-break", &set);
+    let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
     for (name, ranks, threads, set) in [
         ("threads", 1, 2, "domain.split=y"),
@@ -169,7 +169,7 @@ fn basin(name: &str, set: &[(&str, &str)]) -> Study {
         ),
     ]);
     all.extend(set);
-    let study = Study::of("dam-break", &all);
+    let study = Study::from_example("dam-break", &all);
     study.run(name, 1, 2, &[]);
     study
 }

@@ -32,7 +32,7 @@ fn a_dam_on_any_ranks_threads_and_slabs_and_over_restarts() {
     let _beside = beside_others();
     let mut set = OVER_A_STEP.to_vec();
     set.push(("checkpoint.every", "0.03"));
-    let study = Study::of("dam-break", &set);
+    let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
     for (name, ranks, threads, set) in [
         ("threads", 1, 2, "domain.split=y"),
@@ -57,7 +57,7 @@ fn a_dam_on_any_ranks_threads_and_slabs_and_over_restarts() {
 #[test]
 fn a_dam_in_three_dimensions_with_eddies() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "dam-break",
         &[
             (
@@ -128,7 +128,7 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
     let _beside = beside_others();
     let mut set = OVER_A_WEIR.to_vec();
     set.push(("checkpoint.every", "0.03"));
-    let study = Study::of("dam-break", &set);
+    let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
     for (name, ranks, threads, set) in [
         ("threads", 1, 2, "domain.split=y"),
@@ -173,7 +173,7 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
 #[test]
 fn openings_in_three_dimensions_with_eddies() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "dam-break",
         &[
             (

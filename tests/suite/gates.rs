@@ -5,7 +5,7 @@ use crate::ranks::{Study, beside_others};
 
 /// Returns clay on a floor that goes, above a shelf that comes while it falls and goes again.
 fn study() -> Study {
-    Study::of(
+    Study::from_example(
         "deposition",
         &[
             ("walls[2].during", "always"),

@@ -116,7 +116,7 @@ impl Copy {
         }
         command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
         // Refused before it computes, or a few steps: on several ranks it waits more than it works.
-        let _cores = Cores::of(1);
+        let _cores = Cores::acquire(1);
         let done = command.args(&words).output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         (done.status.code(), told)
@@ -473,9 +473,9 @@ fn no_signed_mutant_gets_through() {
         if seed % 3 == 2 {
             // A number of a column of grains or contacts.
             copy = Copy::new("mutants");
-            let column = dice.of(&copy.columns()).clone();
+            let column = dice.choose(&copy.columns()).clone();
             let (row, any) = (dice.below(1000), dice.draw());
-            let value: u64 = *dice.of(&[
+            let value: u64 = *dice.choose(&[
                 f64::NAN.to_bits(),
                 f64::NEG_INFINITY.to_bits(),
                 1e300_f64.to_bits(),
@@ -496,9 +496,9 @@ fn no_signed_mutant_gets_through() {
         } else if seed % 3 == 0 {
             copy = Copy::new("mutants");
             let mut tree = manifest.clone();
-            let path = dice.of(&paths).clone();
+            let path = dice.choose(&paths).clone();
             let value = dice
-                .of(&[
+                .choose(&[
                     json!(0),
                     json!(-1),
                     json!(1),
@@ -530,7 +530,7 @@ fn no_signed_mutant_gets_through() {
             for _ in 0..words {
                 let at = dice.below(bytes.len() / 8 - 1) * 8;
                 let any = dice.draw();
-                let value: u64 = *dice.of(&[
+                let value: u64 = *dice.choose(&[
                     f64::NAN.to_bits(),
                     f64::INFINITY.to_bits(),
                     1e300_f64.to_bits(),

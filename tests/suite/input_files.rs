@@ -377,7 +377,7 @@ fn the_speeds_of_a_profile_are_judged_like_constants() {
 #[test]
 fn an_initial_field_of_other_cells_is_refused_by_validate() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "taylor-green",
         &[("time.end", "0.005"), ("output.fluid.every", "0.005")],
     );
@@ -455,7 +455,7 @@ fn a_run_writes_into_its_own_folder_only() {
 #[test]
 fn the_folder_of_the_case_is_no_output_folder() {
     let _beside = beside_others();
-    let study = Study::of("first-flow", &[]);
+    let study = Study::from_example("first-flow", &[]);
     let before = std::fs::read(study.path("case.json")).unwrap();
     let done = run(0, &study.arguments("", 1, &[])).expect(2);
     assert!(
@@ -495,7 +495,7 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
             "OMPI_MCA_odls_base_sigkill_timeout",
             (ranks - 1).to_string(),
         );
-        let _cores = Cores::of(1);
+        let _cores = Cores::acquire(1);
         let done = command.output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");

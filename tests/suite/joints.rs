@@ -230,7 +230,7 @@ fn steps(water: &mut solver::coupling::joint_water::JointWater, number: usize) -
     use solver::coupling::Flow;
     use solver::dem::particles::Particles;
     use solver::dem::space::Volume;
-    let domain = decomposition::Domain::serial(decomposition::Axis::X, 10, false);
+    let domain = decomposition::Domain::serial(decomposition::SplitAxis::X, 10, false);
     let mut particles = Particles::<Volume>::new();
     for _ in 0..number {
         water.advance(&mut particles, &domain).unwrap();

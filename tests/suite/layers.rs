@@ -40,7 +40,7 @@ const SETTINGS: [(&str, &str); 11] = [
 #[test]
 fn a_layered_ground_has_the_same_bits_on_any_ranks() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "deposition",
         &[&SETTINGS[..], &[("checkpoint", r#"{"every": 0.002}"#)]].concat(),
     );

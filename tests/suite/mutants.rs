@@ -195,7 +195,7 @@ fn dotted(pointer: &str) -> String {
 }
 
 fn odd_value(dice: &mut Dice) -> Value {
-    dice.of(&[
+    dice.choose(&[
         json!(0),
         json!(-1),
         json!(1),
@@ -276,7 +276,7 @@ pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
                 b"\r\n",
                 b"99999999999999999999",
             ];
-            let word = *dice.of(&words);
+            let word = *dice.choose(&words);
             bytes.splice(at..at, word.iter().copied());
             format!("{:?} at {at}", String::from_utf8_lossy(word))
         }
@@ -312,7 +312,7 @@ pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
             let Some(&place) = digits.get(dice.below(digits.len())) else {
                 return "nothing".to_owned();
             };
-            bytes[place] = *dice.of(b"0123456789-e.");
+            bytes[place] = *dice.choose(b"0123456789-e.");
             format!("digit at {place}")
         }
         _ => {
@@ -324,7 +324,7 @@ pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
 }
 
 fn mutant(corpus: &[Seed], dice: &mut Dice) -> Mutant {
-    let seed = dice.of(corpus);
+    let seed = dice.choose(corpus);
     let mut made = Mutant {
         text: seed.text.clone(),
         set: Vec::new(),
@@ -362,7 +362,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
     if paths.is_empty() {
         return "empty".to_owned();
     }
-    let path = dice.of(&paths).clone();
+    let path = dice.choose(&paths).clone();
     let (parent, key) = path.rsplit_once('/').unwrap();
     let note = match kind {
         3 => {
@@ -370,13 +370,13 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
             let place = if dice.below(4) == 0 {
                 // A field that the case may not have.
                 let other =
-                    serde_json::from_str::<Value>(&dice.of(corpus).text).unwrap_or_default();
+                    serde_json::from_str::<Value>(&dice.choose(corpus).text).unwrap_or_default();
                 let mut others = Vec::new();
                 pointers(&other, "", &mut others);
                 if others.is_empty() {
                     path.clone()
                 } else {
-                    dice.of(&others).clone()
+                    dice.choose(&others).clone()
                 }
             } else {
                 path.clone()
@@ -437,7 +437,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
         }
         11 | 12 => {
             // A part of another case in the place of the same field, or of any.
-            let other: Value = serde_json::from_str(&dice.of(corpus).text).unwrap_or_default();
+            let other: Value = serde_json::from_str(&dice.choose(corpus).text).unwrap_or_default();
             let part = match other.pointer(&path) {
                 Some(part) if kind == 11 => Some(part.clone()),
                 _ => {
@@ -448,9 +448,9 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
                         .filter(|o| o.ends_with(&format!("/{key}")))
                         .collect();
                     let from = if same.is_empty() {
-                        dice.of(&others).clone()
+                        dice.choose(&others).clone()
                     } else {
-                        (*dice.of(&same)).clone()
+                        (*dice.choose(&same)).clone()
                     };
                     other.pointer(&from).cloned()
                 }
@@ -461,7 +461,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
             format!("{path} from another case")
         }
         _ => {
-            let other = dice.of(&paths).clone();
+            let other = dice.choose(&paths).clone();
             let (a, b) = (tree.pointer(&path).cloned(), tree.pointer(&other).cloned());
             if let (Some(a), Some(b)) = (a, b) {
                 *tree.pointer_mut(&path).unwrap() = b;
@@ -619,7 +619,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
     let mut codes: BTreeMap<(&str, i32), u64> = BTreeMap::new();
     let mut wrong = Vec::new();
     for seed in first..first + count {
-        let _core = Cores::of(1);
+        let _core = Cores::acquire(1);
         let mut dice = Dice::new(seed);
         let mutant = mutant(&corpus, &mut dice);
         // A study is planned member by member: fewer of them.

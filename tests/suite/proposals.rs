@@ -196,7 +196,7 @@ fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>)
 
 #[test]
 fn what_is_proposed_passes() {
-    let _core = Cores::of(1);
+    let _core = Cores::acquire(1);
     let mut wrong = Vec::new();
     let mut right = BTreeSet::new();
     for (name, example, how, _) in TABLE {

@@ -32,7 +32,7 @@ impl Drop for Alone {
 /// Waits until no other test runs a job.
 pub(crate) fn alone() -> Alone {
     let machine = MACHINE.write().unwrap_or_else(PoisonError::into_inner);
-    let cores = Cores::of(2);
+    let cores = Cores::acquire(2);
     IS_ALONE.set(true);
     Alone {
         _cores: cores,
@@ -92,7 +92,7 @@ impl Cores {
     /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and
     /// ending leave cores idle. An idle machine goes to a job of several ranks first; single processes join others that
     /// run.
-    pub(crate) fn of(ranks: usize) -> Self {
+    pub(crate) fn acquire(ranks: usize) -> Self {
         if IS_ALONE.get() {
             return Self(0);
         }
@@ -264,13 +264,13 @@ fn begin(mut command: Command, ranks: usize, arguments: &[String]) -> Running {
 
 /// Runs the program to its end.
 pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
-    let _cores = Cores::of(ranks);
+    let _cores = Cores::acquire(ranks);
     start_prompt(ranks, arguments).wait()
 }
 
 /// Runs a job like [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
-    let _cores = Cores::of(ranks);
+    let _cores = Cores::acquire(ranks);
     let mut command = prompt_command(ranks);
     command.envs(more.iter().copied());
     begin(command, ranks, arguments).wait()
@@ -385,7 +385,7 @@ pub(crate) struct Study {
 
 impl Study {
     /// Returns an example with changes that hold for every run.
-    pub(crate) fn of(example: &str, set: &[(&str, &str)]) -> Self {
+    pub(crate) fn from_example(example: &str, set: &[(&str, &str)]) -> Self {
         let mut study = Self::new(solver::case::examples::find(example).unwrap().text);
         let set = set.iter().map(|(path, value)| format!("{path}={value}"));
         study.set.extend(set);
@@ -408,7 +408,7 @@ impl Study {
     /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains
     /// leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
-        let mut study = Self::of(
+        let mut study = Self::from_example(
             "piping",
             &[
                 ("domain.size", "[0.003, 0.0016]"),

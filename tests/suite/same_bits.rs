@@ -148,7 +148,7 @@ fn single_precision_at_rest_too() {
 #[test]
 fn fluid_without_grains() {
     let _beside = beside_others();
-    let study = Study::of("taylor-green", &[("time.end", "0.2")]);
+    let study = Study::from_example("taylor-green", &[("time.end", "0.2")]);
     study.run("straight", 1, 1, &[]);
     study.run("three", 3, 2, &[]);
     study.same("straight", "three");
@@ -160,7 +160,7 @@ fn fluid_without_grains() {
 #[test]
 fn turbulence_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "taylor-green",
         &[
             (
@@ -206,7 +206,7 @@ fn a_cavity_that_is_watched_now_and_then() {
         r#"[{"name": "often", "every": 1e-3, "at": {"point": {"position": [0.002, 0.003]}}}]"#;
     let seldom =
         r#"[{"name": "seldom", "every": 0.017, "at": {"point": {"position": [0.002, 0.003]}}}]"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "cavity",
         &[
             ("domain.size", "[0.004, 0.006]"),
@@ -245,7 +245,7 @@ fn a_cavity_that_is_watched_now_and_then() {
 fn eddies_between_walls_watched_now_and_then() {
     let _beside = beside_others();
     let watched = r#"[{"name": "often", "every": 1e-3, "at": {"point": {"position": [0.002, 0.003, 0.001]}}}]"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "cavity",
         &[
             ("domain.size", "[0.0036, 0.0044, 0.004]"),
@@ -280,7 +280,7 @@ fn eddies_between_walls_watched_now_and_then() {
 #[test]
 fn a_state_of_many_pieces() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "taylor-green",
         &[
             (
@@ -323,7 +323,7 @@ fn averages_of_a_gusty_stream() {
         {"name": "out", "face": "x_max", "condition": {"convective_outflow": {}}},
         {"name": "side", "face": "z_max", "condition": {"convective_outflow": {"velocity": 0.1}}}
     ]"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "taylor-green",
         &[
             (
@@ -366,7 +366,7 @@ fn sound_leaves_on_any_ranks_and_over_a_restart() {
         "sound": "absorb"}}},
         {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}
     ]"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "taylor-green",
         &[
             ("domain", r#"{"size": [0.0024, 0.002], "spacing": 1e-4}"#),
@@ -402,7 +402,7 @@ fn sound_leaves_on_any_ranks_and_over_a_restart() {
 #[test]
 fn grains_without_fluid() {
     let _beside = beside_others();
-    let study = Study::of("collision", &[("checkpoint.every", "0.009")]);
+    let study = Study::from_example("collision", &[("checkpoint.every", "0.009")]);
     study.run("straight", 1, 2, &[]);
     study.run("three", 3, 1, &[]);
     study.same("straight", "three");
@@ -416,7 +416,7 @@ fn grains_without_fluid() {
 #[test]
 fn blocks_without_fluid() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "avalanche",
         &[
             ("contact.blocks.normal_stiffness", r#"{"per_area": 1e7}"#),
@@ -446,7 +446,7 @@ fn blocks_without_fluid() {
 fn a_body_wider_than_a_slab_in_a_stream() {
     let _beside = beside_others();
     // The cylinder covers planes 15 to 24 along x and 15 to 24 along y.
-    let study = Study::of("cylinder", &[("time.end", "0.1")]);
+    let study = Study::from_example("cylinder", &[("time.end", "0.1")]);
     study.run("straight", 1, 1, &[]);
     for (name, ranks, set) in [
         ("across", 2, "domain.split=y"),
@@ -603,7 +603,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
             ));
         }
     }
-    let study = Study::of(
+    let study = Study::from_example(
         "collision",
         &[
             (
@@ -645,7 +645,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
 #[test]
 fn a_cavity_on_a_gpu_if_there_is_one() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "cavity",
         &[
             ("domain.size", "[0.003, 0.0022, 0.0026]"),

@@ -7,7 +7,7 @@ use crate::ranks::{Study, beside_others, run};
 #[test]
 fn the_same_bits_on_any_ranks_and_splits() {
     let _beside = beside_others();
-    let study = Study::of("seepage", &[("time.end", "0.002")]);
+    let study = Study::from_example("seepage", &[("time.end", "0.002")]);
     study.run("straight", 1, 1, &[]);
     let one = study.summary("straight");
     let seepage = &one["seepage"];
@@ -28,7 +28,7 @@ fn the_same_bits_on_any_ranks_and_splits() {
 #[test]
 fn a_restart_on_other_ranks_gives_the_same_bits() {
     let _beside = beside_others();
-    let study = Study::of("seepage", &[]);
+    let study = Study::from_example("seepage", &[]);
     study.run("straight", 1, 1, &[]);
     study.run("parts", 2, 1, &["time.end=0.004"]);
     study.restart("parts", 3, &["time.end=0.006"]).expect(0);
@@ -39,7 +39,7 @@ fn a_restart_on_other_ranks_gives_the_same_bits() {
 #[test]
 fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "deposition",
         &[
             (
@@ -99,7 +99,7 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
 fn a_pocket_is_named() {
     let _beside = beside_others();
     // Two planes meet above the opening: the cell below their edge has water in front of either, but of both none.
-    let study = Study::of(
+    let study = Study::from_example(
         "seepage",
         &[
             ("fluid.darcy.grid.cells", "[5, 5, 10]"),
@@ -162,7 +162,7 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
 #[test]
 fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "seepage",
         &[
             (
@@ -247,7 +247,7 @@ fn water_ponded_over_the_ground_passes_on_its_head() {
         "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true}]"#;
     let solids = r#"[{"name": "wall", "shape": {"box": {"from": [2.9999, 0.5], "to": [3.0001, 1.3]}}},
         {"name": "dam", "shape": {"box": {"from": [2.5, 1.0], "to": [3.5, 1.3]}}}]"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "cut-off",
         &[
             ("domain.size", "[6, 1.2]"),
@@ -271,7 +271,7 @@ fn water_ponded_over_the_ground_passes_on_its_head() {
 #[test]
 fn zones_alone_are_a_bed() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "cut-off",
         &[
             ("domain.spacing", "0.05"),

@@ -152,7 +152,7 @@ fn corpus() -> Vec<Named> {
 /// Returns an error if a number that came from a file is not finite.
 fn all_finite(plan: &Plan) -> Result<(), String> {
     if let Some(GrainSource::File { grains, .. }) = plan.scene.grains.as_ref().map(|g| &g.source) {
-        let numbers = |g: &solver::scene::sample::Grain| {
+        let numbers = |g: &solver::scene::sample::ListedGrain| {
             let vectors = [g.position, g.velocity, g.angular_velocity];
             vectors.iter().flatten().all(|x| x.is_finite()) && g.radius.is_finite()
         };
@@ -197,7 +197,7 @@ fn side_files_are_read_or_refused_and_nothing_else() {
     let mut codes: BTreeMap<i32, u64> = BTreeMap::new();
     let mut wrong = Vec::new();
     for seed in first..first + count {
-        let _core = Cores::of(1);
+        let _core = Cores::acquire(1);
         let mut dice = Dice::new(seed ^ 0x51de_f11e);
         let named = &corpus[usize::try_from(seed).unwrap() % corpus.len()];
         let mut bytes = named.bytes.clone();

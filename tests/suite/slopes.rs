@@ -85,7 +85,7 @@ fn the_weight_of_a_stream_is_borne_by_its_bed_and_what_stands_in_it() {
 #[test]
 fn the_stream_of_the_example_pushes_its_blocks_down_the_slope() {
     let _beside = beside_others();
-    let study = Study::of("incline", &[("time.end", "0.1"), ("output", "{}")]);
+    let study = Study::from_example("incline", &[("time.end", "0.1"), ("output", "{}")]);
     study.run("run", 1, 1, &[]).expect(0);
     let ways = ["rough", "smooth"].map(|block| {
         let table = format!("probe_{block}.csv");

@@ -23,7 +23,7 @@ fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
 #[test]
 fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
     let _beside = beside_others();
-    let study = Study::of("earth-dam", &[]);
+    let study = Study::from_example("earth-dam", &[]);
     // The surface of a tenth of a cell adds its height times the drop of the phreatic line over the length.
     let exit = |run: &str, spacing: f64| {
         let near = 1e-3 * spacing / 0.0625;
@@ -53,7 +53,7 @@ fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
 #[test]
 fn the_phreatic_line_of_a_dam_is_the_exact_one() {
     let _beside = beside_others();
-    let study = Study::of("earth-dam", &[]);
+    let study = Study::from_example("earth-dam", &[]);
     let air = "fluid.darcy.boundaries[1].condition={\"seepage_face\": {}}";
     study.run("air", 1, 1, &[air, "domain.spacing=0.125"]);
     let table = rows(&study, "air", "water_table");
@@ -76,7 +76,7 @@ fn the_phreatic_line_of_a_dam_is_the_exact_one() {
 #[test]
 fn rain_on_an_exponential_soil_gives_the_exact_suction() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "earth-dam",
         &[
             ("domain.size", "[1, 2]"),
@@ -116,7 +116,7 @@ fn rain_on_an_exponential_soil_gives_the_exact_suction() {
 #[test]
 fn the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "earth-dam",
         &[
             ("domain.spacing", "0.5"),
@@ -220,7 +220,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
 #[test]
 fn infiltration_closes_its_mass_with_the_same_bits_after_a_restart() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "infiltration",
         &[("time.end", "21600"), ("checkpoint", r#"{"every": 3600}"#)],
     );
@@ -269,7 +269,7 @@ fn flow_in_time_needs_a_soil_that_stores_water() {
 fn a_layered_dam_is_its_stretched_twin() {
     let _beside = beside_others();
     let discharge = |name: &str, set: &[(&str, &str)]| {
-        let study = Study::of("earth-dam", set);
+        let study = Study::from_example("earth-dam", set);
         study.run(name, 1, 1, &["probes=[]"]);
         study.summary(name)["seepage"]["outflow"].as_f64().unwrap()
     };
@@ -306,7 +306,7 @@ fn a_layered_dam_is_its_stretched_twin() {
 #[test]
 fn uplift_of_a_flat_base_on_deep_ground() {
     let _beside = beside_others();
-    let study = Study::of(
+    let study = Study::from_example(
         "sheet-pile",
         &[
             ("domain.size", "[32, 16]"),
@@ -347,7 +347,7 @@ fn uplift_of_a_flat_base_on_deep_ground() {
 #[test]
 fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
     let _beside = beside_others();
-    let study = Study::of("sheet-pile", &[]);
+    let study = Study::from_example("sheet-pile", &[]);
     study.run("pile", 1, 1, &[]);
     let exits = &study.summary("pile")["seepage"]["exit_gradients"];
     let exit = &exits["downstream"];
@@ -367,7 +367,7 @@ fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
 fn a_falling_level_gives_the_same_bits_after_a_restart() {
     let _beside = beside_others();
     let soil = r#"{"van_genuchten": {"alpha": 0.64, "n": 2.5, "saturated_content": 0.4}}"#;
-    let study = Study::of(
+    let study = Study::from_example(
         "earth-dam",
         &[
             ("domain.spacing", "0.5"),

@@ -10,8 +10,8 @@
 )]
 
 use decomposition::{
-    Axis, Communicator, Domain, ExactSum, Fixed, FixedExchange, HaloBytes, HaloExchange, Slabs,
-    StateHash, World, exchange, field_key,
+    Communicator, Domain, ExactSum, Fixed, FixedExchange, HaloBytes, HaloExchange, Slabs,
+    SplitAxis, StateHash, World, exchange, field_key,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::process::ExitCode;
@@ -247,7 +247,7 @@ fn splits(size: usize) -> Vec<Slabs> {
     let mut splits = Vec::new();
     for periodic in [false, true] {
         for planes in [1, size.saturating_sub(1).max(1), size, 3 * size + 1] {
-            splits.push(Slabs::even(Axis::X, planes, size, periodic));
+            splits.push(Slabs::even(SplitAxis::X, planes, size, periodic));
         }
         for seed in 0..12 {
             let mut bounds = vec![0];
@@ -257,7 +257,7 @@ fn splits(size: usize) -> Vec<Slabs> {
                 let thickness = usize::from(random) + usize::from(rank == 0 && size == 1);
                 bounds.push(bounds[rank] + thickness);
             }
-            splits.extend(Slabs::from_bounds(Axis::Z, bounds, periodic));
+            splits.extend(Slabs::from_bounds(SplitAxis::Z, bounds, periodic));
         }
     }
     splits
@@ -332,7 +332,12 @@ fn halos(communicator: &Communicator) -> Outcome {
 }
 
 fn halos_at_once(communicator: &Communicator) -> Outcome {
-    let slabs = Slabs::even(Axis::Y, 2 * communicator.size(), communicator.size(), true);
+    let slabs = Slabs::even(
+        SplitAxis::Y,
+        2 * communicator.size(),
+        communicator.size(),
+        true,
+    );
     let domain = Domain::new(communicator.clone(), slabs).map_err(|e| e.to_string())?;
     let mut halos = Vec::new();
     for tag in 0..4 {
@@ -364,7 +369,7 @@ fn halos_at_once(communicator: &Communicator) -> Outcome {
 
 fn unequal_halos(communicator: &Communicator) -> Outcome {
     let (rank, size) = (communicator.rank(), communicator.size());
-    let slabs = Slabs::even(Axis::X, size, size, true);
+    let slabs = Slabs::even(SplitAxis::X, size, size, true);
     let domain = Domain::new(communicator.clone(), slabs).map_err(|e| e.to_string())?;
     // The last rank sends more to its upper neighbour, rank 0, than that expects.
     let mut sizes = HaloBytes::symmetric(16);

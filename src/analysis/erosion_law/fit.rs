@@ -120,7 +120,7 @@ impl Default for FitOptions {
 /// The law that follows from the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Law {
+pub enum FittedErosionLaw {
     /// Threshold and slope are known.
     Fitted(LinearLaw),
     /// Nothing erodes at the highest stress: `tau_c >= at_least`.
@@ -222,7 +222,7 @@ impl Line {
 
 /// Fits the law, or returns the bound that the points give. `None` without a point that has a finite stress and rate.
 #[must_use]
-pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
+pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosionLaw> {
     let mut points: Vec<RatePoint> = points
         .iter()
         .filter(|point| point.shear.is_finite() && point.rate.is_finite())
@@ -235,7 +235,7 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
         .iter()
         .any(|point| point.run == highest.run && point.eroding);
     if !highest_erodes {
-        return Some(Law::LowerBound {
+        return Some(FittedErosionLaw::LowerBound {
             at_least: highest.shear,
         });
     }
@@ -245,7 +245,7 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
         .copied()
         .collect();
     let first = eroding.first()?;
-    let bracket = Law::Bracketed {
+    let bracket = FittedErosionLaw::Bracketed {
         above: points
             .iter()
             .filter(|point| !point.eroding && point.shear < first.shear)
@@ -262,7 +262,7 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<Law> {
     let Some(best) = minimise(&points, scatter) else {
         return Some(bracket);
     };
-    Some(Law::Fitted(describe(
+    Some(FittedErosionLaw::Fitted(describe(
         &points, &eroding, scatter, best, options,
     )))
 }
@@ -589,11 +589,13 @@ pub struct CohesionTrend {
 ///
 /// A lower bound cannot contradict a rise and is left to the reader.
 #[must_use]
-pub fn cohesion_trend(laws: &[(f64, Law)]) -> Option<CohesionTrend> {
+pub fn cohesion_trend(laws: &[(f64, FittedErosionLaw)]) -> Option<CohesionTrend> {
     let mut fits: Vec<(f64, &LinearLaw)> = laws
         .iter()
         .filter_map(|(cohesion, law)| match law {
-            Law::Fitted(fit) if *cohesion > 0.0 && fit.coefficient > 0.0 => Some((*cohesion, fit)),
+            FittedErosionLaw::Fitted(fit) if *cohesion > 0.0 && fit.coefficient > 0.0 => {
+                Some((*cohesion, fit))
+            }
             _ => None,
         })
         .collect();
@@ -677,9 +679,9 @@ mod tests {
         }
     }
 
-    fn fitted(law: Option<Law>) -> LinearLaw {
+    fn fitted(law: Option<FittedErosionLaw>) -> LinearLaw {
         match law {
-            Some(Law::Fitted(fit)) => fit,
+            Some(FittedErosionLaw::Fitted(fit)) => fit,
             other => panic!("no fit: {other:?}"),
         }
     }
@@ -841,7 +843,7 @@ mod tests {
         let mut points: Vec<RatePoint> =
             (1..=5_u32).map(|i| exact(0, 1e-4 * f64::from(i))).collect();
         let law = fit_law(&points, FitOptions::default());
-        assert_eq!(law, Some(Law::LowerBound { at_least: 5e-4 }));
+        assert_eq!(law, Some(FittedErosionLaw::LowerBound { at_least: 5e-4 }));
         // Grains that left at a lower load do not make a law.
         points.push(RatePoint {
             run: 1,
@@ -850,7 +852,7 @@ mod tests {
             ..exact(1, 2.5e-4)
         });
         let law = fit_law(&points, FitOptions::default());
-        assert_eq!(law, Some(Law::LowerBound { at_least: 5e-4 }));
+        assert_eq!(law, Some(FittedErosionLaw::LowerBound { at_least: 5e-4 }));
         assert_eq!(fit_law(&[], FitOptions::default()), None);
     }
 
@@ -859,7 +861,7 @@ mod tests {
         let points = [exact(0, 3e-4), exact(1, 6e-4), exact(2, 2e-3)];
         assert_eq!(
             fit_law(&points, FitOptions::default()),
-            Some(Law::Bracketed {
+            Some(FittedErosionLaw::Bracketed {
                 above: 6e-4,
                 below: 2e-3
             })
@@ -880,7 +882,7 @@ mod tests {
         assert_eq!(fitted(fit_law(&points, FitOptions::default())).points, 4);
     }
 
-    fn law(threshold: f64, k: f64) -> Law {
+    fn law(threshold: f64, k: f64) -> FittedErosionLaw {
         let points: Vec<RatePoint> = (0..6_u32)
             .map(|i| {
                 let shear = 1e-3 * f64::from(i + 1);
@@ -892,7 +894,7 @@ mod tests {
                 }
             })
             .collect();
-        Law::Fitted(fitted(fit_law(&points, FitOptions::default())))
+        FittedErosionLaw::Fitted(fitted(fit_law(&points, FitOptions::default())))
     }
 
     #[test]
@@ -902,7 +904,7 @@ mod tests {
             (0.152, law(5e-4, 9.0)),
             (0.506, law(9e-4, 9.2)),
             (1.27, law(2e-3, 8.9)),
-            (12.7, Law::LowerBound { at_least: 1.0 }),
+            (12.7, FittedErosionLaw::LowerBound { at_least: 1.0 }),
         ];
         let trend = cohesion_trend(&series).unwrap();
         assert!(!trend.coefficient_has_trend, "{trend:?}");
@@ -912,7 +914,7 @@ mod tests {
 
     #[test]
     fn a_slope_that_grows_with_cohesion_is_a_trend_and_a_falling_threshold_a_reversal() {
-        let series: Vec<(f64, Law)> = [0.1_f64, 0.3, 1.0, 3.0]
+        let series: Vec<(f64, FittedErosionLaw)> = [0.1_f64, 0.3, 1.0, 3.0]
             .iter()
             .map(|&c| (c, law(3e-3 - 8e-4 * c, 9.0 * c.powf(0.5))))
             .collect();

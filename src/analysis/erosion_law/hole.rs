@@ -15,7 +15,7 @@ use base::number::real;
 
 /// Cell-centred values across the hole: entry `j` lies at `origin + (j + 1/2) spacing`.
 #[derive(Clone, Copy, Debug)]
-pub struct Profile<'a> {
+pub struct HoleProfile<'a> {
     /// Edge of the first cell, m.
     pub origin: f64,
     /// Cell width, m.
@@ -24,7 +24,7 @@ pub struct Profile<'a> {
     pub values: &'a [f64],
 }
 
-impl Profile<'_> {
+impl HoleProfile<'_> {
     /// Returns the position of the centre of a cell, m.
     fn centre(&self, cell: usize) -> f64 {
         self.origin + (real(cell) + 0.5) * self.spacing
@@ -75,7 +75,7 @@ impl WallShear {
 /// A packing that is gone down to the wall has its face at the wall. `None` where the hole is closed: no cell with
 /// less than half the intact solid fraction within half of either side of the middle, or no cells at all.
 #[must_use]
-pub fn hole_faces(solid: Profile<'_>, intact: f64, middle: f64) -> Option<HoleFaces> {
+pub fn hole_faces(solid: HoleProfile<'_>, intact: f64, middle: f64) -> Option<HoleFaces> {
     let cells = solid.values.len();
     if cells == 0 || intact.is_nan() || intact <= 0.0 {
         return None;
@@ -141,7 +141,7 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
 /// `None` where a half of the hole has fewer than four cells.
 #[must_use]
 pub fn shear_by_gradient(
-    velocity: Profile<'_>,
+    velocity: HoleProfile<'_>,
     faces: HoleFaces,
     viscosity: f64,
 ) -> Option<WallShear> {
@@ -230,8 +230,8 @@ mod tests {
         )
     }
 
-    fn profile(values: &[f64]) -> Profile<'_> {
-        Profile {
+    fn profile(values: &[f64]) -> HoleProfile<'_> {
+        HoleProfile {
             origin: 0.0,
             spacing: H,
             values,

@@ -20,7 +20,7 @@ use std::fs;
 use std::path::Path;
 
 /// One row of a CSV file.
-pub trait Row: DeserializeOwned {
+pub trait RecordRow: DeserializeOwned {
     /// The columns in order, `name [unit]`.
     const COLUMNS: &'static [&'static str];
 
@@ -46,7 +46,7 @@ macro_rules! csv_row {
         #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
         pub struct $name { $( $(#[$doc])* #[serde(rename = $column)] pub $field: $kind, )* }
 
-        impl Row for $name {
+        impl RecordRow for $name {
             const COLUMNS: &'static [&'static str] = &[$($column),*];
 
             fn to_csv(&self) -> String {
@@ -281,7 +281,7 @@ const RENAMED: [(&str, &str); 2] = [
 ///
 /// # Errors
 /// [`Error::Io`] with file, line and column where the file cannot be read.
-pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>, Error> {
+pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>, Error> {
     let fail = |what: String| Error::Io(format!("{}: {what}", path.display()));
     let text = io::plain::text(path, io::plain::LONGEST_TABLE)
         .map_err(|error| Error::Io(error.to_string()))?;
@@ -323,7 +323,7 @@ pub fn read_rows<R: Row>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>,
 ///
 /// # Errors
 /// [`Error::Io`] where the file cannot be written.
-pub fn write_rows<R: Row>(path: &Path, rows: &[R]) -> Result<(), Error> {
+pub fn write_rows<R: RecordRow>(path: &Path, rows: &[R]) -> Result<(), Error> {
     let mut text = R::header();
     text.push('\n');
     for row in rows {

@@ -22,7 +22,7 @@ pub const SKIN: usize = 3;
 
 /// A grain in the frame of the analysis: long axis, across, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grain {
+pub struct MeasuredGrain {
     /// Name.
     pub id: u64,
     /// Centre \[m\].
@@ -156,7 +156,7 @@ impl Cells {
 
     /// Returns the cell of a point; points outside belong to the nearest one.
     #[must_use]
-    pub fn of(&self, at: [f64; 3]) -> [usize; 3] {
+    pub fn cell_of(&self, at: [f64; 3]) -> [usize; 3] {
         std::array::from_fn(|axis| index_along(at[axis], self.size[axis], self.count[axis]))
     }
 
@@ -201,11 +201,11 @@ impl Cells {
 
 /// Returns the solid fraction of every cell.
 #[must_use]
-pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec<f64> {
+pub fn solid_fractions(cells: &Cells, grains: &[MeasuredGrain], overlap: Overlap) -> Vec<f64> {
     let mut solid = vec![0.0; cells.total()];
     for grain in grains {
         let [low, high] = [-1.0, 1.0].map(|side| {
-            cells.of(std::array::from_fn(|axis| {
+            cells.cell_of(std::array::from_fn(|axis| {
                 grain.at[axis] + side * grain.radius
             }))
         });
@@ -229,12 +229,12 @@ pub fn solid_fractions(cells: &Cells, grains: &[Grain], overlap: Overlap) -> Vec
 
 /// Returns the elevation of every column: the top of its highest grain with [`NEIGHBOURS`] others nearer than [`GAP`].
 #[must_use]
-pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64>> {
+pub fn surface(cells: &Cells, grains: &[MeasuredGrain], diameter: f64) -> Vec<Option<f64>> {
     let mut inside: Vec<Vec<usize>> = vec![Vec::new(); cells.total()];
     let mut columns: Vec<Vec<usize>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
     let mut largest: f64 = 0.0;
     for (k, grain) in grains.iter().enumerate() {
-        let cell = cells.of(grain.at);
+        let cell = cells.cell_of(grain.at);
         inside[cells.index(cell)].push(k);
         columns[cells.column(cell[0], cell[1])].push(k);
         largest = largest.max(grain.radius);
@@ -243,8 +243,8 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
     let in_company = |k: usize| {
         let grain = &grains[k];
         let reach = grain.radius + largest + gap;
-        let [low, high] =
-            [-reach, reach].map(|side| cells.of(std::array::from_fn(|axis| grain.at[axis] + side)));
+        let [low, high] = [-reach, reach]
+            .map(|side| cells.cell_of(std::array::from_fn(|axis| grain.at[axis] + side)));
         let mut near = 0;
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
@@ -271,10 +271,10 @@ pub fn surface(cells: &Cells, grains: &[Grain], diameter: f64) -> Vec<Option<f64
 }
 
 /// Returns the top of the lowest of the [`SKIN`] highest grains of every column.
-fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
+fn skin(cells: &Cells, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
     let mut tops: Vec<Vec<f64>> = vec![Vec::new(); cells.count[0] * cells.count[1]];
     for grain in grains {
-        let [long, across, _] = cells.of(grain.at);
+        let [long, across, _] = cells.cell_of(grain.at);
         tops[cells.column(long, across)].push(grain.at[2] + grain.radius);
     }
     let lowest = |mut tops: Vec<f64>| {
@@ -287,7 +287,7 @@ fn skin(cells: &Cells, grains: &[Grain]) -> Vec<Option<f64>> {
 impl Ground {
     /// Returns the ground as it is now.
     #[must_use]
-    pub fn new(cells: Cells, grains: &[Grain], diameter: f64, overlap: Overlap) -> Self {
+    pub fn new(cells: Cells, grains: &[MeasuredGrain], diameter: f64, overlap: Overlap) -> Self {
         let solid = solid_fractions(&cells, grains, overlap);
         Self {
             cells,
@@ -324,7 +324,7 @@ impl Ground {
     /// Returns the settlement of every column: of its elevation or of the grains that were its surface, whichever is
     /// smaller.
     #[must_use]
-    pub fn settlement(&self, now: &[Option<f64>], grains: &[Grain]) -> Vec<Option<f64>> {
+    pub fn settlement(&self, now: &[Option<f64>], grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
         let descent = self.descent(grains);
         let columns = (0..ny).flat_map(|across| (0..nx).map(move |long| (long, across)));
@@ -341,13 +341,13 @@ impl Ground {
 
     /// Returns the settlement of the middle one of the grains that were the surface of every column at time 0, wherever
     /// they are now (the lower middle of an even number); none if all of them have left.
-    fn descent(&self, grains: &[Grain]) -> Vec<Option<f64>> {
+    fn descent(&self, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
         let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
         // The place at time 0 is rounded.
         let slack = 1e-9 * self.diameter;
         for grain in grains {
             let start = std::array::from_fn(|axis| grain.at[axis] - grain.moved[axis]);
-            let [long, across, _] = self.cells.of(start);
+            let [long, across, _] = self.cells.cell_of(start);
             let k = self.cells.column(long, across);
             if self.skin[k].is_some_and(|lowest| start[2] + grain.radius >= lowest - slack) {
                 down[k].push(-grain.moved[2]);
@@ -437,7 +437,7 @@ impl Ground {
     #[must_use]
     pub fn measure(
         &self,
-        grains: &[Grain],
+        grains: &[MeasuredGrain],
         points: &[Point],
         limits: &Limits,
         overlap: Overlap,
@@ -566,10 +566,10 @@ impl Ground {
     }
 
     /// Returns the cells of the ground that are void or whose grains have gone down by more than `moving` on average.
-    fn moving_cells(&self, grains: &[Grain], void: &[bool], moving: f64) -> Vec<bool> {
+    fn moving_cells(&self, grains: &[MeasuredGrain], void: &[bool], moving: f64) -> Vec<bool> {
         let mut down = vec![(0.0, 0_usize); self.cells.total()];
         for grain in grains {
-            let (sum, n) = &mut down[self.cells.index(self.cells.of(grain.at))];
+            let (sum, n) = &mut down[self.cells.index(self.cells.cell_of(grain.at))];
             *sum -= grain.moved[2];
             *n += 1;
         }
@@ -581,7 +581,14 @@ impl Ground {
     }
 
     /// Returns the elevation up to which the ground over a point moves \[m\].
-    fn front(&self, grains: &[Grain], point: &Point, base: f64, top: f64, moving: f64) -> f64 {
+    fn front(
+        &self,
+        grains: &[MeasuredGrain],
+        point: &Point,
+        base: f64,
+        top: f64,
+        moving: f64,
+    ) -> f64 {
         let cells = &self.cells;
         if base >= top {
             return base;
@@ -589,7 +596,7 @@ impl Ground {
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
         let mut down = vec![(0.0, 0_usize); cells.count[2]];
         for grain in grains {
-            let [x, y, z] = cells.of(grain.at);
+            let [x, y, z] = cells.cell_of(grain.at);
             if xs.contains(&x) && ys.contains(&y) {
                 down[z].0 -= grain.moved[2];
                 down[z].1 += 1;
@@ -651,7 +658,7 @@ impl Ground {
     }
 
     /// Returns the mean displacement of the soil at the sides of the points towards the nearest one.
-    fn inward(&self, grains: &[Grain], points: &[Point]) -> f64 {
+    fn inward(&self, grains: &[MeasuredGrain], points: &[Point]) -> f64 {
         let covers: Vec<f64> = points
             .iter()
             .map(|point| {

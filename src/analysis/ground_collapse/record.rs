@@ -10,7 +10,7 @@
 //!
 //! Undefined values, such as the shape of a front that does not move, are `NaN`.
 
-use crate::erosion_law::Row;
+use crate::erosion_law::RecordRow;
 use crate::erosion_law::record::{Value, csv_row};
 use serde::{Deserialize, Serialize};
 

@@ -18,7 +18,7 @@ pub enum Verdict {
 impl Verdict {
     /// Returns the verdict on a case with these findings.
     #[must_use]
-    pub fn of(findings: &[Problem]) -> Self {
+    pub fn from_findings(findings: &[Problem]) -> Self {
         let has = |severity| findings.iter().any(|p| p.severity == severity);
         if has(Severity::Error) {
             Self::Refused
@@ -66,7 +66,7 @@ impl Verdict {
     #[must_use]
     pub fn sentence(findings: &[Problem]) -> String {
         let count = |severity| findings.iter().filter(|p| p.severity == severity).count();
-        let mut text = match Self::of(findings) {
+        let mut text = match Self::from_findings(findings) {
             Self::ValidWithWarnings => Self::Valid.name(),
             verdict => verdict.name(),
         }
@@ -129,7 +129,7 @@ mod tests {
             ),
         ] {
             let findings = findings(severities);
-            assert_eq!(Verdict::of(&findings), verdict);
+            assert_eq!(Verdict::from_findings(&findings), verdict);
             assert_eq!(Verdict::sentence(&findings), sentence);
             assert_eq!([false, true].map(|allow| verdict.exit_code(allow)), codes);
         }

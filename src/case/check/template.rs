@@ -35,7 +35,7 @@ const DEEPEST: usize = 8;
 
 impl<'a> Template<'a> {
     /// Returns the template of `schema`, whose references are resolved in `root`.
-    pub(super) fn of(root: &'a Value, schema: &'a Value) -> Self {
+    pub(super) fn from_schema(root: &'a Value, schema: &'a Value) -> Self {
         Self::within(root, schema, 0)
     }
 
@@ -175,7 +175,7 @@ mod tests {
         assert!(grain.is_object());
         let mut one = grain.clone();
         one["$defs"] = root["$defs"].clone();
-        let template = Template::of(&root, grain);
+        let template = Template::from_schema(&root, grain);
         for (value, fits) in [
             (json!({"position": [1, 2.5], "radius": 1e-3}), true),
             (

@@ -3,10 +3,10 @@
 use super::Darcy;
 use base::number;
 use coupling::Flow;
-use coupling::seepage::{Seepage, Settings};
+use coupling::seepage::{Seepage, SeepageSettings};
 use darcy::{
-    Condition, Enclosure, Grid, Liquid, Openness, Patch, Permeability, Pores, Pressure,
-    Settings as PressureSettings,
+    Condition, Enclosure, Liquid, Openness, Permeability, Pores, Pressure, PressurePatch,
+    PressureSettings, SeepageGrid,
 };
 use decomposition::Communicator;
 use dem::alone;
@@ -24,7 +24,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                 // A body-centred cubic array: two spheres in each cube of this edge.
                 let solid = 1.0 - porosity;
                 let edge = diameter * (std::f64::consts::PI / (3.0 * solid)).cbrt();
-                let grid = Grid {
+                let grid = SeepageGrid {
                     cells: [2, 2, 5],
                     // The array reaches beyond on all sides.
                     origin: [edge; 3],
@@ -43,7 +43,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                 .unwrap();
                 let communicator = Communicator::serial();
                 let openness = Openness::measure(&grid, &Enclosure::Everything);
-                let face = |upper, head| Patch {
+                let face = |upper, head| PressurePatch {
                     axis: 2,
                     upper,
                     from: [0; 3],
@@ -65,7 +65,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                 let pressure =
                     Pressure::new(&openness, patches, liquid, settings, &communicator).unwrap();
                 let pores = Pores::new(grid, written.porosity, written.mean_diameter);
-                let settings = Settings {
+                let settings = SeepageSettings {
                     liquid,
                     permeability: Permeability {
                         law: written.resistance(),

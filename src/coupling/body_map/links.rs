@@ -52,7 +52,7 @@ impl BodyMap {
                 for dx in -reach..=reach {
                     let near = [cell[0] + dx, cell[1] + dy, cell[2] + dz];
                     if self.slab.held(near) {
-                        flag(self.owner[self.slab.at(near)]);
+                        flag(self.owner[self.slab.layout_index(near)]);
                     }
                 }
             }
@@ -99,7 +99,7 @@ impl BodyMap {
             .rows()
             .flat_map(|row| rows.ends(row, self.slab.dimension == 3));
         for inner in ends.flat_map(Row::cells) {
-            let place = self.slab.at(inner);
+            let place = self.slab.layout_index(inner);
             if self.owner[place] != mine {
                 continue;
             }
@@ -173,7 +173,7 @@ impl BodyMap {
         let (mut bodies, mut walls) = (0, 0);
         for c in &velocities.c[1..] {
             let near: [i32; 3] = std::array::from_fn(|a| cell[a] + i32::from(c[a]));
-            match self.owner[self.slab.at(near)] {
+            match self.owner[self.slab.layout_index(near)] {
                 FLUID => {}
                 OUTSIDE => walls += 1,
                 _ => bodies += 1,

@@ -6,7 +6,7 @@ use super::{Again, BodyMap, Mapped, PER_THREAD, Turned};
 use crate::solid_fraction::height_over;
 use base::number::floor_i32;
 use base::thread_pool;
-use lbm::links::{Plane, Rigid};
+use lbm::links::{CellPlane, Rigid};
 
 /// Results for a run of consecutive bodies.
 #[derive(Clone, Debug, Default)]
@@ -339,7 +339,7 @@ fn look_in<const D: usize>(
 fn look_in_block(
     slab: &Slab,
     rigid: &Rigid,
-    planes: &[Plane],
+    planes: &[CellPlane],
     frame: [i32; 3],
     found: &mut Rows,
 ) -> f64 {
@@ -370,7 +370,7 @@ fn look_in_block(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{GHOSTS, Grid};
+    use super::super::{GHOSTS, MapGrid};
     use super::*;
     use base::random::Stream;
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
@@ -380,7 +380,7 @@ mod tests {
     /// reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();
-        let grid = Grid {
+        let grid = MapGrid {
             cells,
             start: [0; 3],
             periodic: [false; 3],
@@ -429,7 +429,7 @@ mod tests {
 
     #[test]
     fn no_cell_changes_within_the_slack_and_none_but_those_watched_within_the_reach() {
-        is_true::<2>(Velocities::of::<D2Q9, 9>(), [14, 12, 1], 4000);
-        is_true::<3>(Velocities::of::<D3Q19, 19>(), [10, 11, 9], 1000);
+        is_true::<2>(Velocities::for_lattice::<D2Q9, 9>(), [14, 12, 1], 4000);
+        is_true::<3>(Velocities::for_lattice::<D3Q19, 19>(), [10, 11, 9], 1000);
     }
 }

@@ -172,7 +172,7 @@ impl BodyMap {
         self.rows_below = rows_below;
         // Of bodies that went away.
         for change in &self.changes {
-            self.owner[self.slab.at(change.cell)] &= !NOTED;
+            self.owner[self.slab.layout_index(change.cell)] &= !NOTED;
         }
         for settled in &mut self.settled {
             self.changes.append(&mut settled.changes);
@@ -193,7 +193,7 @@ impl Layers<'_> {
     /// Returns the index of a cell among those of these layers.
     fn index(&self, cell: [i32; 3]) -> Option<usize> {
         let first = self.layers.start * self.slab.cells_of_a_layer();
-        let place = self.slab.at(cell).wrapping_sub(first);
+        let place = self.slab.layout_index(cell).wrapping_sub(first);
         (place < self.owner.len()).then_some(place)
     }
 

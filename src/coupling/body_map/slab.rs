@@ -1,7 +1,7 @@
 //! The cells of one slab and of the layers round it.
 
 use super::rows::Row;
-use super::{GHOSTS, Grid};
+use super::{GHOSTS, MapGrid};
 use base::number::{floor_i32, to_i32};
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
@@ -9,14 +9,14 @@ use lbm::populations::Populations;
 /// Positions of the cells of a slab; all coordinates are local.
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
-    pub(super) grid: Grid,
+    pub(super) grid: MapGrid,
     /// Cells of the slab.
     pub(super) cells: [i32; 3],
     pub(super) dimension: usize,
 }
 
 impl Slab {
-    pub(super) fn new<S: Stored>(populations: &Populations<S>, grid: Grid) -> Self {
+    pub(super) fn new<S: Stored>(populations: &Populations<S>, grid: MapGrid) -> Self {
         let cells = populations.cells();
         Self {
             grid,
@@ -68,7 +68,7 @@ impl Slab {
     }
 
     /// Returns the index of a cell in a [`Self::layout`].
-    pub(super) fn at(&self, cell: [i32; 3]) -> usize {
+    pub(super) fn layout_index(&self, cell: [i32; 3]) -> usize {
         let size = |a: usize| self.cells[a] + 2 * self.ghosts(a);
         let k = |a: usize| cell[a] + self.ghosts(a);
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
@@ -104,7 +104,7 @@ impl Slab {
         (0..self.dimension).all(|a| (2..self.cells[a] - 2).contains(&local[a]))
     }
 
-    /// Returns the offset between frames: see [`Grid::frame`].
+    /// Returns the offset between frames: see [`MapGrid::frame`].
     pub(super) fn frame(&self, shift: [i32; 3]) -> [i32; 3] {
         self.grid.frame(self.dimension, shift)
     }

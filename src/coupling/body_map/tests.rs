@@ -2,7 +2,7 @@ use super::*;
 use base::random::Stream;
 use dem::particles::Body;
 use dem::polyhedron::Polyhedron;
-use dem::{Plane as Flat, Volume};
+use dem::{PlaneSpace as Flat, Volume};
 use lbm::lattice::{D2Q9, D3Q19, Velocities};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 const SPACING: f64 = 0.1;
 
 fn new_map(populations: &Populations<f64>) -> BodyMap {
-    let grid = Grid {
+    let grid = MapGrid {
         cells: populations.cells(),
         start: [0; 3],
         periodic: [false; 3],
@@ -76,7 +76,8 @@ fn on_threads(count: usize, work: impl FnOnce() + Send) {
 /// Discs that overlap, move at all speeds, grow, leave the lattice, go and come.
 #[test]
 fn discs_hold_the_cells_of_their_places() {
-    let populations = Populations::new(Velocities::of::<D2Q9, 9>(), [70, 60, 1], 1).unwrap();
+    let populations =
+        Populations::new(Velocities::for_lattice::<D2Q9, 9>(), [70, 60, 1], 1).unwrap();
     for threads in [1, 3] {
         on_threads(threads, || {
             let mut draw = Stream::new(7, 0, 0);
@@ -120,7 +121,8 @@ fn discs_hold_the_cells_of_their_places() {
 /// Balls and turning blocks that pass through each other.
 #[test]
 fn balls_and_blocks_hold_the_cells_of_their_places() {
-    let populations = Populations::new(Velocities::of::<D3Q19, 19>(), [24, 20, 22], 2).unwrap();
+    let populations =
+        Populations::new(Velocities::for_lattice::<D3Q19, 19>(), [24, 20, 22], 2).unwrap();
     let shape = Polyhedron::cuboid(Vector3::new(0.43, 0.65, 0.81)).unwrap();
     for threads in [1, 2] {
         on_threads(threads, || {
@@ -166,7 +168,8 @@ fn balls_and_blocks_hold_the_cells_of_their_places() {
 /// uncovers them.
 #[test]
 fn covering_and_uncovering_gives_back_what_it_took() {
-    let mut populations = Populations::new(Velocities::of::<D2Q9, 9>(), [30, 30, 1], 1).unwrap();
+    let mut populations =
+        Populations::new(Velocities::for_lattice::<D2Q9, 9>(), [30, 30, 1], 1).unwrap();
     let mut draw = Stream::new(3, 0, 0);
     for number in populations.numbers_mut() {
         *number = 0.01 * draw.uniform();

@@ -2,11 +2,11 @@
 //!
 //! Full cells of two bodies are neighbours only if the bodies nearly touch: each reaches the corner that the cells
 //! share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has no
-//! such cells, and the lattice need not check their neighbours ([`lbm::saturation::Solid::alone`]). A result is
+//! such cells, and the lattice need not check their neighbours ([`lbm::saturation::CoveringBody::alone`]). A result is
 //! valid until a body has moved by half of the margin with which it was found.
 
-use super::super::body_map::Grid;
-use super::super::solid_fraction::Method;
+use super::super::body_map::MapGrid;
+use super::super::solid_fraction::FractionMethod;
 use base::number::real;
 use lbm::lanes::{Level, Work};
 use std::cmp::Ordering;
@@ -101,8 +101,8 @@ impl Alone {
     pub(super) fn update(
         &mut self,
         spheres: impl ExactSizeIterator<Item = Sphere> + Clone,
-        grid: &Grid,
-        method: Method,
+        grid: &MapGrid,
+        method: FractionMethod,
         dimension: usize,
     ) {
         let stays = |(old, new): (&Sphere, Sphere)| {
@@ -122,13 +122,13 @@ impl Alone {
         // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a
         // cell at each of two bodies.
         let reach = match method {
-            Method::Exact => 0.25,
-            Method::Samples(_) | Method::Linear => 2.0,
+            FractionMethod::Exact => 0.25,
+            FractionMethod::Samples(_) | FractionMethod::Linear => 2.0,
         } + SPARE;
         self.search(grid, reach, dimension);
     }
 
-    fn search(&mut self, grid: &Grid, reach: f64, dimension: usize) {
+    fn search(&mut self, grid: &MapGrid, reach: f64, dimension: usize) {
         let spheres = &self.found_for;
         let apart_from_walls = |sphere: &Sphere| {
             (0..dimension).all(|a| {
@@ -198,8 +198,8 @@ mod tests {
     use super::*;
     use base::random::SplitMix;
 
-    fn grid(periodic: bool) -> Grid {
-        Grid {
+    fn grid(periodic: bool) -> MapGrid {
+        MapGrid {
             cells: [60, 50, 40],
             start: [0; 3],
             periodic: [periodic; 3],
@@ -210,7 +210,12 @@ mod tests {
 
     fn found(spheres: &[Sphere], periodic: bool) -> Vec<bool> {
         let mut alone = Alone::default();
-        alone.update(spheres.iter().copied(), &grid(periodic), Method::Exact, 3);
+        alone.update(
+            spheres.iter().copied(),
+            &grid(periodic),
+            FractionMethod::Exact,
+            3,
+        );
         (0..spheres.len()).map(|k| alone.is(k)).collect()
     }
 
@@ -262,7 +267,12 @@ mod tests {
         let mut x = 30.0;
         while x > 18.0 {
             let spheres = [sphere(10.0, 4.0), sphere(x, 4.0)];
-            alone.update(spheres.iter().copied(), &grid(true), Method::Exact, 3);
+            alone.update(
+                spheres.iter().copied(),
+                &grid(true),
+                FractionMethod::Exact,
+                3,
+            );
             // A gap below a quarter of a cell is never taken for none.
             assert!(x > 18.25 || !alone.is(0), "{x}");
             assert!(x < 18.75 || alone.is(1), "{x}");

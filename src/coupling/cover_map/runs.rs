@@ -1,11 +1,11 @@
 //! The cells that a body covers, as runs along the rows of the lattice.
 
-use super::super::solid_fraction::{BallInCells, Form, Method, Scratch, Surface};
+use super::super::solid_fraction::{BallInCells, Form, FractionMethod, PolyhedronSurface, Scratch};
 use base::ball::Beside;
 use base::number::{floor_i32, single, to_i32, to_u32};
 use lbm::lanes::{Level, WIDEST, Work};
 use lbm::saturation::DEEP;
-use lbm::saturation::cover::Part;
+use lbm::saturation::cover::CoverPart;
 use std::ops::Range;
 
 /// Neighbouring cells of a row.
@@ -84,7 +84,7 @@ impl Runs {
     }
 
     /// Positions of its cells in the share of a thread in the rows, and how much of each it fills.
-    pub(super) fn share(
+    pub(super) fn cells_of_thread(
         &self,
         thread: usize,
         threads: usize,
@@ -113,13 +113,13 @@ impl Runs {
 
     /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows
     /// lie in one part each.
-    pub(super) fn tell(&self, cover: &mut Part<'_>, slot: u32, before: &Self) {
+    pub(super) fn write_changes(&self, cover: &mut CoverPart<'_>, slot: u32, before: &Self) {
         // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
         const AHEAD: usize = 16;
         let place = |run: &Run, k: i32| (run.row as usize).wrapping_add_signed(k as isize);
         let positions = cover.positions();
         let (here, olds) = (self.within(&positions), before.within(&positions));
-        let ask = |cover: &Part<'_>, k: usize| {
+        let ask = |cover: &CoverPart<'_>, k: usize| {
             if k < here.end {
                 let run = &self.runs[k];
                 cover.ask(place(run, run.first));
@@ -152,7 +152,7 @@ impl Runs {
 /// Passes to the lattice in what two runs of a row differ, each given by its first cell and its fractions.
 #[inline(always)]
 fn change(
-    cover: &mut Part<'_>,
+    cover: &mut CoverPart<'_>,
     slot: u32,
     row: u32,
     (was_first, was): (i32, &[f32]),
@@ -223,7 +223,7 @@ pub(super) struct Walk<'a, 'f> {
     pub(super) frame: [i32; 3],
     /// Planes of the slab to search; ghost planes are those before the first and behind the last.
     pub(super) planes: Range<i32>,
-    pub(super) method: Method,
+    pub(super) method: FractionMethod,
     pub(super) scratch: &'a mut Scratch,
     pub(super) found: &'a mut Runs,
 }
@@ -233,18 +233,18 @@ pub(super) struct Walk<'a, 'f> {
 enum Exact<'a> {
     Ball,
     Disc,
-    Block(&'a Surface),
+    Block(&'a PolyhedronSurface),
     /// Each cell is measured alone.
     None,
 }
 
 impl<'a> Exact<'a> {
     #[inline(always)]
-    fn new(form: &Form<'a>, method: Method, fast: usize) -> Self {
+    fn new(form: &Form<'a>, method: FractionMethod, fast: usize) -> Self {
         match (form, method) {
-            (Form::Ball { .. }, Method::Exact) => Self::Ball,
-            (Form::Disc { .. }, Method::Exact) if fast < 2 => Self::Disc,
-            (Form::Block { surface, .. }, Method::Exact) => Self::Block(surface),
+            (Form::Ball { .. }, FractionMethod::Exact) => Self::Ball,
+            (Form::Disc { .. }, FractionMethod::Exact) if fast < 2 => Self::Disc,
+            (Form::Block { surface, .. }, FractionMethod::Exact) => Self::Block(surface),
             _ => Self::None,
         }
     }
@@ -255,7 +255,7 @@ struct Area<'a, 'f> {
     rows: &'a Rows,
     form: &'a Form<'f>,
     frame: [i32; 3],
-    method: Method,
+    method: FractionMethod,
     exact: Exact<'f>,
     /// First cell along each axis, and one past the last.
     low: [i32; 3],
@@ -370,7 +370,7 @@ impl Area<'_, '_> {
     #[inline(always)]
     fn beside(&self, axis: usize, raw: i32) -> Beside {
         if axis < self.rows.dimension {
-            Beside::of(self.form.bounds().0[axis], f64::from(raw))
+            Beside::along_axis(self.form.bounds().0[axis], f64::from(raw))
         } else {
             Beside::default()
         }

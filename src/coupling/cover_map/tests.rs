@@ -2,17 +2,17 @@ use super::*;
 use base::random::SplitMix;
 use dem::particles::{Body, Motion};
 use dem::polyhedron::Polyhedron;
-use dem::{Plane, Volume};
+use dem::{PlaneSpace, Volume};
 use lbm::collision::trt::AntisymmetricRate;
 use lbm::lattice::{D2Q9, D3Q19, Velocities};
-use lbm::saturation::{Method as Action, SolidOperator, Weighting};
+use lbm::saturation::{SaturationMethod as Action, SolidOperator, Weighting};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 
 const CELLS: [usize; 3] = [20, 17, 13];
 
 fn populations(split: usize) -> Populations<f64> {
-    Populations::new(Velocities::of::<D3Q19, 19>(), CELLS, split).unwrap()
+    Populations::new(Velocities::for_lattice::<D3Q19, 19>(), CELLS, split).unwrap()
 }
 
 fn map(populations: &Populations<f64>) -> (CoverMap, Cover) {
@@ -20,7 +20,7 @@ fn map(populations: &Populations<f64>) -> (CoverMap, Cover) {
 }
 
 fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover) {
-    let grid = Grid {
+    let grid = MapGrid {
         cells: CELLS,
         start,
         periodic: [true; 3],
@@ -30,13 +30,13 @@ fn map_of(populations: &Populations<f64>, start: [usize; 3]) -> (CoverMap, Cover
     cover_of(populations, grid)
 }
 
-fn cover_of(populations: &Populations<f64>, grid: Grid) -> (CoverMap, Cover) {
+fn cover_of(populations: &Populations<f64>, grid: MapGrid) -> (CoverMap, Cover) {
     let action = Action {
         operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Fraction,
     };
     (
-        CoverMap::new(populations, grid, Method::Exact),
+        CoverMap::new(populations, grid, FractionMethod::Exact),
         Cover::new(populations, action, 0.8, AntisymmetricRate::AsSymmetric, 2),
     )
 }
@@ -106,9 +106,10 @@ fn discs_cover_what_they_fill() {
     let mut draws = SplitMix::new(8);
     let mut edges = 0;
     for split in [0, 1] {
-        let populations = Populations::<f64>::new(Velocities::of::<D2Q9, 9>(), CELLS, split);
+        let populations =
+            Populations::<f64>::new(Velocities::for_lattice::<D2Q9, 9>(), CELLS, split);
         let populations = populations.unwrap();
-        let grid = Grid {
+        let grid = MapGrid {
             cells: CELLS,
             start: [0; 3],
             periodic: [false; 3],
@@ -119,12 +120,12 @@ fn discs_cover_what_they_fill() {
         for step in 0..200 {
             let radius = 0.02 + 0.7 * draws.uniform();
             let position = [3.4 * draws.uniform() - 0.2, 2.5 * draws.uniform() - 0.2];
-            let mut particles = Particles::<Plane>::new();
+            let mut particles = Particles::<PlaneSpace>::new();
             let motion = Motion {
                 position: Vector2::from(position),
                 ..Motion::default()
             };
-            particles.insert(Body::uniform::<Plane>(1, radius, 1000.0, 0), motion);
+            particles.insert(Body::uniform::<PlaneSpace>(1, radius, 1000.0, 0), motion);
             map.update_bodies(&particles, &mut cover, 1.0, 1.0);
             let form = Form::Disc {
                 centre: [position[0] / 0.1, position[1] / 0.1, 0.0],
@@ -132,7 +133,7 @@ fn discs_cover_what_they_fill() {
             };
             let mut scratch = Scratch::default();
             for (cell, cell_position) in populations.interior() {
-                let fraction = form.fraction(Method::Exact, cell.map(real), &mut scratch);
+                let fraction = form.fraction(FractionMethod::Exact, cell.map(real), &mut scratch);
                 let found = cover.fraction(cell_position);
                 assert!(
                     (found - fraction).abs() < 1e-7,
@@ -156,7 +157,8 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
             cells[split] = planes;
             from[split] = start;
             let populations =
-                Populations::<f64>::new(Velocities::of::<D3Q19, 19>(), cells, split).unwrap();
+                Populations::<f64>::new(Velocities::for_lattice::<D3Q19, 19>(), cells, split)
+                    .unwrap();
             let (mut map, mut cover) = map_of(&populations, from);
             map.update_bodies(&particles, &mut cover, 1.0, 1.0);
             (populations, cover)

@@ -7,33 +7,33 @@
 
 use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
 use super::water::{Ground, Water};
-use super::{Settings, components};
+use super::{SeepageSettings, components};
 use base::number::real;
-use darcy::drag::{Grain, Law};
+use darcy::drag::{DragFormula, GrainSize};
 use darcy::permeability::larger;
 use darcy::{Equations, permeability, power_above};
 use decomposition::{Communicator, quantise};
-use dem::particles::{Kind, View};
+use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;
 
 /// The laws that act on the grains.
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a> {
-    pub(super) drag: &'a dyn Law,
-    pub(super) resistance: &'a dyn permeability::Law,
-    pub(super) settings: &'a Settings,
+    pub(super) drag: &'a dyn DragFormula,
+    pub(super) resistance: &'a dyn permeability::PermeabilityFormula,
+    pub(super) settings: &'a SeepageSettings,
 }
 
 impl Laws<'_> {
     /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean
     /// over the axes.
-    pub(super) fn reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> f64 {
+    pub(super) fn reaction(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> f64 {
         let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
         bed + alone
     }
 
     /// Returns the part of a bed and the part of dilute water in [`Self::reaction`].
-    fn parts_of_reaction(&self, ground: &Ground, grain: &Grain, speed: f64) -> [f64; 2] {
+    fn parts_of_reaction(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> [f64; 2] {
         let mut parts = [0.0; 2];
         if ground.dense > 0.0 {
             let (porosity, diameter) = ground.packing;
@@ -54,7 +54,7 @@ impl Laws<'_> {
     /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the
     /// water, along each axis. A bed that a boundary
     /// of zones cuts differs along the axes; dilute water does not.
-    fn coefficients(&self, ground: &Ground, grain: &Grain, speed: f64) -> [[f64; 3]; 2] {
+    fn coefficients(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> [[f64; 3]; 2] {
         let reaction = || {
             let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
             ground.ratios.map(|ratio| bed * ratio + alone)
@@ -95,7 +95,7 @@ fn is_zero(vector: [f64; 3]) -> bool {
     vector.iter().all(|x| x.abs() <= 0.0)
 }
 
-fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
+fn start<Sp: Space>(particles: &ParticlesView<'_, Sp>, k: usize) -> Start {
     if !is_zero(components(&particles.fluid[k].force)) {
         Start::Known
     } else if is_zero(components(&particles.contact[k].force)) {
@@ -109,7 +109,7 @@ fn start<Sp: Space>(particles: &View<'_, Sp>, k: usize) -> Start {
 pub(super) fn fill<Sp: Space>(
     laws: Laws<'_>,
     ground: &[Option<Ground>],
-    particles: &View<'_, Sp>,
+    particles: &ParticlesView<'_, Sp>,
     share: &mut Share,
 ) {
     let settings = laws.settings;
@@ -120,7 +120,7 @@ pub(super) fn fill<Sp: Space>(
     let moves = settings.moves();
     for k in share.grains() {
         let body = &particles.body[k];
-        let grain = Grain::new(Sp::DIMENSION, body.radius);
+        let grain = GrainSize::new(Sp::DIMENSION, body.radius);
         let velocity: [f64; 3] = components(&particles.motion[k].velocity);
         let start = start(particles, k);
         // What contacts hold bears the water at first as it is at rest.
@@ -189,12 +189,12 @@ pub(super) fn fill<Sp: Space>(
 /// water per volume \[N/m3\].
 pub(super) fn load<Sp: Space>(
     (water, weight): (&Water, [f64; 3]),
-    particles: &View<'_, Sp>,
+    particles: &ParticlesView<'_, Sp>,
     share: &mut Share,
 ) {
     share.loads.clear();
     for k in share.grains() {
-        let volume = Grain::new(Sp::DIMENSION, particles.body[k].radius).volume;
+        let volume = GrainSize::new(Sp::DIMENSION, particles.body[k].radius).volume;
         let (mut force, mut counted, mut implicit) = ([0.0; 3], [0.0; 3], false);
         for place in share.places(k) {
             let (cell, part) = share.parts[place];
@@ -279,7 +279,7 @@ impl Sums {
         &mut self,
         shares: &[Share],
         communicator: &Communicator,
-    ) -> Result<(), darcy::Error> {
+    ) -> Result<(), darcy::SeepageError> {
         let mut units = [1.0; UNITS];
         let mut per_unit = [1.0; UNITS];
         for n in 0..UNITS {
@@ -293,7 +293,7 @@ impl Sums {
             });
             // The unit and its inverse are powers of two.
             if most >= LARGEST {
-                return Err(darcy::Error::NotFinite(
+                return Err(darcy::SeepageError::NotFinite(
                     "the drag or the velocity of a grain",
                 ));
             }

@@ -6,13 +6,13 @@ use super::{FILLED, Seepage, components, failed};
 use base::error::Error;
 use base::thread_pool;
 use darcy::drag::gidaspow::dense_share;
-use darcy::drag::{self, Grain};
+use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
 use darcy::permeability::{BedOfCells, larger};
 use darcy::pressure::Medium;
 use darcy::zones::Conduct;
 use darcy::{Equations, Openness, Zones, neighbourhood};
-use dem::particles::View;
+use dem::particles::ParticlesView;
 use dem::space::Space;
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
 
 impl<Sp: Space> Seepage<Sp> {
     /// Computes porosity, permeability and pressure for the grains where they are. Collective.
-    pub(super) fn seep(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
+    pub(super) fn seep(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
         self.parts.find(&self.pores, particles);
         self.pores.clear();
         for (k, parts) in self.parts.each() {
@@ -226,7 +226,7 @@ impl<Sp: Space> Seepage<Sp> {
             };
             let pores = porosity[cell].max(LEAST_PORES);
             self.water.ground[cell] = Some(Ground {
-                bed: drag::Bed {
+                bed: drag::BedConditions {
                     density: settings.liquid.density,
                     viscosity: settings.liquid.viscosity,
                     porosity: felt,
@@ -354,7 +354,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Laws and pressure, in turn until both stay; returns how many iterations that took. Collective.
-    fn converge(&mut self, particles: &View<'_, Sp>) -> Result<u32, Error> {
+    fn converge(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
         let source = self.settings.transient && !moves && self.has_before;
         let mut settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
@@ -434,7 +434,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Computes drag and motion of each part of a grain by the present flux.
-    fn answer(&mut self, particles: &View<'_, Sp>) {
+    fn answer(&mut self, particles: &ParticlesView<'_, Sp>) {
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (laws, ground) = (self.laws(), &self.water.ground);
         thread_pool::each_item(&mut shares, 1, |_, share| {
@@ -444,7 +444,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Terms and sums of the grains where they move with the water.
-    fn sum(&mut self, particles: &View<'_, Sp>) -> Result<(), Error> {
+    fn sum(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
         if !self.settings.moves() {
             return Ok(());
         }
@@ -501,7 +501,7 @@ impl<Sp: Space> Seepage<Sp> {
         let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
         let (used_speed, new_speed) = (size(used), size(new));
         let laws = self.laws();
-        let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
+        let grain = GrainSize::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
         let slope = slope(|speed| laws.reaction(ground, &grain, speed), used_speed);
         let next = ground.secant.next(used_speed, new_speed, slope);
         let factor = if new_speed > 0.0 {
@@ -522,7 +522,7 @@ impl<Sp: Space> Seepage<Sp> {
         let Some(ground) = &self.water.ground[cell] else {
             return 0.0;
         };
-        let grain = Grain::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
+        let grain = GrainSize::new(self.openness.grid.dimension, 0.5 * ground.packing.1);
         let b = self.laws().reaction(ground, &grain, size(self.slip(cell)));
         self.settings.liquid.viscosity * ground.factor * grain.volume / b
     }

@@ -2,7 +2,7 @@
 
 use base::thread_pool;
 use darcy::Pores;
-use dem::particles::View;
+use dem::particles::ParticlesView;
 use dem::space::Space;
 use std::ops::Range;
 
@@ -94,7 +94,7 @@ impl Share {
     }
 
     /// Returns the cells that hold parts of one of its grains, each with the part.
-    pub(super) fn of(&self, grain: usize) -> &[(usize, f64)] {
+    pub(super) fn cells_of(&self, grain: usize) -> &[(usize, f64)] {
         &self.parts[self.places(grain)]
     }
 }
@@ -107,7 +107,7 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Finds the parts of the grains where they are.
-    pub(super) fn find<Sp: Space>(&mut self, pores: &Pores, grains: &View<'_, Sp>) {
+    pub(super) fn find<Sp: Space>(&mut self, pores: &Pores, grains: &ParticlesView<'_, Sp>) {
         let owned = grains.owned;
         let threads = thread_pool::threads().min(owned / PER_THREAD).max(1);
         self.shares.resize_with(threads, Share::default);
@@ -126,6 +126,6 @@ impl Parts {
     /// Returns every own grain with its parts.
     pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
         let shares = self.shares.iter();
-        shares.flat_map(|share| share.grains().map(|k| (k, share.of(k))))
+        shares.flat_map(|share| share.grains().map(|k| (k, share.cells_of(k))))
     }
 }

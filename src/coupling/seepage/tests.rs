@@ -1,9 +1,8 @@
 use super::*;
 use base::number;
-use darcy::drag::{Bed, Grain};
+use darcy::drag::{BedConditions, GrainSize};
 use darcy::{
-    Condition, Enclosure, MeanDiameter, Patch, PorosityMethod, Resistance,
-    Settings as PressureSettings,
+    Condition, Enclosure, MeanDiameter, PorosityMethod, PressurePatch, PressureSettings, Resistance,
 };
 use dem::alone;
 use dem::particles::{Body, Kind, Motion};
@@ -53,7 +52,7 @@ impl Bench {
 
     /// Returns a shaft between two pressures, or closed at its bottom.
     fn shaft(&self, closed: bool) -> Seepage<Volume> {
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: CELLS,
             origin: [0.0; 3],
             spacing: [EDGE; 3],
@@ -61,7 +60,7 @@ impl Bench {
         };
         let communicator = Communicator::serial();
         let openness = Openness::measure(&grid, &Enclosure::Everything);
-        let face = |upper, pressure| Patch {
+        let face = |upper, pressure| PressurePatch {
             axis: 2,
             upper,
             from: [0; 3],
@@ -85,7 +84,7 @@ impl Bench {
         };
         let pressure = Pressure::new(&openness, patches, WATER, settings, &communicator).unwrap();
         let pores = Pores::new(grid, self.method, MeanDiameter::Sauter);
-        let settings = Settings {
+        let settings = SeepageSettings {
             liquid: WATER,
             permeability: Permeability {
                 law: self.resistance,
@@ -361,8 +360,8 @@ fn a_grain_in_still_water_sinks_at_its_velocity() {
     }
     // Velocity of balance by bisection; the cell is not quite empty: eps v past the grain.
     let eps = 1.0 - volume / (EDGE * EDGE * EDGE);
-    let (law, grain) = (DragLaw::Dallavalle, Grain::new(3, radius));
-    let here = Bed {
+    let (law, grain) = (DragLaw::Dallavalle, GrainSize::new(3, radius));
+    let here = BedConditions {
         density: 1000.0,
         viscosity: 1e-3,
         porosity: 0.95,
@@ -746,14 +745,14 @@ fn a_cloud_sinks_at_the_velocity_of_its_law() {
         }
         let solid = Volume::measure(radius) / step.powi(3);
         let eps = 1.0 - solid;
-        let bed = Bed {
+        let bed = BedConditions {
             density: 1000.0,
             viscosity: 1e-3,
             porosity: eps,
             solid,
             permeability: f64::NAN,
         };
-        let grain = Grain::new(3, radius);
+        let grain = GrainSize::new(3, radius);
         // The superficial slip is the velocity: drag and gradient carry b U/eps.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..100 {

@@ -1,8 +1,8 @@
 //! The water of all cells: laws of the drag, flux, and the iteration towards both.
 
-use darcy::drag::Bed;
+use darcy::drag::BedConditions;
 use darcy::open_water::{Face, OpenWater};
-use darcy::{Condition, Grid, Pressure};
+use darcy::{Condition, Pressure, SeepageGrid};
 
 /// Relative step of a speed below which its response is rounding.
 const NOISE: f64 = 1e-7;
@@ -10,7 +10,7 @@ const NOISE: f64 = 1e-7;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ground {
     /// The water and the bed, with the porosity of the neighbourhood.
-    pub(super) bed: Bed,
+    pub(super) bed: BedConditions,
     /// Factor of the velocity of a grain relative to the flux of the water: this porosity, or 1 in the equations as
     /// printed.
     pub(super) measure: f64,
@@ -81,7 +81,7 @@ pub(super) struct Water {
 
 impl Water {
     /// Returns water at rest.
-    pub(super) fn new(grid: Grid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
+    pub(super) fn new(grid: SeepageGrid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
         let n = grid.count();
         let face =
             |cell: usize, axis: usize, upper: bool| match pressure.condition(cell, axis, upper) {

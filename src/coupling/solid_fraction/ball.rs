@@ -129,7 +129,7 @@ impl BallTable {
             axis.cap.resize(padded, 0.0);
             axis.nearest = 0;
             for (k, x) in (lower[a]..).take(axis.count).enumerate() {
-                let Coordinate { size, sign, cap } = Coordinate::of(x, centre[a], radius);
+                let Coordinate { size, sign, cap } = Coordinate::at_corner(x, centre[a], radius);
                 (axis.size[k], axis.sign[k], axis.cap[k]) = (size, sign, cap);
                 if size < axis.size[axis.nearest] {
                     axis.nearest = k;

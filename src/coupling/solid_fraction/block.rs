@@ -16,7 +16,7 @@ use super::faces;
 use base::number::{floor_i32, to_i32};
 use dem::polyhedron::Polyhedron;
 use lbm::lanes::WIDEST;
-use lbm::links::Plane;
+use lbm::links::CellPlane;
 use nalgebra::{Matrix3, Vector3};
 
 /// A fraction below this is rounding, and the cell free.
@@ -24,8 +24,8 @@ const NOTHING: f64 = 1e-12;
 
 /// The surface of a convex polyhedron in cells.
 #[derive(Debug, Default, PartialEq)]
-pub struct Surface {
-    planes: Vec<Plane>,
+pub struct PolyhedronSurface {
+    planes: Vec<CellPlane>,
     /// Corners of one face after the other, counter-clockwise seen from outside.
     corners: Vec<[f64; 3]>,
     /// End of each face in the corners.
@@ -34,9 +34,9 @@ pub struct Surface {
     placed: Vec<[f64; 3]>,
 }
 
-impl Surface {
+impl PolyhedronSurface {
     /// Takes the surface of a shape: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
-    pub fn place(
+    pub fn set_pose(
         &mut self,
         shape: &Polyhedron,
         rotation: &Matrix3<f64>,
@@ -61,12 +61,12 @@ impl Surface {
 
     /// Returns its planes, in the order of the faces of the shape.
     #[must_use]
-    pub fn planes(&self) -> &[Plane] {
+    pub fn planes(&self) -> &[CellPlane] {
         &self.planes
     }
 
     /// Returns each face: its plane and corners.
-    fn faces(&self) -> impl Iterator<Item = (&Plane, &[[f64; 3]])> {
+    fn faces(&self) -> impl Iterator<Item = (&CellPlane, &[[f64; 3]])> {
         let mut start = 0;
         self.planes
             .iter()
@@ -116,7 +116,7 @@ impl BlockTable {
     /// Starts a body over the `cells` from `lower` on, in rows along the last axis of `order`.
     pub fn fill(
         &mut self,
-        surface: &Surface,
+        surface: &PolyhedronSurface,
         lower: [i32; 3],
         cells: [usize; 3],
         order: [usize; 3],
@@ -137,7 +137,7 @@ impl BlockTable {
     }
 
     /// Goes to a layer, counted from the first.
-    pub fn layer(&mut self, surface: &Surface, layer: usize) {
+    pub fn layer(&mut self, surface: &PolyhedronSurface, layer: usize) {
         let length = self.cells[2] + 1;
         self.within[..self.cells[1] * length].fill(0.0);
         self.from[..self.cells[1] * length].fill(0.0);

@@ -4,9 +4,9 @@
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! one row alone.
 
-use super::{LEVEL, Row, RowCells};
+use super::{LEVEL, RowCells, RowIntervals};
 use base::ball::EMPTY;
-use lbm::links::Plane;
+use lbm::links::CellPlane;
 
 /// The rows of the layers of a polyhedron; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a
 /// layer, and [`Self::row`] gives the cells of a row.
@@ -36,10 +36,10 @@ impl BlockRows {
 
     /// Goes to the layer with this lower end.
     #[inline(always)]
-    pub(crate) fn layer(&mut self, planes: &[Plane], bottom: f64) {
+    pub(crate) fn layer(&mut self, planes: &[CellPlane], bottom: f64) {
         for n in 0..3 {
-            self.low[n].fill(Row::ALL[0]);
-            self.high[n].fill(Row::ALL[1]);
+            self.low[n].fill(RowIntervals::ALL[0]);
+            self.high[n].fill(RowIntervals::ALL[1]);
         }
         for plane in planes {
             self.narrow::<0>(plane, bottom);
@@ -50,7 +50,7 @@ impl BlockRows {
 
     /// Keeps of the outer (0), inner (1) or deep (2) interval of each row what lies below a plane.
     #[inline(always)]
-    fn narrow<const N: usize>(&mut self, plane: &Plane, bottom: f64) {
+    fn narrow<const N: usize>(&mut self, plane: &CellPlane, bottom: f64) {
         let [across, along, slope] = self.order.map(|axis| plane.normal[axis]);
         let beside = across.abs() + along.abs();
         let farthest = |normal: f64, lower: f64| {
@@ -86,11 +86,11 @@ impl BlockRows {
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, frame: i32) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];
-        let row = Row {
+        let row = RowIntervals {
             outer: ends(0),
             inner: ends(1),
             deep: ends(2),
         };
-        RowCells::of(&row, frame)
+        RowCells::from_row(&row, frame)
     }
 }

@@ -4,7 +4,7 @@
 //! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
 //! one row alone.
 
-use super::Row;
+use super::RowIntervals;
 use base::ball::{Beside, around, chord, within};
 
 /// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
@@ -21,7 +21,7 @@ pub(crate) struct RowCells {
 impl RowCells {
     /// Returns the cells of a row of any body; `frame` is the offset from its raw frame to the cells.
     #[inline(always)]
-    pub(crate) fn of(row: &Row, frame: i32) -> Self {
+    pub(crate) fn from_row(row: &RowIntervals, frame: i32) -> Self {
         Self {
             outer: if row.misses() {
                 [0; 2]

@@ -12,22 +12,22 @@ use rows::row;
 const PI: f64 = std::f64::consts::PI;
 
 /// Returns the surface of a shape, turned about (1, 2, 3) by `angle`, round `centre`.
-fn turned(shape: &Polyhedron, angle: f64, centre: [f64; 3]) -> Surface {
+fn turned(shape: &Polyhedron, angle: f64, centre: [f64; 3]) -> PolyhedronSurface {
     let axis = Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0));
     let turn = Rotation3::from_axis_angle(&axis, angle);
-    let mut surface = Surface::default();
-    surface.place(shape, turn.matrix(), centre, 1.0);
+    let mut surface = PolyhedronSurface::default();
+    surface.set_pose(shape, turn.matrix(), centre, 1.0);
     surface
 }
 
 /// Returns a cuboid of these edges, turned about (1, 2, 3) by `angle`, round `centre`.
-fn cuboid(edges: [f64; 3], angle: f64, centre: [f64; 3]) -> (Surface, f64) {
+fn cuboid(edges: [f64; 3], angle: f64, centre: [f64; 3]) -> (PolyhedronSurface, f64) {
     let shape = Polyhedron::cuboid(Vector3::from(edges)).unwrap();
     (turned(&shape, angle, centre), shape.radius())
 }
 
 /// Returns the sum of fractions over a box of cells that holds the body; rows must agree with the cells.
-fn sum(form: &Form<'_>, method: Method) -> f64 {
+fn sum(form: &Form<'_>, method: FractionMethod) -> f64 {
     let mut scratch = Scratch::default();
     let (centre, radius) = form.bounds();
     let low = centre.map(|x| (x - radius - 2.0).floor());
@@ -65,12 +65,12 @@ fn exact_fractions_add_up_to_the_volume() {
         centre: [0.37, -0.21, 0.73],
         radius: 4.3,
     };
-    assert!((sum(&ball, Method::Exact) - 4.0 / 3.0 * PI * 4.3_f64.powi(3)).abs() < 1e-9);
+    assert!((sum(&ball, FractionMethod::Exact) - 4.0 / 3.0 * PI * 4.3_f64.powi(3)).abs() < 1e-9);
     let disc = Form::Disc {
         centre: [0.37, -0.21, 0.0],
         radius: 4.3,
     };
-    assert!((sum(&disc, Method::Exact) - PI * 4.3 * 4.3).abs() < 1e-10);
+    assert!((sum(&disc, FractionMethod::Exact) - PI * 4.3 * 4.3).abs() < 1e-10);
     // Long, thinner than a cell, smaller than a cell, along the axes and faces on faces of cells.
     for (edges, angle, centre) in [
         ([3.0, 4.0, 7.5], 0.7, [0.1, 0.2, 0.3]),
@@ -87,7 +87,7 @@ fn exact_fractions_add_up_to_the_volume() {
             radius,
         };
         let exact = edges[0] * edges[1] * edges[2];
-        let found = sum(&block, Method::Exact);
+        let found = sum(&block, FractionMethod::Exact);
         assert!(
             (found - exact).abs() < 1e-7 * exact.max(1.0),
             "{edges:?} {found} {exact}"
@@ -106,7 +106,7 @@ fn one_cut_in_closed_form() {
         let normal = [flat * angle.cos(), flat * angle.sin(), height];
         let reach = 0.5 * (normal[0].abs() + normal[1].abs() + normal[2].abs());
         let offset = reach * (f64::from(k % 97) / 48.5 - 1.0) * 0.999;
-        let plane = Plane { normal, offset };
+        let plane = CellPlane { normal, offset };
         buffers.cuts.clear();
         buffers.cuts.push(plane);
         let (closed, clipped) = (cut_once(&plane), cut_often(&mut buffers));
@@ -218,7 +218,7 @@ fn rows_of_a_layer_end_where_each_row_does() {
                         let mut lower = [0.0; 3];
                         lower[order[0]] = f64::from(layer);
                         lower[order[1]] = real(row) - 1.0;
-                        let alone = RowCells::of(&rows::row(&form, order[2], lower), 3);
+                        let alone = RowCells::from_row(&rows::row(&form, order[2], lower), 3);
                         assert_eq!(ends.row(row, 3), alone, "{k} {order:?} {lower:?}");
                         deep += (alone.deep[1] - alone.deep[0]).max(0);
                     }
@@ -233,7 +233,7 @@ fn rows_of_a_layer_end_where_each_row_does() {
 #[test]
 fn the_error_of_samples_and_of_the_linear_estimate() {
     let mut scratch = Scratch::default();
-    let mut error = |method: Method| {
+    let mut error = |method: FractionMethod| {
         let (mut squares, mut cells, mut volume, mut true_volume) = (0.0, 0.0, 0.0, 0.0);
         for k in 0..8 {
             let shift = f64::from(k) / 8.0;
@@ -243,7 +243,7 @@ fn the_error_of_samples_and_of_the_linear_estimate() {
             };
             for n in 0..20_i32.pow(3) {
                 let lower = [n % 20, n / 20 % 20, n / 400].map(|x| f64::from(x - 10));
-                let exact = ball.fraction(Method::Exact, lower, &mut scratch);
+                let exact = ball.fraction(FractionMethod::Exact, lower, &mut scratch);
                 let found = ball.fraction(method, lower, &mut scratch);
                 volume += found;
                 true_volume += exact;
@@ -255,12 +255,12 @@ fn the_error_of_samples_and_of_the_linear_estimate() {
         }
         ((squares / cells).sqrt(), volume / true_volume - 1.0)
     };
-    let (linear, bias) = error(Method::Linear);
+    let (linear, bias) = error(FractionMethod::Linear);
     assert!((0.015..0.025).contains(&linear), "{linear}");
     assert!(bias.abs() < 2e-4, "{bias}");
     let mut last = 1.0;
     for (n, most) in [(2, 0.06), (5, 0.01), (10, 0.003)] {
-        let (samples, bias) = error(Method::Samples(n));
+        let (samples, bias) = error(FractionMethod::Samples(n));
         assert!(samples < most && samples < last, "{n} {samples}");
         assert!(bias.abs() < 2e-3, "{n} {bias}");
         last = samples;

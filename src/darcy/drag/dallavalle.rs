@@ -6,13 +6,13 @@
 //!
 //! (J. M. DallaValle, Micromeritics, 1948.) `C_d |U|` is computed as one, so that it stays finite at rest.
 
-use super::{Bed, Grain, Law};
+use super::{BedConditions, DragFormula, GrainSize};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dallavalle;
 
-impl Law for Dallavalle {
+impl DragFormula for Dallavalle {
     fn summary() -> &'static str {
         "Dallavalle 1948: a single grain without neighbours."
     }
@@ -21,7 +21,7 @@ impl Law for Dallavalle {
         "Dallavalle".into()
     }
 
-    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         let root =
             0.63 * speed.sqrt() + 4.8 * (bed.viscosity / (bed.density * grain.diameter)).sqrt();
         0.5 * bed.density * grain.area * root * root

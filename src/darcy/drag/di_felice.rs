@@ -9,7 +9,7 @@
 //! velocity for U. As a resistance it is [`super::permeability`] of this drag.
 
 use super::dallavalle::Dallavalle;
-use super::{Bed, Grain, Law};
+use super::{BedConditions, DragFormula, GrainSize};
 use crate::{Equations, Liquid, permeability};
 
 /// The law.
@@ -23,7 +23,7 @@ pub fn exponent(reynolds: f64) -> f64 {
     3.7 - 0.65 * (-0.5 * x * x).exp()
 }
 
-impl Law for DiFelice {
+impl DragFormula for DiFelice {
     fn summary() -> &'static str {
         "Di Felice 1994."
     }
@@ -32,13 +32,13 @@ impl Law for DiFelice {
         "Di Felice".into()
     }
 
-    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         let reynolds = bed.density * grain.diameter * speed / bed.viscosity;
         Dallavalle.coefficient(bed, grain, speed) * bed.porosity.powf(-exponent(reynolds))
     }
 }
 
-impl permeability::Law for DiFelice {
+impl permeability::PermeabilityFormula for DiFelice {
     fn summary() -> &'static str {
         "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected \
          equations."
@@ -56,7 +56,7 @@ impl permeability::Law for DiFelice {
         super::resistance(self, porosity, diameter, liquid, speed)
     }
 
-    fn dilute(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    fn dilute(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         self.coefficient(bed, grain, speed)
     }
 
@@ -84,7 +84,7 @@ mod tests {
             let (reynolds, chi, drag) = (row[0], row[1], row[2]);
             assert!((exponent(reynolds) - chi).abs() < 1e-8);
             assert!((drag_coefficient(reynolds) / drag - 1.0).abs() < 1e-8);
-            let grain = Grain::new(3, 5e-4);
+            let grain = GrainSize::new(3, 5e-4);
             let speed = reynolds * 1e-3 / (1000.0 * 1e-3);
             for (eps, factor) in [0.35, 0.4, 0.5, 0.8].into_iter().zip(&row[5..]) {
                 let force = DiFelice.coefficient(&bed(eps, 1e-3), &grain, speed) * speed;
@@ -96,14 +96,14 @@ mod tests {
         }
         assert_eq!(rows, 6);
         assert!((exponent(10.0_f64.powf(1.5)) - 3.05).abs() < 1e-14);
-        let at_rest = DiFelice.coefficient(&bed(0.4, 1e-3), &Grain::new(3, 5e-4), 0.0);
+        let at_rest = DiFelice.coefficient(&bed(0.4, 1e-3), &GrainSize::new(3, 5e-4), 0.0);
         assert!(at_rest.is_finite());
     }
 
     #[test]
     fn as_a_resistance_it_has_the_loss_of_its_drag() {
         use crate::drag::testing::gradient;
-        use crate::permeability::Law as _;
+        use crate::permeability::PermeabilityFormula as _;
         let liquid = Liquid {
             density: 1000.0,
             viscosity: 1e-3,
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn is_a_known_multiple_of_stokes_at_rest() {
         // Over 3 pi mu d U at Re -> 0: 47.1 at 0.35, 28.7 at 0.40 (with (4.8)^2/24 = 0.96 of Stokes).
-        let grain = Grain::new(3, 5e-4);
+        let grain = GrainSize::new(3, 5e-4);
         for (eps, factor) in [(0.35, 47.1), (0.40, 28.7), (0.45, 18.6)] {
             let f = DiFelice.coefficient(&bed(eps, 1e-3), &grain, 1e-12);
             let stokes = 3.0 * std::f64::consts::PI * 1e-3 * 1e-3;

@@ -17,7 +17,7 @@
 //! pressure. The same law as a resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen
 //! and Yu's drag above.
 
-use super::{Bed, Grain, Law};
+use super::{BedConditions, DragFormula, GrainSize};
 use crate::open_water::rise;
 use crate::permeability::ergun::Ergun;
 use crate::{Equations, Liquid, permeability};
@@ -36,7 +36,7 @@ pub fn dense_share(porosity: f64) -> f64 {
 /// Returns the force over the superficial speed after Wen and Yu \[kg/s\]; at a porosity of 1 that of
 /// Schiller and Naumann on a lone sphere.
 #[must_use]
-pub fn wen_yu(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+pub fn wen_yu(bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
     let d = grain.diameter;
     let reynolds = bed.density * speed * d / bed.viscosity;
     // C_d times the speed, finite at rest.
@@ -52,7 +52,7 @@ pub fn wen_yu(bed: &Bed, grain: &Grain, speed: f64) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gidaspow;
 
-impl Law for Gidaspow {
+impl DragFormula for Gidaspow {
     fn summary() -> &'static str {
         "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds."
     }
@@ -61,7 +61,7 @@ impl Law for Gidaspow {
         "Gidaspow".into()
     }
 
-    fn coefficient(&self, bed: &Bed, grain: &Grain, speed: f64) -> f64 {
+    fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         let (eps, d) = (bed.porosity, grain.diameter);
         let dense = dense_share(eps);
         let mut sum = 0.0;
@@ -77,7 +77,7 @@ impl Law for Gidaspow {
     }
 }
 
-impl permeability::Law for Gidaspow {
+impl permeability::PermeabilityFormula for Gidaspow {
     fn summary() -> &'static str {
         "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected \
          equations."
@@ -125,7 +125,7 @@ mod tests {
         // Minimum fluidisation: the loss bears the buoyant weight.
         let weight = (1.0 - eps) * 1650.0 * 9.81;
         let lifts = (-a + (a * a + 4.0 * b * weight).sqrt()) / (2.0 * b);
-        let grain = Grain::new(3, 0.5 * d);
+        let grain = GrainSize::new(3, 0.5 * d);
         let bed = bed(eps, mu);
         let drag = Gidaspow.coefficient(&bed, &grain, lifts) * lifts;
         // Drag and the gradient of the reduced pressure carry a grain.
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn as_a_resistance_it_has_the_loss_of_its_drag() {
-        use crate::permeability::Law as _;
+        use crate::permeability::PermeabilityFormula as _;
         let (d, mu) = (1e-3, 1e-3);
         let liquid = Liquid {
             density: 1000.0,

@@ -13,13 +13,13 @@
 //! the few grains at a surface would bear the resistance of the whole cell, which still has the permeability of the
 //! cap.
 
-use super::{Bed, Grain, Law};
+use super::{BedConditions, DragFormula, GrainSize};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reaction;
 
-impl Law for Reaction {
+impl DragFormula for Reaction {
     fn summary() -> &'static str {
         "The reaction of the resistance: the forces on the grains balance the loss of pressure."
     }
@@ -32,7 +32,7 @@ impl Law for Reaction {
         true
     }
 
-    fn coefficient(&self, bed: &Bed, grain: &Grain, _: f64) -> f64 {
+    fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, _: f64) -> f64 {
         let porosity = (1.0 - bed.solid).max(0.0);
         let solid = bed.solid.max(1.0 - bed.porosity);
         grain.volume * bed.viscosity * porosity / (bed.permeability * solid)

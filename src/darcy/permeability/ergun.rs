@@ -13,14 +13,14 @@
 //! K = mu q/|grad phi| = 2 mu/[A + sqrt(A^2 + 4 B |grad phi|)]
 //! ```
 
-use super::Law;
+use super::PermeabilityFormula;
 use crate::{Equations, Liquid};
 
 /// The law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ergun;
 
-impl Law for Ergun {
+impl PermeabilityFormula for Ergun {
     fn summary() -> &'static str {
         "Ergun (1952): includes inertial losses and is solved iteratively. Requires the corrected equations."
     }

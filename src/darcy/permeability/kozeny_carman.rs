@@ -6,7 +6,7 @@
 //!
 //! (P. C. Carman, Trans. Inst. Chem. Eng. 15 (1937) 150.)
 
-use super::Law;
+use super::PermeabilityFormula;
 use crate::Liquid;
 
 /// The law.
@@ -20,7 +20,7 @@ pub fn kozeny_carman(eps: f64, d: f64) -> f64 {
     eps * eps * eps * d * d / (180.0 * solid * solid)
 }
 
-impl Law for KozenyCarman {
+impl PermeabilityFormula for KozenyCarman {
     fn summary() -> &'static str {
         "Kozeny-Carman: the pressure gradient is proportional to the flux."
     }

@@ -1,13 +1,13 @@
 //! Porosity by centres: the whole grain counts in the cell that contains its centre.
 
-use super::Method;
-use crate::grid::Grid;
+use super::PorosityFormula;
+use crate::grid::SeepageGrid;
 
 /// The method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Centroid;
 
-impl Method for Centroid {
+impl PorosityFormula for Centroid {
     fn summary() -> &'static str {
         "A grain counts in the cell that holds its centre."
     }
@@ -16,7 +16,7 @@ impl Method for Centroid {
         "centroid".into()
     }
 
-    fn parts(&self, grid: &Grid, centre: [f64; 3], _: f64, parts: &mut Vec<(usize, f64)>) {
+    fn parts(&self, grid: &SeepageGrid, centre: [f64; 3], _: f64, parts: &mut Vec<(usize, f64)>) {
         if let Some(cell) = grid.holding(centre) {
             parts.push((grid.index(cell), 1.0));
         }

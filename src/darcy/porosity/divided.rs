@@ -4,8 +4,8 @@
 //! Each shell represents 14/29 of the volume, the centre the innermost 1/29. A point lies at the mean radius of its
 //! shell. When a centre crosses a face, the porosity changes by 1/29 of the grain instead of the whole.
 
-use super::Method;
-use crate::grid::Grid;
+use super::PorosityFormula;
+use crate::grid::SeepageGrid;
 use base::number::real;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::LazyLock;
@@ -17,7 +17,7 @@ pub struct Divided;
 /// The points of a disc and of a sphere.
 static POINTS: LazyLock<[Vec<[f64; 3]>; 2]> = LazyLock::new(|| [satellites(2), satellites(3)]);
 
-impl Method for Divided {
+impl PorosityFormula for Divided {
     fn summary() -> &'static str {
         "A grain is divided into 29 points (17 in 2-D) of equal weight."
     }
@@ -26,7 +26,13 @@ impl Method for Divided {
         "points of equal weight".into()
     }
 
-    fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
+    fn parts(
+        &self,
+        grid: &SeepageGrid,
+        centre: [f64; 3],
+        radius: f64,
+        parts: &mut Vec<(usize, f64)>,
+    ) {
         let points = &POINTS[usize::from(grid.dimension != 2)];
         let share = 1.0 / real(points.len());
         for point in points {

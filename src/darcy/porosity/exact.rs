@@ -1,7 +1,7 @@
 //! Porosity by overlaps: the common volume of sphere and cell ([`crate::overlap`]).
 
-use super::{Method, measure};
-use crate::grid::Grid;
+use super::{PorosityFormula, measure};
+use crate::grid::SeepageGrid;
 use crate::overlap::{disc_rectangle, sphere_box};
 use base::number::real;
 
@@ -9,7 +9,7 @@ use base::number::real;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exact;
 
-impl Method for Exact {
+impl PorosityFormula for Exact {
     fn summary() -> &'static str {
         "Exact overlap of grains and cells."
     }
@@ -18,7 +18,13 @@ impl Method for Exact {
         "exact overlap".into()
     }
 
-    fn parts(&self, grid: &Grid, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
+    fn parts(
+        &self,
+        grid: &SeepageGrid,
+        centre: [f64; 3],
+        radius: f64,
+        parts: &mut Vec<(usize, f64)>,
+    ) {
         let (mut from, mut to) = ([0; 3], [0; 3]);
         for axis in 0..grid.dimension {
             let last = grid.cells[axis] - 1;
@@ -95,7 +101,7 @@ mod tests {
     /// Balls in one cell, across one face, and across an end of the grid have the parts of the general formula.
     #[test]
     fn balls_that_few_planes_cut_have_their_parts() {
-        let grid = Grid {
+        let grid = SeepageGrid {
             cells: [4, 3, 5],
             origin: [-1.0, 0.0, 2.0],
             spacing: [0.5, 0.75, 1.0],

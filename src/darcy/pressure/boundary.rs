@@ -1,11 +1,11 @@
 //! Faces of the grid that water crosses, and the slabs of the solver.
 
-use super::{Condition, Equations, Liquid, Patch, Settings};
+use super::{Condition, Equations, Liquid, PressurePatch, PressureSettings};
 use crate::enclosure::Openness;
-use crate::grid::Grid;
+use crate::grid::SeepageGrid;
 use crate::layout::Layout;
 use crate::multigrid::first_joined;
-use decomposition::{Axis, ExactSum, Slabs};
+use decomposition::{ExactSum, Slabs, SplitAxis};
 
 /// A face on the boundary of the grid, or of a drain in it, that something crosses.
 #[derive(Clone, Copy, Debug)]
@@ -38,14 +38,14 @@ pub(super) struct Boundary {
 }
 
 /// Returns the reduced pressure of a head: rho g h \[Pa\].
-pub(super) fn head_pressure(liquid: &Liquid, settings: &Settings, head: f64) -> f64 {
+pub(super) fn head_pressure(liquid: &Liquid, settings: &PressureSettings, head: f64) -> f64 {
     let g = settings.gravity;
     liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
 }
 
 /// Slabs along the longest axis, cut between cells that the coarser grid joins.
-pub(super) fn slabs(grid: &Grid, size: usize) -> Slabs {
-    let axis = Axis::longest(grid.cells);
+pub(super) fn slabs(grid: &SeepageGrid, size: usize) -> Slabs {
+    let axis = SplitAxis::longest(grid.cells);
     let a = axis.index();
     let step = first_joined(grid.cells, grid.spacing)[a];
     let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
@@ -61,9 +61,9 @@ pub(super) fn slabs(grid: &Grid, size: usize) -> Slabs {
 pub(super) fn boundary(
     openness: &Openness,
     layout: &Layout,
-    patches: &[Patch],
+    patches: &[PressurePatch],
     liquid: &Liquid,
-    settings: &Settings,
+    settings: &PressureSettings,
 ) -> Vec<Boundary> {
     let grid = openness.grid;
     let gravity = settings.gravity;
@@ -86,7 +86,7 @@ pub(super) fn boundary(
         };
         Boundary {
             cell: index,
-            at: layout.at(cell),
+            at: layout.position(cell),
             axis,
             upper,
             area: open * grid.area(axis),
@@ -110,7 +110,7 @@ pub(super) fn boundary(
                 if cell[axis] != edge || openness.blocked(index) {
                     continue;
                 }
-                let covers = |p: &Patch| p.covers(axis, upper, cell);
+                let covers = |p: &PressurePatch| p.covers(axis, upper, cell);
                 let Some(patch) = patches.iter().rposition(covers) else {
                     continue;
                 };
@@ -123,7 +123,7 @@ pub(super) fn boundary(
             }
         }
     }
-    let inside = |p: &(usize, &Patch)| p.1.inside;
+    let inside = |p: &(usize, &PressurePatch)| p.1.inside;
     let drains: Vec<usize> = patches
         .iter()
         .enumerate()

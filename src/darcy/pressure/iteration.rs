@@ -4,14 +4,14 @@
 //! pressure, or the largest source.
 
 use super::Pressure;
-use crate::Error;
+use crate::SeepageError;
 use crate::multigrid::inflow;
 use crate::reproducible::{dot, power_above};
 use base::number::single;
 
 impl Pressure {
     /// Iterates conjugate gradients; returns the number of iterations and the relative residual.
-    pub(super) fn iterate(&mut self) -> Result<(u32, f64), Error> {
+    pub(super) fn iterate(&mut self) -> Result<(u32, f64), SeepageError> {
         if self.fresh {
             // So that water that nothing drives is at rest exactly.
             self.phi.fill(0.0);
@@ -20,7 +20,7 @@ impl Pressure {
         let drive = self.size();
         let mut largest = self.first_residual();
         if !largest.is_finite() || !drive.is_finite() {
-            return Err(Error::NotFinite("the first residual"));
+            return Err(SeepageError::NotFinite("the first residual"));
         }
         // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
         let least = 1e-12 * drive.max(self.largest_term());
@@ -37,7 +37,7 @@ impl Pressure {
                 scale = flowing;
             }
             if iterations >= self.settings.iterations {
-                return Err(Error::NotConverged {
+                return Err(SeepageError::NotConverged {
                     iterations,
                     residual: largest / scale,
                     tolerance: self.settings.tolerance,
@@ -90,7 +90,7 @@ impl Pressure {
             );
             let alpha = rz / energy;
             if !alpha.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
+                return Err(SeepageError::NotFinite("the iteration"));
             }
             let mut most = 0.0_f64;
             let mut bad = 0.0_f64;
@@ -114,7 +114,7 @@ impl Pressure {
                 most
             });
             if !largest.is_finite() {
-                return Err(Error::NotFinite("the iteration"));
+                return Err(SeepageError::NotFinite("the iteration"));
             }
             iterations += 1;
         }

@@ -37,7 +37,7 @@ impl Pressure {
                 beside[side].add(self.reduced(index));
                 counts[side] += 1;
             }
-            let at = self.slab.layout.at(cell);
+            let at = self.slab.layout.position(cell);
             if behind && plane > 0 && self.conduction.factor[axis][at] > 0.0 {
                 discharge.add(self.face_flow(axis, at));
                 area.add(self.area(axis, at));
@@ -73,7 +73,7 @@ impl Pressure {
             if cell[axis] == 0 || cell[axis] == grid.cells[axis] {
                 continue;
             }
-            let at = layout.at(cell);
+            let at = layout.position(cell);
             if self.conduction.factor[axis][at] > 0.0 {
                 *flow = self.face_flow(axis, at);
             }
@@ -119,7 +119,7 @@ impl Pressure {
                 .filter(|&cell| self.conduction.conducts[cell])
         };
         let value = |cell: usize| {
-            let at = self.slab.layout.at(grid.cell(cell));
+            let at = self.slab.layout.position(grid.cell(cell));
             (self.reduced(cell), self.along(axis)[at])
         };
         match (wet(lower), wet(upper)) {

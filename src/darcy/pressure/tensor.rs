@@ -195,7 +195,7 @@ impl Pressure {
             flow: [zeros(), zeros()],
         };
         for (cell, shear) in shear.iter().enumerate() {
-            own.shear[layout.at(grid.cell(cell))] = *shear;
+            own.shear[layout.position(grid.cell(cell))] = *shear;
         }
         for (n, face) in self.boundary.iter().enumerate() {
             if !face.source {
@@ -233,7 +233,7 @@ impl Pressure {
     /// Returns the gradient of a flux in dipping ground: the inverse of the tensor times the flux.
     pub(super) fn dipping_gradient(&self, cell: usize) -> Option<[f64; 3]> {
         let own = self.tensor.as_ref()?;
-        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        let at = self.slab.layout.position(self.slab.grid.cell(cell));
         let (kx, ky) = (self.along(0)[at], self.along(1)[at]);
         let kxy = own.shear[at] * (kx * ky).sqrt();
         let determinant = kx * ky - kxy * kxy;
@@ -259,7 +259,7 @@ impl Pressure {
                 .then_some(cell)
                 .filter(|cell| self.conduction.conducts[grid.index(*cell)])
         });
-        let cells = places.map(|cell| cell.map(|cell| layout.at(cell)));
+        let cells = places.map(|cell| cell.map(|cell| layout.position(cell)));
         if !cells.iter().flatten().any(|&at| own.shear[at].abs() > 0.0) {
             return None;
         }
@@ -479,7 +479,7 @@ impl Pressure {
         };
         let (grid, layout) = (&self.slab.grid, &self.slab.layout);
         for (cell, driven) in self.conduction.driven.iter_mut().enumerate() {
-            let at = layout.at(grid.cell(cell));
+            let at = layout.position(grid.cell(cell));
             for axis in 0..2 {
                 let above = at + layout.stride[axis];
                 let per_area = &self.conduction.per_area[axis];

@@ -9,8 +9,8 @@ const WATER: Liquid = Liquid {
     viscosity: 1e-3,
 };
 
-fn settings(tolerance: f64) -> Settings {
-    Settings {
+fn settings(tolerance: f64) -> PressureSettings {
+    PressureSettings {
         equations: Equations::Corrected,
         gravity: [0.0; 3],
         tolerance,
@@ -18,8 +18,8 @@ fn settings(tolerance: f64) -> Settings {
     }
 }
 
-fn grid(cells: [usize; 3], spacing: [f64; 3]) -> Grid {
-    Grid {
+fn grid(cells: [usize; 3], spacing: [f64; 3]) -> SeepageGrid {
+    SeepageGrid {
         cells,
         origin: [0.0; 3],
         spacing,
@@ -27,8 +27,8 @@ fn grid(cells: [usize; 3], spacing: [f64; 3]) -> Grid {
     }
 }
 
-fn patch(grid: &Grid, axis: usize, upper: bool, condition: Condition) -> Patch {
-    Patch {
+fn patch(grid: &SeepageGrid, axis: usize, upper: bool, condition: Condition) -> PressurePatch {
+    PressurePatch {
         axis,
         upper,
         from: [0; 3],
@@ -38,16 +38,16 @@ fn patch(grid: &Grid, axis: usize, upper: bool, condition: Condition) -> Patch {
     }
 }
 
-fn between(grid: &Grid, axis: usize, low: Condition, high: Condition) -> Vec<Patch> {
+fn between(grid: &SeepageGrid, axis: usize, low: Condition, high: Condition) -> Vec<PressurePatch> {
     vec![patch(grid, axis, false, low), patch(grid, axis, true, high)]
 }
 
 fn solver(
-    grid: &Grid,
+    grid: &SeepageGrid,
     enclosure: &Enclosure,
-    patches: Vec<Patch>,
-    settings: Settings,
-) -> Result<Pressure, Error> {
+    patches: Vec<PressurePatch>,
+    settings: PressureSettings,
+) -> Result<Pressure, SeepageError> {
     let open = Openness::measure(grid, enclosure);
     Pressure::new(&open, patches, WATER, settings, &Communicator::serial())
 }
@@ -118,7 +118,7 @@ fn layers_in_series_tell_the_two_balances_apart() {
             Condition::Pressure { value: 1000.0 },
             Condition::Pressure { value: 0.0 },
         );
-        let settings = Settings {
+        let settings = PressureSettings {
             equations,
             ..settings(1e-13)
         };
@@ -179,7 +179,7 @@ fn the_tabulated_column() {
 fn water_at_rest_is_at_rest() {
     let grid = grid([4, 5, 6], [0.01; 3]);
     let patches = vec![patch(&grid, 2, true, Condition::Pressure { value: 0.0 })];
-    let settings = Settings {
+    let settings = PressureSettings {
         gravity: [0.0, 0.0, -9.81],
         ..settings(1e-12)
     };
@@ -203,7 +203,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
     let k = vec![1e-10; grid.count()];
     let run = |top: Condition| {
         let patches = between(&grid, 2, Condition::Head { value: 0.0 }, top);
-        let settings = Settings {
+        let settings = PressureSettings {
             gravity,
             ..settings(1e-13)
         };
@@ -236,7 +236,7 @@ fn heads_rain_and_fluxes_agree_with_pressures() {
         patch(&grid, 2, false, Condition::Head { value: 0.0 }),
         patch(&grid, 0, false, Condition::Rain { rate: 1.0 }),
     ];
-    let settings = Settings {
+    let settings = PressureSettings {
         gravity,
         ..settings(1e-12)
     };
@@ -262,7 +262,7 @@ fn a_source_leaves_through_the_outlet() {
 }
 
 /// Solves the same equations by dense elimination, assembled anew cell by cell.
-fn dense(grid: &Grid, k: &[f64], low: f64, high: f64) -> Vec<f64> {
+fn dense(grid: &SeepageGrid, k: &[f64], low: f64, high: f64) -> Vec<f64> {
     let n = grid.count();
     let mut a = vec![vec![0.0; n + 1]; n];
     for i in 0..n {
@@ -369,7 +369,7 @@ fn a_pocket_without_outlet_is_named() {
     let only_flux = vec![patch(&grid, 0, false, Condition::Flux { value: 1e-3 })];
     let error = solver(&grid, &Enclosure::Everything, only_flux, settings(1e-8)).err();
     assert!(
-        matches!(error, Some(Error::Pocket { cells: 96, .. })),
+        matches!(error, Some(SeepageError::Pocket { cells: 96, .. })),
         "{error:?}"
     );
     // A ledge that cuts the grid in two: the outlet is on the other side.
@@ -389,7 +389,7 @@ fn a_pocket_without_outlet_is_named() {
         &Communicator::serial(),
     )
     .err();
-    let Some(Error::Pocket { cells, at }) = error else {
+    let Some(SeepageError::Pocket { cells, at }) = error else {
         panic!("{error:?}");
     };
     assert_eq!(cells, 32);
@@ -397,7 +397,7 @@ fn a_pocket_without_outlet_is_named() {
     let nothing = Enclosure::HalfSpaces(vec![([1.0, 0.0, 0.0], -1.0)]);
     assert_eq!(
         solver(&grid, &nothing, Vec::new(), settings(1e-8)).err(),
-        Some(Error::NoOpenCell)
+        Some(SeepageError::NoOpenCell)
     );
 }
 
@@ -444,7 +444,7 @@ fn numbers_that_are_not_finite_are_refused() {
     k[7] = f64::NAN;
     assert!(matches!(
         one.solve(still(&conductivities(&k))),
-        Err(Error::NotFinite(_))
+        Err(SeepageError::NotFinite(_))
     ));
     k[7] = 1e-9;
     let source = [f64::INFINITY; 64];
@@ -453,9 +453,9 @@ fn numbers_that_are_not_finite_are_refused() {
             source: Some(&source),
             ..still(&conductivities(&k))
         }),
-        Err(Error::NotFinite(_))
+        Err(SeepageError::NotFinite(_))
     ));
-    let tight = Settings {
+    let tight = PressureSettings {
         iterations: 1,
         ..settings(1e-15)
     };
@@ -464,7 +464,7 @@ fn numbers_that_are_not_finite_are_refused() {
     k.iter_mut().for_each(|k| *k *= 0.01 + draws.uniform());
     assert!(matches!(
         two.solve(still(&conductivities(&k))),
-        Err(Error::NotConverged { .. })
+        Err(SeepageError::NotConverged { .. })
     ));
 }
 
@@ -476,7 +476,7 @@ fn a_box_with_a_small_outlet() {
     const FLOW: f64 = 1e-5;
     const OUTLET: std::ops::Range<usize> = 4..6;
     let grid = grid([10, 20, 10], [0.01; 3]);
-    let outlet = Patch {
+    let outlet = PressurePatch {
         axis: 1,
         upper: true,
         from: [OUTLET.start, 0, OUTLET.start],

@@ -44,9 +44,9 @@ mod state;
 mod transient;
 
 use super::boundary::Boundary;
-use super::{Condition, Medium, Pressure, Report};
+use super::{Condition, Medium, Pressure, SolutionReport};
 use crate::retention::{Mean, Retention, RetentionLaw, Side, mean};
-use crate::{Error, multigrid};
+use crate::{SeepageError, multigrid};
 use newton::Krylov;
 pub(super) use transient::EXTRA_NUMBERS;
 use transient::Transient;
@@ -165,7 +165,7 @@ impl Pressure {
         let mut elevation = vec![0.0; n];
         for cell in 0..grid.count() {
             let centre = grid.centre(grid.cell(cell));
-            elevation[layout.at(grid.cell(cell))] = (0..3).map(|a| up[a] * centre[a]).sum();
+            elevation[layout.position(grid.cell(cell))] = (0..3).map(|a| up[a] * centre[a]).sum();
         }
         log::info!("ground that is saturated in part: {soil:?}");
         self.unsaturated = Some(Box::new(Unsaturated {
@@ -206,7 +206,7 @@ impl Pressure {
         if let Some(own) = &mut self.unsaturated {
             own.soils.extend(layers);
             for (cell, soil) in soil_of.iter().enumerate() {
-                own.soil_of[layout.at(grid.cell(cell))] = *soil;
+                own.soil_of[layout.position(grid.cell(cell))] = *soil;
             }
         }
         self
@@ -219,9 +219,12 @@ impl Pressure {
     }
 
     /// Finds the flow in ground that drains: the steady one, or that at the end of an interval. Collective.
-    pub(super) fn solve_unsaturated(&mut self, medium: Medium<'_>) -> Result<Report, Error> {
+    pub(super) fn solve_unsaturated(
+        &mut self,
+        medium: Medium<'_>,
+    ) -> Result<SolutionReport, SeepageError> {
         let Some(mut own) = self.unsaturated.take() else {
-            return Ok(Report::default());
+            return Ok(SolutionReport::default());
         };
         let solved = self.prepare(&mut own, medium);
         let solved = solved.and_then(|()| {
@@ -236,7 +239,7 @@ impl Pressure {
         self.unsaturated = Some(own);
         let (iterations, residual) = solved?;
         let (inflow, outflow) = self.fluxes();
-        Ok(Report {
+        Ok(SolutionReport {
             iterations,
             residual,
             inflow,
@@ -245,11 +248,11 @@ impl Pressure {
     }
 
     /// Takes conductivities and sources, and starts a fresh solution from water at rest below the highest head.
-    fn prepare(&mut self, own: &mut Unsaturated, medium: Medium<'_>) -> Result<(), Error> {
+    fn prepare(&mut self, own: &mut Unsaturated, medium: Medium<'_>) -> Result<(), SeepageError> {
         let mut bad = self.take(medium);
         bad |= self.direct();
         if bad {
-            return Err(Error::NotFinite("the permeability"));
+            return Err(SeepageError::NotFinite("the permeability"));
         }
         self.join_cells();
         for (saturated, t) in own.saturated.iter_mut().zip(&self.system.matrix.t) {
@@ -275,7 +278,7 @@ impl Pressure {
         }
         own.source.copy_from_slice(&self.system.right);
         if own.source.iter().any(|q| !q.is_finite()) || !self.level.is_finite() {
-            return Err(Error::NotFinite("the source or the boundary"));
+            return Err(SeepageError::NotFinite("the source or the boundary"));
         }
         if self.fresh {
             let highest = self.boundary.iter().filter_map(|face| self.imposed(face));
@@ -290,7 +293,7 @@ impl Pressure {
     }
 
     /// Newton's method, with a continuation in the power of the permeability where it fails: iterations and residual.
-    fn find_steady(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), Error> {
+    fn find_steady(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), SeepageError> {
         own.kept.copy_from_slice(&self.phi);
         own.power = 1.0;
         let (mut known, mut iterations) = (0.0, 0);
@@ -317,7 +320,7 @@ impl Pressure {
             }
             log::debug!("relative permeability to the power {:.4}", own.power);
         }
-        Err(Error::Unsaturated {
+        Err(SeepageError::Unsaturated {
             iterations,
             length: own.capillary_length(),
         })

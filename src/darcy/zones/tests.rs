@@ -6,8 +6,8 @@ const WATER: Liquid = Liquid {
     viscosity: 1e-3,
 };
 
-fn grid(dimension: usize) -> Grid {
-    Grid {
+fn grid(dimension: usize) -> SeepageGrid {
+    SeepageGrid {
         cells: [4, 3, if dimension == 2 { 1 } else { 2 }],
         origin: [0.0; 3],
         spacing: [1.0, 2.0, 1.0],
@@ -15,10 +15,10 @@ fn grid(dimension: usize) -> Grid {
     }
 }
 
-fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> Zone {
+fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> SoilZone {
     let (mut low, mut high) = ([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
     (low[axis], high[axis]) = (from, to);
-    Zone {
+    SoilZone {
         from: low,
         to: high,
         permeability: Some(Rule::Value(permeability)),
@@ -32,7 +32,7 @@ fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> Zone {
 }
 
 /// Returns the permeability of each cell along each axis.
-fn permeabilities(grid: &Grid, zones: &[Zone]) -> Vec<[f64; 3]> {
+fn permeabilities(grid: &SeepageGrid, zones: &[SoilZone]) -> Vec<[f64; 3]> {
     let n = grid.count();
     let zones = Zones::new(grid, zones);
     let mut room = Conduct::new(&zones, n);
@@ -118,12 +118,12 @@ fn the_mean_of_boxes_lies_between_the_bounds_of_wiener() {
 #[test]
 fn later_zones_take_precedence_in_what_they_state() {
     let grid = grid(2);
-    let porous = Zone {
+    let porous = SoilZone {
         permeability: None,
         porosity: Some(0.3),
         ..layer(0, 0.0, 2.0, 0.0)
     };
-    let slower = Zone {
+    let slower = SoilZone {
         permeability: Some(Rule::Factor(0.1)),
         ..layer(0, 1.0, 3.0, 0.0)
     };
@@ -144,7 +144,7 @@ fn later_zones_take_precedence_in_what_they_state() {
 #[test]
 fn zones_of_grains_end_where_there_are_none() {
     let grid = grid(2);
-    let only = Zone {
+    let only = SoilZone {
         polygon: Vec::new(),
         directions: [1.0; 3],
         shear: 0.0,
@@ -178,7 +178,7 @@ fn nodes_of_a_raster_stand_for_the_points_around_them() {
         permeability: [1e-10, 2e-12, 5e-13].map(Rule::Value).to_vec(),
         porosity: Vec::new(),
     };
-    let zone = Zone {
+    let zone = SoilZone {
         permeability: None,
         raster: Some(raster),
         ..layer(0, f64::NEG_INFINITY, f64::INFINITY, 0.0)

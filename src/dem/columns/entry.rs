@@ -2,7 +2,7 @@
 
 use super::super::message::{Reader, Writer};
 use super::super::space::{Components, Space};
-use super::super::table::{AXES, Columns, Table, component_name, small, unsigned};
+use super::super::table::{AXES, Columns, NamedColumns, component_name, small, unsigned};
 use base::error::Error;
 
 /// The element of an array: its bytes in a message, its columns in a checkpoint.
@@ -18,7 +18,7 @@ pub(crate) trait Entry<S: Space>: Copy {
     /// Returns the name of the first column: a table without it does not hold the array.
     fn first_column(name: &str) -> String;
     /// Reads the columns back.
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error>;
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error>;
 }
 
 /// Returns `prefix_field`, or the field alone without a prefix.
@@ -53,7 +53,7 @@ impl<S: Space, C: Components> Entry<S> for C {
     fn first_column(name: &str) -> String {
         component_name::<C>(name, 0)
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         from.components(name)
     }
 }
@@ -75,7 +75,7 @@ impl<S: Space> Entry<S> for u64 {
     fn first_column(name: &str) -> String {
         name.to_owned()
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         Ok(from.get_whole(name)?.to_vec())
     }
 }
@@ -97,7 +97,7 @@ impl<S: Space> Entry<S> for u32 {
     fn first_column(name: &str) -> String {
         name.to_owned()
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         let column = from.get_whole(name)?.iter();
         column.map(|value| small(*value)).collect()
     }
@@ -126,7 +126,7 @@ impl<S: Space> Entry<S> for [i32; 3] {
     fn first_column(name: &str) -> String {
         format!("{name}_{}", AXES[0])
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         from.shifts(name, S::DIMENSION)
     }
 }
@@ -157,7 +157,7 @@ impl<S: Space, const N: usize> Entry<S> for [f64; N] {
     fn first_column(name: &str) -> String {
         format!("{name}_0")
     }
-    fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+    fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
         let mut all = vec![[0.0; N]; from.rows()];
         for n in 0..N {
             let column = from.get_real(&format!("{name}_{n}"))?;
@@ -207,7 +207,7 @@ macro_rules! entry {
                 } )*
                 first
             }
-            fn load(name: &str, from: &Table) -> Result<Vec<Self>, Error> {
+            fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error> {
                 $( let $field =
                     <$type as Entry<S>>::load(&joined(name, stringify!($field)), from)?; )*
                 Ok((0..from.rows()).map(|row| Self { $( $field: $field[row], )* }).collect())

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::super::blocks::{in_space, out_of_space};
-use super::super::polyhedron::{self, History, Model, Polyhedron, Stiffness};
+use super::super::polyhedron::{self, BlockContactModel, BlockHistory, Polyhedron, Stiffness};
 use super::super::space::{Components, Space};
 use super::super::{Body, Kind};
 use super::input::{coefficient, default_ratio, pair_table, states_friction};
@@ -40,7 +40,7 @@ use base::error::{Remedy, Report};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Blocks")]
-pub struct Input {
+pub struct BlockInput {
     /// Normal stiffness k_n.
     pub normal_stiffness: NormalStiffness,
     /// Shear to normal stiffness k_s/k_n [1].
@@ -66,10 +66,10 @@ pub struct Input {
     pub mass_damping: f64,
     /// Model that reduces a contact to a point, a normal and a depth.
     #[serde(default)]
-    pub model: Model,
+    pub model: BlockContactModel,
     /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
-    pub pairs: Vec<Pair>,
+    pub pairs: Vec<BlockMaterialPair>,
 }
 
 /// Stiffness of a contact of blocks.
@@ -105,7 +105,7 @@ impl NormalStiffness {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "BlockPair")]
-pub struct Pair {
+pub struct BlockMaterialPair {
     /// The two materials, in either order.
     pub materials: [String; 2],
     /// Normal stiffness, in the unit of the law's normal stiffness.
@@ -130,7 +130,7 @@ pub struct Pair {
     pub shear_damping_ratio: Option<f64>,
 }
 
-impl Input {
+impl BlockInput {
     /// Returns a law for blocks that never touch: without friction and dashpots.
     #[must_use]
     pub fn without_use() -> Self {
@@ -141,20 +141,21 @@ impl Input {
             normal_damping_ratio: 0.0,
             shear_damping_ratio: 0.0,
             mass_damping: 0.0,
-            model: Model::default(),
+            model: BlockContactModel::default(),
             pairs: Vec::new(),
         }
     }
 
     /// Returns the springs of a pair; those of the law without one.
-    fn springs(&self, pair: Option<&Pair>) -> polyhedron::Law {
-        let own =
-            |get: fn(&Pair) -> Option<f64>, otherwise: f64| pair.and_then(get).unwrap_or(otherwise);
+    fn springs(&self, pair: Option<&BlockMaterialPair>) -> polyhedron::BlockPairLaw {
+        let own = |get: fn(&BlockMaterialPair) -> Option<f64>, otherwise: f64| {
+            pair.and_then(get).unwrap_or(otherwise)
+        };
         let ratio = own(
             |p| p.shear_to_normal_stiffness,
             self.shear_to_normal_stiffness,
         );
-        polyhedron::Law {
+        polyhedron::BlockPairLaw {
             stiffness: self
                 .normal_stiffness
                 .with(pair.and_then(|p| p.normal_stiffness), ratio),
@@ -191,7 +192,7 @@ impl Input {
     }
 }
 
-impl<F: From<Blocks>> ContactParameters<F> for Input {
+impl<F: From<BlockLaw>> ContactParameters<F> for BlockInput {
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -227,7 +228,7 @@ impl<F: From<Blocks>> ContactParameters<F> for Input {
             |_, pair, _, _| self.springs(Some(pair)),
         );
         Some(
-            Blocks {
+            BlockLaw {
                 parameters,
                 model: self.model,
                 mass_damping: self.mass_damping,
@@ -245,17 +246,17 @@ pub fn example() -> Value {
 
 /// The law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Blocks {
+pub struct BlockLaw {
     /// Per pair of materials.
-    pub parameters: PairTable<polyhedron::Law>,
+    pub parameters: PairTable<polyhedron::BlockPairLaw>,
     /// Method by which contacts of blocks are condensed to a point.
-    pub model: Model,
+    pub model: BlockContactModel,
     /// Damping in proportion to mass [1/s] of all bodies, blocks and spheres; 0 for none.
     pub mass_damping: f64,
 }
 
 /// Springs and dashpots of a contact over `area` [m²] against an effective mass [kg], for stability.
-pub fn springs(pair: &polyhedron::Law, area: f64, mass: f64) -> Springs {
+pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs {
     Springs::damped(
         pair.stiffness(area),
         pair.friction > 0.0,
@@ -264,12 +265,12 @@ pub fn springs(pair: &polyhedron::Law, area: f64, mass: f64) -> Springs {
     )
 }
 
-impl ContactModel for Blocks {
+impl ContactModel for BlockLaw {
     fn describe(&self) -> String {
         match self.model {
-            Model::Pressure => "blocks with friction, pressed by depth",
-            Model::Patch => "blocks with friction, patches of contact",
-            Model::Point { .. } => "blocks with friction, points of contact",
+            BlockContactModel::Pressure => "blocks with friction, pressed by depth",
+            BlockContactModel::Patch => "blocks with friction, patches of contact",
+            BlockContactModel::Point { .. } => "blocks with friction, points of contact",
         }
         .into()
     }
@@ -306,7 +307,7 @@ impl ContactModel for Blocks {
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
         // No section of a sphere is larger than that through its centre.
         let area = std::f64::consts::PI * radius * radius;
-        let stiffest = |pair: &polyhedron::Law| {
+        let stiffest = |pair: &polyhedron::BlockPairLaw| {
             let [normal, shear] = pair.stiffness(area);
             normal.max(shear)
         };
@@ -322,7 +323,7 @@ impl ContactModel for Blocks {
         shape: &Polyhedron,
         mass: f64,
     ) -> Option<TimeLimits> {
-        let stiffness = |pair: &polyhedron::Law| {
+        let stiffness = |pair: &polyhedron::BlockPairLaw| {
             let mut total = Matrix3::zeros();
             for (face, plane) in shape.half_spaces().iter().enumerate() {
                 let (per_unit, area) = match pair.stiffness {
@@ -346,26 +347,26 @@ impl ContactModel for Blocks {
         })
     }
 
-    fn blocks(&self) -> Option<&Blocks> {
+    fn blocks(&self) -> Option<&BlockLaw> {
         Some(self)
     }
 }
 
 /// Per pair: effective mass [kg], and `r1 r2/(r1 + r2)` [m] of the spheres round both.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
+pub struct BlockScale {
     pub(crate) mass: f64,
     radius: f64,
 }
 
-/// Per pair: see [`Scale`].
+/// Per pair: see [`BlockScale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants {
-    pub(crate) law: polyhedron::Law,
-    pub(crate) scale: Scale,
+pub struct BlockConstants {
+    pub(crate) law: polyhedron::BlockPairLaw,
+    pub(crate) scale: BlockScale,
 }
 
-impl Blocks {
+impl BlockLaw {
     /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls
     /// of `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
     /// below: 0.1 is usual.
@@ -391,26 +392,26 @@ impl Blocks {
     }
 }
 
-impl<S: Space> ContactLaw<S> for Blocks {
-    type Row = polyhedron::Law;
-    type Scale = Scale;
-    type Constants = Constants;
-    type History = History;
+impl<S: Space> ContactLaw<S> for BlockLaw {
+    type Row = polyhedron::BlockPairLaw;
+    type Scale = BlockScale;
+    type Constants = BlockConstants;
+    type History = BlockHistory;
 
     fn table(&self) -> PairTable<Self::Row> {
         self.parameters.clone()
     }
 
-    fn scale(_: &Self::Row, pair: &PairProperties) -> Scale {
-        Scale {
+    fn scale(_: &Self::Row, pair: &PairProperties) -> BlockScale {
+        BlockScale {
             mass: pair.mass,
             radius: pair.rolling_radius,
         }
     }
 
     #[inline(always)]
-    fn constants(row: &Self::Row, scale: &Scale, _: f64) -> Constants {
-        Constants {
+    fn constants(row: &Self::Row, scale: &BlockScale, _: f64) -> BlockConstants {
+        BlockConstants {
             law: *row,
             scale: *scale,
         }
@@ -418,11 +419,11 @@ impl<S: Space> ContactLaw<S> for Blocks {
 
     #[inline(always)]
     fn force(
-        constants: &Constants,
-        history: &mut History,
+        constants: &BlockConstants,
+        history: &mut BlockHistory,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
-        let Constants { law, scale } = constants;
+        let BlockConstants { law, scale } = constants;
         let [normal, shear] =
             law.stiffness(std::f64::consts::PI * scale.radius * kinematics.overlap);
         let dashpot =
@@ -453,34 +454,34 @@ impl<S: Space> ContactLaw<S> for Blocks {
         }
     }
 
-    fn normal_spring(constants: &Constants, _: &History, overlap: f64) -> f64 {
+    fn normal_spring(constants: &BlockConstants, _: &BlockHistory, overlap: f64) -> f64 {
         let area = std::f64::consts::PI * constants.scale.radius * overlap;
         constants.law.stiffness(area)[0] * overlap
     }
 
-    fn shear_spring(history: &History) -> S::Tangent {
+    fn shear_spring(history: &BlockHistory) -> S::Tangent {
         out_of_space(&history.spring())
     }
 
     /// Returns the stiffness over the section of the sphere: no patch inside it is larger.
-    fn stiffness(constants: &Constants) -> [f64; 2] {
+    fn stiffness(constants: &BlockConstants) -> [f64; 2] {
         let radius = constants.scale.radius;
         constants
             .law
             .stiffness(std::f64::consts::PI * radius * radius)
     }
 
-    const NUMBERS: usize = History::NUMBERS;
+    const NUMBERS: usize = BlockHistory::NUMBERS;
 
-    fn save(history: &History, numbers: &mut Vec<f64>) {
+    fn save(history: &BlockHistory, numbers: &mut Vec<f64>) {
         numbers.extend(history.save());
     }
 
-    fn load(numbers: &[f64]) -> History {
-        let mut all = [0.0; History::NUMBERS];
+    fn load(numbers: &[f64]) -> BlockHistory {
+        let mut all = [0.0; BlockHistory::NUMBERS];
         for (number, saved) in all.iter_mut().zip(numbers) {
             *number = *saved;
         }
-        History::load(&all)
+        BlockHistory::load(&all)
     }
 }

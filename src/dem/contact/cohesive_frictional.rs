@@ -38,7 +38,7 @@ use base::error::Report;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "CohesiveFrictional")]
-pub struct Input {
+pub struct CohesiveFrictionalInput {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
     /// Shear to normal stiffness k_s/k_n [1].
@@ -70,7 +70,7 @@ pub struct Input {
     pub pairs: Vec<Pair>,
 }
 
-impl<F: From<CohesiveFrictional>> ContactParameters<F> for Input {
+impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInput {
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -80,7 +80,7 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for Input {
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.cohesive_frictional";
-        let base = Parameters {
+        let base = CohesiveFrictionalParameters {
             normal_stiffness: self.normal_stiffness,
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
@@ -111,7 +111,7 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for Input {
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Parameters {
+pub struct CohesiveFrictionalParameters {
     /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
     pub normal_stiffness: Scaled,
     /// Shear over normal stiffness.
@@ -126,7 +126,7 @@ pub struct Parameters {
     pub shear_damping: f64,
 }
 
-impl Parameters {
+impl CohesiveFrictionalParameters {
     /// Returns these parameters with the numbers of a pair.
     fn overridden(&self, pair: &Pair) -> Self {
         Self {
@@ -148,7 +148,7 @@ impl Parameters {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CohesiveFrictional {
     /// Per pair of materials.
-    pub parameters: PairTable<Parameters>,
+    pub parameters: PairTable<CohesiveFrictionalParameters>,
 }
 
 impl ContactModel for CohesiveFrictional {
@@ -165,7 +165,10 @@ impl ContactModel for CohesiveFrictional {
     }
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        self.parameters.get(a, b).normal_stiffness.at(diameter)
+        self.parameters
+            .get(a, b)
+            .normal_stiffness
+            .for_diameter(diameter)
     }
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
@@ -181,7 +184,7 @@ impl ContactModel for CohesiveFrictional {
     fn springs(&self, contact: &StaticContact) -> Springs {
         let [a, b] = contact.materials;
         let pair = self.parameters.get(a, b);
-        let normal = pair.normal_stiffness.at(contact.diameter);
+        let normal = pair.normal_stiffness.for_diameter(contact.diameter);
         Springs::damped(
             [normal, normal * pair.stiffness_ratio],
             contact.bonded || pair.friction > 0.0,
@@ -192,8 +195,9 @@ impl ContactModel for CohesiveFrictional {
 
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
         let pairs = self.parameters.rows_of(material);
-        let stiffness =
-            |p: &Parameters| p.normal_stiffness.at(2.0 * radius) * p.stiffness_ratio.max(1.0);
+        let stiffness = |p: &CohesiveFrictionalParameters| {
+            p.normal_stiffness.for_diameter(2.0 * radius) * p.stiffness_ratio.max(1.0)
+        };
         TimeLimits::of_spring(mass, pairs.map(stiffness).fold(0.0, f64::max))
     }
 
@@ -209,7 +213,7 @@ impl ContactModel for CohesiveFrictional {
 /// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the
 /// root of mass times stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct CohesiveFrictionalRow {
     normal: [f64; 2],
     ratio: f64,
     normal_dashpot: f64,
@@ -225,7 +229,7 @@ fn scaled([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
 
 /// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the cohesion of a new bond [N].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants {
+pub struct CohesiveFrictionalConstants {
     normal: f64,
     shear: f64,
     normal_dashpot: f64,
@@ -236,7 +240,7 @@ pub struct Constants {
     square: f64,
 }
 
-impl Constants {
+impl CohesiveFrictionalConstants {
     /// Returns the normal dashpot over a time step [N s/m].
     #[inline(always)]
     fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
@@ -254,20 +258,20 @@ impl Constants {
 
 /// The force of the shear spring [N] on the second partner, and the cohesion [N], 0 without a bond.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct History<S: Space> {
+pub struct CohesiveFrictionalHistory<S: Space> {
     shear: S::Tangent,
     cohesion: f64,
 }
 
 impl<S: Space> ContactLaw<S> for CohesiveFrictional {
-    type Row = Row;
+    type Row = CohesiveFrictionalRow;
     type Scale = f64;
-    type Constants = Constants;
-    type History = History<S>;
+    type Constants = CohesiveFrictionalConstants;
+    type History = CohesiveFrictionalHistory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
-    fn table(&self) -> PairTable<Row> {
-        self.parameters.map(|p| Row {
+    fn table(&self) -> PairTable<CohesiveFrictionalRow> {
+        self.parameters.map(|p| CohesiveFrictionalRow {
             normal: p.normal_stiffness.parts(),
             ratio: p.stiffness_ratio,
             normal_dashpot: 2.0 * p.normal_damping,
@@ -279,14 +283,18 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         })
     }
 
-    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+    fn scale(row: &CohesiveFrictionalRow, pair: &PairProperties) -> f64 {
         (pair.mass * scaled(row.normal, pair.diameter)).sqrt()
     }
 
     #[inline(always)]
-    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+    fn constants(
+        row: &CohesiveFrictionalRow,
+        root: &f64,
+        diameter: f64,
+    ) -> CohesiveFrictionalConstants {
         let normal = scaled(row.normal, diameter);
-        Constants {
+        CohesiveFrictionalConstants {
             normal,
             shear: normal * row.ratio,
             normal_dashpot: row.normal_dashpot * root,
@@ -299,8 +307,8 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
 
     #[inline(always)]
     fn force(
-        c: &Constants,
-        history: &mut History<S>,
+        c: &CohesiveFrictionalConstants,
+        history: &mut CohesiveFrictionalHistory<S>,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         let normal = c.normal * kinematics.overlap;
@@ -331,7 +339,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         };
         let normal = normal.max(0.0);
         let tangent = cut_to(shear, length, normal * c.friction);
-        *history = History {
+        *history = CohesiveFrictionalHistory {
             shear: tangent,
             cohesion: 0.0,
         };
@@ -349,43 +357,49 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     #[inline(always)]
-    fn bonded(history: &History<S>) -> bool {
+    fn bonded(history: &CohesiveFrictionalHistory<S>) -> bool {
         history.cohesion > 0.0
     }
 
-    fn bond(c: &Constants, history: &mut History<S>, _: f64) -> bool {
+    fn bond(
+        c: &CohesiveFrictionalConstants,
+        history: &mut CohesiveFrictionalHistory<S>,
+        _: f64,
+    ) -> bool {
         history.cohesion = c.cohesion;
         c.cohesion > 0.0
     }
 
-    fn unbond(history: &mut History<S>) {
+    fn unbond(history: &mut CohesiveFrictionalHistory<S>) {
         history.cohesion = 0.0;
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         // C/k_n is monotone in the diameter, or does not depend on it.
-        let opening = |p: &Parameters, d: f64| p.cohesion.at(d) / p.normal_stiffness.at(d);
+        let opening = |p: &CohesiveFrictionalParameters, d: f64| {
+            p.cohesion.for_diameter(d) / p.normal_stiffness.for_diameter(d)
+        };
         self.parameters
             .rows()
             .flat_map(|p| diameters.map(|d| opening(p, d)))
             .fold(0.0, f64::max)
     }
 
-    fn shear_spring(history: &History<S>) -> S::Tangent {
+    fn shear_spring(history: &CohesiveFrictionalHistory<S>) -> S::Tangent {
         history.shear
     }
 
-    fn stiffness(c: &Constants) -> [f64; 2] {
+    fn stiffness(c: &CohesiveFrictionalConstants) -> [f64; 2] {
         [c.normal, c.shear]
     }
 
-    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+    fn save(history: &CohesiveFrictionalHistory<S>, numbers: &mut Vec<f64>) {
         save_tangent(&history.shear, numbers);
         numbers.push(history.cohesion);
     }
 
-    fn load(numbers: &[f64]) -> History<S> {
-        History {
+    fn load(numbers: &[f64]) -> CohesiveFrictionalHistory<S> {
+        CohesiveFrictionalHistory {
             shear: load_tangent(numbers),
             cohesion: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
         }

@@ -45,7 +45,7 @@ use base::error::Report;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "ContactBond")]
-pub struct Input {
+pub struct ContactBondInput {
     /// Normal stiffness k_n [N/m]; per diameter [N/m2].
     pub normal_stiffness: Scaled,
     /// Shear to normal stiffness k_s/k_n [1].
@@ -80,7 +80,7 @@ pub struct Input {
     pub shear_damping_ratio: f64,
     /// Rolling resistance. Default: none.
     #[serde(default)]
-    pub rolling: Option<rolling::Parameters>,
+    pub rolling: Option<rolling::RollingParameters>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -91,7 +91,7 @@ pub struct Input {
     pub pairs: Vec<Pair>,
 }
 
-impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for Input {
+impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for ContactBondInput {
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -101,8 +101,8 @@ impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.contact_bond";
-        let base = Parameters {
-            linear: linear::Parameters {
+        let base = ContactBondParameters {
+            linear: linear::LinearParameters {
                 normal_stiffness: self.normal_stiffness,
                 stiffness_ratio: self.shear_to_normal_stiffness,
                 friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
@@ -124,7 +124,7 @@ impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for
             |_, pair, path, report| {
                 pair.check_stiffness(path, report);
                 pair.refuse_cohesion(path, report);
-                Parameters {
+                ContactBondParameters {
                     linear: base.linear.overridden(pair),
                     tensile_strength: pair.tensile_strength.unwrap_or(base.tensile_strength),
                     shear_strength: pair.shear_strength.unwrap_or(base.shear_strength),
@@ -146,9 +146,9 @@ impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Parameters {
+pub struct ContactBondParameters {
     /// The springs, dashpots and friction.
-    pub linear: linear::Parameters,
+    pub linear: linear::LinearParameters,
     /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
     pub tensile_strength: f64,
     /// Shear strength S of a bond [N]; in the plane [N per m of depth].
@@ -163,7 +163,7 @@ pub struct Parameters {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactBond {
     /// Per pair of materials.
-    pub parameters: PairTable<Parameters>,
+    pub parameters: PairTable<ContactBondParameters>,
 }
 
 impl ContactModel for ContactBond {
@@ -181,7 +181,7 @@ impl ContactModel for ContactBond {
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
         let pair = self.parameters.get(a, b);
-        pair.linear.normal_stiffness.at(diameter)
+        pair.linear.normal_stiffness.for_diameter(diameter)
     }
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
@@ -217,7 +217,7 @@ impl ContactModel for ContactBond {
         Some(BondOpening {
             gap: pair.bonding_gap,
             strength: pair.tensile_strength,
-            stiffness: pair.linear.normal_stiffness.at(diameter),
+            stiffness: pair.linear.normal_stiffness.for_diameter(diameter),
             path: "contact.contact_bond.tensile_strength",
         })
     }
@@ -225,8 +225,8 @@ impl ContactModel for ContactBond {
 
 /// Per pair of materials: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
-    linear: linear::Row,
+pub struct ContactBondRow {
+    linear: linear::LinearRow,
     tensile: f64,
     shear: f64,
     gap: f64,
@@ -235,8 +235,8 @@ pub struct Row {
 
 /// Per pair: the linear law's, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants {
-    linear: linear::Constants,
+pub struct ContactBondConstants {
+    linear: linear::LinearConstants,
     tensile: f64,
     shear: f64,
     gap: f64,
@@ -245,21 +245,21 @@ pub struct Constants {
 
 /// The force of the shear spring [N] on the second partner, and of a bond the overlap [m] without a normal force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct History<S: Space> {
+pub struct ContactBondHistory<S: Space> {
     shear: S::Tangent,
     rest: f64,
     bonded: bool,
 }
 
 impl<S: Space> ContactLaw<S> for ContactBond {
-    type Row = Row;
+    type Row = ContactBondRow;
     type Scale = f64;
-    type Constants = Constants;
-    type History = History<S>;
+    type Constants = ContactBondConstants;
+    type History = ContactBondHistory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 2;
 
-    fn table(&self) -> PairTable<Row> {
-        self.parameters.map(|p| Row {
+    fn table(&self) -> PairTable<ContactBondRow> {
+        self.parameters.map(|p| ContactBondRow {
             linear: p.linear.row(),
             tensile: p.tensile_strength,
             shear: p.shear_strength,
@@ -268,13 +268,13 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         })
     }
 
-    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+    fn scale(row: &ContactBondRow, pair: &PairProperties) -> f64 {
         row.linear.scale(pair)
     }
 
     #[inline(always)]
-    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
-        Constants {
+    fn constants(row: &ContactBondRow, root: &f64, diameter: f64) -> ContactBondConstants {
+        ContactBondConstants {
             linear: row.linear.constants(*root, diameter),
             tensile: row.tensile,
             shear: row.shear,
@@ -285,8 +285,8 @@ impl<S: Space> ContactLaw<S> for ContactBond {
 
     #[inline(always)]
     fn force(
-        c: &Constants,
-        history: &mut History<S>,
+        c: &ContactBondConstants,
+        history: &mut ContactBondHistory<S>,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         if !history.bonded {
@@ -309,14 +309,14 @@ impl<S: Space> ContactLaw<S> for ContactBond {
                 failure: None,
             };
         };
-        let mut broken = History {
+        let mut broken = ContactBondHistory {
             shear: history.shear,
-            ..History::default()
+            ..ContactBondHistory::default()
         };
         let force = if kinematics.overlap > 0.0 {
             c.linear.slide(&mut broken.shear, kinematics)
         } else {
-            broken = History::default();
+            broken = ContactBondHistory::default();
             ContactForce {
                 normal: 0.0,
                 tangent: S::Tangent::default(),
@@ -332,32 +332,36 @@ impl<S: Space> ContactLaw<S> for ContactBond {
     }
 
     #[inline(always)]
-    fn bonded(history: &History<S>) -> bool {
+    fn bonded(history: &ContactBondHistory<S>) -> bool {
         history.bonded
     }
 
-    fn bonding_gap(c: &Constants) -> f64 {
+    fn bonding_gap(c: &ContactBondConstants) -> f64 {
         c.gap
     }
 
-    fn bond(c: &Constants, history: &mut History<S>, overlap: f64) -> bool {
+    fn bond(c: &ContactBondConstants, history: &mut ContactBondHistory<S>, overlap: f64) -> bool {
         history.bonded = c.tensile > 0.0 || c.shear > 0.0;
         history.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
         history.bonded
     }
 
-    fn unbond(history: &mut History<S>) {
+    fn unbond(history: &mut ContactBondHistory<S>) {
         history.bonded = false;
         history.rest = 0.0;
     }
 
-    fn normal_spring(c: &Constants, history: &History<S>, overlap: f64) -> f64 {
+    fn normal_spring(
+        c: &ContactBondConstants,
+        history: &ContactBondHistory<S>,
+        overlap: f64,
+    ) -> f64 {
         c.linear.normal * (overlap - history.rest)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
-        let opening = |p: &Parameters, d: f64| {
-            p.bonding_gap + p.tensile_strength / p.linear.normal_stiffness.at(d)
+        let opening = |p: &ContactBondParameters, d: f64| {
+            p.bonding_gap + p.tensile_strength / p.linear.normal_stiffness.for_diameter(d)
         };
         self.parameters
             .rows()
@@ -366,23 +370,23 @@ impl<S: Space> ContactLaw<S> for ContactBond {
             .fold(0.0, f64::max)
     }
 
-    fn shear_spring(history: &History<S>) -> S::Tangent {
+    fn shear_spring(history: &ContactBondHistory<S>) -> S::Tangent {
         history.shear
     }
 
-    fn stiffness(c: &Constants) -> [f64; 2] {
+    fn stiffness(c: &ContactBondConstants) -> [f64; 2] {
         [c.linear.normal, c.linear.shear]
     }
 
-    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+    fn save(history: &ContactBondHistory<S>, numbers: &mut Vec<f64>) {
         save_tangent(&history.shear, numbers);
         numbers.push(history.rest);
         numbers.push(if history.bonded { 1.0 } else { 0.0 });
     }
 
-    fn load(numbers: &[f64]) -> History<S> {
+    fn load(numbers: &[f64]) -> ContactBondHistory<S> {
         let number = |k| numbers.get(k).copied().unwrap_or(0.0);
-        History {
+        ContactBondHistory {
             shear: load_tangent(numbers),
             rest: number(S::Tangent::COUNT),
             bonded: number(S::Tangent::COUNT + 1) > 0.5,

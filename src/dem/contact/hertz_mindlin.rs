@@ -55,7 +55,7 @@ use base::error::{Remedy, Report};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "HertzMindlin")]
-pub struct Input {
+pub struct HertzMindlinInput {
     /// Friction angle Φ [degrees]. Default: 0, no friction; a warning says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 89.0))]
@@ -79,7 +79,7 @@ pub struct Input {
     pub local_damping: f64,
     /// Parameters of pairs of materials that differ from those above.
     #[serde(default)]
-    pub pairs: Vec<Pair>,
+    pub pairs: Vec<ElasticPair>,
 }
 
 fn elastic() -> f64 {
@@ -90,7 +90,7 @@ fn elastic() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "ElasticPair")]
-pub struct Pair {
+pub struct ElasticPair {
     /// The two materials, in either order.
     pub materials: [String; 2],
     /// Friction angle [degrees].
@@ -105,7 +105,7 @@ pub struct Pair {
 
 const PATH: &str = "contact.hertz_mindlin";
 
-impl Input {
+impl HertzMindlinInput {
     /// Returns the moduli of every material; fewer where some are missing, which are findings.
     fn moduli(scene: &SceneFacts<'_>, report: &mut dyn Report) -> Vec<Elastic> {
         let mut elastic = Vec::new();
@@ -154,7 +154,7 @@ impl Input {
     }
 }
 
-impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
+impl<F: From<HertzMindlin>> ContactParameters<F> for HertzMindlinInput {
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -178,7 +178,7 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for Input {
             return None;
         }
         let impact_speed = self.impact_speed.unwrap_or(scene.fastest_approach);
-        let numbers = |a: u32, b: u32, friction: f64, restitution: f64| Parameters {
+        let numbers = |a: u32, b: u32, friction: f64, restitution: f64| HertzMindlinParameters {
             moduli: materials[a as usize].effective(materials[b as usize]),
             friction: coefficient(friction),
             damping: damping(restitution, self.attraction),
@@ -306,7 +306,7 @@ pub fn damping(e: f64, attraction: bool) -> f64 {
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Parameters {
+pub struct HertzMindlinParameters {
     /// Effective moduli E* and G* [Pa]: [`Elastic::effective`].
     pub moduli: [f64; 2],
     /// Coefficient of friction, the tangent of the friction angle.
@@ -323,7 +323,7 @@ pub struct Parameters {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HertzMindlin {
     /// Per pair of materials.
-    pub parameters: PairTable<Parameters>,
+    pub parameters: PairTable<HertzMindlinParameters>,
     /// Every material, for Rayleigh's time; where there are none it is no limit.
     pub materials: Vec<Elastic>,
 }
@@ -380,7 +380,7 @@ impl ContactModel for HertzMindlin {
 
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
         let root = radius.sqrt();
-        let spring = |pair: &Parameters| {
+        let spring = |pair: &HertzMindlinParameters| {
             // At a wall radius and mass are the grain's own: no grain makes a stiffer contact.
             let [young, shear] = pair.moduli;
             let overlap = deepest(mass, 4.0 / 3.0 * young * root, pair.impact_speed).sqrt();
@@ -406,7 +406,7 @@ impl ContactModel for HertzMindlin {
 
 /// Per pair of materials: what multiplies the roots of radius and mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct HertzMindlinRow {
     /// 4/3 E* [Pa].
     normal: f64,
     /// 8 G* [Pa].
@@ -420,7 +420,7 @@ pub struct Row {
 
 /// Per pair of grains: sqrt(R*) [m^1/2], and sqrt(m* sqrt(R*)).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
+pub struct HertzMindlinScale {
     radius: f64,
     mass: f64,
 }
@@ -428,34 +428,34 @@ pub struct Scale {
 /// Per pair: the normal force over overlap^(3/2) [N m^-3/2], the shear stiffness over overlap^(1/2) [N m^-3/2], the
 /// dashpots over overlap^(1/4) [N s m^-5/4], friction, and `true` if the normal dashpot pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants {
+pub struct HertzMindlinConstants {
     normal: f64,
     shear: f64,
     dashpots: [f64; 2],
     friction: f64,
     pulls: bool,
-    scale: Scale,
+    scale: HertzMindlinScale,
     impact_speed: f64,
 }
 
 /// The force of the shear spring [N] on the second partner, and the root of the overlap [m^1/2] it was loaded at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct History<S: Space> {
+pub struct HertzMindlinHistory<S: Space> {
     shear: S::Tangent,
     root: f64,
 }
 
 impl<S: Space> ContactLaw<S> for HertzMindlin {
-    type Row = Row;
-    type Scale = Scale;
-    type Constants = Constants;
-    type History = History<S>;
+    type Row = HertzMindlinRow;
+    type Scale = HertzMindlinScale;
+    type Constants = HertzMindlinConstants;
+    type History = HertzMindlinHistory<S>;
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
-    fn table(&self) -> PairTable<Row> {
+    fn table(&self) -> PairTable<HertzMindlinRow> {
         self.parameters.map(|p| {
             let [normal, shear] = [4.0 / 3.0 * p.moduli[0], 8.0 * p.moduli[1]];
-            Row {
+            HertzMindlinRow {
                 normal,
                 shear,
                 dashpots: [
@@ -469,17 +469,21 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         })
     }
 
-    fn scale(_: &Row, pair: &PairProperties) -> Scale {
+    fn scale(_: &HertzMindlinRow, pair: &PairProperties) -> HertzMindlinScale {
         let radius = pair.rolling_radius.sqrt();
-        Scale {
+        HertzMindlinScale {
             radius,
             mass: (pair.mass * radius).sqrt(),
         }
     }
 
     #[inline(always)]
-    fn constants(row: &Row, scale: &Scale, _: f64) -> Constants {
-        Constants {
+    fn constants(
+        row: &HertzMindlinRow,
+        scale: &HertzMindlinScale,
+        _: f64,
+    ) -> HertzMindlinConstants {
+        HertzMindlinConstants {
             normal: row.normal * scale.radius,
             shear: row.shear * scale.radius,
             dashpots: row.dashpots.map(|c| c * scale.mass),
@@ -492,8 +496,8 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
 
     #[inline(always)]
     fn force(
-        c: &Constants,
-        history: &mut History<S>,
+        c: &HertzMindlinConstants,
+        history: &mut HertzMindlinHistory<S>,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         let overlap = kinematics.overlap.max(0.0);
@@ -516,7 +520,7 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         let total = spring - kinematics.slip * (c.dashpots[1] * fourth);
         let (length, limit) = (total.length(), c.friction * normal.max(0.0));
         let tangent = cut_to(total, length, limit);
-        *history = History {
+        *history = HertzMindlinHistory {
             shear: if length > limit { tangent } else { spring },
             root,
         };
@@ -528,31 +532,31 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         }
     }
 
-    fn normal_spring(c: &Constants, _: &History<S>, overlap: f64) -> f64 {
+    fn normal_spring(c: &HertzMindlinConstants, _: &HertzMindlinHistory<S>, overlap: f64) -> f64 {
         let overlap = overlap.max(0.0);
         c.normal * overlap * overlap.sqrt()
     }
 
     /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
     /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
-    fn shear_spring(history: &History<S>) -> S::Tangent {
+    fn shear_spring(history: &HertzMindlinHistory<S>) -> S::Tangent {
         history.shear
     }
 
-    fn stiffness(c: &Constants) -> [f64; 2] {
+    fn stiffness(c: &HertzMindlinConstants) -> [f64; 2] {
         let mass = c.scale.mass * c.scale.mass / c.scale.radius;
         let overlap = deepest(mass, c.normal, c.impact_speed);
         let root = overlap.sqrt();
         [1.5 * c.normal * root, c.shear * root]
     }
 
-    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+    fn save(history: &HertzMindlinHistory<S>, numbers: &mut Vec<f64>) {
         save_tangent(&history.shear, numbers);
         numbers.push(history.root);
     }
 
-    fn load(numbers: &[f64]) -> History<S> {
-        History {
+    fn load(numbers: &[f64]) -> HertzMindlinHistory<S> {
+        HertzMindlinHistory {
             shear: load_tangent(numbers),
             root: numbers.get(S::Tangent::COUNT).copied().unwrap_or(0.0),
         }

@@ -152,7 +152,7 @@ impl Scaled {
 
     /// Returns the value for a pair of mean diameter `diameter` [m].
     #[must_use]
-    pub fn at(self, diameter: f64) -> f64 {
+    pub fn for_diameter(self, diameter: f64) -> f64 {
         match self {
             Self::PerDiameter(value) => value * diameter,
             Self::Absolute(value) => value,

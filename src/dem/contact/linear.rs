@@ -38,7 +38,7 @@ use base::error::Report;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Linear")]
-pub struct Input {
+pub struct LinearInput {
     /// Normal stiffness k_n [N/m]. Default: overlaps of at most 1 % of a diameter at the largest speed and under the
     /// weight of what lies above; in seepage with `accuracy`, from the load on the bed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -67,7 +67,7 @@ pub struct Input {
     pub attraction: bool,
     /// Rolling resistance. Default: none.
     #[serde(default)]
-    pub rolling: Option<rolling::Parameters>,
+    pub rolling: Option<rolling::RollingParameters>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -78,7 +78,7 @@ pub struct Input {
     pub pairs: Vec<Pair>,
 }
 
-impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
+impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for LinearInput {
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -88,7 +88,7 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for Input {
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.linear";
-        let base = Parameters {
+        let base = LinearParameters {
             // Without one, the scene chooses it and resolves the law again.
             normal_stiffness: self.normal_stiffness.unwrap_or(Scaled::Absolute(1.0)),
             stiffness_ratio: self.shear_to_normal_stiffness,
@@ -130,7 +130,7 @@ pub fn example() -> Value {
 
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Parameters {
+pub struct LinearParameters {
     /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
     pub normal_stiffness: Scaled,
     /// Shear over normal stiffness.
@@ -145,7 +145,7 @@ pub struct Parameters {
     pub attraction: bool,
 }
 
-impl Parameters {
+impl LinearParameters {
     pub(super) const WITHOUT_FORCES: Self = Self {
         normal_stiffness: Scaled::ZERO,
         stiffness_ratio: 0.0,
@@ -179,7 +179,7 @@ impl Parameters {
 
     /// Springs and dashpots of a contact.
     pub(super) fn springs(&self, contact: &StaticContact) -> Springs {
-        let normal = self.normal_stiffness.at(contact.diameter);
+        let normal = self.normal_stiffness.for_diameter(contact.diameter);
         Springs::damped(
             [normal, normal * self.stiffness_ratio],
             contact.bonded || self.friction > 0.0,
@@ -190,7 +190,7 @@ impl Parameters {
 
     /// Returns the larger of both stiffnesses [N/m] at a mean diameter [m].
     pub(super) fn stiffest(&self, diameter: f64) -> f64 {
-        self.normal_stiffness.at(diameter) * self.stiffness_ratio.max(1.0)
+        self.normal_stiffness.for_diameter(diameter) * self.stiffness_ratio.max(1.0)
     }
 
     /// Sets other springs and friction for the preparation of grains.
@@ -206,7 +206,7 @@ impl Parameters {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Linear {
     /// Per pair of materials.
-    pub parameters: PairTable<Parameters>,
+    pub parameters: PairTable<LinearParameters>,
 }
 
 impl ContactModel for Linear {
@@ -223,7 +223,10 @@ impl ContactModel for Linear {
     }
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        self.parameters.get(a, b).normal_stiffness.at(diameter)
+        self.parameters
+            .get(a, b)
+            .normal_stiffness
+            .for_diameter(diameter)
     }
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
@@ -246,7 +249,7 @@ impl ContactModel for Linear {
 
 /// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and `true` if the normal dashpot pulls.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants {
+pub struct LinearConstants {
     pub(super) normal: f64,
     pub(super) shear: f64,
     pub(super) normal_dashpot: f64,
@@ -260,7 +263,7 @@ pub struct Constants {
 /// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times
 /// stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct LinearRow {
     normal: f64,
     per_diameter: f64,
     ratio: f64,
@@ -270,10 +273,10 @@ pub struct Row {
     pulls: bool,
 }
 
-impl Parameters {
-    pub(super) fn row(&self) -> Row {
+impl LinearParameters {
+    pub(super) fn row(&self) -> LinearRow {
         let [normal, per_diameter] = self.normal_stiffness.parts();
-        Row {
+        LinearRow {
             normal,
             per_diameter,
             ratio: self.stiffness_ratio,
@@ -285,7 +288,7 @@ impl Parameters {
     }
 }
 
-impl Row {
+impl LinearRow {
     #[inline(always)]
     fn normal(&self, diameter: f64) -> f64 {
         self.normal + self.per_diameter * diameter
@@ -297,9 +300,9 @@ impl Row {
     }
 
     #[inline(always)]
-    pub(super) fn constants(&self, root: f64, diameter: f64) -> Constants {
+    pub(super) fn constants(&self, root: f64, diameter: f64) -> LinearConstants {
         let normal = self.normal(diameter);
-        Constants {
+        LinearConstants {
             normal,
             shear: normal * self.ratio,
             normal_dashpot: self.normal_dashpot * root,
@@ -311,7 +314,7 @@ impl Row {
     }
 }
 
-impl Constants {
+impl LinearConstants {
     /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
     #[inline(always)]
     pub(super) fn bond_dashpot(&self, time_step: f64) -> f64 {
@@ -368,48 +371,48 @@ impl Constants {
 }
 
 impl<S: Space> ContactLaw<S> for Linear {
-    type Row = Row;
+    type Row = LinearRow;
     type Scale = f64;
-    type Constants = Constants;
-    type History = History<S>;
+    type Constants = LinearConstants;
+    type History = LinearHistory<S>;
     const NUMBERS: usize = S::Tangent::COUNT;
 
-    fn table(&self) -> PairTable<Row> {
-        self.parameters.map(Parameters::row)
+    fn table(&self) -> PairTable<LinearRow> {
+        self.parameters.map(LinearParameters::row)
     }
 
-    fn scale(row: &Row, pair: &PairProperties) -> f64 {
+    fn scale(row: &LinearRow, pair: &PairProperties) -> f64 {
         row.scale(pair)
     }
 
     #[inline(always)]
-    fn constants(row: &Row, root: &f64, diameter: f64) -> Constants {
+    fn constants(row: &LinearRow, root: &f64, diameter: f64) -> LinearConstants {
         row.constants(*root, diameter)
     }
 
     #[inline(always)]
     fn force(
-        c: &Constants,
-        history: &mut History<S>,
+        c: &LinearConstants,
+        history: &mut LinearHistory<S>,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
         c.slide(&mut history.shear, kinematics)
     }
 
-    fn shear_spring(history: &History<S>) -> S::Tangent {
+    fn shear_spring(history: &LinearHistory<S>) -> S::Tangent {
         history.shear
     }
 
-    fn stiffness(c: &Constants) -> [f64; 2] {
+    fn stiffness(c: &LinearConstants) -> [f64; 2] {
         [c.normal, c.shear]
     }
 
-    fn save(history: &History<S>, numbers: &mut Vec<f64>) {
+    fn save(history: &LinearHistory<S>, numbers: &mut Vec<f64>) {
         save_tangent(&history.shear, numbers);
     }
 
-    fn load(numbers: &[f64]) -> History<S> {
-        History {
+    fn load(numbers: &[f64]) -> LinearHistory<S> {
+        LinearHistory {
             shear: load_tangent(numbers),
         }
     }
@@ -417,7 +420,7 @@ impl<S: Space> ContactLaw<S> for Linear {
 
 /// The force of the shear spring [N] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct History<S: Space> {
+pub struct LinearHistory<S: Space> {
     shear: S::Tangent,
 }
 

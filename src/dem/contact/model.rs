@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Scaled;
-use super::blocks::Blocks;
+use super::blocks::BlockLaw;
 use crate::polyhedron::Polyhedron;
 
 /// A resolved contact law as plan, preparation and outputs see it. Materials are indices in the order of the case.
@@ -71,7 +71,7 @@ pub trait ContactModel {
     }
 
     /// Returns the law itself where it is that of blocks.
-    fn blocks(&self) -> Option<&Blocks> {
+    fn blocks(&self) -> Option<&BlockLaw> {
         None
     }
 }

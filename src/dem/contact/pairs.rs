@@ -76,15 +76,15 @@ impl<P> PairTable<P> {
         }
     }
 
-    /// Returns the index of a pair in the table, for [`Self::at`].
+    /// Returns the index of a pair in the table, for [`Self::parameters_at`].
     #[expect(clippy::cast_possible_truncation, reason = "a few materials, squared")]
-    pub(crate) fn place(&self, a: u32, b: u32) -> u32 {
+    pub(crate) fn index_of(&self, a: u32, b: u32) -> u32 {
         self.row(a, b) as u32
     }
 
     /// Returns the parameters at a place.
     #[inline(always)]
-    pub(crate) fn at(&self, place: u32) -> &P {
+    pub(crate) fn parameters_at(&self, place: u32) -> &P {
         &self.rows[place as usize]
     }
 

@@ -33,7 +33,7 @@ use super::{
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Rolling")]
-pub struct Parameters {
+pub struct RollingParameters {
     /// Coefficient of rolling friction [1]: the moment is at most this times the rolling radius times the normal force.
     /// It is the tangent of the slope on which a grain begins to roll.
     #[schemars(range(min = 0.0, max = 10.0))]
@@ -50,13 +50,13 @@ pub struct Rolling<L> {
     /// The law of normal and shear forces.
     pub law: L,
     /// Per pair of materials.
-    pub parameters: PairTable<Parameters>,
+    pub parameters: PairTable<RollingParameters>,
 }
 
 impl<L: ContactModel> Rolling<L> {
     /// Returns a law with the same resistance to rolling for all pairs.
     #[must_use]
-    pub fn everywhere(law: L, parameters: Parameters) -> Self {
+    pub fn everywhere(law: L, parameters: RollingParameters) -> Self {
         Self {
             parameters: PairTable::uniform(law.materials(), parameters),
             law,
@@ -121,7 +121,7 @@ impl<L: ContactModel> ContactModel for Rolling<L> {
 
 /// Per pair: the law's, lever of the limit [m], and rolling dashpot [N m s].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale<C> {
+pub struct RollingScale<C> {
     law: C,
     lever: f64,
     dashpot: f64,
@@ -129,7 +129,7 @@ pub struct Scale<C> {
 
 /// Per pair: the law's, rolling stiffness [N m], dashpot [N m s], and lever of the limit [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Constants<C> {
+pub struct RollingConstants<C> {
     law: C,
     stiffness: f64,
     dashpot: f64,
@@ -138,16 +138,16 @@ pub struct Constants<C> {
 
 /// The law's, and the moment of the rolling spring [N m] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct History<M, S: Space> {
+pub struct RollingHistory<M, S: Space> {
     law: M,
     moment: S::Spin,
 }
 
 impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
-    type Row = (L::Row, Parameters);
-    type Scale = Scale<L::Scale>;
-    type Constants = Constants<L::Constants>;
-    type History = History<L::History, S>;
+    type Row = (L::Row, RollingParameters);
+    type Scale = RollingScale<L::Scale>;
+    type Constants = RollingConstants<L::Constants>;
+    type History = RollingHistory<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const ROLLS: bool = true;
 
@@ -159,12 +159,12 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         table
     }
 
-    fn scale((row, p): &Self::Row, pair: &PairProperties) -> Scale<L::Scale> {
+    fn scale((row, p): &Self::Row, pair: &PairProperties) -> RollingScale<L::Scale> {
         let scale = L::scale(row, pair);
         let law = L::constants(row, &scale, pair.diameter);
         let lever = p.friction * pair.rolling_radius;
         let stiffness = 2.25 * L::stiffness(&law)[0] * lever * lever;
-        Scale {
+        RollingScale {
             law: scale,
             lever,
             dashpot: 2.0 * p.damping_ratio * (pair.rolling_inertia * stiffness).sqrt(),
@@ -172,9 +172,13 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     }
 
     #[inline(always)]
-    fn constants(row: &Self::Row, scale: &Scale<L::Scale>, diameter: f64) -> Self::Constants {
+    fn constants(
+        row: &Self::Row,
+        scale: &RollingScale<L::Scale>,
+        diameter: f64,
+    ) -> Self::Constants {
         let law = L::constants(&row.0, &scale.law, diameter);
-        Constants {
+        RollingConstants {
             law,
             stiffness: 2.25 * L::stiffness(&law)[0] * scale.lever * scale.lever,
             dashpot: scale.dashpot,
@@ -248,7 +252,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         for k in 0..S::Spin::COUNT {
             moment.set(k, numbers.get(L::NUMBERS + k).copied().unwrap_or(0.0));
         }
-        History {
+        RollingHistory {
             law: L::load(numbers),
             moment,
         }

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::family::{CriticalTimeStep, Family, contact_laws};
 use super::rolling::Rolling;
 use super::*;
-use crate::{Body, Dem, Motion, Particles, Region, Settings, Volume, alone};
+use crate::{Body, Dem, DemSettings, GrainDomain, Motion, Particles, Volume, alone};
 use base::error::{Remedy, Report};
 
 contact_laws! {
@@ -19,7 +19,7 @@ contact_laws! {
     /// Laws that the choices resolve to.
     Law:
     /// Linear springs with friction, no tension.
-    Linear(linear::Input) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
+    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
     /// A spring whose force is the square of the overlap.
     Toy(toy::Input) => Toy(toy::Toy);
 }
@@ -94,8 +94,8 @@ fn a_toy_is_described_limited_and_stepped() {
     let limits = law.model().time_limits(0, 1e-3, mass);
     assert_relative_eq!(limits.shorter(), 2.0 * critical, max_relative = 1e-12);
 
-    let region = Region::closed(Vector3::repeat(-0.1), Vector3::repeat(0.1), 1e-3);
-    let settings = Settings::new(region, 1e-3 * critical, 1e-4);
+    let region = GrainDomain::closed(Vector3::repeat(-0.1), Vector3::repeat(0.1), 1e-3);
+    let settings = DemSettings::new(region, 1e-3 * critical, 1e-4);
     let mut dem = Dem::of_family(&law, settings, Vec::new()).unwrap();
     let mut particles = Particles::<Volume>::new();
     for (body, sign) in bodies.into_iter().zip([-1.0, 1.0]) {

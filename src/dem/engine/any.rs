@@ -36,9 +36,9 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     /// Returns the solid steps done times the time step \[s\].
     fn time(&self) -> f64;
     /// Returns the settings.
-    fn settings(&self) -> &Settings<S>;
+    fn settings(&self) -> &DemSettings<S>;
     /// Returns the settings for changes.
-    fn settings_mut(&mut self) -> &mut Settings<S>;
+    fn settings_mut(&mut self) -> &mut DemSettings<S>;
     /// Returns the walls.
     fn walls(&self) -> &[Wall<S>];
     /// Returns the walls, to be moved.
@@ -109,11 +109,11 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
         self.time()
     }
 
-    fn settings(&self) -> &Settings<S> {
+    fn settings(&self) -> &DemSettings<S> {
         &self.settings
     }
 
-    fn settings_mut(&mut self) -> &mut Settings<S> {
+    fn settings_mut(&mut self) -> &mut DemSettings<S> {
         &mut self.settings
     }
 
@@ -152,7 +152,7 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
 /// Makes the engine of a law.
 pub(crate) struct MakeEngine<S: Space> {
-    pub(crate) settings: Settings<S>,
+    pub(crate) settings: DemSettings<S>,
     pub(crate) walls: Vec<Wall<S>>,
 }
 

@@ -13,18 +13,20 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::super::blocks::{in_space, out_of_space};
-use super::super::contact::blocks::{Blocks, Constants, Scale};
+use super::super::contact::blocks::{BlockConstants, BlockLaw, BlockScale};
 use super::super::polyhedron::force::Approach;
-use super::super::polyhedron::{self, Geometry, Hidden, History, Model, Narrow, Polyhedron};
+use super::super::polyhedron::{
+    self, BlockContactModel, BlockHistory, Geometry, Hidden, Narrow, Polyhedron,
+};
 use super::super::surface::Faces;
-use super::super::{Contact, View, integrate};
+use super::super::{Contact, ParticlesView, integrate};
 use super::bodies::Bodies;
 use super::*;
 use act::World;
 use pose::{Pose, boxes_meet};
 
-type BlockPair = Pair<Scale, History>;
-type BlockAtPlane = WallPair<Constants, History>;
+type BlockPair = Pair<BlockScale, BlockHistory>;
+type BlockAtPlane = WallPair<BlockConstants, BlockHistory>;
 
 /// Poses of all entries, and buffers of the narrow phase, one for each piece of work.
 #[derive(Debug, Default)]
@@ -70,7 +72,7 @@ fn by_face(faces: &Faces, near: &[u32], order: &mut Vec<[u32; 2]>) {
     order.sort_unstable();
 }
 
-impl<S: Space> Engine<S, Blocks> {
+impl<S: Space> Engine<S, BlockLaw> {
     /// Adds the actions of facets: one contact with each face, with the history it had.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let mut facets = std::mem::take(&mut self.solids.facets[0]);
@@ -92,10 +94,10 @@ impl<S: Space> Engine<S, Blocks> {
             let k = facets.pairs[facets.active[from] as usize].grain as usize;
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
-                facets.find_doubled::<S, Blocks>((from, to), &self.walls, motion);
+                facets.find_doubled::<S, BlockLaw>((from, to), &self.walls, motion);
                 for place in from..to {
                     let at = facets.active[place] as usize;
-                    facets.act_on_sphere::<S, Blocks>(
+                    facets.act_on_sphere::<S, BlockLaw>(
                         at,
                         &self.walls,
                         motion,
@@ -137,7 +139,7 @@ impl<S: Space> Engine<S, Blocks> {
                     let AtFace { face, touch, .. } = one;
                     world.note_at_wall(touch, pair.grain, pair.wall, &mut record);
                     let held = facets.held(&pair).iter().find(|held| held.facet == *face);
-                    let mut history = held.map_or(History::default(), |held| held.history);
+                    let mut history = held.map_or(BlockHistory::default(), |held| held.history);
                     let share = (part_of(&touches, touch), one.damped);
                     let load =
                         world.act_at_wall(k, wall, &pair.constants, (touch, share), &mut history);
@@ -234,7 +236,7 @@ impl<S: Space> Engine<S, Blocks> {
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
                 let load = (&mut contact[k], &mut record);
-                act_at_plane::<S, Blocks>(pair, wall, motion, load, dt);
+                act_at_plane::<S, BlockLaw>(pair, wall, motion, load, dt);
             } else if let Some(narrow) = narrows.first_mut() {
                 calls += 1;
                 if let Some(load) = world.act_at_plane(pair, wall, narrow, &mut record) {
@@ -251,7 +253,7 @@ impl<S: Space> Engine<S, Blocks> {
     }
 }
 
-impl<S: Space> Bodies<S> for Blocks {
+impl<S: Space> Bodies<S> for BlockLaw {
     type Scratch = Scratch;
 
     const PER_THREAD: usize = 16;
@@ -259,7 +261,7 @@ impl<S: Space> Bodies<S> for Blocks {
 
     fn engine(
         law: Self,
-        settings: Settings<S>,
+        settings: DemSettings<S>,
         walls: Vec<Wall<S>>,
     ) -> Result<Engine<S, Self>, Error> {
         if S::DIMENSION != 3 {
@@ -300,9 +302,10 @@ impl<S: Space> Bodies<S> for Blocks {
         poses.clear();
         if parallel {
             let all = (0..particles.len()).into_par_iter().with_min_len(64);
-            all.map(|k| Pose::of(&view, k)).collect_into_vec(poses);
+            all.map(|k| Pose::from_view(&view, k))
+                .collect_into_vec(poses);
         } else {
-            poses.extend((0..particles.len()).map(|k| Pose::of(&view, k)));
+            poses.extend((0..particles.len()).map(|k| Pose::from_view(&view, k)));
         }
     }
 
@@ -365,7 +368,8 @@ impl<S: Space> Bodies<S> for Blocks {
             overlap: touch.depth,
             normal: S::from_volume(&normal),
             position: particles.location(first) + S::from_volume(&arm),
-            normal_force: engine.rows.at(pair.row).stiffness(touch.area)[0] * touch.depth,
+            normal_force: engine.rows.parameters_at(pair.row).stiffness(touch.area)[0]
+                * touch.depth,
             shear_force: S::Vector::default(),
             bonded: false,
         })
@@ -399,7 +403,7 @@ impl<S: Space> Bodies<S> for Blocks {
     fn facet_contacts(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
-        (facets, pair): AtFacets<'_, Constants, History>,
+        (facets, pair): AtFacets<'_, BlockConstants, BlockHistory>,
         narrow: &mut Narrow,
         visit: &mut impl FnMut(Contact<S>),
     ) {

@@ -24,7 +24,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Where the law has no such dimension.
     fn engine(
         law: Self,
-        settings: Settings<S>,
+        settings: DemSettings<S>,
         walls: Vec<Wall<S>>,
     ) -> Result<Engine<S, Self>, Error> {
         Ok(Engine::new(law, settings, walls))

@@ -53,7 +53,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let offset = &self.lists.offsets[pair.offset as usize];
             let ends = pair.ends();
             let squared = separation(&particles.motion, ends, offset, periodic).1;
-            let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+            let constants =
+                L::constants(self.rows.parameters_at(pair.row), &pair.scale, pair.reach);
             let far = pair.reach + L::bonding_gap(&constants);
             if squared < far * far
                 && L::bond(&constants, &mut pair.history, pair.reach - squared.sqrt())

@@ -310,7 +310,7 @@ pub(super) fn is_bonded<S: Space, L: ContactLaw<S>>(held: &[Held<L::History>], f
 /// Returns the history among `held` of a contact with `facet`: its own, else that of an adjacent facet which no contact
 /// in `found` has.
 pub(super) fn history_of<M: Copy + Default>(
-    surface: &Surface,
+    surface: &FacetSurface,
     held: &[Held<M>],
     taken: &mut [bool],
     found: &[Nearest],
@@ -332,7 +332,7 @@ pub(super) fn history_of<M: Copy + Default>(
 
 /// Returns the displacements of a wall's facets from where they were made \[m\]: one, or in a periodic domain for a
 /// wall that has moved all those for which a facet may be near a body of the domain.
-fn places<S: Space>(wall: &Wall<S>, region: &Region<S>) -> Vec<S::Vector> {
+fn places<S: Space>(wall: &Wall<S>, region: &GrainDomain<S>) -> Vec<S::Vector> {
     let lengths = region.periodic_lengths();
     let mut places = vec![wall.point];
     for axis in (0..S::DIMENSION).filter(|&axis| lengths[axis] > 0.0) {

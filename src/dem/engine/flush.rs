@@ -39,7 +39,7 @@ impl Planes {
     }
 
     /// Returns `true` if a facet lies in one of the planes or behind it.
-    pub(super) fn hide(&self, surface: &Surface, facet: u32) -> bool {
+    pub(super) fn hide(&self, surface: &FacetSurface, facet: u32) -> bool {
         let reach = IN_PLANE * surface.size(facet as usize);
         self.planes.iter().any(|[point, normal]| {
             let mut corners = surface.corners(facet as usize);

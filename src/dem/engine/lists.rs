@@ -61,7 +61,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes,
         // which gets no more capacity than needed: it is most of the memory of a grain.
         let mut search = Search::default();
-        let candidates = search.look(particles, gap);
+        let candidates = search.find_candidates(particles, gap);
         self.list_facets(particles, gap, &search);
         drop(search);
         let mut pairs = std::mem::take(&mut self.lists.pairs);
@@ -86,7 +86,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     rolling_radius: a.radius * b.radius / (a.radius + b.radius),
                     rolling_inertia: rolling_inertia(&view, i, j),
                 };
-                let row = self.rows.place(a.material, b.material);
+                let row = self.rows.index_of(a.material, b.material);
                 let reach = a.radius + b.radius;
                 let (between, squared) = separation(view.motion, (i, j), &offset, periodic);
                 if !L::near(&self.scratch, (i, j), &between, gap) {
@@ -101,7 +101,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     radius: a.radius,
                     row,
                     offset: ghosts::index(place),
-                    scale: L::scale(self.rows.at(row), &partners),
+                    scale: L::scale(self.rows.parameters_at(row), &partners),
                     history: if lives { held } else { L::History::default() },
                 });
             });

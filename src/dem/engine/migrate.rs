@@ -8,7 +8,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     pub(super) fn migrate(
         &mut self,
         particles: &mut Particles<S>,
-        region: &Region<S>,
+        region: &GrainDomain<S>,
         domain: &Domain,
     ) -> Result<(), Error> {
         let owners = migration::owners(particles, region, domain)?;

@@ -10,7 +10,11 @@ pub(super) fn key(first: (u64, [i32; 3]), second: (u64, [i32; 3])) -> Key {
     }
 }
 
-pub(super) fn effective_mass<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
+pub(super) fn effective_mass<S: Space>(
+    particles: &ParticlesView<'_, S>,
+    i: usize,
+    j: usize,
+) -> f64 {
     let masses = [particles.body[i].mass, particles.body[j].mass];
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
         [true, false] => masses[0],
@@ -20,7 +24,11 @@ pub(super) fn effective_mass<S: Space>(particles: &View<'_, S>, i: usize, j: usi
 }
 
 /// Returns `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
-pub(super) fn rolling_inertia<S: Space>(particles: &View<'_, S>, i: usize, j: usize) -> f64 {
+pub(super) fn rolling_inertia<S: Space>(
+    particles: &ParticlesView<'_, S>,
+    i: usize,
+    j: usize,
+) -> f64 {
     let about = [i, j].map(|k| rolled(&particles.body[k]));
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
         [true, false] => about[0],
@@ -214,7 +222,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         roll: second.spin - first.spin,
         time_step: dt,
     };
-    let constants = L::constants(rows.at(pair.row), &pair.scale, pair.reach);
+    let constants = L::constants(rows.parameters_at(pair.row), &pair.scale, pair.reach);
     let force = L::force(&constants, &mut pair.history, &kinematics);
     let moment = S::tangent_moment(&force.tangent, &normal);
     let mut action = Action {

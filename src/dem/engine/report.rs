@@ -33,7 +33,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let distance = squared.sqrt();
         let overlap = pair.reach - distance;
         let normal = between * (1.0 / distance);
-        let constants = L::constants(self.rows.at(pair.row), &pair.scale, pair.reach);
+        let constants = L::constants(self.rows.parameters_at(pair.row), &pair.scale, pair.reach);
         Some(Contact {
             grain: first,
             other: Some(second),

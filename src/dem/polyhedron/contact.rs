@@ -6,9 +6,9 @@
 //!    is missed and none is invented.
 //! 3. The contact is reduced to one point, normal and depth by one of three models.
 //!
-//! [`Model::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of the overlap.
-//! The normal is the direction between the gradients of both "potential particles" at this point. With the planes moved
-//! inwards by the rounding `r`,
+//! [`BlockContactModel::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of
+//! the overlap. The normal is the direction between the gradients of both "potential particles" at this point. With the
+//! planes moved inwards by the rounding `r`,
 //!
 //! ```text
 //! g = sum_i <a_i . x - d_i + r> a_i,     n = g_1/|g_1| - g_2/|g_2|, normalised     <z> = max(z, 0)
@@ -17,8 +17,8 @@
 //! If all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both
 //! surfaces along `n` through the point. The area is the area of the section of the overlap across `n`.
 //!
-//! [`Model::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area `S` of the
-//! first's surface inside the second,
+//! [`BlockContactModel::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area
+//! `S` of the first's surface inside the second,
 //!
 //! ```text
 //! n = S/|S|,   area = |S|,   depth = V/|S|,   point = centroid of the overlap
@@ -32,9 +32,9 @@
 //! Graphics Forum 23 (2004) 529; vector area as normal, Y. T. Feng, K. Han, D. R. J. Owen, Comput. Methods Appl. Mech.
 //! Engrg. 205-208 (2012) 169.
 //!
-//! [`Model::Pressure`], the default, has an energy for all shapes: each surface feels half the pressure k d of its
-//! depth d in the other block (`contact/pressure.rs`). Faces on faces are the same bed of springs. Against a plane it
-//! is the patch. Relative energy errors in frictionless elastic collisions of boxes:
+//! [`BlockContactModel::Pressure`], the default, has an energy for all shapes: each surface feels half the pressure k d
+//! of its depth d in the other block (`contact/pressure.rs`). Faces on faces are the same bed of springs. Against a
+//! plane it is the patch. Relative energy errors in frictionless elastic collisions of boxes:
 //!
 //! | collision | pressure | patch | point |
 //! |---|---|---|---|
@@ -78,7 +78,7 @@ use super::separating_axes::{gap, widest_gap};
 use super::shape::Polyhedron;
 use super::{HalfSpace, analytic_centre};
 pub use facet::Hidden;
-pub use history::History;
+pub use history::BlockHistory;
 
 /// A block as the narrow phase sees it.
 #[derive(Clone, Copy, Debug)]
@@ -93,7 +93,7 @@ pub struct Placed<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "BlockModel")]
-pub enum Model {
+pub enum BlockContactModel {
     /// Pressure in proportion to the depth of each surface inside the other block. With a stiffness per area it
     /// conserves energy.
     #[default]
@@ -189,8 +189,8 @@ impl Narrow {
         first: &Placed,
         second: &Placed,
         separation: &Vector3<f64>,
-        model: &Model,
-        history: &mut History,
+        model: &BlockContactModel,
+        history: &mut BlockHistory,
     ) -> Option<Geometry> {
         let reach = first.shape.radius() + second.shape.radius();
         if separation.norm_squared() >= reach * reach {
@@ -250,8 +250,8 @@ impl Narrow {
         block: &Placed,
         normal: &Vector3<f64>,
         height: f64,
-        model: &Model,
-        history: &mut History,
+        model: &BlockContactModel,
+        history: &mut BlockHistory,
     ) -> Option<Geometry> {
         let plane = HalfSpace {
             normal: block.rotation.tr_mul(normal),
@@ -268,13 +268,13 @@ impl Narrow {
         }
         let other = Other::Plane(plane);
         let found = match model {
-            Model::Pressure | Model::Patch => {
+            BlockContactModel::Pressure | BlockContactModel::Patch => {
                 let near = block.shape.vertices()[lowest];
-                let overlap = self.overlap(block.shape, &other, &near, &Model::Patch);
+                let overlap = self.overlap(block.shape, &other, &near, &BlockContactModel::Patch);
                 self.patch(&other, &overlap)
                     .or_else(|| Some(touch(&near, &-plane.normal, below - height)))
             }
-            Model::Point { .. } => {
+            BlockContactModel::Point { .. } => {
                 self.planes.clear();
                 self.planes.extend_from_slice(block.shape.half_spaces());
                 self.own = self.planes.len();
@@ -300,13 +300,13 @@ impl Narrow {
         other: &Other,
         deepest: &Vector3<f64>,
         depth: f64,
-        model: &Model,
-        history: &mut History,
+        model: &BlockContactModel,
+        history: &mut BlockHistory,
     ) -> Option<Geometry> {
         match *model {
-            Model::Pressure | Model::Patch => {
+            BlockContactModel::Pressure | BlockContactModel::Patch => {
                 let overlap = self.overlap(first, other, deepest, model);
-                let found = if *model == Model::Pressure {
+                let found = if *model == BlockContactModel::Pressure {
                     self.pressed(&overlap)
                 } else {
                     self.patch(other, &overlap)
@@ -316,7 +316,7 @@ impl Narrow {
                     None => self.exhaust(first, other, model, history),
                 }
             }
-            Model::Point { rounding } => {
+            BlockContactModel::Point { rounding } => {
                 let warm = self
                     .planes
                     .iter()
@@ -356,8 +356,8 @@ impl Narrow {
         &mut self,
         first: &Polyhedron,
         other: &Other,
-        model: &Model,
-        history: &mut History,
+        model: &BlockContactModel,
+        history: &mut BlockHistory,
     ) -> Option<Geometry> {
         self.ways.exhaustive += 1;
         let (axis, depth, foremost) = match other {
@@ -393,7 +393,7 @@ impl Narrow {
             near
         };
         let overlap = self.overlap(first, other, &near, model);
-        if *model == Model::Pressure
+        if *model == BlockContactModel::Pressure
             && let Some(geometry) = self.pressed(&overlap)
         {
             return Some(geometry);
@@ -424,21 +424,21 @@ impl Narrow {
         first: &Placed,
         second: &Placed,
         separation: &Vector3<f64>,
-        history: &mut History,
+        history: &mut BlockHistory,
     ) -> Option<Geometry> {
         let other = Other::Block {
             shape: second.shape,
             turn: first.rotation.tr_mul(&second.rotation),
             separation: first.rotation.tr_mul(separation),
         };
-        let model = Model::Point { rounding: 0.0 };
+        let model = BlockContactModel::Point { rounding: 0.0 };
         let found = self.exhaust(first.shape, &other, &model, history);
         finish(found, first, history)
     }
 }
 
 /// Returns the contact in space, and what the pair remembers of it.
-fn finish(found: Option<Geometry>, first: &Placed, history: &mut History) -> Option<Geometry> {
+fn finish(found: Option<Geometry>, first: &Placed, history: &mut BlockHistory) -> Option<Geometry> {
     if found.is_none() {
         history.release();
     }

@@ -134,7 +134,7 @@ impl Cut {
 
     /// Returns the solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the
     /// axes; none if nothing of it is left, or it is not closed.
-    pub(super) fn of(planes: &[HalfSpace], reach: f64) -> Option<Self> {
+    pub(super) fn from_planes(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;
         for _ in 0..6 {
             let mut cut = Self::cube(half);

@@ -12,9 +12,9 @@
 //! more easily. The limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15 (1996) 557.
 //!
 //! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then
-//! `k = (stiffness per area) * area`, and with [`super::Model::Patch`] the normal force is the sum over a bed of
-//! springs. `F_s'` is the force of the shear spring in the last step, carried along with the contact: it is turned as
-//! the normal turned and by the mean spin of both blocks about the normal, and keeps its length.
+//! `k = (stiffness per area) * area`, and with [`super::BlockContactModel::Patch`] the normal force is the sum over a
+//! bed of springs. `F_s'` is the force of the shear spring in the last step, carried along with the contact: it is
+//! turned as the normal turned and by the mean spin of both blocks about the normal, and keeps its length.
 //!
 //! `M_t` resists the twist of a face on a face, with the polar moment J of the patch: `k_t = k_s J/area`. `R` is exact
 //! for a disc under uniform pressure. Without `M_t` a single contact point would let a block spin freely on another.
@@ -36,7 +36,7 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::contact::{Geometry, History};
+use super::contact::{BlockHistory, Geometry};
 use crate::dashpot::{over_step, part_of_step};
 
 /// Stiffness of a contact.
@@ -61,7 +61,7 @@ pub enum Stiffness {
 
 /// The law of a pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Law {
+pub struct BlockPairLaw {
     /// Stiffness.
     pub stiffness: Stiffness,
     /// Coefficient of friction mu.
@@ -94,7 +94,7 @@ pub struct Approach {
 
 /// Force, moment and state of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Action {
+pub struct ContactResponse {
     /// Force \[N\] on the second; the first feels the opposite.
     pub force: Vector3<f64>,
     /// Moment \[N m\] on the first about its centre.
@@ -103,7 +103,7 @@ pub struct Action {
     pub on_second: Vector3<f64>,
 }
 
-impl Law {
+impl BlockPairLaw {
     /// Returns the normal and shear stiffness [N/m] of a contact over `area` \[m²\]: for the critical time step,
     /// `0.1 sqrt(m/k)` or less.
     #[must_use]
@@ -123,7 +123,12 @@ impl Law {
     }
 
     /// Returns the action of a contact; its springs live in `history`.
-    pub fn act(&self, touch: &Geometry, history: &mut History, approach: &Approach) -> Action {
+    pub fn act(
+        &self,
+        touch: &Geometry,
+        history: &mut BlockHistory,
+        approach: &Approach,
+    ) -> ContactResponse {
         let dt = approach.time_step;
         let n = touch.normal;
         let [spin, other] = approach.spins;
@@ -176,7 +181,7 @@ impl Law {
         history.twist = twist;
 
         let force = n * normal + shear;
-        Action {
+        ContactResponse {
             force,
             on_first: -arms[0].cross(&force) - moment,
             on_second: arms[1].cross(&force) + moment,

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::HalfSpace;
 use super::cut::{Cut, count_f64};
 use super::linear_program::{AFRESH, Verdict, solve};
-use super::shape::{Polyhedron, Solid, moments};
+use super::shape::{PlacedPolyhedron, Polyhedron, moments};
 use super::shape_error::ShapeError;
 
 /// Corners closer to a plane than this over the size of the solid are on it.
@@ -33,7 +33,7 @@ struct Side {
 impl Piece {
     /// Returns the whole, with no cut yet.
     #[must_use]
-    pub fn of(solid: &Solid) -> Self {
+    pub fn from_polyhedron(solid: &PlacedPolyhedron) -> Self {
         let planes = solid.half_spaces();
         let faces = (0..planes.len()).map(|face| (face, solid.shape.face(face).to_vec()));
         let side = |plane| Side {
@@ -125,7 +125,7 @@ impl Piece {
     ///
     /// # Errors
     /// Where nothing of it is left.
-    pub fn solid(&self, back: f64) -> Result<Solid, ShapeError> {
+    pub fn solid(&self, back: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let planes: Vec<HalfSpace> = self
             .sides
             .iter()

@@ -2,8 +2,9 @@
 //! principal axes.
 //!
 //! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be
-//! anywhere in space; [`Solid`] holds the position and orientation of the block. Volume, centroid and inertia tensor
-//! are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its axes.
+//! anywhere in space; [`PlacedPolyhedron`] holds the position and orientation of the block. Volume, centroid and
+//! inertia tensor are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its
+//! axes.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -43,7 +44,7 @@ pub struct Polyhedron {
 
 /// A block as it was given: its shape, and where that stood.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solid {
+pub struct PlacedPolyhedron {
     /// The shape in its body frame.
     pub shape: Polyhedron,
     /// The centroid \[m\].
@@ -87,7 +88,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// Where there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
-    pub fn from_vertices(points: &[Vector3<f64>]) -> Result<Solid, ShapeError> {
+    pub fn from_vertices(points: &[Vector3<f64>]) -> Result<PlacedPolyhedron, ShapeError> {
         let (local, middle, width, noise) = centred("vertices", "vertex", points)?;
         if points.len() > hull::MOST {
             return Err(ShapeError::Many {
@@ -109,7 +110,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// Where they leave no volume, or do not close.
-    pub fn from_half_spaces(planes: &[HalfSpace]) -> Result<Solid, ShapeError> {
+    pub fn from_half_spaces(planes: &[HalfSpace]) -> Result<PlacedPolyhedron, ShapeError> {
         let few = ShapeError::Few {
             what: "half-spaces",
             found: planes.len(),
@@ -206,7 +207,7 @@ impl Polyhedron {
     ///
     /// # Errors
     /// Where the surface is not convex, not closed or flat.
-    pub fn from_triangles(triangles: &[[Vector3<f64>; 3]]) -> Result<Solid, ShapeError> {
+    pub fn from_triangles(triangles: &[[Vector3<f64>; 3]]) -> Result<PlacedPolyhedron, ShapeError> {
         let corners: Vec<Vector3<f64>> = triangles.iter().flatten().copied().collect();
         let (local, middle, width, _) = centred("corners of triangles", "corner", &corners)?;
         let tolerance = STL_PLANE * width;
@@ -263,9 +264,9 @@ impl Polyhedron {
     }
 
     /// Returns the solid in `planes`, which hold the origin and reach no further than `reach` \[m\] from it.
-    fn between(planes: &[HalfSpace], reach: f64) -> Result<Solid, ShapeError> {
+    fn between(planes: &[HalfSpace], reach: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let flat = |thickness, width| ShapeError::Flat { thickness, width };
-        let cut = Cut::of(planes, reach).ok_or(flat(0.0, reach))?;
+        let cut = Cut::from_planes(planes, reach).ok_or(flat(0.0, reach))?;
         let (_, first, _) = moments(&cut, &Vector3::zeros());
         let (volume, _, second) = moments(&cut, &first);
         let width = cut
@@ -310,7 +311,7 @@ impl Polyhedron {
             shape.starts.push(number(shape.corners.len()));
         }
         shape.edges = edges(&cut).ok_or(flat(0.0, width))?;
-        Ok(Solid {
+        Ok(PlacedPolyhedron {
             shape,
             position: first,
             orientation: UnitQuaternion::from_rotation_matrix(&axes),
@@ -399,7 +400,7 @@ impl Polyhedron {
     }
 }
 
-impl Solid {
+impl PlacedPolyhedron {
     /// Returns its half-spaces \[m\] where it stood, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> Vec<HalfSpace> {

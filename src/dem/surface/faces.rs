@@ -8,7 +8,7 @@
 //! - A face whose front it sees acts with its springs, whose force is of the order of the square of the overlap. The
 //!   root of a small stiffness is not small, so that its dashpot acts in the proportion of both overlaps only.
 
-use super::{ON, RIM, Surface, index};
+use super::{FacetSurface, ON, RIM, index};
 use nalgebra::{Matrix3, Vector3};
 
 /// Mark of an edge without an adjacent facet.
@@ -41,7 +41,7 @@ impl Faces {
     }
 }
 
-impl Surface {
+impl FacetSurface {
     /// Returns the plane faces.
     pub(crate) fn faces(&self) -> Faces {
         fn first_of(of: &[u32], mut k: u32) -> u32 {

@@ -11,7 +11,7 @@
 
 use super::super::ghosts::index;
 use super::super::region::wraps;
-use super::{Nearest, Surface};
+use super::{FacetSurface, Nearest};
 use base::error::Error;
 use base::number::{floor_i32, floor_i64, real};
 use nalgebra::Vector3;
@@ -48,7 +48,7 @@ const MEET: f64 = 1e-6;
 /// The most facets with all images.
 const MOST: f64 = 2e7;
 
-impl Surface {
+impl FacetSurface {
     /// Returns the surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its
     /// corner `lower` \[m\].
     ///

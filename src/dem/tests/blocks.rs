@@ -6,19 +6,19 @@ use std::sync::{Arc, OnceLock};
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::contact::blocks::Blocks;
-use super::super::polyhedron::{self, Model, Polyhedron, Stiffness};
-use super::super::state::{Contacts, Table};
+use super::super::contact::blocks::BlockLaw;
+use super::super::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
+use super::super::state::{Contacts, NamedColumns};
 use super::same_bits::{bits, on_slabs};
 use super::*;
 use base::random::Stream;
-use decomposition::Axis;
+use decomposition::SplitAxis;
 
 const GRAVITY: f64 = 9.81;
 const DENSITY: f64 = 2600.0;
 
 fn law(normal: f64, friction: f64, damping: f64, mass_damping: f64) -> Law {
-    let law = polyhedron::Law {
+    let law = polyhedron::BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal,
             shear: 0.5 * normal,
@@ -27,9 +27,9 @@ fn law(normal: f64, friction: f64, damping: f64, mass_damping: f64) -> Law {
         normal_damping: damping,
         shear_damping: damping,
     };
-    Law::Blocks(Blocks {
+    Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),
-        model: Model::Pressure,
+        model: BlockContactModel::Pressure,
         mass_damping,
     })
 }
@@ -73,7 +73,7 @@ fn a_block_on_a_slope() {
         (45.0, 30.0),
     ] {
         let (angle, mu) = (slope.to_radians(), friction.to_radians().tan());
-        let mut settings = Settings::new(about_origin(50.0), 2e-4, 0.02);
+        let mut settings = DemSettings::new(about_origin(50.0), 2e-4, 0.02);
         settings.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * GRAVITY;
         let stiffness = 1e8;
         let sunk = DENSITY * 0.2 * GRAVITY * angle.cos() / stiffness;
@@ -113,7 +113,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
         );
         let turn = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.9);
         particles.add_block(body, motion, 0, turn).unwrap();
-        let settings = Settings::new(region, time_step, 0.05);
+        let settings = DemSettings::new(region, time_step, 0.05);
         let mut dem = Dem::new(law(1e8, 0.5, 0.0, 0.0), settings, vec![]).unwrap();
         let momentum = particles.polyhedron(0).unwrap().1.angular_momentum;
         let energy = particles.kinetic_energy(0);
@@ -144,7 +144,7 @@ fn a_collision_through_a_periodic_face() {
     let collide = |periodic: bool| {
         let mut region = about_origin::<Volume>(1.0);
         region.periodic[0] = periodic;
-        let settings = Settings::new(region, 2e-5, 0.02);
+        let settings = DemSettings::new(region, 2e-5, 0.02);
         let mut dem = Dem::new(law(1e9, 0.3, 0.0, 0.0), settings, vec![]).unwrap();
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes(Arc::clone(&shapes)).unwrap();
@@ -201,7 +201,7 @@ fn a_stack_of_ten_stands() {
         })
         .collect();
     let mut particles = resting(&blocks);
-    let mut settings = Settings::new(about_origin(20.0), 1e-4, 0.02);
+    let mut settings = DemSettings::new(about_origin(20.0), 1e-4, 0.02);
     settings.gravity = Vector3::z() * -GRAVITY;
     let mut dem = Dem::new(law(1e9, 0.5, 0.1, 20.0), settings, vec![floor()]).unwrap();
     dem.advance_many(&mut particles, &alone(), 10_000).unwrap();
@@ -248,7 +248,7 @@ fn spheres_and_blocks_meet_either_way_round() {
                 Vector3::new(0.0, 0.0, 30.0),
             ),
         );
-        let settings = Settings::new(about_origin(2.0), 1e-5, 0.02);
+        let settings = DemSettings::new(about_origin(2.0), 1e-5, 0.02);
         let mut dem = Dem::new(law(1e9, 0.4, 0.05, 0.0), settings, vec![]).unwrap();
         let before = momentum(&particles);
         dem.advance_many(&mut particles, &alone(), 12_000).unwrap();
@@ -266,7 +266,7 @@ fn spheres_and_blocks_meet_either_way_round() {
 
 /// Returns a square of side 2 `half` in z = 0, `n` by `n` squares of two triangles each, every third of them facing
 /// down.
-fn mesh(half: f64, n: u32) -> Surface {
+fn mesh(half: f64, n: u32) -> FacetSurface {
     let place = |k: u32| 2.0 * half * f64::from(k) / f64::from(n) - half;
     let vertices = (0..=n)
         .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
@@ -282,7 +282,7 @@ fn mesh(half: f64, n: u32) -> Surface {
     for facet in facets.iter_mut().step_by(3) {
         facet.reverse();
     }
-    Surface::new(vertices, &facets).unwrap()
+    FacetSurface::new(vertices, &facets).unwrap()
 }
 
 /// Interior edges are not felt: a block that tumbles and slides over triangles does what it does on a plane.
@@ -300,7 +300,7 @@ fn a_flat_mesh_is_a_plane() {
         let turn = UnitQuaternion::from_euler_angles(0.1, -0.15, 0.3);
         let body = Body::of_block(0, &shape, DENSITY, 0);
         particles.add_block(body, motion, 0, turn).unwrap();
-        let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
+        let mut settings = DemSettings::new(about_origin(10.0), 1e-4, 0.02);
         settings.gravity = Vector3::z() * -GRAVITY;
         let mut dem = Dem::new(law(1e8, 0.3, 0.2, 0.0), settings, vec![wall]).unwrap();
         dem.advance_many(&mut particles, &alone(), 6000).unwrap();
@@ -335,10 +335,11 @@ fn a_flat_mesh_is_a_plane() {
 fn a_block_overhangs_the_edge_of_a_box() {
     for (x, rests) in [(-0.1, true), (0.1, false)] {
         let ledge =
-            Surface::of_box(Vector3::new(-1.0, -1.0, -1.0), Vector3::new(0.0, 1.0, 0.0)).unwrap();
+            FacetSurface::of_box(Vector3::new(-1.0, -1.0, -1.0), Vector3::new(0.0, 1.0, 0.0))
+                .unwrap();
         let place = Vector3::new(x, 0.1, 0.1);
         let mut particles = resting(&[(cuboid(1.0, 0.4, 0.2), place, UnitQuaternion::identity())]);
-        let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
+        let mut settings = DemSettings::new(about_origin(10.0), 1e-4, 0.02);
         settings.gravity = Vector3::z() * -GRAVITY;
         let walls = vec![Wall::of_surface(Arc::new(ledge), 0)];
         let mut dem = Dem::new(law(1e9, 0.5, 0.3, 20.0), settings, walls).unwrap();
@@ -366,7 +367,7 @@ fn a_block_overhangs_the_edge_of_a_box() {
 /// Returns a box of facets between two corners.
 fn piece(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
     Wall::of_surface(
-        Arc::new(Surface::of_box(from.into(), to.into()).unwrap()),
+        Arc::new(FacetSurface::of_box(from.into(), to.into()).unwrap()),
         0,
     )
 }
@@ -376,7 +377,7 @@ fn tile(x: f64) -> Wall<Volume> {
     let corners = [[0.0, -1.0], [2.0, -1.0], [2.0, 1.0], [0.0, 1.0]];
     let corners = corners.map(|[a, y]| Vector3::new(x + a, y, 0.0)).to_vec();
     Wall::of_surface(
-        Arc::new(Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()),
+        Arc::new(FacetSurface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()),
         0,
     )
 }
@@ -417,7 +418,7 @@ fn a_block_slides_over_edges_and_seams() {
             let place = Vector3::new(0.0, 0.0, 0.1 - sunk);
             let mut particles = resting(&[(shape, place, UnitQuaternion::identity())]);
             particles.motion[0].velocity.x = speed;
-            let mut settings = Settings::new(about_origin(10.0), step, 0.02);
+            let mut settings = DemSettings::new(about_origin(10.0), step, 0.02);
             settings.gravity = Vector3::z() * -GRAVITY;
             let mut dem = Dem::new(law(1e9, mu, 0.3, 0.0), settings, walls.clone()).unwrap();
             let steps = base::number::whole(0.4 / step);
@@ -447,7 +448,7 @@ fn a_spinning_cube_is_braked_by_its_patch() {
         particles
             .add_block(body, motion, 0, UnitQuaternion::identity())
             .unwrap();
-        let mut settings = Settings::new(about_origin(10.0), 2e-5, 0.02);
+        let mut settings = DemSettings::new(about_origin(10.0), 2e-5, 0.02);
         settings.gravity = Vector3::z() * -GRAVITY;
         let mut dem = Dem::new(law(1e9, mu, 1.0, 0.0), settings, vec![floor()]).unwrap();
         dem.advance_many(&mut particles, &alone(), 2500).unwrap();
@@ -475,7 +476,7 @@ fn a_sphere_rolls_down_a_block() {
     let sphere = Body::uniform::<Volume>(1, 0.05, DENSITY, 0);
     let place = Vector3::new(0.0, 0.0, 0.05);
     particles.insert(sphere, motion_at(place, Vector3::zeros(), Vector3::zeros()));
-    let mut settings = Settings::new(about_origin(20.0), 4e-6, 0.02);
+    let mut settings = DemSettings::new(about_origin(20.0), 4e-6, 0.02);
     settings.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * GRAVITY;
     let mut dem = Dem::new(law(1e11, 0.8, 0.3, 0.0), settings, vec![]).unwrap();
     let speed = |particles: &Particles<Volume>| {
@@ -494,11 +495,11 @@ fn what_blocks_cannot_do_is_refused() {
     let refusal = |result: Result<(), Error>| result.unwrap_err().to_string();
     let flat = Dem::new(
         law(1e8, 0.5, 0.0, 0.0),
-        Settings::new(about_origin::<Plane>(1.0), 1e-4, 0.1),
+        DemSettings::new(about_origin::<PlaneSpace>(1.0), 1e-4, 0.1),
         vec![],
     );
     assert!(refusal(flat.map(|_| ())).contains("two dimensions"));
-    let settings = Settings::new(about_origin::<Volume>(1.0), 1e-4, 0.1);
+    let settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-4, 0.1);
     // Shapes that are not in the table, and blocks under a law of spheres.
     let shape = cuboid(0.1, 0.1, 0.1);
     let mut particles = Particles::<Volume>::new();
@@ -514,7 +515,7 @@ fn what_blocks_cannot_do_is_refused() {
     let mut dem = Dem::new(law(1e8, 0.5, 0.0, 0.0), settings, vec![]).unwrap();
     assert!(refusal(dem.prepare(&mut restored, &alone())).contains("table of 0"));
     assert!(
-        Particles::<Plane>::new()
+        Particles::<PlaneSpace>::new()
             .set_shapes(Arc::default())
             .is_err()
     );
@@ -548,11 +549,11 @@ const STEPS: u64 = 2400;
 const WIDTH: f64 = 0.24;
 
 impl Pile {
-    fn settings(self) -> Settings<Volume> {
+    fn settings(self) -> DemSettings<Volume> {
         let upper = Vector3::new(WIDTH, WIDTH, 0.4);
-        let mut region = Region::<Volume>::closed(Vector3::zeros(), upper, 0.01);
+        let mut region = GrainDomain::<Volume>::closed(Vector3::zeros(), upper, 0.01);
         region.periodic[0] = self.periodic;
-        let mut settings = Settings::new(region, 1e-4, self.skin);
+        let mut settings = DemSettings::new(region, 1e-4, self.skin);
         settings.gravity = Vector3::new(2.0, 0.0, -GRAVITY);
         settings.local_damping = 0.05;
         settings.ghost_margin = 0.01;
@@ -561,13 +562,14 @@ impl Pile {
 
     fn dem(self) -> Dem<Volume> {
         let settings = self.settings();
-        let Region { lower, upper, .. } = settings.region;
+        let GrainDomain { lower, upper, .. } = settings.region;
         let mut walls = Wall::of_box(lower, upper, [!self.periodic, true, true], 0);
         if !self.periodic {
             // The floor as a mesh, and a step on it.
             walls[4] = Wall::of_surface(Arc::new(mesh(0.3, 9)), 0);
             let corner = Vector3::new(0.17, 0.17, 0.0);
-            let step = Surface::of_box(corner, corner + Vector3::new(0.05, 0.05, 0.012)).unwrap();
+            let step =
+                FacetSurface::of_box(corner, corner + Vector3::new(0.05, 0.05, 0.012)).unwrap();
             walls.push(Wall::of_surface(Arc::new(step), 0));
         }
         Dem::new(law(1e8, 0.5, 0.1, 0.5), settings, walls).unwrap()
@@ -649,7 +651,7 @@ fn fill(particles: &mut Particles<Volume>, mine: impl Fn(u64) -> bool) {
 
 #[derive(Clone, Default)]
 struct Saved {
-    grains: Table,
+    grains: NamedColumns,
     contacts: Contacts,
     migrated: bool,
 }
@@ -668,7 +670,7 @@ impl Saved {
 /// Makes `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
 fn run(
     pile: Pile,
-    (axis, bounds, threads): (Axis, &[usize], usize),
+    (axis, bounds, threads): (SplitAxis, &[usize], usize),
     from: Option<&Saved>,
     (steps, batch): (u64, u64),
 ) -> Saved {
@@ -730,7 +732,7 @@ const PERIODIC: Pile = Pile {
     periodic: true,
     skin: 4e-3,
 };
-const ONE: (Axis, &[usize], usize) = (Axis::X, &[0, 24], 1);
+const ONE: (SplitAxis, &[usize], usize) = (SplitAxis::X, &[0, 24], 1);
 
 /// Returns a pile on one rank, made once for all tests.
 fn straight(pile: Pile) -> &'static Saved {
@@ -744,13 +746,13 @@ fn ranks_and_threads_do_not_show_in_a_pile() {
         let one = straight(pile);
         let rows = [one.contacts.grains.rows(), one.contacts.walls.rows()];
         assert!(rows[0] > 100 && rows[1] > 5, "{rows:?}");
-        let splits: [(Axis, &[usize], usize); 5] = [
-            (Axis::X, &[0, 24], 2),
-            (Axis::X, &[0, 12, 24], 2),
-            (Axis::Y, &[0, 7, 14, 24], 1),
-            (Axis::Z, &[0, 5, 9, 40], 1),
+        let splits: [(SplitAxis, &[usize], usize); 5] = [
+            (SplitAxis::X, &[0, 24], 2),
+            (SplitAxis::X, &[0, 12, 24], 2),
+            (SplitAxis::Y, &[0, 7, 14, 24], 1),
+            (SplitAxis::Z, &[0, 5, 9, 40], 1),
             // An empty slab in between, and slabs thinner than the giant.
-            (Axis::X, &[0, 10, 10, 14, 24], 2),
+            (SplitAxis::X, &[0, 10, 10, 14, 24], 2),
         ];
         // Box walls change nothing in how slabs are cut: the closed pile meets the thin and the empty ones.
         let first = if pile.periodic { 0 } else { 2 };
@@ -772,11 +774,16 @@ fn skins_calls_and_restarts_do_not_show_in_a_pile() {
             "skin {skin}"
         );
     }
-    let split = (Axis::X, &[0, 9, 24][..], 2);
+    let split = (SplitAxis::X, &[0, 9, 24][..], 2);
     for (pile, one) in [(PERIODIC, one), (CLOSED, straight(CLOSED).bits())] {
         let part = STEPS / 3;
         let a = run(pile, split, None, (part, 40));
-        let b = run(pile, (Axis::Z, &[0, 5, 9, 40], 1), Some(&a), (part, part));
+        let b = run(
+            pile,
+            (SplitAxis::Z, &[0, 5, 9, 40], 1),
+            Some(&a),
+            (part, part),
+        );
         let c = run(pile, ONE, Some(&b), (part, part));
         assert_eq!(c.contacts.steps, STEPS);
         assert!(one == c.bits());

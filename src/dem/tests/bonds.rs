@@ -10,8 +10,8 @@ use super::*;
 
 /// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5
 /// m.
-pub(super) const CLAY: contact_bond::Parameters = contact_bond::Parameters {
-    linear: linear::Parameters {
+pub(super) const CLAY: contact_bond::ContactBondParameters = contact_bond::ContactBondParameters {
+    linear: linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(1e6),
         ..SPRINGS
     },
@@ -22,8 +22,8 @@ pub(super) const CLAY: contact_bond::Parameters = contact_bond::Parameters {
 };
 
 pub(super) fn clay<S: Space>(
-    parameters: contact_bond::Parameters,
-    settings: Settings<S>,
+    parameters: contact_bond::ContactBondParameters,
+    settings: DemSettings<S>,
     walls: Vec<Wall<S>>,
 ) -> Dem<S> {
     let law = Law::ContactBond(ContactBond {
@@ -37,10 +37,10 @@ const DIAMETER: f64 = 2e-3;
 /// Returns a fixed sphere and one too heavy for contacts to move, bonded at `overlap`; the second's velocity is metres
 /// per step.
 fn pair(
-    parameters: contact_bond::Parameters,
+    parameters: contact_bond::ContactBondParameters,
     overlap: f64,
 ) -> (Dem<Volume>, Particles<Volume>, u64) {
-    let settings = Settings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
+    let settings = DemSettings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
     let mut dem = clay(parameters, settings, Vec::new());
     let mut particles = Particles::new();
     let body = Body::uniform::<Volume>(1, 0.5 * DIAMETER, 2600.0, 0);
@@ -142,7 +142,7 @@ fn bonds_form_across_the_bonding_gap() {
         (4.1e-6, false, 1, 4.0),
         (4.1e-6, true, 1, 0.0),
     ] {
-        let parameters = contact_bond::Parameters {
+        let parameters = contact_bond::ContactBondParameters {
             bonding_gap,
             unstressed,
             ..CLAY
@@ -179,7 +179,7 @@ fn rolling_friction_slows_and_holds() {
     let (radius, g, mu_r) = (0.05, 9.81, 0.1);
     let body = Body::uniform::<Volume>(1, radius, 2600.0, 0);
     let stiffness = 1e6;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: 0.8,
         normal_damping: 0.3,
@@ -193,13 +193,13 @@ fn rolling_friction_slows_and_holds() {
             },
             parameters: PairTable::uniform(
                 1,
-                rolling::Parameters {
+                rolling::RollingParameters {
                     friction: mu_r,
                     damping_ratio: 0.3,
                 },
             ),
         });
-        let mut settings = Settings::new(
+        let mut settings = DemSettings::new(
             about_origin::<Volume>(5.0),
             0.05 * (body.mass / stiffness).sqrt(),
             1e-2,

@@ -3,7 +3,9 @@
 use approx::assert_relative_eq;
 use nalgebra::{Rotation3, Vector3};
 
-use super::super::contact::hertz_mindlin::{Elastic, HertzMindlin, Parameters, damping};
+use super::super::contact::hertz_mindlin::{
+    Elastic, HertzMindlin, HertzMindlinParameters, damping,
+};
 use super::*;
 use base::random::Stream;
 
@@ -17,7 +19,7 @@ pub(super) fn elastic(friction: f64, restitution: f64, attraction: bool) -> Law 
     Law::HertzMindlin(HertzMindlin {
         parameters: PairTable::uniform(
             1,
-            Parameters {
+            HertzMindlinParameters {
                 moduli: GLASS.effective(GLASS),
                 friction,
                 damping: damping(restitution, attraction),
@@ -47,7 +49,7 @@ fn restitution_does_not_depend_on_the_speed() {
         let [young, _] = GLASS.effective(GLASS);
         // Hertz: 2.87 (m*²/(R* E*² v))^(1/5).
         let duration = 2.868 * (mass * mass / (2e-3 / 3.0 * young * young * speed)).powf(0.2);
-        let settings = Settings::new(about_origin::<Volume>(0.1), duration / 4000.0, 1e-4);
+        let settings = DemSettings::new(about_origin::<Volume>(0.1), duration / 4000.0, 1e-4);
         let mut dem = Dem::new(law, settings, Vec::new()).unwrap();
         let mut particles = Particles::new();
         for (k, body) in (0..2_u32).zip(bodies) {
@@ -77,7 +79,7 @@ fn collisions_keep_angular_momentum() {
         let between = turn * Vector3::new(2.7001e-3, 0.0, 0.0);
         let tangential = if k % 2 == 0 { 0.05 } else { 0.4 };
         let e = if k % 4 < 2 { 1.0 } else { 0.6 };
-        let settings = Settings::new(about_origin::<Volume>(0.02), 5e-9, 1e-4);
+        let settings = DemSettings::new(about_origin::<Volume>(0.02), 5e-9, 1e-4);
         let mut dem = Dem::new(elastic(0.35, e, false), settings, Vec::new()).unwrap();
         let mut particles = Particles::new();
         let first = vector(1e-3);
@@ -118,7 +120,7 @@ fn collisions_keep_angular_momentum() {
 /// Chung and Ooi's test 7: equal and opposite spins roll over each other without slip: no shear force, the spins stay.
 #[test]
 fn equal_and_opposite_spins_roll_off_each_other() {
-    let settings = Settings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
+    let settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
     let mut dem = Dem::new(elastic(0.4, 0.5, false), settings, Vec::new()).unwrap();
     let mut particles = Particles::new();
     for (id, sign) in [(1, -1.0), (2, 1.0)] {
@@ -141,7 +143,7 @@ fn equal_and_opposite_spins_roll_off_each_other() {
 /// contact does not bear is lost (Thornton et al. 2013).
 #[test]
 fn a_shrinking_contact_lets_go_of_shear() {
-    let settings = Settings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
+    let settings = DemSettings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
     let mut dem = Dem::new(elastic(50.0, 1.0, false), settings, Vec::new()).unwrap();
     let mut particles = Particles::new();
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);

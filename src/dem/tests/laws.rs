@@ -19,7 +19,7 @@ fn whole(value: f64) -> u64 {
 /// Returns the restitution, duration over `sqrt(m*/k)` and depth over `v0 sqrt(m*/k)` of a head-on collision of unequal
 /// grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_damping: zeta,
         attraction,
         friction: 0.0,
@@ -31,7 +31,7 @@ fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     ];
     let mass = bodies[0].mass * bodies[1].mass / (bodies[0].mass + bodies[1].mass);
     let unit = (mass / 1e5_f64).sqrt();
-    let settings = Settings::new(about_origin::<S>(1.0), unit * 5e-5, 1e-4);
+    let settings = DemSettings::new(about_origin::<S>(1.0), unit * 5e-5, 1e-4);
     let mut dem = linear(parameters, settings, Vec::new());
     let mut particles = Particles::new();
     let speed = 0.3;
@@ -72,7 +72,7 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
         let [e, zeta, duration, depth, duration_pushing, e_pushing] = row[..] else {
             panic!()
         };
-        let [found, time, deepest] = collide::<Plane>(zeta, true);
+        let [found, time, deepest] = collide::<PlaneSpace>(zeta, true);
         assert_relative_eq!(found, e, max_relative = 1e-3);
         assert_relative_eq!(time, duration, max_relative = 1e-3);
         assert_relative_eq!(deepest, depth, max_relative = 1e-3);
@@ -105,7 +105,7 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
 
 /// Returns the restitution of two spheres that meet `part` of a default step after a step.
 fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_damping: zeta,
         attraction,
         friction: 0.0,
@@ -113,7 +113,7 @@ fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
     };
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
     let step = 0.2 * (body.mass / 1e5_f64).sqrt();
-    let settings = Settings::new(about_origin::<Volume>(1.0), step, 1e-4);
+    let settings = DemSettings::new(about_origin::<Volume>(1.0), step, 1e-4);
     let mut dem = linear(parameters, settings, Vec::new());
     let mut particles = Particles::new();
     let speed = 0.3;
@@ -138,7 +138,7 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
     // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a
     // contact begins: both are worth half a step of decay.
     let first_order = 0.5 * gamma * 1e-7;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         friction,
         normal_damping,
         attraction: true,
@@ -146,7 +146,7 @@ fn compare_collision(table: &str, friction: f64, gamma: f64) {
     };
     let mut dem = linear(
         parameters,
-        Settings::new(about_origin::<Volume>(0.01), 1e-7, 2e-4),
+        DemSettings::new(about_origin::<Volume>(0.01), 1e-7, 2e-4),
         Vec::new(),
     );
     let mut particles = Particles::new();
@@ -242,12 +242,12 @@ fn a_sphere_on_an_incline_follows_lammps() {
     ] {
         let body = Body::uniform::<Volume>(1, 5e-3, 2600.0, 0);
         let damping = 0.5 * 2000.0 * (body.mass / 1e5_f64).sqrt();
-        let parameters = linear::Parameters {
+        let parameters = linear::LinearParameters {
             friction: mu,
             normal_damping: damping,
             ..SPRINGS
         };
-        let mut settings = Settings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
+        let mut settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
         settings.gravity = Vector3::new(0.5, 0.0, -0.75_f64.sqrt()) * 9.81;
         let floor = Wall::new(Vector3::zeros(), Vector3::z(), 0);
         let mut dem = linear(parameters, settings, vec![floor]);
@@ -278,14 +278,14 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let (radius, g) = (0.05, 9.81);
     let body = Body::uniform::<S>(1, radius, 2600.0, 0);
     let stiffness = 1e7;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
         normal_damping: 0.3,
         shear_damping: 0.3,
         ..SPRINGS
     };
-    let mut settings = Settings::new(
+    let mut settings = DemSettings::new(
         about_origin::<S>(3.0),
         0.05 * (body.mass / stiffness).sqrt(),
         1e-2,
@@ -324,7 +324,7 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
 #[test]
 fn sliding_ends_in_rolling() {
     for mu in [0.1, 0.2, 0.3, 0.5] {
-        slide_to_roll::<Plane>(mu, 0.5);
+        slide_to_roll::<PlaneSpace>(mu, 0.5);
         slide_to_roll::<Volume>(mu, 0.4);
     }
 }
@@ -333,14 +333,14 @@ fn sliding_ends_in_rolling() {
 fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
     let body = Body::uniform::<S>(1, 0.05, 2600.0, 0);
     let stiffness = 1e7;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
         normal_damping: 0.3,
         shear_damping: 0.3,
         ..SPRINGS
     };
-    let mut settings = Settings::new(
+    let mut settings = DemSettings::new(
         about_origin::<S>(3.0),
         0.05 * (body.mass / stiffness).sqrt(),
         1e-2,
@@ -378,7 +378,7 @@ fn grains_roll_or_slide_down_an_incline() {
             max_relative = 5e-3
         );
         assert_relative_eq!(
-            roll_down::<Plane>(degrees, 1.05 * disc_mu),
+            roll_down::<PlaneSpace>(degrees, 1.05 * disc_mu),
             disc,
             max_relative = 5e-3
         );
@@ -386,7 +386,7 @@ fn grains_roll_or_slide_down_an_incline() {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let slides = 9.81 * (sin - 0.5 * disc_mu * cos);
         assert_relative_eq!(
-            roll_down::<Plane>(degrees, 0.5 * disc_mu),
+            roll_down::<PlaneSpace>(degrees, 0.5 * disc_mu),
             slides,
             max_relative = 5e-3
         );
@@ -418,7 +418,7 @@ fn a_block_slides_or_stays_on_an_incline() {
                 Law::Linear(Linear {
                     parameters: PairTable::uniform(
                         1,
-                        linear::Parameters {
+                        linear::LinearParameters {
                             normal_stiffness: Scaled::Absolute(1e7),
                             friction,
                             normal_damping: 0.3,
@@ -435,7 +435,7 @@ fn a_block_slides_or_stays_on_an_incline() {
                 Law::HertzMindlin(HertzMindlin {
                     parameters: PairTable::uniform(
                         1,
-                        hertz_mindlin::Parameters {
+                        hertz_mindlin::HertzMindlinParameters {
                             moduli,
                             friction,
                             damping: 1.0,
@@ -450,7 +450,7 @@ fn a_block_slides_or_stays_on_an_incline() {
             ),
         ];
         for (law, overlap, stiffness) in laws {
-            let mut settings = Settings::new(about_origin::<Volume>(3.0), 1e-5, 1e-2);
+            let mut settings = DemSettings::new(about_origin::<Volume>(3.0), 1e-5, 1e-2);
             settings.gravity = Vector3::new(sin, 0.0, -cos) * G;
             let floor = Wall::new(Vector3::zeros(), Vector3::z(), 0);
             let mut dem = Dem::new(law, settings, vec![floor]).unwrap();
@@ -500,7 +500,7 @@ fn pushing_damping(e: f64) -> f64 {
 /// Chung & Ooi test 6: a sphere with spin hits a plane and slides all along: v_t = mu (1+e) v_n, dw = -3 rad/s.
 #[test]
 fn an_oblique_impact_slides_as_chung_and_ooi_say() {
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         stiffness_ratio: 20.0,
         friction: 0.4,
         normal_damping: pushing_damping(0.5),
@@ -511,7 +511,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     )) {
         let (spin, expected_speed, expected_spin) = (row[0], row[4], row[5]);
         let body = Body::uniform::<Volume>(1, 0.1, 2699.0, 0);
-        let settings = Settings::new(
+        let settings = DemSettings::new(
             about_origin::<Volume>(1.0),
             1e-3 * (body.mass / 1e5_f64).sqrt(),
             1e-2,
@@ -542,7 +542,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
 fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     let (radius, speed) = (2.5e-3, 3.9);
     let stiffness = 1e9;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         stiffness_ratio: 20.0,
         friction: 0.092,
@@ -556,7 +556,7 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
             panic!()
         };
         let body = Body::uniform::<Volume>(1, radius, 4000.0, 0);
-        let settings = Settings::new(
+        let settings = DemSettings::new(
             about_origin::<Volume>(0.1),
             1e-3 * (body.mass / stiffness).sqrt(),
             1e-4,
@@ -589,23 +589,23 @@ fn compare_cohesive(
     table: &str,
     overlap: f64,
     velocity: Vector2<f64>,
-) -> (f64, f64, Option<BondBreak<Plane>>) {
+) -> (f64, f64, Option<BondBreak<PlaneSpace>>) {
     let d = 2e-4;
     let mut dem = cohesive(
         PAPER,
-        Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5),
+        DemSettings::new(about_origin::<PlaneSpace>(0.01), 1.0, 1e-5),
         Vec::new(),
     );
     let mut particles = Particles::new();
     let fixed = Body {
         kind: Kind::Fixed,
-        ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0)
+        ..Body::uniform::<PlaneSpace>(1, d / 2.0, 2600.0, 0)
     };
     // Too heavy for the contact to change its motion.
     let moved = Body {
         mass: 1e30,
         inertia: 1e30,
-        ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0)
+        ..Body::uniform::<PlaneSpace>(2, d / 2.0, 2600.0, 0)
     };
     // Bonded at a touch of 1e-18 m where the test starts without overlap.
     let x = d - overlap.max(1e-18);
@@ -701,18 +701,18 @@ fn cohesion_is_lost_for_good() {
     let d = 2e-4;
     let mut dem = cohesive(
         PAPER,
-        Settings::new(about_origin::<Plane>(0.01), 1.0, 1e-5),
+        DemSettings::new(about_origin::<PlaneSpace>(0.01), 1.0, 1e-5),
         Vec::new(),
     );
     let mut particles = Particles::new();
     let fixed = Body {
         kind: Kind::Fixed,
-        ..Body::uniform::<Plane>(1, d / 2.0, 2600.0, 0)
+        ..Body::uniform::<PlaneSpace>(1, d / 2.0, 2600.0, 0)
     };
     let moved = Body {
         mass: 1e30,
         inertia: 1e30,
-        ..Body::uniform::<Plane>(2, d / 2.0, 2600.0, 0)
+        ..Body::uniform::<PlaneSpace>(2, d / 2.0, 2600.0, 0)
     };
     particles.insert(fixed, Motion::default());
     let motion = Motion {
@@ -750,7 +750,7 @@ fn cohesion_is_lost_for_good() {
 fn a_lost_grain_is_named() {
     let mut dem = linear(
         SPRINGS,
-        Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3),
+        DemSettings::new(about_origin::<PlaneSpace>(0.1), 1e-5, 1e-3),
         Vec::new(),
     );
     let mut particles = Particles::new();
@@ -758,7 +758,7 @@ fn a_lost_grain_is_named() {
         velocity: Vector2::new(100.0, 0.0),
         ..Motion::default()
     };
-    particles.insert(Body::uniform::<Plane>(42, 1e-3, 2600.0, 0), motion);
+    particles.insert(Body::uniform::<PlaneSpace>(42, 1e-3, 2600.0, 0), motion);
     let error = dem
         .advance_many(&mut particles, &alone(), 10_000)
         .unwrap_err()
@@ -772,10 +772,10 @@ fn a_lost_grain_is_named() {
         velocity: Vector2::new(f64::NAN, 0.0),
         ..Motion::default()
     };
-    particles.insert(Body::uniform::<Plane>(43, 1e-3, 2600.0, 0), motion);
+    particles.insert(Body::uniform::<PlaneSpace>(43, 1e-3, 2600.0, 0), motion);
     let mut dem = linear(
         SPRINGS,
-        Settings::new(about_origin::<Plane>(0.1), 1e-5, 1e-3),
+        DemSettings::new(about_origin::<PlaneSpace>(0.1), 1e-5, 1e-3),
         Vec::new(),
     );
     let error = dem
@@ -790,11 +790,11 @@ fn the_critical_step_is_that_of_the_smallest_grain() {
     let law = Law::CohesiveFrictional(CohesiveFrictional {
         parameters: PairTable::uniform(1, PAPER),
     });
-    let grains = [1e-4, 1.5e-4].map(|radius| Body::uniform::<Plane>(1, radius, 2600.0, 0));
+    let grains = [1e-4, 1.5e-4].map(|radius| Body::uniform::<PlaneSpace>(1, radius, 2600.0, 0));
     // With the larger partner, k = 150e6 (r1 + r2).
     let expected = (grains[0].mass / (150e6 * 2.5e-4)).sqrt();
     assert_relative_eq!(
-        law.critical_time_step::<Plane>(&grains, 1),
+        law.critical_time_step::<PlaneSpace>(&grains, 1),
         expected,
         max_relative = 1e-12
     );

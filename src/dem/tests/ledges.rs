@@ -6,8 +6,8 @@ use std::sync::Arc;
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::contact::blocks::Blocks;
-use super::super::polyhedron::{self, Model, Polyhedron, Stiffness};
+use super::super::contact::blocks::BlockLaw;
+use super::super::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
 use super::*;
 
 const GRAVITY: f64 = 9.81;
@@ -17,13 +17,13 @@ const SPEED: f64 = 1.0;
 /// Time steps \[s\]: nine, six and four per cent of the period of the block on its springs.
 const STEPS: [f64; 3] = [1e-4, 7e-5, 5e-5];
 
-fn wall(surface: Surface) -> Wall<Volume> {
+fn wall(surface: FacetSurface) -> Wall<Volume> {
     Wall::of_surface(Arc::new(surface), 0)
 }
 
 /// A box of facets between two corners.
 fn cuboid(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
-    wall(Surface::of_box(from.into(), to.into()).unwrap())
+    wall(FacetSurface::of_box(from.into(), to.into()).unwrap())
 }
 
 /// A box 3 m long below z = 0 that ends at `x`.
@@ -40,7 +40,7 @@ fn after(x: f64) -> Wall<Volume> {
 fn polygon(corners: &[[f64; 2]]) -> Wall<Volume> {
     let all = (0..u32::try_from(corners.len()).unwrap()).collect();
     let corners = corners.iter().map(|[x, y]| Vector3::new(*x, *y, 0.0));
-    wall(Surface::new(corners.collect(), &[all]).unwrap())
+    wall(FacetSurface::new(corners.collect(), &[all]).unwrap())
 }
 
 /// A rectangle in z = 0, 2 m wide.
@@ -63,7 +63,7 @@ fn mesh(from: f64, to: f64, n: u32) -> Wall<Volume> {
     for facet in facets.iter_mut().step_by(3) {
         facet.reverse();
     }
-    wall(Surface::new(vertices.collect(), &facets).unwrap())
+    wall(FacetSurface::new(vertices.collect(), &facets).unwrap())
 }
 
 /// A closed box of triangles below z = 0.
@@ -89,7 +89,7 @@ fn solid_mesh(from: [f64; 3], to: [f64; 3]) -> Wall<Volume> {
         .iter()
         .flat_map(|[a, b, c, d]| [vec![*a, *b, *c], vec![*a, *c, *d]]);
     let facets: Vec<Vec<u32>> = halves.collect();
-    wall(Surface::new((0..8).map(corner).collect(), &facets).unwrap())
+    wall(FacetSurface::new((0..8).map(corner).collect(), &facets).unwrap())
 }
 
 fn plane() -> Wall<Volume> {
@@ -198,7 +198,7 @@ fn floors() -> Vec<(&'static str, Vec<Wall<Volume>>, f64)> {
 }
 
 fn law(friction: f64) -> Law {
-    let law = polyhedron::Law {
+    let law = polyhedron::BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal: 1e9,
             shear: 5e8,
@@ -207,9 +207,9 @@ fn law(friction: f64) -> Law {
         normal_damping: 0.3,
         shear_damping: 0.3,
     };
-    Law::Blocks(Blocks {
+    Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),
-        model: Model::Pressure,
+        model: BlockContactModel::Pressure,
         mass_damping: 0.0,
     })
 }
@@ -234,7 +234,7 @@ fn a_block_stops_after_the_same_distance_on_all_floors() {
             let orientation = UnitQuaternion::from_euler_angles(0.0, 0.0, turned);
             let body = Body::of_block(0, &shape, DENSITY, 0);
             particles.add_block(body, motion, 0, orientation).unwrap();
-            let mut settings = Settings::new(about_origin(10.0), step, 0.02);
+            let mut settings = DemSettings::new(about_origin(10.0), step, 0.02);
             settings.gravity = Vector3::z() * -GRAVITY;
             let mut dem = Dem::new(law(friction), settings, walls.clone()).unwrap();
             let steps = base::number::whole(0.32 / step) as u64;
@@ -267,7 +267,7 @@ fn a_block_falls_on_a_plane_wall_with_facets_in_it() {
         let orientation = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
         let body = Body::of_block(0, &shape, DENSITY, 0);
         particles.add_block(body, motion, 0, orientation).unwrap();
-        let mut settings = Settings::new(about_origin(10.0), 1e-4, 0.02);
+        let mut settings = DemSettings::new(about_origin(10.0), 1e-4, 0.02);
         settings.gravity = Vector3::z() * -GRAVITY;
         let mut dem = Dem::new(law(0.4), settings, walls).unwrap();
         dem.advance_many(&mut particles, &alone(), 4000).unwrap();

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::contact::blocks::Blocks;
-use super::super::polyhedron::{self, Model, Polyhedron, Stiffness};
+use super::super::contact::blocks::BlockLaw;
+use super::super::polyhedron::{self, BlockContactModel, Polyhedron, Stiffness};
 use super::*;
 use base::error::{Remedy, Report};
 use base::number::single;
@@ -13,7 +13,7 @@ use structure::{Frame, Images, Shape};
 
 const PERIOD: f64 = 0.1;
 
-const GLASS: linear::Parameters = linear::Parameters {
+const GLASS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 0.8,
     friction: 0.3,
@@ -23,9 +23,9 @@ const GLASS: linear::Parameters = linear::Parameters {
 };
 
 /// Returns a domain of one period along x and y from the origin, and 0.4 m along z.
-fn region() -> Region<Volume> {
+fn region() -> GrainDomain<Volume> {
     let upper = Vector3::new(PERIOD, PERIOD, 0.4);
-    let mut region = Region::closed(Vector3::new(0.0, 0.0, -0.2), upper, 0.004);
+    let mut region = GrainDomain::closed(Vector3::new(0.0, 0.0, -0.2), upper, 0.004);
     region.periodic = [true, true, false];
     region
 }
@@ -45,10 +45,10 @@ fn mesh(n: u32, from: f64) -> Wall<Volume> {
             facets.push(vec![a, a + n + 2, a + n + 1]);
         }
     }
-    wall(Surface::new(vertices, &facets).unwrap())
+    wall(FacetSurface::new(vertices, &facets).unwrap())
 }
 
-fn wall(surface: Surface) -> Wall<Volume> {
+fn wall(surface: FacetSurface) -> Wall<Volume> {
     let surface = surface.repeated([0.0, 0.0, -0.2], [PERIOD, PERIOD, 0.0]);
     Wall::of_surface(Arc::new(surface.unwrap()), 0)
 }
@@ -77,7 +77,7 @@ fn structure(shape: &str) -> Wall<Volume> {
     let images = Images::new(solid, frame, [true, true, false], 0.01);
     let facets = images.facets(1e-5, 1.0);
     let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
-    wall(Surface::new(vertices.collect(), &facets.faces).unwrap())
+    wall(FacetSurface::new(vertices.collect(), &facets.faces).unwrap())
 }
 
 fn plane() -> Wall<Volume> {
@@ -110,7 +110,7 @@ fn floors() -> Vec<(&'static str, Wall<Volume>)> {
 /// Returns a ball thrown along the floor: its motion, and the least of friction over normal force while it slides.
 fn slide(floor: Wall<Volume>, velocity: Vector3<f64>) -> (Motion<Volume>, f64) {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-    let mut settings = Settings::new(region(), 5e-6, 1e-3);
+    let mut settings = DemSettings::new(region(), 5e-6, 1e-3);
     settings.gravity = Vector3::new(0.0, 0.0, -9.81);
     let mut dem = linear(GLASS, settings, vec![floor]);
     let mut particles = Particles::new();
@@ -153,7 +153,7 @@ fn a_grain_rests_over_the_seam() {
     for (what, floor) in floors() {
         for at in [[0.0, 0.05], [0.0, 0.0], [0.0999, 0.0002], [-0.0012, 0.06]] {
             let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-            let mut settings = Settings::new(region(), 1e-5, 1e-3);
+            let mut settings = DemSettings::new(region(), 1e-5, 1e-3);
             settings.gravity = Vector3::new(0.0, 0.0, -9.81);
             settings.local_damping = 0.5;
             let mut dem = linear(GLASS, settings, vec![floor.clone()]);
@@ -211,7 +211,7 @@ fn a_moving_mesh_drags_as_a_plane() {
 #[test]
 fn a_block_slides_over_the_seam() {
     let run = |floor: Wall<Volume>| {
-        let law = polyhedron::Law {
+        let law = polyhedron::BlockPairLaw {
             stiffness: Stiffness::PerArea {
                 normal: 1e8,
                 shear: 5e7,
@@ -220,12 +220,12 @@ fn a_block_slides_over_the_seam() {
             normal_damping: 0.3,
             shear_damping: 0.3,
         };
-        let law = Law::Blocks(Blocks {
+        let law = Law::Blocks(BlockLaw {
             parameters: PairTable::uniform(1, law),
-            model: Model::Pressure,
+            model: BlockContactModel::Pressure,
             mass_damping: 0.0,
         });
-        let mut settings = Settings::new(region(), 2e-5, 1e-3);
+        let mut settings = DemSettings::new(region(), 2e-5, 1e-3);
         settings.gravity = Vector3::new(0.0, 0.0, -9.81);
         let mut dem = Dem::new(law, settings, vec![floor]).unwrap();
         let shape = Polyhedron::cuboid(Vector3::new(0.02, 0.02, 0.005)).unwrap();
@@ -257,7 +257,7 @@ fn a_block_slides_over_the_seam() {
 fn bodies_too_large_for_the_period_are_refused() {
     let mut dem = linear(
         GLASS,
-        Settings::new(region(), 5e-6, 1e-3),
+        DemSettings::new(region(), 5e-6, 1e-3),
         vec![mesh(1, 0.0)],
     );
     let mut particles = Particles::new();

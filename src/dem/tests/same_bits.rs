@@ -4,16 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use decomposition::{Axis, Domain, Slabs, on_threads};
+use decomposition::{Domain, Slabs, SplitAxis, on_threads};
 use nalgebra::Vector2;
 
-use super::super::state::{Contacts, Table};
+use super::super::state::{Contacts, NamedColumns};
 use super::*;
 use base::random::Stream;
 
 /// Runs `work` on ranks whose slabs have these bounds along an axis; the results by rank.
 pub(super) fn on_slabs<T: Send>(
-    axis: Axis,
+    axis: SplitAxis,
     bounds: &[usize],
     work: impl Fn(Domain) -> T + Sync,
 ) -> Vec<T> {
@@ -33,17 +33,18 @@ struct Scene {
 
 const STEPS: u64 = 1200;
 
-fn settings(scene: Scene) -> Settings<Plane> {
-    let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
+fn settings(scene: Scene) -> DemSettings<PlaneSpace> {
+    let mut region =
+        GrainDomain::<PlaneSpace>::closed(Vector2::zeros(), Vector2::new(0.04, 0.03), 1e-3);
     region.periodic[0] = scene.periodic;
-    let mut settings = Settings::new(region, 2e-6, scene.skin);
+    let mut settings = DemSettings::new(region, 2e-6, scene.skin);
     settings.gravity = Vector2::new(3.0, -9.81);
     settings.local_damping = 0.1;
     settings.ghost_margin = 1e-3;
     settings
 }
 
-fn dem(scene: Scene) -> Dem<Plane> {
+fn dem(scene: Scene) -> Dem<PlaneSpace> {
     let region = settings(scene).region;
     let walls = Wall::of_box(
         region.lower,
@@ -52,7 +53,7 @@ fn dem(scene: Scene) -> Dem<Plane> {
         0,
     );
     if scene.bonded {
-        let parameters = cohesive_frictional::Parameters {
+        let parameters = cohesive_frictional::CohesiveFrictionalParameters {
             normal_stiffness: Scaled::Absolute(5e5),
             cohesion: Scaled::Absolute(0.8),
             normal_damping: 0.05,
@@ -61,7 +62,7 @@ fn dem(scene: Scene) -> Dem<Plane> {
         };
         cohesive(parameters, settings(scene), walls)
     } else {
-        let parameters = linear::Parameters {
+        let parameters = linear::LinearParameters {
             normal_stiffness: Scaled::Absolute(5e5),
             normal_damping: 0.1,
             shear_damping: 0.1,
@@ -71,7 +72,7 @@ fn dem(scene: Scene) -> Dem<Plane> {
     }
 }
 
-fn grains() -> Vec<(Body, Motion<Plane>)> {
+fn grains() -> Vec<(Body, Motion<PlaneSpace>)> {
     let mut all = Vec::new();
     // A lattice that overlaps a little here and there; ids in no order of place.
     for row in 0..12_u64 {
@@ -86,8 +87,12 @@ fn grains() -> Vec<(Body, Motion<Plane>)> {
             if (at - Vector2::new(0.02, 0.012)).norm() < 0.0062 {
                 continue;
             }
-            let body =
-                Body::uniform::<Plane>((n * 131) % 997, 0.00099 + 3e-5 * draw.uniform(), 2600.0, 0);
+            let body = Body::uniform::<PlaneSpace>(
+                (n * 131) % 997,
+                0.00099 + 3e-5 * draw.uniform(),
+                2600.0,
+                0,
+            );
             let velocity = Vector2::new(draw.uniform() - 0.2, draw.uniform() - 0.5) * 2.0;
             all.push((
                 body,
@@ -100,7 +105,7 @@ fn grains() -> Vec<(Body, Motion<Plane>)> {
         }
     }
     // Wider than a slab, and moved by the contacts; and one that is driven.
-    let giant = Body::uniform::<Plane>(500_000, 0.005, 2600.0, 0);
+    let giant = Body::uniform::<PlaneSpace>(500_000, 0.005, 2600.0, 0);
     all.push((
         giant,
         Motion {
@@ -110,7 +115,7 @@ fn grains() -> Vec<(Body, Motion<Plane>)> {
     ));
     let driven = Body {
         kind: Kind::Driven,
-        ..Body::uniform::<Plane>(3_000, 0.001, 2600.0, 0)
+        ..Body::uniform::<PlaneSpace>(3_000, 0.001, 2600.0, 0)
     };
     let velocity = Vector2::new(-1.5, -1.0);
     all.push((
@@ -132,14 +137,14 @@ type State = (
 
 #[derive(Clone, Default)]
 struct Saved {
-    grains: Table,
+    grains: NamedColumns,
     contacts: Contacts,
-    breaks: Vec<BondBreak<Plane>>,
+    breaks: Vec<BondBreak<PlaneSpace>>,
     migrated: bool,
 }
 
 /// Returns all bits of grains and contacts, by id.
-pub(super) fn bits(grains: &Table, contacts: &Contacts) -> BTreeMap<u64, Vec<u64>> {
+pub(super) fn bits(grains: &NamedColumns, contacts: &Contacts) -> BTreeMap<u64, Vec<u64>> {
     let mut rows: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
     let column = |values: &state::Values| match values {
         state::Values::Real(values) => values.iter().map(|v| v.to_bits()).collect::<Vec<_>>(),
@@ -185,7 +190,7 @@ impl Saved {
 /// Makes `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
 fn run(
     scene: Scene,
-    axis: Axis,
+    axis: SplitAxis,
     bounds: &[usize],
     from: Option<&Saved>,
     steps: u64,
@@ -214,7 +219,7 @@ fn run(
             dem.bond_existing_contacts(&mut particles, &domain).unwrap();
         }
         dem.prepare(&mut particles, &domain).unwrap();
-        let ids = |particles: &Particles<Plane>| -> Vec<u64> {
+        let ids = |particles: &Particles<PlaneSpace>| -> Vec<u64> {
             let own = particles.body[..particles.owned()].iter();
             own.map(|body| body.id).collect()
         };
@@ -266,7 +271,7 @@ const SCENES: [Scene; 4] = [
 ];
 
 fn on_one_rank(scene: Scene) -> Saved {
-    run(scene, Axis::X, &[0, 40], None, STEPS, STEPS)
+    run(scene, SplitAxis::X, &[0, 40], None, STEPS, STEPS)
 }
 
 #[test]
@@ -284,14 +289,14 @@ fn ranks_do_not_show() {
             !one.breaks.is_empty(),
             "bonds must break where there are any"
         );
-        let splits: [(Axis, &[usize]); 6] = [
-            (Axis::X, &[0, 20, 40]),
-            (Axis::Y, &[0, 12, 30]),
-            (Axis::X, &[0, 10, 22, 40]),
+        let splits: [(SplitAxis, &[usize]); 6] = [
+            (SplitAxis::X, &[0, 20, 40]),
+            (SplitAxis::Y, &[0, 12, 30]),
+            (SplitAxis::X, &[0, 10, 22, 40]),
             // An empty slab in between, and slabs thinner than the giant.
-            (Axis::X, &[0, 18, 18, 21, 40]),
-            (Axis::Y, &[0, 7, 9, 30]),
-            (Axis::X, &[0, 5, 10, 15, 20, 25, 30, 40]),
+            (SplitAxis::X, &[0, 18, 18, 21, 40]),
+            (SplitAxis::Y, &[0, 7, 9, 30]),
+            (SplitAxis::X, &[0, 5, 10, 15, 20, 25, 30, 40]),
         ];
         for (axis, bounds) in splits {
             let many = run(scene, axis, bounds, None, STEPS, STEPS);
@@ -314,8 +319,8 @@ fn skins_and_calls_do_not_show() {
                 "skin {skin}"
             );
         }
-        assert!(one == run(scene, Axis::X, &[0, 40], None, STEPS, 1).state());
-        assert!(one == run(scene, Axis::X, &[0, 14, 40], None, STEPS, 60).state());
+        assert!(one == run(scene, SplitAxis::X, &[0, 40], None, STEPS, 1).state());
+        assert!(one == run(scene, SplitAxis::X, &[0, 14, 40], None, STEPS, 60).state());
     }
 }
 
@@ -323,10 +328,10 @@ fn skins_and_calls_do_not_show() {
 fn restarts_on_other_ranks_do_not_show() {
     for scene in SCENES {
         let one = on_one_rank(scene);
-        let a = run(scene, Axis::X, &[0, 40], None, 300, 300);
-        let b = run(scene, Axis::X, &[0, 21, 40], Some(&a), 300, 300);
-        let c = run(scene, Axis::Y, &[0, 9, 15, 30], Some(&b), 300, 300);
-        let mut d = run(scene, Axis::X, &[0, 40], Some(&c), 300, 300);
+        let a = run(scene, SplitAxis::X, &[0, 40], None, 300, 300);
+        let b = run(scene, SplitAxis::X, &[0, 21, 40], Some(&a), 300, 300);
+        let c = run(scene, SplitAxis::Y, &[0, 9, 15, 30], Some(&b), 300, 300);
+        let mut d = run(scene, SplitAxis::X, &[0, 40], Some(&c), 300, 300);
         for earlier in [a, b, c] {
             d.breaks.extend(earlier.breaks);
         }
@@ -336,18 +341,19 @@ fn restarts_on_other_ranks_do_not_show() {
 }
 
 /// Returns a heap large enough for threads to be used.
-fn heap(threads: usize) -> (Table, u64) {
+fn heap(threads: usize) -> (NamedColumns, u64) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .unwrap();
     pool.install(|| {
-        let mut region = Region::<Plane>::closed(Vector2::zeros(), Vector2::new(0.21, 0.3), 1e-3);
+        let mut region =
+            GrainDomain::<PlaneSpace>::closed(Vector2::zeros(), Vector2::new(0.21, 0.3), 1e-3);
         region.periodic[0] = true;
-        let mut settings = Settings::new(region, 2e-6, 3e-4);
+        let mut settings = DemSettings::new(region, 2e-6, 3e-4);
         settings.gravity = Vector2::new(1.0, -9.81);
         let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
-        let parameters = cohesive_frictional::Parameters {
+        let parameters = cohesive_frictional::CohesiveFrictionalParameters {
             normal_stiffness: Scaled::Absolute(5e5),
             cohesion: Scaled::Absolute(0.3),
             ..PAPER
@@ -360,8 +366,12 @@ fn heap(threads: usize) -> (Table, u64) {
                 0.0011 + 0.002_08 * f64::from(n % 100),
                 0.001 + 0.002 * f64::from(n / 100),
             );
-            let body =
-                Body::uniform::<Plane>(u64::from(n), 0.000_99 + 8e-5 * draw.uniform(), 2600.0, 0);
+            let body = Body::uniform::<PlaneSpace>(
+                u64::from(n),
+                0.000_99 + 8e-5 * draw.uniform(),
+                2600.0,
+                0,
+            );
             let velocity = Vector2::new(draw.uniform() - 0.5, draw.uniform() - 0.5) * 3.0;
             particles.insert(
                 body,
@@ -397,9 +407,9 @@ fn threads_do_not_show_in_lists_that_last() {
         pool.unwrap().install(|| {
             let (radius, pitch) = (1e-3, 1.999e-3);
             let size = Vector2::new(60.0 * pitch, 22.0 * pitch);
-            let mut region = Region::<Plane>::closed(Vector2::zeros(), size, 1e-3);
+            let mut region = GrainDomain::<PlaneSpace>::closed(Vector2::zeros(), size, 1e-3);
             region.periodic[0] = true;
-            let mut settings = Settings::new(region, 2e-6, 3e-4);
+            let mut settings = DemSettings::new(region, 2e-6, 3e-4);
             settings.gravity = Vector2::new(0.0, -9.81);
             let walls = Wall::of_box(region.lower, region.upper, [false, true, false], 0);
             let mut dem = cohesive(PAPER, settings, walls);
@@ -412,7 +422,7 @@ fn threads_do_not_show_in_lists_that_last() {
                     velocity: Vector2::new(draw.uniform() - 0.5, draw.uniform() - 0.5) * 0.01,
                     spin: 0.0,
                 };
-                let body = Body::uniform::<Plane>(u64::from(n), radius, 2600.0, 0);
+                let body = Body::uniform::<PlaneSpace>(u64::from(n), radius, 2600.0, 0);
                 particles.insert(body, motion);
             }
             dem.bond_existing_contacts(&mut particles, &alone())
@@ -444,7 +454,7 @@ fn threads_do_not_show_in_lists_that_last() {
 fn ghost_entries_are_summed_at_the_owner() {
     let scene = SCENES[1];
     let sums = |bounds: &[usize]| {
-        let parts = on_slabs(Axis::X, bounds, |domain| {
+        let parts = on_slabs(SplitAxis::X, bounds, |domain| {
             let mut particles = Particles::new();
             if domain.rank() == 0 {
                 for (body, motion) in grains() {

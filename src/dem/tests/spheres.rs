@@ -7,11 +7,11 @@ use nalgebra::Vector3;
 use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::super::contact::rolling::{self, Rolling};
-use super::super::state::{Contacts, Table};
+use super::super::state::{Contacts, NamedColumns};
 use super::same_bits::{bits, on_slabs};
 use super::*;
 use base::random::Stream;
-use decomposition::Axis;
+use decomposition::SplitAxis;
 
 #[derive(Clone, Copy, Debug)]
 enum Which {
@@ -27,8 +27,8 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
     let clay = ContactBond {
         parameters: PairTable::uniform(
             1,
-            contact_bond::Parameters {
-                linear: linear::Parameters {
+            contact_bond::ContactBondParameters {
+                linear: linear::LinearParameters {
                     normal_stiffness: Scaled::Absolute(2e4),
                     normal_damping: 0.1,
                     shear_damping: 0.1,
@@ -43,7 +43,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
     };
     let parameters = PairTable::uniform(
         1,
-        rolling::Parameters {
+        rolling::RollingParameters {
             friction: 0.2,
             damping_ratio: 0.1,
         },
@@ -64,7 +64,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         Which::Elastic => Law::HertzMindlin(HertzMindlin {
             parameters: PairTable::uniform(
                 1,
-                hertz_mindlin::Parameters {
+                hertz_mindlin::HertzMindlinParameters {
                     moduli: [1.2e8, 5e7],
                     friction: 0.4,
                     damping: 0.1,
@@ -75,8 +75,8 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
             materials: Vec::new(),
         }),
     };
-    let region = Region::closed(Vector3::zeros(), Vector3::new(0.03, 0.012, 0.014), 1e-3);
-    let mut settings = Settings::new(region, time_step, skin);
+    let region = GrainDomain::closed(Vector3::zeros(), Vector3::new(0.03, 0.012, 0.014), 1e-3);
+    let mut settings = DemSettings::new(region, time_step, skin);
     settings.gravity = Vector3::new(2.0, 0.5, -9.81);
     // A mesh as the floor, small triangles and large, a polygon at one end, a box that moves into the grains, and
     // planes.
@@ -87,7 +87,7 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         }
     }
     let strips = (0..5).flat_map(|k| [vec![k, k + 1, k + 7], vec![k, k + 7, k + 6]]);
-    let floor = Surface::new(vertices, &strips.collect::<Vec<_>>()).unwrap();
+    let floor = FacetSurface::new(vertices, &strips.collect::<Vec<_>>()).unwrap();
     let end = [
         [-0.001, -0.001],
         [0.013, -0.001],
@@ -95,8 +95,8 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         [-0.001, 0.02],
     ];
     let end = end.map(|[y, z]| Vector3::new(0.0, y, z)).to_vec();
-    let end = Surface::new(end, &[vec![0, 1, 2, 3]]).unwrap();
-    let plunger = Surface::of_box(
+    let end = FacetSurface::new(end, &[vec![0, 1, 2, 3]]).unwrap();
+    let plunger = FacetSurface::of_box(
         Vector3::new(0.012, 0.004, 0.011),
         Vector3::new(0.016, 0.008, 0.0135),
     );
@@ -143,7 +143,7 @@ type Broken = (u64, u64, Option<u64>, Option<u32>, Failure);
 
 #[derive(Clone, Default)]
 struct Saved {
-    grains: Table,
+    grains: NamedColumns,
     contacts: Contacts,
     breaks: Vec<Broken>,
 }
@@ -164,7 +164,7 @@ impl Saved {
 fn run(
     which: Which,
     skin: f64,
-    axis: Axis,
+    axis: SplitAxis,
     bounds: &[usize],
     from: Option<&Saved>,
     steps: u64,
@@ -218,7 +218,7 @@ fn ranks_skins_and_restarts_do_not_show() {
         Which::RollingBonds,
         Which::Elastic,
     ] {
-        let one = run(which, 2e-4, Axis::X, &[0, 30], None, STEPS);
+        let one = run(which, 2e-4, SplitAxis::X, &[0, 30], None, STEPS);
         assert!(
             one.contacts.grains.rows() > 50,
             "{which:?}: {} contacts with a history",
@@ -244,10 +244,10 @@ fn ranks_skins_and_restarts_do_not_show() {
             assert!(one.breaks.iter().any(|b| b.4 == Failure::Tension));
         }
         for (axis, bounds) in [
-            (Axis::X, &[0, 14, 30][..]),
-            (Axis::Y, &[0, 5, 12]),
-            (Axis::Z, &[0, 3, 6, 14]),
-            (Axis::X, &[0, 8, 14, 15, 30]),
+            (SplitAxis::X, &[0, 14, 30][..]),
+            (SplitAxis::Y, &[0, 5, 12]),
+            (SplitAxis::Z, &[0, 3, 6, 14]),
+            (SplitAxis::X, &[0, 8, 14, 15, 30]),
         ] {
             let many = run(which, 2e-4, axis, bounds, None, STEPS);
             assert!(
@@ -257,13 +257,20 @@ fn ranks_skins_and_restarts_do_not_show() {
         }
         for skin in [3e-5, 6e-4] {
             assert!(
-                one.same(&run(which, skin, Axis::X, &[0, 30], None, STEPS)),
+                one.same(&run(which, skin, SplitAxis::X, &[0, 30], None, STEPS)),
                 "{which:?}: skin {skin}"
             );
         }
-        let mut a = run(which, 2e-4, Axis::X, &[0, 30], None, STEPS / 3);
-        let b = run(which, 2e-4, Axis::Z, &[0, 4, 14], Some(&a), STEPS / 3);
-        let mut c = run(which, 2e-4, Axis::X, &[0, 11, 20, 30], Some(&b), STEPS / 3);
+        let mut a = run(which, 2e-4, SplitAxis::X, &[0, 30], None, STEPS / 3);
+        let b = run(which, 2e-4, SplitAxis::Z, &[0, 4, 14], Some(&a), STEPS / 3);
+        let mut c = run(
+            which,
+            2e-4,
+            SplitAxis::X,
+            &[0, 11, 20, 30],
+            Some(&b),
+            STEPS / 3,
+        );
         c.breaks.append(&mut a.breaks);
         c.breaks.extend(b.breaks);
         assert!(one.same(&c), "{which:?}: restarts");

@@ -9,7 +9,7 @@ use super::*;
 use base::random::Stream;
 
 /// Returns the square about the origin across z, of half width 1, as `n` by `n` squares of two triangles.
-pub(super) fn mesh(n: u32, half: f64) -> Surface {
+pub(super) fn mesh(n: u32, half: f64) -> FacetSurface {
     let place = |k: u32| half * (2.0 * f64::from(k) / f64::from(n) - 1.0);
     let vertices = (0..=n)
         .flat_map(|y| (0..=n).map(move |x| Vector3::new(place(x), place(y), 0.0)))
@@ -22,18 +22,18 @@ pub(super) fn mesh(n: u32, half: f64) -> Surface {
             facets.push(vec![a, a + n + 2, a + n + 1]);
         }
     }
-    Surface::new(vertices, &facets).unwrap()
+    FacetSurface::new(vertices, &facets).unwrap()
 }
 
-fn polygon(half: f64) -> Surface {
+fn polygon(half: f64) -> FacetSurface {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let vertices = corners
         .map(|[x, y]| Vector3::new(half * x, half * y, 0.0))
         .to_vec();
-    Surface::new(vertices, &[vec![0, 1, 2, 3]]).unwrap()
+    FacetSurface::new(vertices, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
-const GLASS: linear::Parameters = linear::Parameters {
+const GLASS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 0.8,
     friction: 0.3,
@@ -47,7 +47,7 @@ fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Vo
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let mut dem = linear(
         GLASS,
-        Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3),
+        DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3),
         vec![floor],
     );
     let mut particles = Particles::new();
@@ -103,10 +103,10 @@ fn plane_polygon_and_mesh_rebound_alike() {
 }
 
 /// Returns a square between two coordinates along x.
-fn strip(from: f64, to: f64) -> Surface {
+fn strip(from: f64, to: f64) -> FacetSurface {
     let corners = [[from, -0.1], [to, -0.1], [to, 0.1], [from, 0.1]];
     let corners = corners.map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
-    Surface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
+    FacetSurface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
 /// Drops a ball on the seam of two walls of one plane, and next to it: it rebounds as from one wall.
@@ -114,7 +114,7 @@ fn strip(from: f64, to: f64) -> Surface {
 fn two_walls_that_touch_push_once() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let drop = |walls: Vec<Wall<Volume>>, x: f64| {
-        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
         let mut dem = linear(GLASS, settings, walls);
         let mut particles = Particles::new();
         let motion = Motion {
@@ -128,10 +128,11 @@ fn two_walls_that_touch_push_once() {
         dem.for_each_contact(&particles, |_| contacts += 1);
         (particles.motion[0], contacts)
     };
-    let wall = |surface: Surface| Wall::of_surface(Arc::new(surface), 0);
+    let wall = |surface: FacetSurface| Wall::of_surface(Arc::new(surface), 0);
     for x in [0.0, 1e-4, -1e-4, 4e-4] {
         let (one, _) = drop(vec![wall(strip(-0.1, 0.1))], x);
-        let block = Surface::of_box(Vector3::new(0.0, -0.1, -0.05), Vector3::new(0.1, 0.1, 0.0));
+        let block =
+            FacetSurface::of_box(Vector3::new(0.0, -0.1, -0.05), Vector3::new(0.1, 0.1, 0.0));
         for second in [strip(0.0, 0.1), strip(-0.02, 0.1), block.unwrap()] {
             let (two, _) = drop(vec![wall(strip(-0.1, 0.0)), wall(second)], x);
             assert_relative_eq!(two.velocity.z, one.velocity.z, max_relative = 1e-6);
@@ -149,7 +150,7 @@ fn facets_in_a_plane_wall_push_once() {
     };
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let drop = |walls: Vec<Wall<Volume>>, x: f64| {
-        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
         let mut dem = linear(GLASS, settings, walls);
         let mut particles = Particles::new();
         let motion = Motion {
@@ -164,9 +165,9 @@ fn facets_in_a_plane_wall_push_once() {
         dem.advance_many(&mut particles, &alone(), 1390).unwrap();
         (particles.motion[0], contacts)
     };
-    let wall = |surface: Surface| Wall::of_surface(Arc::new(surface), 0);
+    let wall = |surface: FacetSurface| Wall::of_surface(Arc::new(surface), 0);
     let cuboid = |from: f64, high: f64| {
-        Surface::of_box(
+        FacetSurface::of_box(
             Vector3::new(from, -0.1, -0.05),
             Vector3::new(0.1, 0.1, high),
         )
@@ -209,11 +210,11 @@ fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
         [-0.1, -0.1, 0.0],
     ];
     let corners = corners.map(Vector3::from).to_vec();
-    let ramp = Surface::new(corners.clone(), &[vec![0, 1, 2, 3]]).unwrap();
-    let with_floor = Surface::new(corners, &[vec![0, 1, 2, 3], vec![5, 4, 1, 0]]).unwrap();
+    let ramp = FacetSurface::new(corners.clone(), &[vec![0, 1, 2, 3]]).unwrap();
+    let with_floor = FacetSurface::new(corners, &[vec![0, 1, 2, 3], vec![5, 4, 1, 0]]).unwrap();
     let plane = || Wall::<Volume>::new(Vector3::zeros(), up, 0);
     let fall = |walls: Vec<Wall<Volume>>| {
-        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
         let mut dem = linear(GLASS, settings, walls);
         let mut particles = Particles::new();
         let motion = Motion {
@@ -237,7 +238,7 @@ fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
 fn a_belt_drags_and_stays() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let carry = |mut belt: Wall<Volume>, velocity: Vector3<f64>| {
-        let mut settings = Settings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
+        let mut settings = DemSettings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
         settings.gravity = Vector3::new(0.0, 0.0, -9.81);
         belt.velocity = velocity;
         let mut dem = linear(GLASS, settings, vec![belt]);
@@ -264,7 +265,7 @@ fn a_belt_drags_and_stays() {
         assert!(lifted.position.z > 0.0119, "{}", lifted.position);
     }
     // A box has facets across all directions.
-    let cup = Surface::of_box(Vector3::repeat(-0.1), Vector3::repeat(0.1)).unwrap();
+    let cup = FacetSurface::of_box(Vector3::repeat(-0.1), Vector3::repeat(0.1)).unwrap();
     let (_, moved) = carry(Wall::of_surface(Arc::new(cup), 0), along);
     assert_relative_eq!(moved, along * 0.2, epsilon = 1e-12);
 }
@@ -274,7 +275,7 @@ fn a_belt_drags_and_stays() {
 fn a_grain_slides_over_interior_edges() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let slide = |floor: Wall<Volume>| {
-        let mut settings = Settings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
+        let mut settings = DemSettings::new(about_origin::<Volume>(1.0), 5e-6, 1e-3);
         settings.gravity = Vector3::new(0.0, 0.0, -9.81);
         let mut dem = linear(GLASS, settings, vec![floor]);
         let mut particles = Particles::new();
@@ -316,12 +317,12 @@ fn a_concave_corner_holds_with_its_faces_alone() {
         Vector3::new(-0.1, -0.1, 0.1 * tan),
     ];
     let facets = [vec![0, 1, 2], vec![0, 2, 3], vec![0, 5, 4], vec![0, 4, 1]];
-    let surface = Surface::new(vertices, &facets).unwrap();
+    let surface = FacetSurface::new(vertices, &facets).unwrap();
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-    let mut settings = Settings::new(about_origin::<Volume>(0.2), 1e-5, 1e-3);
+    let mut settings = DemSettings::new(about_origin::<Volume>(0.2), 1e-5, 1e-3);
     settings.gravity = Vector3::new(0.0, 0.0, -9.81);
     settings.local_damping = 0.5;
-    let parameters = linear::Parameters {
+    let parameters = linear::LinearParameters {
         friction: 0.0,
         ..GLASS
     };
@@ -355,7 +356,7 @@ fn a_moving_mesh_hits_like_a_moving_plane() {
     let hit = |mut wall: Wall<Volume>| {
         wall.velocity = Vector3::new(0.05, 0.0, 0.4);
         let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
-        let settings = Settings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
+        let settings = DemSettings::new(about_origin::<Volume>(1.0), 2e-6, 1e-3);
         let mut dem = linear(GLASS, settings, vec![wall]);
         let mut particles = Particles::new();
         // Off the edges of the mesh, whose contacts are exact to their rim.
@@ -396,7 +397,7 @@ fn collisions_keep_angular_momentum() {
                 ..Motion::default()
             },
         ];
-        let settings = Settings::new(about_origin::<Volume>(0.02), 1e-7, 1e-4);
+        let settings = DemSettings::new(about_origin::<Volume>(0.02), 1e-7, 1e-4);
         let mut dem = linear(GLASS, settings, Vec::new());
         let mut particles = Particles::new();
         for (id, (body, motion)) in (1..).zip(bodies.into_iter().zip(motions)) {

@@ -1,8 +1,10 @@
 //! The plots of the erosion law.
 
 use super::{Published, digits};
-use crate::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
-use analysis::erosion_law::{ErosionRecord, Interval, Law, LinearLaw};
+use crate::plot::{
+    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+};
+use analysis::erosion_law::{ErosionRecord, FittedErosionLaw, Interval, LinearLaw};
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt::Write as _;
 
@@ -54,11 +56,11 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
         .iter()
         .map(|run| run.eroded_fraction)
         .fold(0.0, f64::max);
-    let y = Axis::linear("eroded mass M_{e} / M_{0}", "");
+    let y = PlotAxis::linear("eroded mass M_{e} / M_{0}", "");
     Figure {
         panels: vec![Panel {
             title: format!("Eroded mass, C/d = {} N/m", cohesion.cohesion),
-            x: Axis::linear("time", "s"),
+            x: PlotAxis::linear("time", "s"),
             y: if top > 0.5 {
                 y.over(0.0, 1.0)
             } else {
@@ -85,7 +87,7 @@ fn digits_in_figure(value: f64) -> String {
 pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
     let mut layers = Vec::new();
     let mut title = format!("Erosion rate, C/d = {} N/m", cohesion.cohesion);
-    if let Some(Law::Fitted(fit)) = &cohesion.law {
+    if let Some(FittedErosionLaw::Fitted(fit)) = &cohesion.law {
         let stresses = line_stresses(cohesion, fit);
         let band = stresses
             .iter()
@@ -158,8 +160,8 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
     Figure {
         panels: vec![Panel {
             title,
-            x: Axis::linear("hydraulic shear stress τ_{h}", "Pa"),
-            y: Axis::linear("erosion rate", "kg m^{\u{2212}2} s^{\u{2212}1}"),
+            x: PlotAxis::linear("hydraulic shear stress τ_{h}", "Pa"),
+            y: PlotAxis::linear("erosion rate", "kg m^{\u{2212}2} s^{\u{2212}1}"),
             layers,
             legend: Legend::Right,
             legend_title: String::new(),
@@ -187,20 +189,22 @@ impl Points {
         for cohesion in cohesions {
             let x = cohesion.cohesion;
             match &cohesion.law {
-                Some(Law::Fitted(fit)) => {
+                Some(FittedErosionLaw::Fitted(fit)) => {
                     points.thresholds.push(Mark {
                         y_bar: bar(fit.critical_shear_interval),
-                        ..Mark::at(x, fit.critical_shear)
+                        ..Mark::without_bars(x, fit.critical_shear)
                     });
                     points.slopes.push(Mark {
                         y_bar: bar(fit.coefficient_interval),
-                        ..Mark::at(x, fit.coefficient)
+                        ..Mark::without_bars(x, fit.coefficient)
                     });
                 }
-                Some(Law::LowerBound { at_least }) => points.lower.push((x, *at_least)),
-                Some(Law::Bracketed { above, below }) => points.brackets.push(Mark {
+                Some(FittedErosionLaw::LowerBound { at_least }) => {
+                    points.lower.push((x, *at_least))
+                }
+                Some(FittedErosionLaw::Bracketed { above, below }) => points.brackets.push(Mark {
                     y_bar: Some((*above, *below)),
-                    ..Mark::at(x, 0.5 * (above + below))
+                    ..Mark::without_bars(x, 0.5 * (above + below))
                 }),
                 None => {}
             }
@@ -210,7 +214,7 @@ impl Points {
 }
 
 /// Returns the axis of the cohesions, with space for a point at either end.
-fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> Axis {
+fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> PlotAxis {
     let (low, high) = cohesions
         .iter()
         .map(|c| c.cohesion)
@@ -219,7 +223,7 @@ fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> 
         .fold((f64::INFINITY, 0.0_f64), |(low, high), c| {
             (low.min(c), high.max(c))
         });
-    let axis = Axis::log("cohesion C/d", "N/m");
+    let axis = PlotAxis::log("cohesion C/d", "N/m");
     // No cohesion is above 0 in a study of soil without bonds.
     if high > 0.0 {
         axis.over(low / 1.6, high * 1.6)
@@ -240,7 +244,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         published.map(|p| {
             Layer::new(
                 Shape::Marks {
-                    marks: vec![Mark::at(p.cohesion, value(p))],
+                    marks: vec![Mark::without_bars(p.cohesion, value(p))],
                     style: Style::Ring,
                 },
                 CATEGORY[2],
@@ -276,10 +280,14 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         legend_title: String::new(),
     };
     let coefficient =
-        Axis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 });
+        PlotAxis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 });
     Figure {
         panels: vec![
-            panel("(a) Critical shear stress", Axis::log("τ_{c}", "Pa"), first),
+            panel(
+                "(a) Critical shear stress",
+                PlotAxis::log("τ_{c}", "Pa"),
+                first,
+            ),
             panel("(b) Erosion coefficient", coefficient, second),
         ],
     }

@@ -1,7 +1,7 @@
 //! The tables of the erosion law as CSV.
 
 use super::plots::{line_stresses, thinned};
-use analysis::erosion_law::{Interval, Law};
+use analysis::erosion_law::{FittedErosionLaw, Interval};
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
         let c = cohesion.cohesion;
         // Writing to a string cannot fail.
         let _ = match &cohesion.law {
-            Some(Law::Fitted(fit)) => writeln!(
+            Some(FittedErosionLaw::Fitted(fit)) => writeln!(
                 text,
                 "{c},fitted,{:e},{:e},{:e},{:e},{:e},{:e},{},{},{counts},{:e},{:e}",
                 fit.critical_shear,
@@ -37,10 +37,10 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
                 fit.coefficient_median,
                 fit.critical_shear_median,
             ),
-            Some(Law::LowerBound { at_least }) => {
+            Some(FittedErosionLaw::LowerBound { at_least }) => {
                 writeln!(text, "{c},lower_bound,,{at_least:e},,,,,,,{counts},,")
             }
-            Some(Law::Bracketed { above, below }) => {
+            Some(FittedErosionLaw::Bracketed { above, below }) => {
                 writeln!(text, "{c},bracketed,,{above:e},{below:e},,,,,,{counts},,")
             }
             None => writeln!(text, "{c},none,,,,,,,,,{counts},,"),
@@ -66,7 +66,7 @@ pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
             );
             // Writing to a string cannot fail.
             let _ = match &reading.law {
-                Some(Law::Fitted(fit)) => writeln!(
+                Some(FittedErosionLaw::Fitted(fit)) => writeln!(
                     text,
                     "{head},fitted,{:e},{:e},{:e},{:e},{:e},{:e},{}",
                     fit.critical_shear,
@@ -77,10 +77,10 @@ pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
                     fit.coefficient_interval.high,
                     fit.r_squared,
                 ),
-                Some(Law::LowerBound { at_least }) => {
+                Some(FittedErosionLaw::LowerBound { at_least }) => {
                     writeln!(text, "{head},lower_bound,,{at_least:e},,,,,")
                 }
-                Some(Law::Bracketed { above, below }) => {
+                Some(FittedErosionLaw::Bracketed { above, below }) => {
                     writeln!(text, "{head},bracketed,,{above:e},{below:e},,,,")
                 }
                 None => writeln!(text, "{head},none,,,,,,,"),
@@ -166,7 +166,7 @@ pub(super) fn line(cohesions: &[CohesionReport]) -> String {
                 );
             }
         }
-        if let Some(Law::Fitted(fit)) = &cohesion.law {
+        if let Some(FittedErosionLaw::Fitted(fit)) = &cohesion.law {
             for shear in line_stresses(cohesion, fit) {
                 let Interval { low, high } = fit.rate_interval(shear);
                 // Writing to a string cannot fail.

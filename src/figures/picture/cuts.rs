@@ -108,7 +108,7 @@ fn fill(raster: &mut Raster, frame: &Frame, lines: &[Line], colour: [f64; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PAPER, Scene, View};
+    use super::super::{PAPER, Scene, ViewDirection};
     use super::*;
 
     /// Faces of a box, counter-clockwise from outside.
@@ -151,7 +151,7 @@ mod tests {
             cuts: Some(cuts),
             ..Scene::default()
         }];
-        let frame = Frame::new(&scenes, View::Z);
+        let frame = Frame::new(&scenes, ViewDirection::Z);
         assert_eq!((frame.low, frame.high), ([0.0; 2], [5.0, 3.0]));
         let mut raster = Raster::new(&frame, 500);
         let cuts = scenes[0].cuts.as_ref().unwrap();

@@ -128,7 +128,7 @@ impl Raster {
             return;
         }
         let light = 0.35 + 0.65 * dot(normal, [-0.4, 0.5, 0.768]).max(0.0);
-        let at: Vec<[f64; 2]> = corners.iter().map(|&p| frame.place(p)).collect();
+        let at: Vec<[f64; 2]> = corners.iter().map(|&p| frame.project(p)).collect();
         let [low, high] = [f64::min, f64::max].map(|of| {
             let start = at[0];
             at.iter()
@@ -185,7 +185,7 @@ fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PAPER, Scene, View};
+    use super::super::{PAPER, Scene, ViewDirection};
     use super::*;
 
     /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the
@@ -212,7 +212,7 @@ mod tests {
             faces: Some(faces),
             ..Scene::default()
         }];
-        let frame = Frame::new(&scenes, View::Z);
+        let frame = Frame::new(&scenes, ViewDirection::Z);
         assert_eq!((frame.low, frame.high), ([0.0; 2], [1.0; 2]));
         let mut raster = Raster::new(&frame, 720);
         let colour = |value: f64| [200.0 * value, 200.0 * (1.0 - value), 0.0];

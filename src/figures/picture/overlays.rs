@@ -58,7 +58,7 @@ impl Arrows {
         let pixels = LONGEST * real(raster.width) / longest;
         for (p, v) in positions.iter().zip(&self.vectors) {
             let [x, y] = raster.pixel_of(frame, *p);
-            let [right, up] = frame.place(*v);
+            let [right, up] = frame.project(*v);
             let (dx, dy) = (pixels * right, -pixels * up);
             let size = dx.hypot(dy);
             if !(longest > 0.0 && size.is_finite() && size > SHORTEST) {
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     fn ball(scene: &super::super::Scene) -> (Frame, Raster) {
-        let frame = Frame::new(std::slice::from_ref(scene), super::super::View::Z);
+        let frame = Frame::new(std::slice::from_ref(scene), super::super::ViewDirection::Z);
         let raster = Raster::new(&frame, 200);
         (frame, raster)
     }

@@ -1,6 +1,6 @@
 //! The frame that a panel shows, and its pixels.
 
-use super::{PAPER, Scene, View, Water, fraction_of_range, water_colour};
+use super::{PAPER, Scene, ViewDirection, Water, fraction_of_range, water_colour};
 use base::error::Error;
 use base::number::{real, whole};
 
@@ -19,7 +19,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 impl Frame {
-    pub(super) fn new(scenes: &[Scene], view: View) -> Self {
+    pub(super) fn new(scenes: &[Scene], view: ViewDirection) -> Self {
         let flat = scenes.iter().all(|scene| {
             scene.faces.is_none()
                 && scene.grains.as_ref().is_none_or(|g| g.flat)
@@ -27,10 +27,10 @@ impl Frame {
         });
         let (right, up, near) = match view {
             _ if flat => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            View::Z => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            View::Y => ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
-            View::X => ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
-            View::Corner => {
+            ViewDirection::Z => ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
+            ViewDirection::Y => ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
+            ViewDirection::X => ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
+            ViewDirection::Corner => {
                 let (s, c) = (30.0_f64.to_radians().sin(), 30.0_f64.to_radians().cos());
                 let (t, d) = (25.0_f64.to_radians().sin(), 25.0_f64.to_radians().cos());
                 ([c, s, 0.0], [-t * s, t * c, d], [d * s, -d * c, t])
@@ -75,12 +75,12 @@ impl Frame {
         frame
     }
 
-    pub(super) fn place(&self, p: [f64; 3]) -> [f64; 2] {
+    pub(super) fn project(&self, p: [f64; 3]) -> [f64; 2] {
         [dot(p, self.right), dot(p, self.up)]
     }
 
     pub(super) fn include(&mut self, p: [f64; 3], r: f64) {
-        let at = self.place(p);
+        let at = self.project(p);
         for a in 0..2 {
             self.low[a] = self.low[a].min(at[a] - r);
             self.high[a] = self.high[a].max(at[a] + r);
@@ -116,7 +116,7 @@ impl Raster {
 
     /// Returns the position of a point of the scene \[pixels from the upper left corner\].
     pub(super) fn pixel_of(&self, frame: &Frame, p: [f64; 3]) -> [f64; 2] {
-        let [x, y] = frame.place(p);
+        let [x, y] = frame.project(p);
         [
             (x - frame.low[0]) / self.pixel,
             (frame.high[1] - y) / self.pixel,
@@ -159,7 +159,7 @@ impl Raster {
         colour: [f64; 3],
         flat: bool,
     ) {
-        let at = frame.place(p);
+        let at = frame.project(p);
         let away = dot(p, frame.near);
         let span = |middle: f64, count: usize| {
             let from = ((middle - r) / self.pixel - 0.5).floor().max(0.0);

@@ -3,10 +3,10 @@
 use super::*;
 use base::number::whole;
 
-fn moments(times: &[f64]) -> Vec<Moment> {
+fn moments(times: &[f64]) -> Vec<OutputTime> {
     (0..)
         .zip(times)
-        .map(|(step, &time)| Moment { step, time })
+        .map(|(step, &time)| OutputTime { step, time })
         .collect()
 }
 
@@ -75,7 +75,7 @@ fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
         flat: false,
     };
     let scenes = [scene(grains)];
-    let frame = Frame::new(&scenes, View::Z);
+    let frame = Frame::new(&scenes, ViewDirection::Z);
     assert_eq!((frame.low, frame.high), ([-2.0; 2], [2.0; 2]));
     let mut raster = Raster::new(&frame, 720);
     // The near one first: the far one must not paint over it.
@@ -96,7 +96,12 @@ fn a_disc_covers_its_pixels_and_the_nearer_sphere_wins() {
 
 #[test]
 fn every_view_is_a_right_handed_frame() {
-    for view in [View::X, View::Y, View::Z, View::Corner] {
+    for view in [
+        ViewDirection::X,
+        ViewDirection::Y,
+        ViewDirection::Z,
+        ViewDirection::Corner,
+    ] {
         let ball = Grains {
             positions: vec![[0.0, 0.0, 1.0]],
             radii: vec![1.0],

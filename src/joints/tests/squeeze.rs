@@ -4,7 +4,7 @@ use super::steady::{Fronts, boxes, rocks, settings, water};
 use crate::flow::{Drive, JointFlow};
 use crate::network::Network;
 use crate::polygon::LinearField;
-use dem::polyhedron::{Polyhedron, Solid};
+use dem::polyhedron::{PlacedPolyhedron, Polyhedron};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
 
@@ -35,7 +35,7 @@ impl<F: Fn(&Vector3<f64>, f64) -> Option<f64>> Drive for Approach<F> {
 
 /// Returns the force on a plate \[N\] over `mu V/h³`, with the distance at the end.
 fn force(
-    solids: &[Solid],
+    solids: &[PlacedPolyhedron],
     cell: f64,
     slope: Vector2<f64>,
     front: impl Fn(&Vector3<f64>, f64) -> Option<f64>,
@@ -62,7 +62,7 @@ fn force(
 }
 
 /// Two plates of these sides \[m\].
-fn plates(length: f64, width: f64) -> Vec<Solid> {
+fn plates(length: f64, width: f64) -> Vec<PlacedPolyhedron> {
     boxes(&[
         [[0.0, 0.0, 0.0], [length, width, 0.1]],
         [[0.0, 0.0, 0.1 + GAP], [length, width, 0.2]],

@@ -4,14 +4,14 @@ use crate::flow::{Drive, FlowSettings, JointFlow};
 use crate::network::{End, Network, NetworkSettings};
 use crate::pairs::{PairLimits, Rock};
 use crate::water::Mixture;
-use dem::polyhedron::{Polyhedron, Solid};
+use dem::polyhedron::{PlacedPolyhedron, Polyhedron};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector3};
 
 /// Boxes between two corners \[m\].
-pub(super) fn boxes(corners: &[[[f64; 3]; 2]]) -> Vec<Solid> {
+pub(super) fn boxes(corners: &[[[f64; 3]; 2]]) -> Vec<PlacedPolyhedron> {
     let solid = |[low, high]: &[[f64; 3]; 2]| {
         let (low, high) = (Vector3::from(*low), Vector3::from(*high));
-        Solid {
+        PlacedPolyhedron {
             shape: Polyhedron::cuboid(high - low).unwrap(),
             position: 0.5 * (low + high),
             orientation: UnitQuaternion::identity(),
@@ -20,7 +20,7 @@ pub(super) fn boxes(corners: &[[[f64; 3]; 2]]) -> Vec<Solid> {
     corners.iter().map(solid).collect()
 }
 
-pub(super) fn rocks(solids: &[Solid]) -> Vec<Rock<'_>> {
+pub(super) fn rocks(solids: &[PlacedPolyhedron]) -> Vec<Rock<'_>> {
     solids
         .iter()
         .map(|solid| Rock {
@@ -150,7 +150,7 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
 }
 
 /// Four blocks whose faces leave a vertical joint of one aperture and a horizontal one of another.
-fn cross(upright: f64, level: f64) -> Vec<Solid> {
+fn cross(upright: f64, level: f64) -> Vec<PlacedPolyhedron> {
     let (x, z) = (0.5 * upright, 0.5 * level);
     boxes(&[
         [[-0.6, 0.0, -0.5], [-x, 0.2, -z]],
@@ -200,7 +200,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
 }
 
 /// A block in a hole: six fixed slabs round it, with an aperture at each face.
-fn hole(apertures: [[f64; 2]; 3]) -> Vec<Solid> {
+fn hole(apertures: [[f64; 2]; 3]) -> Vec<PlacedPolyhedron> {
     let size = [0.5, 0.3, 0.2];
     let outer = |axis: usize, side: usize| {
         let (mut low, mut high) = ([0.0; 3], size);
@@ -260,7 +260,7 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
 
 /// Compares the flow round the block in two parallel ways with the closed solution: with the joints in the planes
 /// across y shut, a ring of four joints in series and parallel.
-fn ring(solids: &[Solid], apertures: [[f64; 2]; 3]) {
+fn ring(solids: &[PlacedPolyhedron], apertures: [[f64; 2]; 3]) {
     let network = Network::new(
         &rocks(&[&solids[..3], &solids[5..]].concat()),
         &settings(0.04),

@@ -25,7 +25,7 @@
 
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
-use super::{Crossing, FaceLink, Giver, Inflow, Model, Moment, Nature, Place, Ramp, Rule, quanta};
+use super::{Crossing, FaceLink, Giver, Inflow, BoundaryModel, RuleStep, BoundaryKind, Place, Ramp, Rule, quanta};
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
 use base::error::Error;
@@ -49,9 +49,9 @@ pub struct ConvectiveOutflow {
     pub mean_pressure: Option<f64>,
 }
 
-impl Model for ConvectiveOutflow {
-    fn nature(&self) -> Nature {
-        Nature::OUTFLOW
+impl BoundaryModel for ConvectiveOutflow {
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind::OUTFLOW
     }
 
     fn pressure_floats(&self) -> bool {
@@ -71,7 +71,7 @@ impl Model for ConvectiveOutflow {
             Some(speed) => Carried::Given(units.velocity_to_lattice(speed)),
             None => Carried::Local,
         };
-        Ok(Box::new(Links::of(place, speed, self.mean_pressure, units)))
+        Ok(Box::new(ConvectiveOutflowLinks::from_case(place, speed, self.mean_pressure, units)))
     }
 }
 
@@ -144,8 +144,8 @@ struct Held {
 }
 
 /// The links of a patch through which the fluid is carried out.
-pub struct Links {
-    nature: Nature,
+pub struct ConvectiveOutflowLinks {
+    kind: BoundaryKind,
     axis: usize,
     /// +1 at the upper end of the axis, -1 at the lower.
     outward: f64,
@@ -156,12 +156,12 @@ pub struct Links {
     held: Option<Held>,
 }
 
-impl Links {
+impl ConvectiveOutflowLinks {
     /// Returns the rule of a face normal to an axis at its upper or its lower end. The pressure floats.
     #[must_use]
     pub fn new((axis, upper): (usize, bool), speed: Carried) -> Self {
         Self {
-            nature: Nature::OUTFLOW,
+            kind: BoundaryKind::OUTFLOW,
             axis,
             outward: if upper { 1.0 } else { -1.0 },
             speed,
@@ -172,7 +172,7 @@ impl Links {
     }
 
     /// Returns the rule of an outflow of a case, which holds the mean pressure \[Pa\]: 0 where no opening imposes one.
-    pub(super) fn of(
+    pub(super) fn from_case(
         place: &Place<'_>,
         speed: Carried,
         mean_pressure: Option<f64>,
@@ -209,16 +209,16 @@ impl Links {
         self
     }
 
-    /// Returns the rule for a boundary of another nature.
-    pub(super) fn of_nature(mut self, nature: Nature) -> Self {
-        self.nature = nature;
+    /// Returns the rule for a boundary of another kind.
+    pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
+        self.kind = kind;
         self
     }
 }
 
-impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        self.nature
+impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
+    fn kind(&self) -> BoundaryKind {
+        self.kind
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
@@ -278,7 +278,7 @@ impl<S: Stored> Rule<S> for Links {
         self.held.is_some()
     }
 
-    fn measure(&self, populations: &Populations<S>, _: &Moment) -> Sums {
+    fn measure(&self, populations: &Populations<S>, _: &RuleStep) -> Sums {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         sums(self.links.len(), LINKS_PER_THREAD, |part| {
             let mut sums = Sums::default();
@@ -299,11 +299,11 @@ impl<S: Stored> Rule<S> for Links {
         })
     }
 
-    fn hear(&mut self, sums: Sums, moment: &Moment) {
+    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some(held) = &mut self.held {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
-                .hear_outflow(sums, held.density.at(moment.step), forecast);
+                .hear_outflow(sums, held.density.value_at(moment.step), forecast);
         }
     }
 
@@ -317,7 +317,7 @@ impl<S: Stored> Rule<S> for Links {
         }
     }
 
-    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+    fn apply(&mut self, populations: &mut Populations<S>, _: &RuleStep) {
         let parity = populations.parity();
         let count = self.links.len();
         let excess = self
@@ -349,12 +349,12 @@ impl<S: Stored> Rule<S> for Links {
 #[cfg(test)]
 mod tests {
     use super::Carried;
-    use super::Links;
+    use super::ConvectiveOutflowLinks;
     use crate::boundary::{Patch, Rule, velocity};
     use crate::collision::{Operator, trt};
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
-    use decomposition::{Axis, Domain};
+    use decomposition::{SplitAxis, Domain};
 
     const SPEED: f64 = 0.1;
     const CELLS: [usize; 3] = [80, 48, 1];
@@ -367,11 +367,11 @@ mod tests {
             range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
             rule,
         };
-        let inlet = Box::new(velocity::Links::uniform([SPEED, 0.0, 0.0]));
+        let inlet = Box::new(velocity::VelocityLinks::uniform([SPEED, 0.0, 0.0]));
         let cells = [length, CELLS[1], 1];
         let setup = Setup {
             set: VelocitySet::D2Q9,
-            operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+            operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
             relaxation_time: 0.53,
             turbulence: None,
             force: Force::None,
@@ -382,7 +382,7 @@ mod tests {
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };
-        Fluid::new(setup, &Domain::serial(Axis::X, length, false)).unwrap()
+        Fluid::new(setup, &Domain::serial(SplitAxis::X, length, false)).unwrap()
     }
 
     /// Returns the root mean square of the disturbance in the box of [`CELLS`].
@@ -409,7 +409,7 @@ mod tests {
     }
 
     fn convective(speed: Carried) -> Box<dyn Rule<f64>> {
-        Box::new(Links::new((0, true), speed))
+        Box::new(ConvectiveOutflowLinks::new((0, true), speed))
     }
 
     /// Compares the residue of a vortex after it has left with the same stream in a channel four times as long.
@@ -447,7 +447,7 @@ mod tests {
     #[test]
     fn the_pressure_behind_a_vortex_is_the_one_that_is_held() {
         let of = |held: bool| {
-            let links = Links::new((0, true), Carried::Local);
+            let links = ConvectiveOutflowLinks::new((0, true), Carried::Local);
             let wave = super::PlaneWave::at_pressure(80.0);
             let rule: Box<dyn Rule<f64>> = if held {
                 Box::new(links.holding(wave, super::Ramp::constant(0.0), None))

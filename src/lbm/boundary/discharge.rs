@@ -7,7 +7,7 @@
 
 use super::outfall::Links;
 use super::profile::ReadTable;
-use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSurface};
+use super::{Inflow, BoundaryModel, BoundaryKind, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};
@@ -32,8 +32,8 @@ pub struct Discharge {
     pub history: Option<Vec<[f64; 2]>>,
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::Opening,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Opening,
     strength: Strength::Pressure,
 };
 
@@ -43,9 +43,9 @@ impl Discharge {
     }
 }
 
-impl Model for Discharge {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for Discharge {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
@@ -90,7 +90,7 @@ impl Model for Discharge {
         let in_steps = |time: f64| units.time_to_lattice(time);
         let in_cells = |discharge: f64| units.velocity_to_lattice(discharge / area);
         Ok(Box::new(Links {
-            strength: NATURE.strength,
+            strength: KIND.strength,
             outside: Outside::Discharge(self.discharges().scaled(in_steps, in_cells)),
         }))
     }

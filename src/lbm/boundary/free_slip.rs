@@ -4,7 +4,7 @@
 //! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
 
 use super::links::{Counted, Mirror, MirrorRun};
-use super::{Crossing, Giver, Model, Moment, Nature, Place, Rule, Strength, Surface};
+use super::{Crossing, Giver, BoundaryModel, RuleStep, BoundaryKind, Place, Rule, Strength, SurfaceKind};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::error::Error;
@@ -20,24 +20,24 @@ use std::collections::HashMap;
 #[schemars(inline)]
 pub struct FreeSlip {}
 
-const NATURE: Nature = Nature {
-    surface: Surface::Symmetry,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Symmetry,
     strength: Strength::Symmetry,
 };
 
-impl Model for FreeSlip {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for FreeSlip {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
-        Ok(Box::<Links>::default())
+        Ok(Box::<FreeSlipLinks>::default())
     }
 }
 
 /// The populations that a patch mirrors.
 #[derive(Debug, Default)]
-pub struct Links {
+pub struct FreeSlipLinks {
     runs: Vec<MirrorRun>,
     /// The last run of each incoming direction: the only one that may continue.
     last: HashMap<u8, usize>,
@@ -45,9 +45,9 @@ pub struct Links {
     counted: Option<Counted>,
 }
 
-impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        NATURE
+impl<S: Stored> Rule<S> for FreeSlipLinks {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
@@ -58,7 +58,7 @@ impl<S: Stored> Rule<S> for Links {
             Some((longer, run)) => *run = longer,
             None => {
                 self.last.insert(mirror.enters, self.runs.len());
-                self.runs.push(MirrorRun::of(mirror));
+                self.runs.push(MirrorRun::single(mirror));
             }
         }
         Giver::Rule
@@ -68,7 +68,7 @@ impl<S: Stored> Rule<S> for Links {
         self.runs.is_empty()
     }
 
-    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+    fn apply(&mut self, populations: &mut Populations<S>, _: &RuleStep) {
         let parity = populations.parity();
         let runs = &self.runs;
         let counted = self

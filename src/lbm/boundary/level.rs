@@ -8,7 +8,7 @@
 
 use super::outfall::Links;
 use super::profile::ReadTable;
-use super::{Inflow, Model, Nature, Place, Rule, Site, Strength, Surface, WithSurface};
+use super::{Inflow, BoundaryModel, BoundaryKind, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};
@@ -32,8 +32,8 @@ pub struct Level {
     pub history: Option<Vec<[f64; 2]>>,
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::Opening,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Opening,
     strength: Strength::Pressure,
 };
 
@@ -43,9 +43,9 @@ impl Level {
     }
 }
 
-impl Model for Level {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for Level {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
@@ -80,7 +80,7 @@ impl Model for Level {
         let in_steps = |time: f64| units.time_to_lattice(time);
         let in_cells = |level: f64| units.length_to_lattice(level);
         Ok(Box::new(Links {
-            strength: NATURE.strength,
+            strength: KIND.strength,
             outside: Outside::Level(levels.scaled(in_steps, in_cells)),
         }))
     }

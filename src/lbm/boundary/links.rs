@@ -135,7 +135,7 @@ pub struct MirrorRun {
 
 impl MirrorRun {
     /// Returns the run of one.
-    pub(super) fn of(first: Mirror) -> Self {
+    pub(super) fn single(first: Mirror) -> Self {
         Self {
             first,
             count: 1,
@@ -385,7 +385,7 @@ mod tests {
         for one in &mirrors {
             match runs.last().and_then(|run| run.with(one)) {
                 Some(longer) => *runs.last_mut().unwrap() = longer,
-                None => runs.push(MirrorRun::of(*one)),
+                None => runs.push(MirrorRun::single(*one)),
             }
         }
         assert_eq!(runs.len(), 2 + 9);

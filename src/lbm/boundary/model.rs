@@ -1,6 +1,6 @@
 //! Interface of a boundary of a case, in SI: its kind, its speed, pressure and inflow, and its rule on the lattice.
 
-use super::nature::{Inflow, Nature, Surface, WithSurface};
+use super::kind::{BoundaryKind, Inflow, SurfaceKind, WithSurface};
 use super::profile::ReadTable;
 use super::rule::Rule;
 use super::site::{Place, Site};
@@ -47,9 +47,9 @@ impl ImposedPressure {
 }
 
 /// A boundary as a case names it: its parameters in SI, and what the program asks about it.
-pub trait Model {
+pub trait BoundaryModel {
     /// Returns the kind of the boundary.
-    fn nature(&self) -> Nature;
+    fn kind(&self) -> BoundaryKind;
 
     /// Checks the parameters and reads the tables that they name; what is wrong goes to the report.
     fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
@@ -89,9 +89,9 @@ pub trait Model {
 
     /// Returns its use at water with a free surface.
     fn with_surface(&self) -> WithSurface {
-        match self.nature().surface {
-            Surface::Wall | Surface::Symmetry => WithSurface::Also,
-            Surface::MovingWall | Surface::Opening => WithSurface::Never,
+        match self.kind().surface {
+            SurfaceKind::Wall | SurfaceKind::Symmetry => WithSurface::Also,
+            SurfaceKind::MovingWall | SurfaceKind::Opening => WithSurface::Never,
         }
     }
 
@@ -108,7 +108,7 @@ pub trait Model {
 
     /// Returns `true` if water passes through it, or is driven through it.
     fn passes_water(&self) -> bool {
-        self.nature().surface == Surface::Opening
+        self.kind().surface == SurfaceKind::Opening
     }
 
     /// Returns the rule on the lattice.

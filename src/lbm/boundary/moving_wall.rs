@@ -6,7 +6,7 @@
 )]
 
 use super::profile::ReadTable;
-use super::{ImposedSpeed, Model, Nature, Place, Ramp, Rule, Site, Strength, Surface, velocity};
+use super::{ImposedSpeed, BoundaryModel, BoundaryKind, Place, Ramp, Rule, Site, Strength, SurfaceKind, velocity};
 use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::geometry::Vector;
@@ -28,14 +28,14 @@ pub struct MovingWall {
     pub history: Option<Vec<[f64; 2]>>,
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::MovingWall,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::MovingWall,
     strength: Strength::Velocity,
 };
 
-impl Model for MovingWall {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for MovingWall {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
@@ -73,8 +73,8 @@ impl Model for MovingWall {
             .velocity
             .to_array()
             .map(|x| units.velocity_to_lattice(x));
-        let links = velocity::Links::new(Box::new(move |_| u), Ramp::constant(1.0));
+        let links = velocity::VelocityLinks::new(Box::new(move |_| u), Ramp::constant(1.0));
         let links = links.following(velocity::in_steps(self.history.as_deref(), units));
-        Ok(Box::new(links.of_nature(NATURE)))
+        Ok(Box::new(links.of_kind(KIND)))
     }
 }

@@ -1,6 +1,6 @@
 //! A wall at rest: half-way bounce-back ([`super::wall`]).
 
-use super::{Crossing, Giver, Model, Nature, Place, Rule};
+use super::{Crossing, Giver, BoundaryModel, BoundaryKind, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;
@@ -13,22 +13,22 @@ use serde::{Deserialize, Serialize};
 #[schemars(inline)]
 pub struct NoSlip {}
 
-impl Model for NoSlip {
-    fn nature(&self) -> Nature {
-        Nature::WALL
+impl BoundaryModel for NoSlip {
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind::WALL
     }
 
     fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
-        Ok(Box::new(Links))
+        Ok(Box::new(NoSlipLinks))
     }
 }
 
 /// The fluid sticks to a wall at rest.
-pub struct Links;
+pub struct NoSlipLinks;
 
-impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        Nature::WALL
+impl<S: Stored> Rule<S> for NoSlipLinks {
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind::WALL
     }
 
     fn take(&mut self, _: &Crossing<'_, S>) -> Giver {

@@ -1,6 +1,6 @@
 //! Free outfall of water with a free surface: beyond the face is air ([`crate::surface::Outside::Air`]).
 
-use super::{Crossing, Giver, Inflow, Model, Nature, Place, Rule, Strength, Surface, WithSurface};
+use super::{Crossing, Giver, Inflow, BoundaryModel, BoundaryKind, Place, Rule, Strength, SurfaceKind, WithSurface};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::Error;
@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 #[schemars(inline)]
 pub struct Outfall {}
 
-impl Model for Outfall {
-    fn nature(&self) -> Nature {
-        Nature::OUTFLOW
+impl BoundaryModel for Outfall {
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind::OUTFLOW
     }
 
     fn with_surface(&self) -> WithSurface {
@@ -31,7 +31,7 @@ impl Model for Outfall {
 
     fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {
         Ok(Box::new(Links {
-            strength: Nature::OUTFLOW.strength,
+            strength: BoundaryKind::OUTFLOW.strength,
             outside: Outside::Air,
         }))
     }
@@ -44,9 +44,9 @@ pub(crate) struct Links {
 }
 
 impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        Nature {
-            surface: Surface::Opening,
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind {
+            surface: SurfaceKind::Opening,
             strength: self.strength,
         }
     }

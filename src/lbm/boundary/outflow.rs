@@ -8,8 +8,8 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::convective_outflow::{Carried, Links};
-use super::{Inflow, Model, Nature, Place, Rule};
+use super::convective_outflow::{Carried, ConvectiveOutflowLinks};
+use super::{Inflow, BoundaryModel, BoundaryKind, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;
@@ -27,9 +27,9 @@ pub struct Outflow {
     pub mean_pressure: Option<f64>,
 }
 
-impl Model for Outflow {
-    fn nature(&self) -> Nature {
-        Nature::OUTFLOW
+impl BoundaryModel for Outflow {
+    fn kind(&self) -> BoundaryKind {
+        BoundaryKind::OUTFLOW
     }
 
     fn pressure_floats(&self) -> bool {
@@ -45,7 +45,7 @@ impl Model for Outflow {
         place: &Place<'_>,
         units: &LatticeUnits,
     ) -> Result<Box<dyn Rule<S>>, Error> {
-        let links = Links::of(place, Carried::Whole, self.mean_pressure, units);
+        let links = ConvectiveOutflowLinks::from_case(place, Carried::Whole, self.mean_pressure, units);
         Ok(Box::new(links))
     }
 }

@@ -22,8 +22,8 @@ use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::profile::ReadTable;
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
-    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, Model, Moment, Nature, Opening,
-    Place, Ramp, Rule, Site, Sound, Strength, Sums, Surface, quanta,
+    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, BoundaryModel, RuleStep, BoundaryKind, Opening,
+    Place, Ramp, Rule, Site, Sound, Strength, Sums, SurfaceKind, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -86,8 +86,8 @@ pub struct Change {
     pub from: f64,
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::Opening,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Opening,
     strength: Strength::Pressure,
 };
 
@@ -134,9 +134,9 @@ impl Pressure {
     }
 }
 
-impl Model for Pressure {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for Pressure {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
@@ -192,12 +192,12 @@ impl Model for Pressure {
             } else {
                 (PlaneWave::reflected(), None)
             };
-            let links = convective_outflow::Links::new((axis, face.is_max()), Carried::Local);
+            let links = convective_outflow::ConvectiveOutflowLinks::new((axis, face.is_max()), Carried::Local);
             return Ok(Box::new(
-                links.of_nature(NATURE).holding(wave, ramp, forecast),
+                links.of_kind(KIND).holding(wave, ramp, forecast),
             ));
         }
-        let mut links = Links::new(axis, ramp);
+        let mut links = PressureLinks::new(axis, ramp);
         if let Some(gradient) = &self.gradient {
             let per_cell = gradient
                 .to_array()
@@ -232,7 +232,7 @@ struct Returned {
 }
 
 /// The links of a patch with imposed pressure.
-pub struct Links {
+pub struct PressureLinks {
     /// Axis normal to the face.
     axis: usize,
     /// Density deviation δρ_w = 3 p (pressure above the reference, in lattice units).
@@ -249,7 +249,7 @@ pub struct Links {
     sound: Option<(PlaneWave, Option<Forecast>)>,
 }
 
-impl Links {
+impl PressureLinks {
     /// Returns the density deviation δρ = 3 p of a face normal to an axis.
     #[must_use]
     pub fn new(axis: usize, density: Ramp) -> Self {
@@ -270,7 +270,7 @@ impl Links {
         &self,
         cell: &PressureCell,
         populations: &Populations<S>,
-        moment: &Moment,
+        moment: &RuleStep,
     ) -> f64 {
         // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
         let (drho, momentum) = populations.outgoing_moments(cell.cell);
@@ -292,9 +292,9 @@ impl Links {
     }
 }
 
-impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        NATURE
+impl<S: Stored> Rule<S> for PressureLinks {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
@@ -328,7 +328,7 @@ impl<S: Stored> Rule<S> for Links {
         self.sound.is_some()
     }
 
-    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+    fn measure(&self, populations: &Populations<S>, moment: &RuleStep) -> Sums {
         let Some((wave, _)) = &self.sound else {
             return Sums::default();
         };
@@ -345,10 +345,10 @@ impl<S: Stored> Rule<S> for Links {
         wave.measure(&self.links, squares, populations)
     }
 
-    fn hear(&mut self, sums: Sums, moment: &Moment) {
+    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some((wave, forecast)) = &mut self.sound {
             let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
-            wave.hear_pressure(sums, self.density.at(moment.step), forecast);
+            wave.hear_pressure(sums, self.density.value_at(moment.step), forecast);
         }
     }
 
@@ -362,10 +362,10 @@ impl<S: Stored> Rule<S> for Links {
         }
     }
 
-    fn apply(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+    fn apply(&mut self, populations: &mut Populations<S>, moment: &RuleStep) {
         let parity = populations.parity();
         let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
-        let wanted = self.density.at(moment.step) + excess;
+        let wanted = self.density.value_at(moment.step) + excess;
         // The numbers that are read go out, those that are written come in: none is both.
         let mut entering = std::mem::take(&mut self.entering);
         let (rule, water) = (&*self, &*populations);

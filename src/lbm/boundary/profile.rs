@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Velocity on a face as a function of the position in cells (lattice units).
-pub type Profile = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
+pub type FaceVelocity = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
 
 /// Reads the table of a path that stands in a case, or says in a sentence what is wrong with it.
-pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<Table, String>;
+pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<VelocityTable, String>;
 
 /// A velocity over a face or patch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -62,7 +62,7 @@ pub enum VelocityProfile {
         path: PathBuf,
         /// Rows of the table, once they are read.
         #[serde(skip)]
-        table: Option<Table>,
+        table: Option<VelocityTable>,
     },
 }
 
@@ -109,7 +109,7 @@ impl VelocityProfile {
             ),
             Self::LogLaw { mean, .. } => ("profile.log_law.mean", LARGEST_OF_LOG * mean.abs()),
             Self::File { table, .. } => {
-                let fastest = table.as_ref().map_or(0.0, Table::fastest);
+                let fastest = table.as_ref().map_or(0.0, VelocityTable::fastest);
                 ("profile.file.path", fastest)
             }
         }
@@ -146,7 +146,7 @@ impl VelocityProfile {
     }
 
     /// Returns the profile in lattice units.
-    pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> Profile {
+    pub(super) fn on_lattice(&self, place: &Place<'_>, units: &LatticeUnits) -> FaceVelocity {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
                 let u = velocity.to_array().map(|x| units.velocity_to_lattice(x));
@@ -164,7 +164,7 @@ impl VelocityProfile {
                 from_walls(place, units.velocity_to_lattice(*mean), law)
             }
             Self::File { table, .. } => {
-                let none = || Table::new(place.site.dimension, Vec::new());
+                let none = || VelocityTable::new(place.site.dimension, Vec::new());
                 of_table(table.clone().unwrap_or_else(none), place, *units)
             }
         }
@@ -182,7 +182,7 @@ const LARGEST_OF_LOG: f64 = 1.7;
 /// Rows of a profile that are looked at before the run, at most.
 const MOST_LOOKS: usize = 20_000_000;
 
-fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
+fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
     let Place { site, from, to, .. } = place;
     let (axis, inward) = (site.face.axis(), site.face.inward());
     let cells = (0..3).map(|a| to[a].saturating_sub(from[a]));
@@ -201,7 +201,7 @@ fn mean_inflow(table: &Table, place: &Place<'_>) -> Option<f64> {
                     .filter(|&a| a != axis)
                     .map(|a| centre[a])
                     .collect();
-                let u = table.at(&across);
+                let u = table.velocity_at(&across);
                 sum += part * (0..3).map(|a| u[a] * inward[a]).sum::<f64>();
                 area += part;
             }
@@ -221,7 +221,7 @@ fn bounded(place: &Place<'_>) -> [bool; 3] {
 }
 
 /// Returns the product of a parabola for each axis of the patch that has ends, along the inward normal.
-fn parabola(place: &Place<'_>, peak: f64) -> Profile {
+fn parabola(place: &Place<'_>, peak: f64) -> FaceVelocity {
     let (axis, bounded) = (place.site.face.axis(), bounded(place));
     let ends = place.ends;
     let inward = if place.site.face.is_max() {
@@ -248,7 +248,7 @@ fn from_walls(
     place: &Place<'_>,
     mean: f64,
     law: impl Fn(f64) -> f64 + Send + Sync + 'static,
-) -> Profile {
+) -> FaceVelocity {
     let (axis, inward) = (place.site.face.axis(), place.site.face.inward());
     let sides = place.sides();
     let (mut sum, mut area) = (0.0, 0.0);
@@ -274,14 +274,16 @@ fn from_walls(
     })
 }
 
-fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
+fn of_table(table: VelocityTable, place: &Place<'_>, units: LatticeUnits) -> FaceVelocity {
     let (axis, dimension) = (place.site.face.axis(), place.site.dimension);
     Box::new(move |position| {
         let across: Vec<f64> = (0..dimension)
             .filter(|&a| a != axis)
             .map(|a| position[a] * units.spacing)
             .collect();
-        table.at(&across).map(|v| units.velocity_to_lattice(v))
+        table
+            .velocity_at(&across)
+            .map(|v| units.velocity_to_lattice(v))
     })
 }
 
@@ -290,13 +292,13 @@ fn of_table(table: Table, place: &Place<'_>, units: LatticeUnits) -> Profile {
 /// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the
 /// outermost one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct VelocityTable {
     dimension: usize,
     /// Rows in rising order of the first coordinate.
     rows: Arc<Vec<Vec<f64>>>,
 }
 
-impl Table {
+impl VelocityTable {
     /// Returns the table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D
     /// dimensions.
     #[must_use]
@@ -331,7 +333,7 @@ impl Table {
 
     /// Returns the velocity [m/s] at the tangential coordinates \[m\] of a place.
     #[must_use]
-    pub fn at(&self, across: &[f64]) -> [f64; 3] {
+    pub fn velocity_at(&self, across: &[f64]) -> [f64; 3] {
         let rows = &self.rows;
         let mut velocity = [0.0; 3];
         if rows.is_empty() {
@@ -368,7 +370,7 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
-    use super::{Table, VelocityProfile};
+    use super::{VelocityProfile, VelocityTable};
     use crate::boundary::{Place, Site};
     use base::geometry::Face;
     use base::units::LatticeUnits;
@@ -436,14 +438,14 @@ mod tests {
 
     #[test]
     fn rows_are_interpolated_and_the_fastest_is_known() {
-        let flat = Table::new(2, vec![vec![0.0, 2.0, 0.0], vec![1.0, 4.0, -3.0]]);
-        assert_eq!(flat.at(&[0.5]), [3.0, -1.5, 0.0]);
-        assert_eq!(flat.at(&[-1.0]), [2.0, 0.0, 0.0]);
-        assert_eq!(flat.at(&[9.0]), [4.0, -3.0, 0.0]);
+        let flat = VelocityTable::new(2, vec![vec![0.0, 2.0, 0.0], vec![1.0, 4.0, -3.0]]);
+        assert_eq!(flat.velocity_at(&[0.5]), [3.0, -1.5, 0.0]);
+        assert_eq!(flat.velocity_at(&[-1.0]), [2.0, 0.0, 0.0]);
+        assert_eq!(flat.velocity_at(&[9.0]), [4.0, -3.0, 0.0]);
         assert_eq!(flat.fastest(), 5.0);
         let rows = vec![vec![0.0, 0.0, 1.0, 0.0, 0.0], vec![1.0, 1.0, 0.0, 0.0, 2.0]];
-        let solid = Table::new(3, rows);
-        assert_eq!(solid.at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
+        let solid = VelocityTable::new(3, rows);
+        assert_eq!(solid.velocity_at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
         assert_eq!(solid.fastest(), 2.0);
     }
 }

@@ -1,8 +1,8 @@
 //! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after
 //! every pass.
 
+use super::kind::BoundaryKind;
 use super::links::{Crossing, FaceLink, MirrorRun};
-use super::nature::Nature;
 use super::sound::Sums;
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -22,7 +22,7 @@ pub enum Giver {
 
 /// Step and time at which a rule acts.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment {
+pub struct RuleStep {
     /// The step.
     pub step: f64,
     /// F/2 of the body force.
@@ -33,7 +33,7 @@ pub struct Moment {
 /// each rule.
 pub trait Rule<S: Stored>: Send + Sync {
     /// Returns the kind of the boundary.
-    fn nature(&self) -> Nature;
+    fn kind(&self) -> BoundaryKind;
 
     /// Takes a link through the patch. The links of a cell come one after another.
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
@@ -93,12 +93,12 @@ pub trait Rule<S: Stored>: Send + Sync {
     }
 
     /// Returns the sums of this rank, where it needs any.
-    fn measure(&self, _populations: &Populations<S>, _moment: &Moment) -> Sums {
+    fn measure(&self, _populations: &Populations<S>, _moment: &RuleStep) -> Sums {
         Sums::default()
     }
 
     /// Takes the sums of all ranks.
-    fn hear(&mut self, _sums: Sums, _moment: &Moment) {}
+    fn hear(&mut self, _sums: Sums, _moment: &RuleStep) {}
 
     /// Returns the value that the rule keeps from step to step; none if it keeps nothing, or nothing yet.
     fn memory(&self) -> Option<f64> {
@@ -109,10 +109,10 @@ pub trait Rule<S: Stored>: Send + Sync {
     fn recall(&mut self, _memory: Option<f64>) {}
 
     /// Gives the links that the rule keeps what enters, before the walls are given theirs.
-    fn apply(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
+    fn apply(&mut self, _populations: &mut Populations<S>, _moment: &RuleStep) {}
 
     /// Changes what the walls have been given.
-    fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &Moment) {}
+    fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &RuleStep) {}
 
     /// Returns the links that the rule keeps and that are no mirrors.
     fn links(&self) -> &[FaceLink] {

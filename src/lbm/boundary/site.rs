@@ -1,6 +1,6 @@
 //! Part of the domain where a boundary is imposed.
 
-use super::nature::{Inflow, Strength};
+use super::kind::{Inflow, Strength};
 use base::geometry::Face;
 use base::number::real;
 

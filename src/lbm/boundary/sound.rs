@@ -255,7 +255,7 @@ pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Foreca
         }
     }
     (free == 1).then(|| -> Forecast {
-        Box::new(move |step| inflows.iter().map(|inflow| inflow.at(step)).sum())
+        Box::new(move |step| inflows.iter().map(|inflow| inflow.value_at(step)).sum())
     })
 }
 
@@ -268,7 +268,7 @@ mod tests {
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
     use base::number::{real, to_u32, whole};
-    use decomposition::{Axis, Domain};
+    use decomposition::{Domain, SplitAxis};
 
     const LENGTH: usize = 400;
 
@@ -277,7 +277,7 @@ mod tests {
     }
 
     fn inlet(speed: f64, absorbs: bool) -> Box<dyn Rule<f64>> {
-        let links = velocity::Links::uniform([speed, 0.0, 0.0]);
+        let links = velocity::VelocityLinks::uniform([speed, 0.0, 0.0]);
         Box::new(if absorbs {
             links.absorbing(PlaneWave::at_velocity(length()))
         } else {
@@ -286,7 +286,7 @@ mod tests {
     }
 
     fn outlet(absorbs: bool, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
-        let links = pressure::Links::new(0, Ramp::constant(0.0));
+        let links = pressure::PressureLinks::new(0, Ramp::constant(0.0));
         Box::new(if absorbs {
             links.absorbing(PlaneWave::at_pressure(length()), forecast)
         } else {
@@ -305,7 +305,7 @@ mod tests {
         };
         let setup = Setup {
             set: VelocitySet::D2Q9,
-            operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+            operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
             relaxation_time: tau,
             turbulence: None,
             force: Force::None,
@@ -316,7 +316,7 @@ mod tests {
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };
-        Fluid::new(setup, &Domain::serial(Axis::X, LENGTH, false)).unwrap()
+        Fluid::new(setup, &Domain::serial(SplitAxis::X, LENGTH, false)).unwrap()
     }
 
     /// Returns the largest amplitude (density deviation) of the waves upstream and downstream, over a stream of
@@ -395,7 +395,7 @@ mod tests {
 
     /// Returns an outflow that holds the mean of the pressure at rest.
     fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
-        let links = convective_outflow::Links::new((0, true), carried);
+        let links = convective_outflow::ConvectiveOutflowLinks::new((0, true), carried);
         let wave = PlaneWave::at_pressure(length());
         Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
     }

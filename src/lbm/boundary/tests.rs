@@ -8,7 +8,7 @@ use crate::fluid::{Fluid, Force, Setup};
 use crate::lattice::VelocitySet;
 use base::error::Remedy;
 use base::geometry::Face;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 
 boundaries! {
     /// Boundaries of this test.
@@ -108,7 +108,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
     let setup = Setup::<S> {
         set: VelocitySet::D2Q9,
-        operator: Operator::Bgk(bgk::Parameters {}),
+        operator: Operator::Bgk(bgk::BgkParameters {}),
         relaxation_time: 0.8,
         turbulence: None,
         force: Force::None,
@@ -125,7 +125,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, CELLS[0], false)).unwrap();
+    let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, CELLS[0], false)).unwrap();
     fluid.initialise(&|_: [f64; 3]| (0.01, [0.0; 3]));
     let mass = |fluid: &Fluid<S>| {
         let cells = fluid.populations().interior();
@@ -176,28 +176,28 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
                 1,
                 true,
                 everywhere,
-                Box::<free_slip::Links>::default() as Box<dyn Rule<f64>>,
+                Box::<free_slip::FreeSlipLinks>::default() as Box<dyn Rule<f64>>,
             )),
             "pressure" => patches.push(patch(
                 "top",
                 1,
                 true,
                 everywhere,
-                Box::new(pressure::Links::new(1, drop(0.0))),
+                Box::new(pressure::PressureLinks::new(1, drop(0.0))),
             )),
             _ => {}
         }
-        let jet = velocity::Links::uniform([0.0, -0.05, 0.0]);
+        let jet = velocity::VelocityLinks::uniform([0.0, -0.05, 0.0]);
         patches.push(patch("jet", 1, true, [7.0, 13.0], Box::new(jet)));
         for upper in [false, true] {
-            let outlet = pressure::Links::new(0, drop(0.0));
+            let outlet = pressure::PressureLinks::new(0, drop(0.0));
             patches.push(patch("side", 0, upper, everywhere, Box::new(outlet)));
         }
-        let drain = pressure::Links::new(1, drop(-1e-3));
+        let drain = pressure::PressureLinks::new(1, drop(-1e-3));
         patches.push(patch("drain", 1, false, [8.0, 12.0], Box::new(drain)));
         let setup = Setup::<f64> {
             set: VelocitySet::D2Q9,
-            operator: Operator::Bgk(bgk::Parameters {}),
+            operator: Operator::Bgk(bgk::BgkParameters {}),
             relaxation_time: 0.8,
             turbulence: None,
             force: Force::None,
@@ -208,7 +208,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };
-        let mut fluid = Fluid::new(setup, &Domain::serial(Axis::X, WIDE[0], false)).unwrap();
+        let mut fluid = Fluid::new(setup, &Domain::serial(SplitAxis::X, WIDE[0], false)).unwrap();
         fluid.initialise(&|_: [f64; 3]| (0.0, [0.0; 3]));
         for _ in 0..200 {
             fluid.advance();

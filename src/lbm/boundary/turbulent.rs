@@ -209,7 +209,7 @@ mod tests {
     use crate::collision::{Operator, cumulant};
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
-    use decomposition::{Axis, Domain};
+    use decomposition::{Domain, SplitAxis};
 
     const LENGTH: f64 = 4.0;
 
@@ -232,12 +232,15 @@ mod tests {
             intensity,
             speed: 0.1,
         };
-        let inlet = velocity::Links::uniform([speed, 0.0, 0.0]).turbulent(synthetic, (0, upper));
-        let outlet =
-            convective_outflow::Links::new((0, !upper), convective_outflow::Carried::Local);
+        let inlet =
+            velocity::VelocityLinks::uniform([speed, 0.0, 0.0]).turbulent(synthetic, (0, upper));
+        let outlet = convective_outflow::ConvectiveOutflowLinks::new(
+            (0, !upper),
+            convective_outflow::Carried::Local,
+        );
         let setup = Setup {
             set: VelocitySet::D3Q27,
-            operator: Operator::Cumulant(cumulant::Parameters::default()),
+            operator: Operator::Cumulant(cumulant::CumulantParameters::default()),
             relaxation_time: 0.505,
             turbulence: None,
             force: Force::None,
@@ -251,7 +254,7 @@ mod tests {
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };
-        let domain = Domain::serial(Axis::X, cells[0], false);
+        let domain = Domain::serial(SplitAxis::X, cells[0], false);
         let mut fluid = Fluid::new(setup, &domain).unwrap();
         fluid.initialise(&|_: [f64; 3]| (0.0, [speed, 0.0, 0.0]));
         fluid
@@ -286,7 +289,7 @@ mod tests {
                         y as f64 + 0.5 + 0.5 * c[1],
                         z as f64 + 0.5 + 0.5 * c[2],
                     ];
-                    let u = modes.at(place).map(|u| 0.2 * 0.1 * u);
+                    let u = modes.velocity_at(place).map(|u| 0.2 * 0.1 * u);
                     let link = populations.link(cell, i);
                     let parity = populations.parity();
                     let numbers = populations.numbers();

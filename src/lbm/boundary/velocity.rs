@@ -7,12 +7,12 @@
 )]
 
 use super::links::{LINKS_PER_THREAD, each_part};
-use super::profile::{Profile, ReadTable, VelocityProfile};
+use super::profile::{FaceVelocity, ReadTable, VelocityProfile};
 use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
-    Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Model, Moment, Nature, Place, Ramp, Rule,
-    Site, Sound, Strength, Sums, Surface, WithSurface, from_quanta, quanta, wall,
+    Crossing, FaceLink, Giver, ImposedSpeed, Inflow, BoundaryModel, RuleStep, BoundaryKind, Place, Ramp, Rule,
+    Site, Sound, Strength, Sums, SurfaceKind, WithSurface, from_quanta, quanta, wall,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -57,8 +57,8 @@ fn reflect() -> Sound {
     Sound::Reflect
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::Opening,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Opening,
     strength: Strength::Velocity,
 };
 
@@ -66,9 +66,9 @@ const OUTWARD: &str =
     "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
 const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
 
-impl Model for Velocity {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for Velocity {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
@@ -151,7 +151,7 @@ impl Model for Velocity {
         let mean = (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
         let discharge = mean.map(|mean| units.velocity_to_lattice(mean) * place.area());
         let history = in_steps(self.history.as_deref(), units);
-        let links = Links::new(profile, ramp).following(history);
+        let links = VelocityLinks::new(profile, ramp).following(history);
         let mut links = links.within(place).balanced(discharge);
         if let Some(synthetic) = synthetic {
             let face = place.site.face;
@@ -181,7 +181,7 @@ pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Opti
 fn synthetic(
     written: &Fluctuations,
     place: &Place<'_>,
-    profile: &Profile,
+    profile: &FaceVelocity,
     units: &LatticeUnits,
 ) -> Result<Synthetic, Error> {
     let Place { site, from, to, .. } = place;
@@ -223,9 +223,9 @@ fn synthetic(
 }
 
 /// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
-pub struct Links {
-    nature: Nature,
-    profile: Profile,
+pub struct VelocityLinks {
+    kind: BoundaryKind,
+    profile: FaceVelocity,
     ramp: Ramp,
     /// Factors of the profile by step.
     history: Option<TimeTable>,
@@ -254,12 +254,12 @@ struct Absorbing {
     terms: Vec<f64>,
 }
 
-impl Links {
+impl VelocityLinks {
     /// Returns the profile times a ramp.
     #[must_use]
-    pub fn new(profile: Profile, ramp: Ramp) -> Self {
+    pub fn new(profile: FaceVelocity, ramp: Ramp) -> Self {
         Self {
-            nature: NATURE,
+            kind: KIND,
             profile,
             ramp,
             history: None,
@@ -286,7 +286,7 @@ impl Links {
             .history
             .as_ref()
             .map_or(1.0, |history| history.value(step));
-        factor * self.ramp.at(step)
+        factor * self.ramp.value_at(step)
     }
 
     /// Returns a velocity that is uniform and constant \[cells per step\].
@@ -331,15 +331,15 @@ impl Links {
     }
 
     /// Sets the kind of the boundary.
-    pub(super) fn of_nature(mut self, nature: Nature) -> Self {
-        self.nature = nature;
+    pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
+        self.kind = kind;
         self
     }
 }
 
-impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        self.nature
+impl<S: Stored> Rule<S> for VelocityLinks {
+    fn kind(&self) -> BoundaryKind {
+        self.kind
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
@@ -382,7 +382,7 @@ impl<S: Stored> Rule<S> for Links {
     }
 
     fn outside(&self) -> Option<Outside> {
-        (self.nature == NATURE).then_some(Outside::Stream)
+        (self.kind == KIND).then_some(Outside::Stream)
     }
 
     fn factor(&self, step: f64) -> f64 {
@@ -411,7 +411,7 @@ impl<S: Stored> Rule<S> for Links {
         self.sound.is_some()
     }
 
-    fn measure(&self, populations: &Populations<S>, moment: &Moment) -> Sums {
+    fn measure(&self, populations: &Populations<S>, moment: &RuleStep) -> Sums {
         let factor = self.balance * self.grown(moment.step);
         self.sound.as_ref().map_or_else(Sums::default, |sound| {
             let into = sound
@@ -422,7 +422,7 @@ impl<S: Stored> Rule<S> for Links {
         })
     }
 
-    fn hear(&mut self, sums: Sums, _: &Moment) {
+    fn hear(&mut self, sums: Sums, _: &RuleStep) {
         if let Some(sound) = &mut self.sound {
             sound.wave.hear_velocity(sums);
         }
@@ -438,7 +438,7 @@ impl<S: Stored> Rule<S> for Links {
         }
     }
 
-    fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &Moment) {
+    fn apply_over_walls(&mut self, populations: &mut Populations<S>, moment: &RuleStep) {
         if let Some(sound) = &self.sound {
             let parity = populations.parity();
             let mut weights = [0.0; 27];

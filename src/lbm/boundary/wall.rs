@@ -9,7 +9,7 @@
 //! plane can be given while its numbers are still in the cache.
 
 use super::links::{Counted, Row};
-use crate::block::{Block, Line};
+use crate::block::{Line, RowBlock};
 use crate::gpu::copies::Copies;
 use crate::lanes::Stored;
 use crate::populations::{Link, Parity, Populations};
@@ -89,7 +89,7 @@ impl Walls {
                 (Some(run), Some(longer)) => *run = longer,
                 _ => runs.push(Run {
                     first: *link,
-                    line: Line::of(link.row),
+                    line: Line::single(link.row),
                 }),
             }
         }
@@ -184,7 +184,7 @@ impl Walls {
     /// any link of these cells.
     pub(super) unsafe fn give<S: Stored>(
         &self,
-        Block { planes, rows }: &Block,
+        RowBlock { planes, rows }: &RowBlock,
         speed: impl Fn(usize) -> f64,
         parity: Parity,
         numbers: *mut S,
@@ -274,7 +274,7 @@ mod tests {
             }
             for planes in [2..4, 0..1, 1..2] {
                 for rows in [30..200, 0..3, 3..30] {
-                    let cells = Block {
+                    let cells = RowBlock {
                         planes: planes.clone(),
                         rows,
                     };

@@ -7,9 +7,9 @@ pub mod kernel;
 
 pub use kernel::Bgk;
 
-use super::border::{self, Border, Bounds, MovingBody, Situation};
+use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
 use super::trt::{self, AntisymmetricRate, Trt};
-use super::{Dispatch, Kernels, Model};
+use super::{Dispatch, Kernels, CollisionModel};
 use base::error::number;
 use base::family::Description;
 use schemars::JsonSchema;
@@ -19,22 +19,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
-pub struct Parameters {}
+pub struct BgkParameters {}
 
-const FREE: &[Bounds] = &[
-    Bounds::up_to(0.21, 180.0, 200.0),
-    Bounds::up_to(f64::INFINITY, 1.7, 8.4),
+const FREE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.21, 180.0, 200.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 1.7, 8.4),
 ];
-const LID: &[Bounds] = &Bounds::always(10.0, 18.0);
-const CUBE: &[Bounds] = &Bounds::always(10.0, 20.0);
-const DUCT_19: [Bounds; 1] = Bounds::always(9.0, 10.0);
-const DUCT_27: [Bounds; 1] = Bounds::always(15.0, 17.6);
-const CUBE_EDDIES: &[Bounds] = &[
-    Bounds::up_to(0.03, 30.0, 90.0),
-    Bounds::up_to(f64::INFINITY, 10.0, 20.0),
+const LID: &[ReynoldsBounds] = &ReynoldsBounds::always(10.0, 18.0);
+const CUBE: &[ReynoldsBounds] = &ReynoldsBounds::always(10.0, 20.0);
+const DUCT_19: [ReynoldsBounds; 1] = ReynoldsBounds::always(9.0, 10.0);
+const DUCT_27: [ReynoldsBounds; 1] = ReynoldsBounds::always(15.0, 17.6);
+const CUBE_EDDIES: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.03, 30.0, 90.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 10.0, 20.0),
 ];
 
-impl Model for Parameters {
+impl CollisionModel for BgkParameters {
     fn describe(&self, relaxation_time: f64) -> Description {
         let tau = number(relaxation_time);
         Description::new(
@@ -72,7 +72,7 @@ impl Model for Parameters {
 }
 
 /// Cells with viscosities of their own share the passes of TRT, with equal rates.
-impl Kernels for Parameters {
+impl Kernels for BgkParameters {
     type Uniform<const FORCED: bool> = Bgk<FORCED>;
     type Local = Trt<true>;
     type Covered = Trt<true>;

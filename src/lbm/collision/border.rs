@@ -9,7 +9,7 @@ use crate::lattice::VelocitySet;
 
 /// Bounds of the cell Reynolds number up to a lattice velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub struct ReynoldsBounds {
     /// Largest lattice velocity U dt/h for which they hold.
     pub lattice_velocity: f64,
     /// The largest value up to which every run ended.
@@ -18,7 +18,7 @@ pub struct Bounds {
     pub fails: f64,
 }
 
-impl Bounds {
+impl ReynoldsBounds {
     /// Returns the bounds for flows up to a lattice velocity.
     #[must_use]
     pub const fn up_to(lattice_velocity: f64, holds: f64, fails: f64) -> Self {
@@ -42,7 +42,7 @@ pub struct Border {
     /// Folder of the map under `benches/stability`.
     pub map: &'static str,
     /// Bounds, by rising lattice velocity.
-    pub bounds: &'static [Bounds],
+    pub bounds: &'static [ReynoldsBounds],
 }
 
 /// Boundaries of the fluid.
@@ -91,38 +91,38 @@ pub struct MovingBody {
 
 /// Limits of a disc that moves, held by links, with any operator of 2-D. Outside the map discs of other sizes failed at
 /// 9.7 at a lattice velocity of 0.15.
-const DISC: &[Bounds] = &[
-    Bounds::up_to(0.11, 10.0, 11.0),
-    Bounds::up_to(0.15, 7.0, 8.0),
-    Bounds::up_to(0.21, 2.0, 4.0),
-    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+const DISC: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.11, 10.0, 11.0),
+    ReynoldsBounds::up_to(0.15, 7.0, 8.0),
+    ReynoldsBounds::up_to(0.21, 2.0, 4.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
 /// Limits of a disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water next to it passes
 /// the guard.
-const SATURATED_DISC: &[Bounds] = &[
-    Bounds::up_to(0.11, 80.0, f64::INFINITY),
-    Bounds::up_to(0.15, 20.0, 40.0),
-    Bounds::up_to(0.21, 5.0, 7.0),
-    Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+const SATURATED_DISC: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.11, 80.0, f64::INFINITY),
+    ReynoldsBounds::up_to(0.15, 20.0, 40.0),
+    ReynoldsBounds::up_to(0.21, 5.0, 7.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
 /// A sphere that moves, in partially saturated cells, with any operator of 3-D.
-const SATURATED_SPHERE: &[Bounds] = &[
-    Bounds::up_to(0.15, 80.0, f64::INFINITY),
-    Bounds::up_to(f64::INFINITY, 40.0, 80.0),
+const SATURATED_SPHERE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.15, 80.0, f64::INFINITY),
+    ReynoldsBounds::up_to(f64::INFINITY, 40.0, 80.0),
 ];
 
 /// A sphere that moves, held by links, with one or two relaxation times.
-pub(super) const SPHERE: &[Bounds] = &[
-    Bounds::up_to(0.11, 10.0, 12.0),
-    Bounds::up_to(0.15, 7.0, 10.0),
-    Bounds::up_to(f64::INFINITY, 5.0, 7.0),
+pub(super) const SPHERE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.11, 10.0, 12.0),
+    ReynoldsBounds::up_to(0.15, 7.0, 10.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 5.0, 7.0),
 ];
 
 impl MovingBody {
     /// Returns the border of an operator that holds a sphere with links within the bounds `sphere`.
-    pub(super) fn border(&self, sphere: &'static [Bounds]) -> Border {
+    pub(super) fn border(&self, sphere: &'static [ReynoldsBounds]) -> Border {
         let (map, bounds) = match (self.dimension, self.links) {
             (2, true) => ("moving-disc-10", DISC),
             (2, false) => ("moving-disc-10", SATURATED_DISC),
@@ -138,18 +138,18 @@ impl MovingBody {
 /// relaxation times.
 pub(super) const CYLINDER: [Border; 2] = [
     cylinder(&[
-        Bounds::up_to(0.21, 10.0, 12.0),
-        Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+        ReynoldsBounds::up_to(0.21, 10.0, 12.0),
+        ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
     ]),
     cylinder(&[
-        Bounds::up_to(0.11, 30.0, 90.0),
-        Bounds::up_to(0.21, 6.0, 20.0),
-        Bounds::up_to(f64::INFINITY, 0.0, 0.0),
+        ReynoldsBounds::up_to(0.11, 30.0, 90.0),
+        ReynoldsBounds::up_to(0.21, 6.0, 20.0),
+        ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
     ]),
 ];
 
 /// Returns a border behind an inlet in 2-D: the map of all flows in 2-D with openings.
-const fn cylinder(bounds: &'static [Bounds]) -> Border {
+const fn cylinder(bounds: &'static [ReynoldsBounds]) -> Border {
     Border {
         map: "cylinder-10",
         bounds,
@@ -159,11 +159,11 @@ const fn cylinder(bounds: &'static [Bounds]) -> Border {
 /// Openings with an eddy viscosity, with one or two relaxation times.
 pub(super) const DUCT_WITH_EDDIES: Border = Border {
     map: "duct-eddies-16",
-    bounds: &Bounds::always(5.0, 10.0),
+    bounds: &ReynoldsBounds::always(5.0, 10.0),
 };
 
 /// Returns a border in the cavity of 20³ cells: the map of all flows in 3-D without openings.
-pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
+pub(super) const fn cube(bounds: &'static [ReynoldsBounds]) -> Border {
     Border {
         map: "cavity-3d-20",
         bounds,
@@ -171,7 +171,7 @@ pub(super) const fn cube(bounds: &'static [Bounds]) -> Border {
 }
 
 /// Returns a border in the square duct between an inlet and an outlet: the map of all flows in 3-D with openings.
-pub(super) const fn duct(bounds: &'static [Bounds]) -> Border {
+pub(super) const fn duct(bounds: &'static [ReynoldsBounds]) -> Border {
     Border {
         map: "duct-20",
         bounds,

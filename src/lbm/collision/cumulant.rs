@@ -22,9 +22,9 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::border::{self, Border, Bounds, MovingBody, Situation};
+use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
 use super::products::{POPULATION, n};
-use super::{Collision, Dispatch, Kernels, Model, Site};
+use super::{Collision, Dispatch, Kernels, CollisionModel, Site};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, VelocitySet, unroll};
 use base::family::Description;
@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
-pub struct Parameters {
+pub struct CumulantParameters {
     /// Rate of the trace of the stress [1]; the bulk viscosity is (2/9)(1/bulk - 1/2). A rate of 1 damps sound waves
     /// best.
     #[serde(default = "one")]
@@ -48,25 +48,25 @@ fn one() -> f64 {
     1.0
 }
 
-impl Default for Parameters {
+impl Default for CumulantParameters {
     fn default() -> Self {
         Self { bulk: one() }
     }
 }
 
-const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
-const DUCT: &[Bounds] = &[
-    Bounds::up_to(0.06, 30.0, 60.0),
-    Bounds::up_to(f64::INFINITY, 17.6, 23.0),
+const CUBE: &[ReynoldsBounds] = &ReynoldsBounds::always(30.0, 60.0);
+const DUCT: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.06, 30.0, 60.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 17.6, 23.0),
 ];
 
-const SPHERE: &[Bounds] = &[
-    Bounds::up_to(0.11, 80.0, f64::INFINITY),
-    Bounds::up_to(0.15, 40.0, 80.0),
-    Bounds::up_to(f64::INFINITY, 10.0, 12.0),
+const SPHERE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.11, 80.0, f64::INFINITY),
+    ReynoldsBounds::up_to(0.15, 40.0, 80.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 10.0, 12.0),
 ];
 
-impl Model for Parameters {
+impl CollisionModel for CumulantParameters {
     fn describe(&self, _: f64) -> Description {
         Description::new("cumulants", "requested; robust at high Reynolds numbers")
     }
@@ -97,7 +97,7 @@ impl Model for Parameters {
 }
 
 /// The kernel with a force serves all passes: the operator is bound by arithmetic, and a force costs little.
-impl Kernels for Parameters {
+impl Kernels for CumulantParameters {
     type Uniform<const FORCED: bool> = Cumulant<true>;
     type Local = Cumulant<true>;
     type Covered = Cumulant<true>;

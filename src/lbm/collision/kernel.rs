@@ -62,7 +62,7 @@ pub(crate) struct Moments<N> {
 impl<N: Lanes> Moments<N> {
     /// Sums over the pairs of a cell; `half_force` is F/2.
     #[inline(always)]
-    pub(crate) fn of<L: Lattice<Q>, G: Site<N, Q>, const Q: usize>(
+    pub(crate) fn from_pairs<L: Lattice<Q>, G: Site<N, Q>, const Q: usize>(
         g: &G,
         half_force: [f64; 3],
     ) -> Self {

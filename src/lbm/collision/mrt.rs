@@ -44,9 +44,9 @@ pub mod kernel;
 
 pub use kernel::{Mrt, Rates};
 
-use super::border::{self, Border, Bounds, MovingBody, Situation};
+use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
 use super::second_order::SecondOrder;
-use super::{Dispatch, Kernels, Model};
+use super::{Dispatch, Kernels, CollisionModel};
 use crate::lattice::VelocitySet;
 use base::family::Description;
 use schemars::JsonSchema;
@@ -58,7 +58,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
-pub struct Parameters {
+pub struct MrtParameters {
     /// Rate s4 of the trace of the stress [1]; the bulk viscosity is (2/9)(1/s4 - 1/2). Default: 1.54.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
@@ -102,22 +102,22 @@ pub struct Parameters {
     pub xyz: Option<f64>,
 }
 
-const CUBE: &[Bounds] = &Bounds::always(30.0, 60.0);
-const DUCT: &[Bounds] = &[
-    Bounds::up_to(0.06, 30.0, 60.0),
-    Bounds::up_to(f64::INFINITY, 23.0, 30.0),
+const CUBE: &[ReynoldsBounds] = &ReynoldsBounds::always(30.0, 60.0);
+const DUCT: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.06, 30.0, 60.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 23.0, 30.0),
 ];
-const CUBE_EDDIES: &[Bounds] = &[
-    Bounds::up_to(0.03, 300.0, f64::INFINITY),
-    Bounds::up_to(0.1, 100.0, 300.0),
-    Bounds::up_to(f64::INFINITY, 20.0, 60.0),
+const CUBE_EDDIES: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.03, 300.0, f64::INFINITY),
+    ReynoldsBounds::up_to(0.1, 100.0, 300.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 20.0, 60.0),
 ];
-const CUBE_SECOND_ORDER_EDDIES: &[Bounds] = &[
-    Bounds::up_to(0.1, 1000.0, f64::INFINITY),
-    Bounds::up_to(f64::INFINITY, 200.0, 600.0),
+const CUBE_SECOND_ORDER_EDDIES: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.1, 1000.0, f64::INFINITY),
+    ReynoldsBounds::up_to(f64::INFINITY, 200.0, 600.0),
 ];
 
-impl Parameters {
+impl MrtParameters {
     /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
     fn higher_rates(&self) -> [Option<f64>; 8] {
         [
@@ -157,13 +157,13 @@ impl Parameters {
     }
 }
 
-const SPHERE: &[Bounds] = &[
-    Bounds::up_to(0.06, 80.0, f64::INFINITY),
-    Bounds::up_to(0.15, 40.0, 80.0),
-    Bounds::up_to(f64::INFINITY, 10.0, 12.0),
+const SPHERE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.06, 80.0, f64::INFINITY),
+    ReynoldsBounds::up_to(0.15, 40.0, 80.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 10.0, 12.0),
 ];
 
-impl Model for Parameters {
+impl CollisionModel for MrtParameters {
     fn describe(&self, _: f64) -> Description {
         if self.second_order() {
             Description::new(

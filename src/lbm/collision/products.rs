@@ -11,13 +11,13 @@ pub(super) const POPULATION: [[[usize; 3]; 3]; 3] = {
     let mut i = 0;
     while i < 27 {
         let c = D3Q27::C[i];
-        table[place(c[0])][place(c[1])][place(c[2])] = i;
+        table[component_index(c[0])][component_index(c[1])][component_index(c[2])] = i;
         i += 1;
     }
     table
 };
 
-const fn place(c: i8) -> usize {
+const fn component_index(c: i8) -> usize {
     match c {
         0 => 0,
         1 => 1,

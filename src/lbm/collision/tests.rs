@@ -8,7 +8,7 @@ use crate::lattice::D2Q9;
 operators! {
     /// Collision operators of this test.
     Operators:
-    toy Toy,
+    toy Toy Parameters,
 }
 
 /// Collides a cell of D2Q9 with the kernel of a pass without force and eddies.

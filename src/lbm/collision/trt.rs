@@ -15,8 +15,8 @@ pub mod kernel;
 
 pub use kernel::{AntisymmetricRate, Trt, antisymmetric_rate};
 
-use super::border::{self, Border, Bounds, MovingBody, Situation, Surroundings};
-use super::{Dispatch, Kernels, Model};
+use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation, Surroundings};
+use super::{Dispatch, Kernels, CollisionModel};
 use crate::lattice::VelocitySet;
 use base::family::Description;
 use schemars::JsonSchema;
@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
-pub struct Parameters {
+pub struct TrtParameters {
     /// Magic parameter (tau+ - 1/2)(tau- - 1/2) [1]. With 3/16 straight walls lie exactly half-way between nodes.
     #[serde(default = "three_sixteenths")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 10))]
@@ -37,7 +37,7 @@ fn three_sixteenths() -> f64 {
     0.1875
 }
 
-impl Default for Parameters {
+impl Default for TrtParameters {
     fn default() -> Self {
         Self {
             magic: three_sixteenths(),
@@ -45,17 +45,17 @@ impl Default for Parameters {
     }
 }
 
-const FREE: &[Bounds] = &[
-    Bounds::up_to(0.21, 30.0, 60.0),
-    Bounds::up_to(f64::INFINITY, 1.7, 8.4),
+const FREE: &[ReynoldsBounds] = &[
+    ReynoldsBounds::up_to(0.21, 30.0, 60.0),
+    ReynoldsBounds::up_to(f64::INFINITY, 1.7, 8.4),
 ];
-const LID: &[Bounds] = &Bounds::always(20.0, 28.0);
-const CUBE: &[Bounds] = &Bounds::always(20.0, 30.0);
+const LID: &[ReynoldsBounds] = &ReynoldsBounds::always(20.0, 28.0);
+const CUBE: &[ReynoldsBounds] = &ReynoldsBounds::always(20.0, 30.0);
 /// Limits of a duct with 19 velocities. Outside the map, a duct of 24 cells failed at 7.7.
-const DUCT_19: [Bounds; 1] = Bounds::always(6.9, 7.6);
-const DUCT_27: [Bounds; 1] = Bounds::always(10.0, 10.5);
+const DUCT_19: [ReynoldsBounds; 1] = ReynoldsBounds::always(6.9, 7.6);
+const DUCT_27: [ReynoldsBounds; 1] = ReynoldsBounds::always(10.0, 10.5);
 
-impl Model for Parameters {
+impl CollisionModel for TrtParameters {
     fn describe(&self, _: f64) -> Description {
         Description::new(
             format!("TRT, magic parameter {}", self.magic),
@@ -92,10 +92,10 @@ impl Model for Parameters {
 /// and so did ducts between openings, where the operators with more rates hold.
 pub(super) fn border_of_two_rates(
     situation: &Situation,
-    free: &'static [Bounds],
-    lid: &'static [Bounds],
-    cube: &'static [Bounds],
-    duct: [&'static [Bounds]; 2],
+    free: &'static [ReynoldsBounds],
+    lid: &'static [ReynoldsBounds],
+    cube: &'static [ReynoldsBounds],
+    duct: [&'static [ReynoldsBounds]; 2],
     single: bool,
 ) -> Option<Border> {
     let open = situation.surroundings == Surroundings::Openings;
@@ -123,7 +123,7 @@ pub(super) fn border_of_two_rates(
     )
 }
 
-impl Kernels for Parameters {
+impl Kernels for TrtParameters {
     type Uniform<const FORCED: bool> = Trt<FORCED>;
     type Local = Trt<true>;
     type Covered = Trt<true>;

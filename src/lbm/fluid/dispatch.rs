@@ -2,7 +2,7 @@
 //! precision and processor.
 
 use super::Setup;
-use crate::block::Block;
+use crate::block::RowBlock;
 use crate::collision::{Collision, Dispatch, Kernels, Operator};
 use crate::fluid::force::Force;
 #[cfg(test)]
@@ -24,7 +24,7 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     ///
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
-    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize);
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &RowBlock, worker: usize);
 
     /// Returns the kernels that do the same on a GPU; none if there are none.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
@@ -116,7 +116,7 @@ where
     T: Eddies,
     F: Fn([f64; 3]) -> C + Send + Sync,
 {
-    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &Block, worker: usize) {
+    unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &RowBlock, worker: usize) {
         let update = Update {
             collision: (self.operator)(force),
             eddies: self.eddies,
@@ -173,7 +173,7 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    pub(super) fn of<S: Stored>(setup: &Setup<S>, level: Level) -> Self {
+    pub(super) fn from_setup<S: Stored>(setup: &Setup<S>, level: Level) -> Self {
         Self {
             operator: setup.operator,
             eddies: setup.turbulence,

@@ -23,7 +23,7 @@ pub enum Force {
 impl Force {
     /// Returns the force at a step.
     #[must_use]
-    pub fn at(&self, step: f64) -> [f64; 3] {
+    pub fn force_at(&self, step: f64) -> [f64; 3] {
         match *self {
             Self::None => [0.0; 3],
             Self::Constant(force) => force,

@@ -2,7 +2,7 @@
 
 use super::Fluid;
 use crate::lanes::Stored;
-use crate::surface::{Ends, Opening, Outside, Surface, Up};
+use crate::surface::{Ends, Opening, Outside, SlabSurface, Up};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
@@ -24,7 +24,7 @@ impl<S: Stored> Fluid<S> {
             periodic: self.periodic_within,
             mirrored,
         };
-        let mut surface = Surface::new(&self.populations, ends, domain)?;
+        let mut surface = SlabSurface::new(&self.populations, ends, domain)?;
         surface.open(self.openings());
         self.surface = Some(Box::new(surface));
         Ok(())
@@ -68,12 +68,12 @@ impl<S: Stored> Fluid<S> {
 
     /// Returns the free surface, if there is one.
     #[must_use]
-    pub fn surface(&self) -> Option<&Surface> {
+    pub fn surface(&self) -> Option<&SlabSurface> {
         self.surface.as_deref()
     }
 
     /// Returns the free surface, to set its state.
-    pub fn surface_mut(&mut self) -> Option<&mut Surface> {
+    pub fn surface_mut(&mut self) -> Option<&mut SlabSurface> {
         self.surface.as_deref_mut()
     }
 

@@ -81,7 +81,8 @@ impl<S: Stored> Fluid<S> {
             #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
             let (now, then) = (self.step as f64, (self.step + 1) as f64);
             let before = self.populations.parity();
-            self.pass.pass_on_gpu(gpu, before, self.force.at(now))?;
+            self.pass
+                .pass_on_gpu(gpu, before, self.force.force_at(now))?;
             let boundaries = &self.boundaries;
             gpu.copy(before, |patch| boundaries.velocity_factor(patch, then))?;
             if let Some(cover) = &mut self.cover {

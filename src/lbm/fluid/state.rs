@@ -14,7 +14,7 @@ impl<S: Stored> Fluid<S> {
     pub fn half_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let now = self.step as f64;
-        self.force.at(now).map(|f| 0.5 * f)
+        self.force.force_at(now).map(|f| 0.5 * f)
     }
 
     /// Returns the body force of the last step.
@@ -22,7 +22,7 @@ impl<S: Stored> Fluid<S> {
     pub fn last_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let last = self.step.saturating_sub(1) as f64;
-        self.force.at(last)
+        self.force.force_at(last)
     }
 
     /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves

@@ -5,7 +5,7 @@ use super::{Fluid, planes_of};
 use crate::lanes::Stored;
 use crate::links::fixed::FixedLink;
 use crate::links::{BodyLink, Rigid, surface_velocity};
-use crate::turbulence::field::Wall;
+use crate::turbulence::field::BodyWall;
 
 /// Solid fraction of a cell from which on it is no water to the gradients of adjacent cells.
 const HALF: f64 = 0.5;
@@ -71,7 +71,7 @@ impl<S: Stored> Fluid<S> {
                             1.0 - distance
                         };
                         let local = at.map(|n| i32::try_from(n).unwrap_or(i32::MAX));
-                        found.push(Wall {
+                        found.push(BodyWall {
                             cell: water,
                             side: (axis, upper),
                             distance,
@@ -106,7 +106,7 @@ impl<S: Stored> Fluid<S> {
                     for a in 0..D {
                         arm[a] = 0.5 * f64::from(link.middle[a]) - motion.position[a];
                     }
-                    found.push(Wall {
+                    found.push(BodyWall {
                         cell: link.link.near as usize - populations.slot(0, back),
                         side: (axis, c[axis] > 0),
                         distance: 0.5,
@@ -147,7 +147,7 @@ impl<S: Stored> Fluid<S> {
                     // q from its kappa; 1/2 for half-way.
                     let kappa = link.kappa[end];
                     let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
-                    found.push(Wall {
+                    found.push(BodyWall {
                         cell: near as usize - populations.slot(0, returns),
                         side: (axis, c[axis] > 0),
                         distance: distance.max(NEAREST),

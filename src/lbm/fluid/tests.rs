@@ -4,7 +4,7 @@ use crate::boundary::{Ramp, Rule, convective_outflow, free_slip, pressure, veloc
 use crate::collision::{bgk, cumulant, mrt, suga, trt};
 use crate::gpu::program::Program;
 use crate::links::Rigid;
-use crate::saturation::{DEEP, Solid, SolidOperator, Weighting};
+use crate::saturation::{CoveringBody, DEEP, SolidOperator, Weighting};
 use crate::turbulence::smagorinsky::Smagorinsky;
 use crate::turbulence::wale::Wale;
 
@@ -28,9 +28,9 @@ fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> S
 
 fn serial(axis: usize, setup: Setup) -> Fluid<f64> {
     let axes = [
-        decomposition::Axis::X,
-        decomposition::Axis::Y,
-        decomposition::Axis::Z,
+        decomposition::SplitAxis::X,
+        decomposition::SplitAxis::Y,
+        decomposition::SplitAxis::Z,
     ];
     let domain = Domain::serial(axes[axis], setup.cells[axis], setup.periodic[axis]);
     Fluid::new(setup, &domain).unwrap()
@@ -58,7 +58,7 @@ fn poiseuille_by_body_force_is_exact_with_the_magic_parameter() {
             let n = 7;
             let mut s = setup(
                 set,
-                Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+                Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
                 tau,
                 [3, n, nz],
             );
@@ -87,7 +87,7 @@ fn couette_is_exact() {
     let n = 8;
     let mut s = setup(
         VelocitySet::D2Q9,
-        Operator::Bgk(bgk::Parameters {}),
+        Operator::Bgk(bgk::BgkParameters {}),
         0.8,
         [3, n, 1],
     );
@@ -96,7 +96,7 @@ fn couette_is_exact() {
         axis: 1,
         upper: true,
         range: EVERYWHERE,
-        rule: Box::new(velocity::Links::uniform([0.01, 0.0, 0.0])),
+        rule: Box::new(velocity::VelocityLinks::uniform([0.01, 0.0, 0.0])),
     });
     let mut fluid = serial(1, s);
     for _ in 0..5000 {
@@ -129,7 +129,7 @@ fn bands_of_planes_have_the_states_of_their_cells() {
     ] {
         let mut s = setup(
             VelocitySet::D3Q19,
-            Operator::Bgk(bgk::Parameters {}),
+            Operator::Bgk(bgk::BgkParameters {}),
             0.7,
             cells,
         );
@@ -167,10 +167,10 @@ fn bands_of_planes_have_the_states_of_their_cells() {
 fn hydrostatic_pressure_reaches_the_walls() {
     let n = 8;
     for operator in [
-        Operator::Bgk(bgk::Parameters {}),
-        Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
-        Operator::Mrt(mrt::Parameters::default()),
-        Operator::Cumulant(cumulant::Parameters::default()),
+        Operator::Bgk(bgk::BgkParameters {}),
+        Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
+        Operator::Mrt(mrt::MrtParameters::default()),
+        Operator::Cumulant(cumulant::CumulantParameters::default()),
     ] {
         let mut s = setup(VelocitySet::D3Q27, operator, 0.8, [2, n, 2]);
         let g = 1e-5;
@@ -208,7 +208,7 @@ fn the_gradient_beside_faces() {
     let (cells, nu) = ([4, 8, 3], 0.1);
     let mut s = setup(
         VelocitySet::D3Q27,
-        Operator::Mrt(mrt::Parameters::default()),
+        Operator::Mrt(mrt::MrtParameters::default()),
         0.5 + 3.0 * nu,
         cells,
     );
@@ -218,7 +218,7 @@ fn the_gradient_beside_faces() {
         axis: 1,
         upper: true,
         range: EVERYWHERE,
-        rule: Box::new(velocity::Links::uniform([0.02, 0.0, 0.0])),
+        rule: Box::new(velocity::VelocityLinks::uniform([0.02, 0.0, 0.0])),
     });
     let mut fluid = serial(0, s);
     // 0 at the floor, 0.02 at the lid.
@@ -244,7 +244,7 @@ fn swirl(p: [f64; 3]) -> (f64, [f64; 3]) {
 fn every_face(periodic: [bool; 3], set: VelocitySet, cells: [usize; 3]) -> Setup {
     let mut s = setup(
         set,
-        Operator::Trt(trt::Parameters { magic: 0.25 }),
+        Operator::Trt(trt::TrtParameters { magic: 0.25 }),
         0.7,
         cells,
     );
@@ -264,19 +264,29 @@ fn every_face(periodic: [bool; 3], set: VelocitySet, cells: [usize; 3]) -> Setup
     };
     let lid = |p: [f64; 3]| [0.0, 0.01 * p[0] / 9.0, 0.0];
     s.patches = vec![
-        patch(0, false, Box::new(pressure::Links::new(0, pressure))),
+        patch(
+            0,
+            false,
+            Box::new(pressure::PressureLinks::new(0, pressure)),
+        ),
         patch(
             0,
             true,
-            Box::new(convective_outflow::Links::new((0, true), Carried::Whole)),
+            Box::new(convective_outflow::ConvectiveOutflowLinks::new(
+                (0, true),
+                Carried::Whole,
+            )),
         ),
-        patch(1, true, Box::<free_slip::Links>::default()),
+        patch(1, true, Box::<free_slip::FreeSlipLinks>::default()),
         patch(
             2,
             true,
-            Box::new(velocity::Links::new(Box::new(lid), Ramp::constant(1.0))),
+            Box::new(velocity::VelocityLinks::new(
+                Box::new(lid),
+                Ramp::constant(1.0),
+            )),
         ),
-        patch(2, false, Box::<free_slip::Links>::default()),
+        patch(2, false, Box::<free_slip::FreeSlipLinks>::default()),
     ];
     s
 }
@@ -309,7 +319,7 @@ fn the_split_axis_does_not_change_a_bit() {
             for axis in 0..axes {
                 let mut s = every_face(periodic, set, cells);
                 if set == VelocitySet::D3Q27 {
-                    s.operator = Operator::Mrt(mrt::Parameters::default());
+                    s.operator = Operator::Mrt(mrt::MrtParameters::default());
                     s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                 }
                 let mut fluid = serial(axis, s);
@@ -337,14 +347,14 @@ fn walls_may_be_given_early_or_late() {
         (VelocitySet::D3Q27, [9, 11, 13]),
     ] {
         let run = |threads: usize| {
-            let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
+            let mut s = setup(set, Operator::Bgk(bgk::BgkParameters {}), 0.6, cells);
             s.periodic = [false; 3];
             s.patches = vec![Patch {
                 name: "lid".into(),
                 axis: 0,
                 upper: true,
                 range: EVERYWHERE,
-                rule: Box::new(velocity::Links::new(
+                rule: Box::new(velocity::VelocityLinks::new(
                     Box::new(|p| [0.0, 0.01 * p[1], 0.0]),
                     Ramp {
                         start: 0.0,
@@ -383,7 +393,7 @@ fn threads_do_not_show() {
                 range: EVERYWHERE,
                 rule,
             };
-            let inlet = velocity::Links::new(
+            let inlet = velocity::VelocityLinks::new(
                 Box::new(|p| [0.02 + 0.0002 * p[1], 0.001, 0.0]),
                 Ramp {
                     start: 0.5,
@@ -393,7 +403,7 @@ fn threads_do_not_show() {
             );
             let mut s = setup(
                 VelocitySet::D3Q27,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 0.6,
                 CELLS,
             );
@@ -404,18 +414,24 @@ fn threads_do_not_show() {
                 patch(
                     0,
                     true,
-                    Box::new(pressure::Links::new(0, Ramp::constant(0.001))),
+                    Box::new(pressure::PressureLinks::new(0, Ramp::constant(0.001))),
                 ),
-                patch(1, false, Box::<free_slip::Links>::default()),
+                patch(1, false, Box::<free_slip::FreeSlipLinks>::default()),
                 patch(
                     1,
                     true,
-                    Box::new(convective_outflow::Links::new((1, true), Carried::Whole)),
+                    Box::new(convective_outflow::ConvectiveOutflowLinks::new(
+                        (1, true),
+                        Carried::Whole,
+                    )),
                 ),
                 patch(
                     2,
                     true,
-                    Box::new(convective_outflow::Links::new((2, true), Carried::Local)),
+                    Box::new(convective_outflow::ConvectiveOutflowLinks::new(
+                        (2, true),
+                        Carried::Local,
+                    )),
                 ),
             ];
             let mut fluid = serial(0, s);
@@ -436,7 +452,7 @@ fn threads_do_not_show() {
 
 /// Returns a moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
 fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Setup {
-    let mut s = setup(set, Operator::Bgk(bgk::Parameters {}), 0.6, cells);
+    let mut s = setup(set, Operator::Bgk(bgk::BgkParameters {}), 0.6, cells);
     s.periodic = periodic;
     s.force = Force::Oscillating {
         mean: [1e-5, 0.0, 0.0],
@@ -449,7 +465,7 @@ fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Se
         axis: 1,
         upper: true,
         range: EVERYWHERE,
-        rule: Box::new(velocity::Links::new(
+        rule: Box::new(velocity::VelocityLinks::new(
             Box::new(|p| [0.02 + 0.001 * p[0], 0.0, 0.0]),
             Ramp {
                 start: 0.0,
@@ -524,9 +540,12 @@ fn two_steps_in_one_sweep_are_two_steps() {
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
     let before = fluid.populations.parity();
-    let force = fluid.force.at(fluid.step as f64);
+    let force = fluid.force.force_at(fluid.step as f64);
     let numbers = fluid.populations.base();
-    let view = fluid.cover.as_mut().map_or(CoverView::NONE, CoverView::of);
+    let view = fluid
+        .cover
+        .as_mut()
+        .map_or(CoverView::NONE, CoverView::from_cover);
     // SAFETY: the slab of the program, and no other thread accesses it.
     unsafe {
         fluid
@@ -552,14 +571,14 @@ fn step_as_gpu(fluid: &mut Fluid<f64>) {
 #[test]
 fn a_gpu_makes_the_same_steps() {
     let mrt = |higher| {
-        Operator::Mrt(mrt::Parameters {
+        Operator::Mrt(mrt::MrtParameters {
             higher,
-            ..mrt::Parameters::default()
+            ..mrt::MrtParameters::default()
         })
     };
     let operators = [
-        Operator::Bgk(bgk::Parameters {}),
-        Operator::Trt(trt::Parameters { magic: 0.1875 }),
+        Operator::Bgk(bgk::BgkParameters {}),
+        Operator::Trt(trt::TrtParameters { magic: 0.1875 }),
         mrt(None),
         mrt(Some(1.0)),
     ];
@@ -617,8 +636,8 @@ fn a_gpu_makes_the_same_steps_with_solids() {
         (VelocitySet::D3Q19, [8, 7, 9]),
         (VelocitySet::D3Q27, [6, 9, 8]),
     ] {
-        let trt = Operator::Trt(trt::Parameters { magic: 0.1875 });
-        for operator in [trt, Operator::Mrt(mrt::Parameters::default())] {
+        let trt = Operator::Trt(trt::TrtParameters { magic: 0.1875 });
+        for operator in [trt, Operator::Mrt(mrt::MrtParameters::default())] {
             if operator.model().only_on().is_some_and(|only| only != set) {
                 continue;
             }
@@ -629,7 +648,7 @@ fn a_gpu_makes_the_same_steps_with_solids() {
                 let start = || {
                     let mut setup = lid_and_force(set, cells, [true, false, false]);
                     setup.operator = operator;
-                    setup.saturation = Some(Method {
+                    setup.saturation = Some(SaturationMethod {
                         operator: solid,
                         weighting: Weighting::Viscous,
                     });
@@ -680,10 +699,10 @@ fn put_solids(fluid: &mut Fluid<f64>) {
             spin: [0.001, -0.002, 0.003 * x],
             radius: 3.0,
         };
-        let solid = Solid {
+        let solid = CoveringBody {
             name: (u64::from(slot), [0; 3]).into(),
             motion,
-            ..Solid::default()
+            ..CoveringBody::default()
         };
         cover.set(slot, solid);
     }
@@ -709,7 +728,7 @@ fn a_gpu_refuses_what_it_does_not_run() {
     let plain = || lid_and_force(VelocitySet::D3Q27, cells, [false; 3]);
     let reason = |mut setup: Setup| {
         setup.device = Device::Gpu;
-        let domain = Domain::serial(decomposition::Axis::X, cells[0], false);
+        let domain = Domain::serial(decomposition::SplitAxis::X, cells[0], false);
         Fluid::new(setup, &domain).err().unwrap_or_default()
     };
     let mut eddies = plain();
@@ -718,18 +737,18 @@ fn a_gpu_refuses_what_it_does_not_run() {
     let open = every_face([false; 3], VelocitySet::D3Q27, cells);
     assert!(reason(open).contains("openings"));
     let mut cumulants = plain();
-    cumulants.operator = Operator::Cumulant(cumulant::Parameters::default());
+    cumulants.operator = Operator::Cumulant(cumulant::CumulantParameters::default());
     assert!(reason(cumulants).contains("collision operator"));
     // A kernel that has never been run on a GPU.
     let mut other = lid_and_force(VelocitySet::D3Q19, cells, [false; 3]);
-    other.saturation = Some(Method {
+    other.saturation = Some(SaturationMethod {
         operator: SolidOperator::Superposition,
         weighting: Weighting::Viscous,
     });
     assert!(reason(other).contains("velocity set"));
-    let trt = Operator::Trt(trt::Parameters { magic: 0.1875 });
+    let trt = Operator::Trt(trt::TrtParameters { magic: 0.1875 });
     let exists = |set, forced, covered| kernel_exists_on_gpu(set, trt, "f64", [forced, covered]);
-    let bgk = Operator::Bgk(bgk::Parameters {});
+    let bgk = Operator::Bgk(bgk::BgkParameters {});
     let flat = |stored| kernel_exists_on_gpu(VelocitySet::D2Q9, bgk, stored, [false; 2]);
     assert!(flat("f64") && !flat("f32"));
     assert!(exists(VelocitySet::D3Q19, true, false) && !exists(VelocitySet::D3Q19, true, true));
@@ -755,7 +774,7 @@ fn two_steps_are_single_ones_where_more_than_walls_acts() {
     let open = every_face([false; 3], VelocitySet::D2Q9, cells);
     assert!(!serial(0, open).may_advance_two());
     let mut covered = walls();
-    covered.saturation = Some(Method {
+    covered.saturation = Some(SaturationMethod {
         operator: SolidOperator::BounceBackAboutSolid,
         weighting: Weighting::Viscous,
     });
@@ -769,11 +788,11 @@ fn two_steps_are_single_ones_where_more_than_walls_acts() {
 fn every_width_of_lanes_gives_the_same_bits() {
     for set in [VelocitySet::D2Q9, VelocitySet::D3Q27] {
         for operator in [
-            Operator::Bgk(bgk::Parameters {}),
-            Operator::Trt(trt::Parameters { magic: 0.25 }),
-            Operator::Mrt(mrt::Parameters::default()),
-            Operator::Suga(suga::Parameters::default()),
-            Operator::Cumulant(cumulant::Parameters::default()),
+            Operator::Bgk(bgk::BgkParameters {}),
+            Operator::Trt(trt::TrtParameters { magic: 0.25 }),
+            Operator::Mrt(mrt::MrtParameters::default()),
+            Operator::Suga(suga::SugaParameters::default()),
+            Operator::Cumulant(cumulant::CumulantParameters::default()),
         ] {
             let only_27 = operator.model().only_on().is_some();
             if set == VelocitySet::D2Q9 && only_27 {
@@ -784,10 +803,10 @@ fn every_width_of_lanes_gives_the_same_bits() {
             for level in [Level::Scalar, Level::best()] {
                 let mut s = every_face([false, true, true], set, cells);
                 s.operator = operator;
-                if operator != Operator::Bgk(bgk::Parameters {}) {
+                if operator != Operator::Bgk(bgk::BgkParameters {}) {
                     s.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
                 }
-                let pass = Choice::of(&s, level).on(set);
+                let pass = Choice::from_setup(&s, level).on(set);
                 let mut fluid = serial(0, s);
                 fluid.pass = pass;
                 fluid.initialise(&swirl);

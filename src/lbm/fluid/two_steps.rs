@@ -24,7 +24,7 @@
 
 use super::dispatch::Step;
 use super::{CoverView, Fluid, View, between, planes_of};
-use crate::block::Block;
+use crate::block::RowBlock;
 use crate::boundary::Boundaries;
 use crate::kernel::Shared;
 use crate::lanes::Stored;
@@ -82,7 +82,7 @@ impl<S: Stored> Fluid<S> {
         self.shared_with_gpu = false;
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let moment = |step: u64, parity: Parity| Moment {
-            force: self.force.at(step as f64),
+            force: self.force.force_at(step as f64),
             time: (step + 1) as f64,
             parity,
         };
@@ -206,7 +206,7 @@ impl<S: Stored> Sweep<'_, S> {
                     let planes = plane..plane + 1;
                     let rows = behind(distance);
                     let there = inside(share, distance).contains(&plane);
-                    there.then_some(Block { planes, rows })
+                    there.then_some(RowBlock { planes, rows })
                 };
                 // SAFETY: promised by the caller; the order is that of the module.
                 unsafe {
@@ -233,7 +233,7 @@ impl<S: Stored> Sweep<'_, S> {
     ///
     /// # Safety
     /// No other thread may access these cells or be this worker.
-    unsafe fn pass(&self, which: usize, cells: &Block, worker: usize) {
+    unsafe fn pass(&self, which: usize, cells: &RowBlock, worker: usize) {
         let force = self.moments[which].force;
         // SAFETY: promised by the caller.
         unsafe {
@@ -246,7 +246,7 @@ impl<S: Stored> Sweep<'_, S> {
     ///
     /// # Safety
     /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
-    unsafe fn velocities(&self, which: usize, cells: &Block) {
+    unsafe fn velocities(&self, which: usize, cells: &RowBlock) {
         if let Some(ghosts) = &self.ghosts {
             let ramp = |patch| {
                 self.boundaries
@@ -261,7 +261,7 @@ impl<S: Stored> Sweep<'_, S> {
     ///
     /// # Safety
     /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
-    unsafe fn walls(&self, which: usize, cells: &Block) {
+    unsafe fn walls(&self, which: usize, cells: &RowBlock) {
         let &Moment { time, parity, .. } = self.moments[which];
         let numbers = self.shared[which].numbers();
         // SAFETY: promised by the caller.

@@ -15,7 +15,7 @@
 //! of the threads.
 
 use crate::rigid::Rigid;
-use crate::saturation::solid::{DEEP, NONE, SHARED, STILL, Share, Shares, Solid, total};
+use crate::saturation::solid::{CoveringBody, DEEP, NONE, SHARED, STILL, Share, Shares, total};
 use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, within};
 use base::number::single;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -44,7 +44,7 @@ impl BallBox {
     /// Returns the box of a body in a slab of these cells, with `first` and `edges` as given; without cells where the
     /// ball does not reach the slab.
     #[cfg(not(target_arch = "nvptx64"))]
-    fn new(slot: u32, solid: &Solid, slab: [i32; 3], (first, edges): (u32, u32)) -> Self {
+    fn new(slot: u32, solid: &CoveringBody, slab: [i32; 3], (first, edges): (u32, u32)) -> Self {
         use base::number::floor_i32;
         let Rigid {
             position, radius, ..
@@ -70,7 +70,7 @@ impl BallBox {
     /// Returns the number of blocks for its cells, and the maximum number of edges. Neither depends on the position of
     /// the ball.
     #[cfg(not(target_arch = "nvptx64"))]
-    fn room(solid: &Solid) -> (u32, u32) {
+    fn room(solid: &CoveringBody) -> (u32, u32) {
         use base::number::floor_i32;
         let across = floor_i32(2.0 * solid.motion.radius).cast_unsigned() + 2;
         let corners = across + 1;
@@ -83,7 +83,7 @@ impl BallBox {
     /// Lists the boxes of all balls in a slab, and the box of each block. Returns the maximum number of edges.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn of_all(
-        solids: &[Solid],
+        solids: &[CoveringBody],
         slab: [i32; 3],
         boxes: &mut Vec<Self>,
         of_blocks: &mut Vec<u32>,
@@ -168,7 +168,7 @@ fn of_axis<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
 #[repr(C)]
 pub(crate) struct Balls {
     /// By slot.
-    pub(crate) solids: *const Solid,
+    pub(crate) solids: *const CoveringBody,
     /// In the order of their cells.
     pub(crate) boxes: *const BallBox,
     /// Which box each block has.
@@ -267,7 +267,7 @@ impl Balls {
         let coordinate = |axis: u32, corner: u32| {
             let axis = axis % 3;
             let x = of_axis(of.low, axis) - of_axis(frame, axis) + corner.cast_signed();
-            Coordinate::of(x, of_axis(centre, axis), radius)
+            Coordinate::at_corner(x, of_axis(centre, axis), radius)
         };
         let last = |start: fn(&BallBox, u32) -> u32| {
             let from = |axis: u32| u32::from(place >= start(of, axis));
@@ -356,7 +356,8 @@ impl Balls {
             ghost |= cell[a] < 0 || cell[a] >= self.cells[a];
             position += self.strides[a] * cell[a];
         }
-        let beside = |axis: u32| Beside::of(of_axis(centre, axis), f64::from(of_axis(raw, axis)));
+        let beside =
+            |axis: u32| Beside::along_axis(of_axis(centre, axis), f64::from(of_axis(raw, axis)));
         let beside = beside(slow) + beside(middle);
         let (cell, centre, frame) = (
             of_axis(cell, fast),
@@ -475,7 +476,9 @@ impl Balls {
                 k = next_of(k);
             }
             let shares = core::slice::from_raw_parts(shares, count as usize);
-            self.shared.add(list as usize).write(Shares::of(shares));
+            self.shared
+                .add(list as usize)
+                .write(Shares::from_parts(shares));
             let sum = single(total(shares).min(1.0));
             let ghost = part_of(n) < 0.0;
             self.owner.add(at).write(SHARED | list);

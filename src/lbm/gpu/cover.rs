@@ -460,7 +460,7 @@ impl OnGpu {
                 }
             }
             if sums.iter().any(|&part| part != 0) {
-                let total = BodyLoad::of(&sums).total(&cover.solids()[slot]);
+                let total = BodyLoad::from_parts(&sums).total(&cover.solids()[slot]);
                 cover.receive(to_u32(slot), &total);
             }
         }

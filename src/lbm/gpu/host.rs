@@ -4,7 +4,7 @@
 //! A comparison of these kernels with the processor's own cover needs no GPU.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters};
-use crate::saturation::solid::{NONE, Share, Shares, Solid};
+use crate::saturation::solid::{CoveringBody, NONE, Share, Shares};
 use base::number::to_u32;
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// axes, the cells of the slab, and the axes in the order of the boxes.
 #[must_use]
 pub fn cover(
-    solids: &[Solid],
+    solids: &[CoveringBody],
     (mut owner, mut fraction): (Vec<u32>, Vec<f32>),
     (origin, strides, cells, order): (u32, [i32; 3], [i32; 3], [u32; 3]),
 ) -> (Vec<u32>, Vec<f32>, Vec<Vec<Share>>) {
@@ -28,7 +28,7 @@ pub fn cover(
     };
     let mut edges = vec![0.0; count_of_edges as usize];
     let (mut parts, mut positions, mut next) = (vec![0.0; most], vec![0; most], vec![0; most]);
-    let (mut shares, mut shared) = (vec![none; most], vec![Shares::of(&[]); most]);
+    let (mut shares, mut shared) = (vec![none; most], vec![Shares::from_parts(&[]); most]);
     let heads: Vec<AtomicU32> = owner.iter().map(|_| AtomicU32::new(7)).collect();
     let counters = Counters::default();
     let balls = Balls {

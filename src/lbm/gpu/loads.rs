@@ -6,7 +6,7 @@
 //! can overflow.
 
 use crate::lattice::unroll;
-use crate::saturation::solid::Solid;
+use crate::saturation::solid::CoveringBody;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 /// The load on a body. The same bytes on the host and on the GPU.
@@ -20,7 +20,7 @@ pub struct BodyLoad {
 /// The cell of the body's raw frame about which moments are taken.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "cells are far below 2^31")]
-fn origin(solid: &Solid) -> [i32; 3] {
+fn origin(solid: &CoveringBody) -> [i32; 3] {
     let p = solid.motion.position;
     [p[0] as i32, p[1] as i32, p[2] as i32]
 }
@@ -44,7 +44,7 @@ impl BodyLoad {
 
     /// Returns the load of its parts as they lie in memory; missing ones are zero.
     #[must_use]
-    pub fn of(parts: &[u64]) -> Self {
+    pub fn from_parts(parts: &[u64]) -> Self {
         let load = Self::default();
         for (to, from) in load.parts.iter().zip(parts) {
             to.store(*from, Ordering::Relaxed);
@@ -55,7 +55,7 @@ impl BodyLoad {
     /// Returns the parts that a force in quanta at the middle of a cell of the raw frame of the body adds.
     #[inline(always)]
     pub(crate) fn parts<const D: usize>(
-        solid: &Solid,
+        solid: &CoveringBody,
         raw: [i32; 3],
         force: [i64; 3],
     ) -> [i64; 12] {
@@ -85,13 +85,13 @@ impl BodyLoad {
 
     /// Adds a force in quanta at the middle of a cell of the raw frame of the body.
     #[inline(always)]
-    pub fn add<const D: usize>(&self, solid: &Solid, raw: [i32; 3], force: [i64; 3]) {
+    pub fn add<const D: usize>(&self, solid: &CoveringBody, raw: [i32; 3], force: [i64; 3]) {
         self.add_parts(Self::parts::<D>(solid, raw, force));
     }
 
     /// Force, and twice the moment about the origin of the raw frame, in quanta.
     #[must_use]
-    pub fn total(&self, solid: &Solid) -> [i128; 6] {
+    pub fn total(&self, solid: &CoveringBody) -> [i128; 6] {
         let whole = |lower: usize| {
             let part = |n: usize| {
                 let bits = self.parts[n].load(Ordering::Relaxed);

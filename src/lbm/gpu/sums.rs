@@ -8,14 +8,14 @@ use super::loads::BodyLoad;
 use super::warp;
 use crate::lattice::unroll;
 use crate::quanta::quanta;
-use crate::saturation::solid::{NONE, Solid};
+use crate::saturation::solid::{NONE, CoveringBody};
 
 /// Sums of all threads, and the force of this one that waits.
 pub(crate) struct Sums {
     /// One for each body.
     loads: *const BodyLoad,
     /// The bodies.
-    solids: *const Solid,
+    solids: *const CoveringBody,
     /// Whose force waits, in which cell, in quanta.
     slot: u32,
     raw: [i32; 3],
@@ -28,7 +28,7 @@ impl Sums {
     #[inline(always)]
     pub(crate) fn new(
         loads: *const BodyLoad,
-        solids: *const Solid,
+        solids: *const CoveringBody,
         bodies: u32,
         warp: u32,
     ) -> Self {

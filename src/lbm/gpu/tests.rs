@@ -1,7 +1,7 @@
 use super::copies::Copies;
 use super::loads::BodyLoad;
 use crate::links::{Rigid, add_force};
-use crate::saturation::solid::Solid;
+use crate::saturation::solid::CoveringBody;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -93,12 +93,12 @@ fn pieces_are_the_copies_of_the_rectangle() {
 /// Sums of halves about a cell of the body are those of whole numbers about the origin.
 #[test]
 fn loads_of_a_gpu_are_those_of_the_processor() {
-    let at = |z: f64| Solid {
+    let at = |z: f64| CoveringBody {
         motion: Rigid {
             position: [-17.3, 1204.8, z],
             ..Rigid::default()
         },
-        ..Solid::default()
+        ..CoveringBody::default()
     };
     let (disc, sphere) = (at(0.0), at(33.1));
     let (flat, spatial) = (BodyLoad::default(), BodyLoad::default());

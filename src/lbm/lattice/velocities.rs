@@ -38,9 +38,9 @@ impl VelocitySet {
     #[must_use]
     pub fn velocities(self) -> Velocities {
         match self {
-            Self::D2Q9 => Velocities::of::<D2Q9, 9>(),
-            Self::D3Q19 => Velocities::of::<D3Q19, 19>(),
-            Self::D3Q27 => Velocities::of::<D3Q27, 27>(),
+            Self::D2Q9 => Velocities::for_lattice::<D2Q9, 9>(),
+            Self::D3Q19 => Velocities::for_lattice::<D3Q19, 19>(),
+            Self::D3Q27 => Velocities::for_lattice::<D3Q27, 27>(),
         }
     }
 }
@@ -63,7 +63,7 @@ pub struct Velocities {
 impl Velocities {
     /// Returns the tables of `L`.
     #[must_use]
-    pub fn of<L: Lattice<Q>, const Q: usize>() -> Self {
+    pub fn for_lattice<L: Lattice<Q>, const Q: usize>() -> Self {
         Self {
             name: L::NAME,
             dimension: L::DIMENSION,

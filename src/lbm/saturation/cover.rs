@@ -1,10 +1,10 @@
 //! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
 
-pub use super::solid::Solid;
+pub use super::solid::CoveringBody;
 use super::solid::{BETWEEN, DEEP, NONE, SHARED, STILL, Shares};
 use super::solid::{Share, total};
 use super::sums::Sums;
-use super::{CoveredFluid, Method};
+use super::{CoveredFluid, SaturationMethod};
 use crate::collision::trt::AntisymmetricRate;
 use crate::lanes::{Stored, WIDEST, prefetch};
 use crate::links::{Load, surface_velocity};
@@ -18,7 +18,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Solids that cover the cells of a slab.
 #[derive(Debug)]
 pub struct Cover {
-    pub(super) method: Method,
+    pub(super) method: SaturationMethod,
     pub(super) fluid: CoveredFluid,
     /// Axes from slowest to fastest.
     pub(super) order: [usize; 3],
@@ -31,7 +31,7 @@ pub struct Cover {
     lists: Vec<Shelf>,
     /// Shares of the lists that are in use, for the pass.
     shares: Vec<Shares>,
-    pub(super) solids: Vec<Solid>,
+    pub(super) solids: Vec<CoveringBody>,
     pub(super) sums: Vec<Sums>,
     /// Distance from a cell to the next one along each axis.
     pub(super) strides: [isize; 3],
@@ -39,7 +39,7 @@ pub struct Cover {
     changed: AtomicBool,
     /// Number of changes of cells.
     version: AtomicU64,
-    /// `true` if all bodies are balls with exact fractions, and the cells are those of [`Solid`] alone.
+    /// `true` if all bodies are balls with exact fractions, and the cells are those of [`CoveringBody`] alone.
     balls: bool,
     /// Number of changes of position, size or slot of bodies, and number of any changes.
     moves: u64,
@@ -55,7 +55,7 @@ impl Cover {
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
-        method: Method,
+        method: SaturationMethod,
         relaxation_time: f64,
         antisymmetric: AntisymmetricRate,
         workers: usize,
@@ -123,7 +123,7 @@ impl Cover {
     }
 
     /// Returns the bodies by slot.
-    pub fn solids(&self) -> &[Solid] {
+    pub fn solids(&self) -> &[CoveringBody] {
         &self.solids
     }
 
@@ -148,10 +148,10 @@ impl Cover {
             let shared = &lists.get().shared;
             let room = shared.len() * count;
             if self.shares.len() < room {
-                self.shares.resize(room, Shares::of(&[]));
+                self.shares.resize(room, Shares::from_parts(&[]));
             }
             for (k, parts) in shared.iter().enumerate() {
-                self.shares[k * count + shelf] = Shares::of(parts);
+                self.shares[k * count + shelf] = Shares::from_parts(parts);
             }
         }
         self.shares.as_ptr()
@@ -191,17 +191,18 @@ impl Cover {
     pub fn make_room(&mut self, slots: usize) {
         self.moves += 1;
         self.motions += 1;
-        self.solids.resize(slots, Solid::default());
+        self.solids.resize(slots, CoveringBody::default());
         for sums in &mut self.sums {
             sums.fit(slots);
         }
     }
 
     /// Sets the body in a slot and its motion.
-    pub fn set(&mut self, slot: u32, solid: Solid) {
+    pub fn set(&mut self, slot: u32, solid: CoveringBody) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
             *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
-            let place = |solid: &Solid| (solid.motion.position, solid.motion.radius, solid.frame);
+            let place =
+                |solid: &CoveringBody| (solid.motion.position, solid.motion.radius, solid.frame);
             self.motions += u64::from(*there != solid);
             self.moves += u64::from(place(there) != place(&solid) || there.name != solid.name);
             *there = solid;
@@ -215,8 +216,8 @@ impl Cover {
     }
 
     /// Returns all cells, to be covered by one worker.
-    pub fn whole(&mut self) -> Part<'_> {
-        Part {
+    pub fn whole(&mut self) -> CoverPart<'_> {
+        CoverPart {
             first: 0,
             fraction: &mut self.fraction,
             owner: &mut self.owner,
@@ -229,7 +230,7 @@ impl Cover {
     }
 
     /// Cuts the cells at some rising positions and hands a part to each worker: there is one more of them than cuts.
-    pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut Part<'_>) + Sync) {
+    pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut CoverPart<'_>) + Sync) {
         let mut parts = Vec::with_capacity(cuts.len() + 1);
         let (mut fractions, mut owners) = (&mut self.fraction[..], &mut self.owner[..]);
         let mut first = 0;
@@ -238,7 +239,7 @@ impl Cover {
             let (fraction, fractions_beyond) = fractions.split_at_mut(count);
             let (owner, owners_beyond) = owners.split_at_mut(count);
             (fractions, owners) = (fractions_beyond, owners_beyond);
-            parts.push(Part {
+            parts.push(CoverPart {
                 first,
                 fraction,
                 owner,
@@ -295,7 +296,7 @@ impl Cover {
         quanta(if self.fraction[position] > 1.0 {
             1.0
         } else {
-            self.method.operator.share(&self.fluid, fraction)
+            self.method.operator.force_left_out(&self.fluid, fraction)
         })
     }
 
@@ -381,7 +382,11 @@ impl Cover {
     }
 
     /// Calls `give` with the slot of each body of a cell, the body, the fraction that it fills and its part of the sum.
-    pub(crate) fn each_body(&self, position: usize, mut give: impl FnMut(u32, &Solid, f64, f64)) {
+    pub(crate) fn each_body(
+        &self,
+        position: usize,
+        mut give: impl FnMut(u32, &CoveringBody, f64, f64),
+    ) {
         let owner = self.owner[position];
         let mut of = |slot: u32, fraction: f64, part: f64| {
             if let Some(solid) = self.solids.get(slot as usize) {
@@ -478,20 +483,20 @@ enum Access<'a> {
 /// adjacent in memory.
 #[derive(Debug)]
 #[repr(align(128))]
-pub struct Part<'a> {
+pub struct CoverPart<'a> {
     /// Position of the first.
     first: usize,
     fraction: &'a mut [f32],
     owner: &'a mut [u32],
     lists: Access<'a>,
-    solids: &'a [Solid],
+    solids: &'a [CoveringBody],
     /// Flags of a change: of all parts, written at the end, and of this one.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,
 }
 
-impl Drop for Part<'_> {
+impl Drop for CoverPart<'_> {
     fn drop(&mut self) {
         if self.changed {
             self.all_changed.store(true, Ordering::Relaxed);
@@ -500,7 +505,7 @@ impl Drop for Part<'_> {
     }
 }
 
-impl Part<'_> {
+impl CoverPart<'_> {
     /// Returns its positions.
     #[must_use]
     pub fn positions(&self) -> Range<usize> {
@@ -602,7 +607,7 @@ impl Lists {
         &mut self,
         (owner, held): (&mut u32, &mut f32),
         at: Place,
-        solids: &[Solid],
+        solids: &[CoveringBody],
         (slot, sign, fraction): (u32, f32, f32),
     ) {
         let Self {

@@ -44,8 +44,8 @@ fn turned<N: Lanes>(g: N, before: N, solid: N, b: N) -> N {
 
 /// B of cells filled by `fraction`.
 #[inline(always)]
-pub(super) fn share<M: Mixed, N: Lanes>(fluid: &CoveredFluid, fraction: N) -> N {
-    let b = fluid.weighting.of(fluid.time, fraction);
+pub(super) fn weight<M: Mixed, N: Lanes>(fluid: &CoveredFluid, fraction: N) -> N {
+    let b = fluid.weighting.weight(fluid.time, fraction);
     if M::LEAKS {
         b * N::splat(1.0 - LEAK)
     } else {
@@ -63,7 +63,7 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
     g: &mut [N; Q],
 ) -> Act<N> {
     let zero = N::splat(0.0);
-    let b = share::<M, N>(covered, cell.fraction);
+    let b = weight::<M, N>(covered, cell.fraction);
     let keep = N::splat(1.0) - cell.omega;
     // At rest no direction: the symmetric part alone.
     let even_u = cell.even::<L, Q>(0, cell.uu, zero);

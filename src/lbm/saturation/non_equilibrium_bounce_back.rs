@@ -7,7 +7,7 @@
 
 use super::mixed::{self, Mixed, Pair};
 use super::{
-    Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, MEASURED, Model, SolidCollision,
+    Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, MEASURED, SolidOperatorModel, SolidCollision,
 };
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
@@ -17,7 +17,7 @@ use crate::lattice::Lattice;
 pub struct NonEquilibriumBounceBack;
 
 #[cfg(not(target_arch = "nvptx64"))]
-impl Model for NonEquilibriumBounceBack {
+impl SolidOperatorModel for NonEquilibriumBounceBack {
     fn documentation(&self) -> &'static str {
         "Bounce-back of the non-equilibrium part (Noble and Torczynski 1998)."
     }
@@ -40,7 +40,7 @@ impl Model for NonEquilibriumBounceBack {
             let (slow, fast) = (body.falls(0.48, 0.9, 0.48), body.falls(0.42, 1.7, 0.42));
             (body.falls(0.45, 0.75, 0.45), body.rises(slow, fast))
         };
-        let mut ratios = DensityRatios::of(body, fails, holds, 0.05);
+        let mut ratios = DensityRatios::for_body(body, fails, holds, 0.05);
         if body.relaxation_time < MEASURED.start {
             ratios.fails = (0.38 + 1.0 / body.radius).min(0.23 + 1.45 / body.radius);
         }
@@ -94,7 +94,7 @@ impl SolidCollision for NonEquilibriumBounceBack {
         mixed::collide::<Self, L, N, Q>(covered, cell, before, fluid, g)
     }
 
-    fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
-        mixed::share::<Self, f64>(fluid, fraction)
+    fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
+        mixed::weight::<Self, f64>(fluid, fraction)
     }
 }

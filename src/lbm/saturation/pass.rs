@@ -2,7 +2,7 @@
 
 #[cfg(not(target_arch = "nvptx64"))]
 use super::cover::Cover;
-use super::solid::{BETWEEN, DEEP, SHARED, Share, Shares, Solid, total};
+use super::solid::{BETWEEN, CoveringBody, DEEP, SHARED, Share, Shares, total};
 use super::sums::Sums;
 use super::{Act, Cell, CoveredFluid, SolidOperator, Weighting};
 use crate::collision::trt::AntisymmetricRate;
@@ -16,7 +16,7 @@ use crate::quanta::quanta;
 pub(crate) struct View {
     pub(super) fraction: *const f32,
     pub(super) owner: *const u32,
-    pub(super) solids: *const Solid,
+    pub(super) solids: *const CoveringBody,
     pub(super) shared: *const Shares,
     pub(super) sums: *mut Sums,
     pub(super) operator: SolidOperator,
@@ -151,7 +151,7 @@ impl View {
 
     /// Returns the view of a cover for the coming pass.
     #[cfg(not(target_arch = "nvptx64"))]
-    pub(crate) fn of(cover: &mut Cover) -> Self {
+    pub(crate) fn from_cover(cover: &mut Cover) -> Self {
         let shared = cover.list_shares();
         Self {
             fraction: cover.fraction.as_ptr(),
@@ -197,7 +197,7 @@ impl View {
 
     /// The bodies.
     #[cfg(target_arch = "nvptx64")]
-    pub(crate) fn solids(&self) -> *const Solid {
+    pub(crate) fn solids(&self) -> *const CoveringBody {
         self.solids
     }
 

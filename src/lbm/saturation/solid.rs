@@ -34,7 +34,7 @@ impl From<(u64, [i32; 3])> for Name {
 /// A body as the cells know it. The same bytes on the host and on a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
-pub struct Solid {
+pub struct CoveringBody {
     /// Id and image: they order the bodies of a cell.
     pub name: Name,
     /// Its motion in lattice units; positions in its raw frame.
@@ -46,7 +46,7 @@ pub struct Solid {
     pub alone: bool,
 }
 
-impl Solid {
+impl CoveringBody {
     /// A local cell in the raw frame.
     #[inline(always)]
     pub(super) fn raw(&self, cell: [i32; 3]) -> [i32; 3] {
@@ -88,7 +88,7 @@ pub(crate) struct Shares {
 
 impl Shares {
     /// These parts, for as long as they stay where they are.
-    pub(crate) fn of(parts: &[Share]) -> Self {
+    pub(crate) fn from_parts(parts: &[Share]) -> Self {
         Self {
             first: parts.as_ptr(),
             count: parts.len(),

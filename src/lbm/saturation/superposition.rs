@@ -6,7 +6,7 @@
 //! ```
 
 use super::mixed::{self, Mixed, Pair};
-use super::{Act, Cell, CoveredFluid, DensityRatios, LightBody, MEASURED, Model, SolidCollision};
+use super::{Act, Cell, CoveredFluid, DensityRatios, LightBody, MEASURED, SolidOperatorModel, SolidCollision};
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 
@@ -15,7 +15,7 @@ use crate::lattice::Lattice;
 pub struct Superposition;
 
 #[cfg(not(target_arch = "nvptx64"))]
-impl Model for Superposition {
+impl SolidOperatorModel for Superposition {
     fn documentation(&self) -> &'static str {
         "Equilibrium at the velocity of the solid; the non-equilibrium part relaxes at the rate of the fluid."
     }
@@ -39,7 +39,7 @@ impl Model for Superposition {
         } else {
             0.05
         };
-        DensityRatios::of(body, fails, holds, wider)
+        DensityRatios::for_body(body, fails, holds, wider)
     }
 
     fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
@@ -88,7 +88,7 @@ impl SolidCollision for Superposition {
         mixed::collide::<Self, L, N, Q>(covered, cell, before, fluid, g)
     }
 
-    fn share(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
-        mixed::share::<Self, f64>(fluid, fraction)
+    fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
+        mixed::weight::<Self, f64>(fluid, fraction)
     }
 }

@@ -10,22 +10,22 @@ use crate::quanta::from_quanta;
 use crate::turbulence::EddyViscosity;
 use crate::turbulence::smagorinsky::Smagorinsky;
 use crate::turbulence::wale::Wale;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 
-const METHODS: [Method; 4] = [
-    Method {
+const METHODS: [SaturationMethod; 4] = [
+    SaturationMethod {
         operator: SolidOperator::NonEquilibriumBounceBack,
         weighting: Weighting::Viscous,
     },
-    Method {
+    SaturationMethod {
         operator: SolidOperator::Superposition,
         weighting: Weighting::Fraction,
     },
-    Method {
+    SaturationMethod {
         operator: SolidOperator::BounceBackAboutSolid,
         weighting: Weighting::Viscous,
     },
-    Method {
+    SaturationMethod {
         operator: SolidOperator::ViscosityMatched,
         weighting: Weighting::Viscous,
     },
@@ -36,7 +36,7 @@ fn setup(
     operator: Operator,
     tau: f64,
     cells: [usize; 3],
-    method: Method,
+    method: SaturationMethod,
 ) -> Setup {
     Setup {
         set,
@@ -53,7 +53,7 @@ fn setup(
     }
 }
 
-fn serial(axis: Axis, setup: Setup) -> Fluid<f64> {
+fn serial(axis: SplitAxis, setup: Setup) -> Fluid<f64> {
     let domain = Domain::serial(axis, setup.cells[axis.index()], true);
     Fluid::new(setup, &domain).unwrap()
 }
@@ -101,7 +101,7 @@ fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
         let name = (u64::from(slot), frame);
         cover.set(
             slot,
-            Solid {
+            CoveringBody {
                 name: name.into(),
                 motion,
                 frame,
@@ -151,21 +151,21 @@ fn the_same_bits_for_every_split() {
         for (set, operator, cells) in [
             (
                 VelocitySet::D2Q9,
-                Operator::Trt(trt::Parameters { magic: 0.25 }),
+                Operator::Trt(trt::TrtParameters { magic: 0.25 }),
                 [11, 9, 1],
             ),
             (
                 VelocitySet::D3Q19,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 [11, 9, 6],
             ),
             (
                 VelocitySet::D3Q27,
-                Operator::Mrt(mrt::Parameters::default()),
+                Operator::Mrt(mrt::MrtParameters::default()),
                 [11, 9, 6],
             ),
         ] {
-            let axes = [Axis::X, Axis::Y, Axis::Z];
+            let axes = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];
             let axes = &axes[..if cells[2] == 1 { 2 } else { 3 }];
             let results: Vec<_> = axes
                 .iter()
@@ -200,21 +200,21 @@ fn mass_and_momentum_close() {
         for (set, operator, cells) in [
             (
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 [11, 9, 1],
             ),
             (
                 VelocitySet::D3Q19,
-                Operator::Trt(trt::Parameters { magic: 0.1875 }),
+                Operator::Trt(trt::TrtParameters { magic: 0.1875 }),
                 [11, 9, 6],
             ),
             (
                 VelocitySet::D3Q27,
-                Operator::Cumulant(cumulant::Parameters::default()),
+                Operator::Cumulant(cumulant::CumulantParameters::default()),
                 [11, 9, 6],
             ),
         ] {
-            let mut fluid = serial(Axis::X, setup(set, operator, 0.8, cells, method));
+            let mut fluid = serial(SplitAxis::X, setup(set, operator, 0.8, cells, method));
             fluid.initialise(&swirl);
             cover(&mut fluid, cells);
             let totals = |fluid: &Fluid<f64>| {
@@ -262,23 +262,23 @@ fn couette_flow_beside_a_covered_slab() {
     for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
         for tau in [0.6, 1.4] {
             let (gap, cells) = (8_usize, [4, 16, 1]);
-            let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+            let operator = Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 });
             let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, method);
             s.force = Force::None;
             s.periodic[1] = false;
-            let mut fluid = serial(Axis::X, s);
+            let mut fluid = serial(SplitAxis::X, s);
             let at: Vec<_> = (0..4)
                 .flat_map(|x| (gap..12).map(move |y| [x, y, 0]))
                 .map(|at| fluid.populations().cell(at.map(usize::cast_signed)))
                 .collect();
             let cover = fluid.cover_mut().unwrap();
             cover.make_room(1);
-            let solid = Solid {
+            let solid = CoveringBody {
                 motion: Rigid {
                     velocity: [0.01, 0.0, 0.0],
                     ..Rigid::default()
                 },
-                ..Solid::default()
+                ..CoveringBody::default()
             };
             cover.set(0, solid);
             for position in at {
@@ -313,11 +313,11 @@ fn couette_flow_beside_a_covered_slab() {
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
         let cells = [4, 20, 1];
-        let operator = Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 });
+        let operator = Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 });
         let mut s = setup(VelocitySet::D2Q9, operator, 0.6, cells, method);
         s.force = Force::None;
         s.periodic[1] = false;
-        let mut fluid = serial(Axis::X, s);
+        let mut fluid = serial(SplitAxis::X, s);
         let at: Vec<_> = (0..4)
             .flat_map(|x| (0..12).map(move |y| [x, y, 0]))
             .map(|at| (fluid.populations().cell(at.map(usize::cast_signed)), at[1]))
@@ -333,7 +333,7 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
             let frame = [0; 3];
             cover.set(
                 slot,
-                Solid {
+                CoveringBody {
                     name: name.into(),
                     motion,
                     frame,
@@ -375,21 +375,21 @@ fn inlets_and_outlets_before_rock_are_closed() {
     for method in METHODS {
         let mut s = setup(
             VelocitySet::D2Q9,
-            Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+            Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
             0.8,
             cells,
             method,
         );
         s.force = Force::None;
         s.periodic = [false, false, true];
-        let stream = Box::new(velocity::Links::uniform([speed, 0.0, 0.0]));
-        let still = Box::new(pressure::Links::new(0, Ramp::constant(0.0)));
+        let stream = Box::new(velocity::VelocityLinks::uniform([speed, 0.0, 0.0]));
+        let still = Box::new(pressure::PressureLinks::new(0, Ramp::constant(0.0)));
         s.patches = vec![
             patch("in", 0, false, stream),
             patch("out", 0, true, still),
-            patch("lid", 1, true, Box::<free_slip::Links>::default()),
+            patch("lid", 1, true, Box::<free_slip::FreeSlipLinks>::default()),
         ];
-        let mut fluid = serial(Axis::X, s);
+        let mut fluid = serial(SplitAxis::X, s);
         let position = |fluid: &Fluid<f64>, x: usize, y: usize| {
             fluid.populations().cell([x, y, 0].map(usize::cast_signed))
         };
@@ -399,7 +399,7 @@ fn inlets_and_outlets_before_rock_are_closed() {
             .collect();
         let cover = fluid.cover_mut().unwrap();
         cover.make_room(1);
-        cover.set(0, Solid::default());
+        cover.set(0, CoveringBody::default());
         for &(position, deep) in &rock {
             cover.cover(position, 0, if deep { DEEP } else { 1.0 });
         }
@@ -441,13 +441,13 @@ fn inlets_and_outlets_before_rock_are_closed() {
 /// Weights of Noble and Torczynski.
 #[test]
 fn weights() {
-    let at = |tau: f64| Weighting::Viscous.of(tau - 0.5, 0.5);
+    let at = |tau: f64| Weighting::Viscous.weight(tau - 0.5, 0.5);
     assert!((at(0.51) - 0.0098).abs() < 5e-5 && (at(1.5) - 1.0 / 3.0).abs() < 1e-12);
     assert!((at(1.0) - 0.25).abs() < 1e-12);
     for time in [1e-4, 0.1, 1.5] {
         for weighting in [Weighting::Viscous, Weighting::Fraction] {
-            assert!((weighting.of(time, 1.0_f64) - 1.0).abs() < 1e-15);
-            assert!(weighting.of(time, 0.0_f64) == 0.0);
+            assert!((weighting.weight(time, 1.0_f64) - 1.0).abs() < 1e-15);
+            assert!(weighting.weight(time, 0.0_f64) == 0.0);
         }
     }
 }
@@ -460,16 +460,16 @@ fn eddies_do_not_change_the_weighting() {
     let (cells, tau, fraction, speed) = ([6, 12, 1], 0.56, 0.4_f32, 0.02);
     let shear = |p: [f64; 3]| (0.0, [speed * (0.6 * p[1]).sin(), 0.0, 0.0]);
     let step = |turbulence| {
-        let operator = Operator::Bgk(bgk::Parameters {});
+        let operator = Operator::Bgk(bgk::BgkParameters {});
         let mut s = setup(VelocitySet::D2Q9, operator, tau, cells, METHODS[0]);
         (s.turbulence, s.force) = (turbulence, Force::None);
-        let mut fluid = serial(Axis::X, s);
+        let mut fluid = serial(SplitAxis::X, s);
         fluid.initialise(&shear);
         let cell = fluid.populations().cell([2, 4, 0]);
         let (drho, u) = fluid.state(cell);
         let cover = fluid.cover_mut().unwrap();
         cover.make_room(1);
-        cover.set(0, Solid::default());
+        cover.set(0, CoveringBody::default());
         cover.cover(cell, 0, fraction);
         fluid.renew_velocities();
         fluid.advance();
@@ -477,7 +477,7 @@ fn eddies_do_not_change_the_weighting() {
         let given = from_quanta(loads(&mut fluid)[0][0]);
         (eddies, given, (1.0 + drho) * u[0])
     };
-    let weight = Weighting::Viscous.of(tau - 0.5, f64::from(fraction));
+    let weight = Weighting::Viscous.weight(tau - 0.5, f64::from(fraction));
     let eddies = EddyViscosity::Smagorinsky(Smagorinsky { constant: 0.9 });
     for turbulence in [None, Some(eddies)] {
         let (eddies, given, momentum) = step(turbulence);
@@ -496,10 +496,10 @@ fn shares_do_not_depend_on_the_order() {
     let cells = [4, 4, 1];
     let make = || {
         serial(
-            Axis::X,
+            SplitAxis::X,
             setup(
                 VelocitySet::D2Q9,
-                Operator::Bgk(bgk::Parameters {}),
+                Operator::Bgk(bgk::BgkParameters {}),
                 0.8,
                 cells,
                 METHODS[0],
@@ -516,9 +516,9 @@ fn shares_do_not_depend_on_the_order() {
             let name = (u64::from(slot), [0; 3]);
             cover.set(
                 slot,
-                Solid {
+                CoveringBody {
                     name: name.into(),
-                    ..Solid::default()
+                    ..CoveringBody::default()
                 },
             );
         }
@@ -542,9 +542,9 @@ fn shares_do_not_depend_on_the_order() {
 /// the positions.
 #[test]
 fn a_cell_stays_deep_inside_when_another_body_leaves() {
-    let bgk = Operator::Bgk(bgk::Parameters {});
+    let bgk = Operator::Bgk(bgk::BgkParameters {});
     let setup = setup(VelocitySet::D2Q9, bgk, 0.8, [4, 4, 1], METHODS[0]);
-    let mut fluid = serial(Axis::X, setup);
+    let mut fluid = serial(SplitAxis::X, setup);
     let position = fluid.populations().cell([1, 1, 0]);
     let cover = fluid.cover_mut().unwrap();
     cover.make_room(2);
@@ -586,7 +586,7 @@ fn a_solid_operator_is_one_file_and_one_line() {
         time: 0.3,
         antisymmetric: AntisymmetricRate::AsSymmetric,
     };
-    assert_eq!(toy.share(&fluid, 0.25), 0.25);
+    assert_eq!(toy.force_left_out(&fluid, 0.25), 0.25);
     let cell = Cell {
         fraction: 0.25,
         drho: 0.0,

@@ -14,7 +14,7 @@
 //! the viscosity. A full cell reverses the antisymmetric part and keeps the symmetric part: half-way bounce-back. The
 //! operator is that of the fluid with scaled rates of its two parts.
 
-use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, Model, SolidCollision};
+use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, SolidOperatorModel, SolidCollision};
 use crate::collision::along;
 use crate::collision::trt::AntisymmetricRate;
 use crate::lanes::Lanes;
@@ -29,7 +29,7 @@ const DRAG: f64 = 0.75;
 pub struct ViscosityMatched;
 
 #[cfg(not(target_arch = "nvptx64"))]
-impl Model for ViscosityMatched {
+impl SolidOperatorModel for ViscosityMatched {
     fn documentation(&self) -> &'static str {
         "Relaxation times of a cell scale with those of the fluid, so that the drag in slow flow does not depend \
          on the viscosity. For BGK and TRT. It uses no weighting."
@@ -61,7 +61,7 @@ impl Model for ViscosityMatched {
             let (slow, fast) = (body.falls(0.27, 1.1, 0.46), body.falls(0.325, 1.45, 0.5));
             (0.39, body.rises(slow, fast))
         };
-        DensityRatios::of(body, fails, holds, 0.05)
+        DensityRatios::for_body(body, fails, holds, 0.05)
     }
 
     fn lightest_in_a_bed(&self, body: &LightBody) -> f64 {
@@ -129,7 +129,7 @@ impl SolidCollision for ViscosityMatched {
         }
     }
 
-    fn share(self, _: &CoveredFluid, fraction: f64) -> f64 {
+    fn force_left_out(self, _: &CoveredFluid, fraction: f64) -> f64 {
         fraction
     }
 }

@@ -36,7 +36,7 @@ impl Weighting {
 
     /// B of cells filled by `fraction`; `time` is τ - ½.
     #[inline(always)]
-    pub(super) fn of<N: Lanes>(self, time: f64, fraction: N) -> N {
+    pub(super) fn weight<N: Lanes>(self, time: f64, fraction: N) -> N {
         match self {
             Self::Fraction => fraction,
             Self::Viscous => {

@@ -30,14 +30,14 @@
 //!
 //! **Inertia.** Only the cells with populations resist an acceleration of the body as fluid inside it does, so that
 //! the compensation of [`crate::saturation`] needs their share of the volume and of the moment of inertia
-//! ([`Surface::shares_of_bodies`]).
+//! ([`SlabSurface::shares_of_bodies`]).
 
 use super::cells::Cells;
 use super::conversion::{enter, leave};
 use super::ghosts::Ghosts;
 use super::kind::{GAS, HELD, LIQUID, SURFACE, is_surface, is_wet};
 use super::moments::moments;
-use super::{Surface, directions};
+use super::{SlabSurface, directions};
 use crate::lanes::Stored;
 use crate::links::{Load, add_force};
 use crate::populations::Populations;
@@ -325,7 +325,7 @@ fn void_beside(cells: &Cells, position: usize) -> bool {
     })
 }
 
-impl Surface {
+impl SlabSurface {
     /// Returns `true` once bodies are known.
     pub(crate) fn has_bodies(&self) -> bool {
         self.bodies.is_some()

@@ -11,8 +11,8 @@ use crate::fluid::{Fluid, Force, Setup};
 use crate::gpu::Device;
 use crate::lattice::VelocitySet;
 use crate::quanta::from_quanta;
-use crate::saturation::Method;
-use decomposition::{Axis, Domain};
+use crate::saturation::SaturationMethod;
+use decomposition::{Domain, SplitAxis};
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
@@ -33,7 +33,7 @@ pub(super) struct Tank {
     /// Streams through parts of faces: face, range along y, velocity.
     pub(super) streams: Vec<((usize, bool), [f64; 2], [f64; 3])>,
     pub(super) solids: Vec<[usize; 3]>,
-    saturation: Option<Method>,
+    saturation: Option<SaturationMethod>,
 }
 
 impl Tank {
@@ -44,7 +44,7 @@ impl Tank {
             } else {
                 VelocitySet::D3Q19
             },
-            operator: Operator::Trt(trt::Parameters { magic: 0.25 }),
+            operator: Operator::Trt(trt::TrtParameters { magic: 0.25 }),
             tau: 0.6,
             gravity: 1e-4,
             cells,
@@ -68,7 +68,7 @@ impl Tank {
             axis,
             upper,
             range: EVERYWHERE,
-            rule: Box::<free_slip::Links>::default(),
+            rule: Box::<free_slip::FreeSlipLinks>::default(),
         });
         let open = self.open_at.iter().map(|(axis, upper, outside)| Patch {
             name: format!("open {axis} {upper}"),
@@ -88,7 +88,7 @@ impl Tank {
                 axis: *axis,
                 upper: *upper,
                 range,
-                rule: Box::new(velocity::Links::uniform(*velocity)),
+                rule: Box::new(velocity::VelocityLinks::uniform(*velocity)),
             }
         });
         slips.chain(open).chain(streams).collect()
@@ -109,7 +109,7 @@ impl Tank {
             device: Device::Cpu,
             terms: Vec::new(),
         };
-        let axes = [Axis::X, Axis::Y, Axis::Z];
+        let axes = [SplitAxis::X, SplitAxis::Y, SplitAxis::Z];
         let domain = Domain::serial(
             axes[self.split],
             self.cells[self.split],
@@ -252,7 +252,7 @@ fn water_at_rest_stays_at_rest_at_any_fill_level() {
 #[test]
 fn an_operator_of_one_rate_works_too() {
     let mut tank = Tank::new([30, 16, 1]);
-    tank.operator = Operator::Bgk(bgk::Parameters {});
+    tank.operator = Operator::Bgk(bgk::BgkParameters {});
     let mut fluid = tank.fill(dam(10, 10));
     let before = mass(&fluid);
     step(&mut fluid, 500);

@@ -317,7 +317,7 @@ mod tests {
     use crate::lattice::VelocitySet;
     use approx::{assert_abs_diff_eq, assert_relative_eq};
     use base::number::real;
-    use decomposition::{Axis, Domain};
+    use decomposition::{Domain, SplitAxis};
 
     /// Returns a periodic fluid, walls across y where `walls`, with the same resistance in every cell.
     fn fluid(
@@ -355,18 +355,21 @@ mod tests {
             device: crate::gpu::Device::Cpu,
             terms: vec![make],
         };
-        Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
+        Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
     }
 
     fn operators() -> Vec<(VelocitySet, Operator)> {
         use VelocitySet::{D2Q9, D3Q19, D3Q27};
-        let trt = Operator::Trt(trt::Parameters::default());
+        let trt = Operator::Trt(trt::TrtParameters::default());
         vec![
-            (D2Q9, Operator::Bgk(bgk::Parameters::default())),
+            (D2Q9, Operator::Bgk(bgk::BgkParameters::default())),
             (D2Q9, trt),
             (D3Q19, trt),
-            (D3Q27, Operator::Mrt(mrt::Parameters::default())),
-            (D3Q27, Operator::Cumulant(cumulant::Parameters::default())),
+            (D3Q27, Operator::Mrt(mrt::MrtParameters::default())),
+            (
+                D3Q27,
+                Operator::Cumulant(cumulant::CumulantParameters::default()),
+            ),
         ]
     }
 
@@ -408,7 +411,10 @@ mod tests {
     /// square of the cell.
     #[test]
     fn flow_between_plates_follows_brinkman_to_second_order() {
-        let trt = (VelocitySet::D2Q9, Operator::Trt(trt::Parameters::default()));
+        let trt = (
+            VelocitySet::D2Q9,
+            Operator::Trt(trt::TrtParameters::default()),
+        );
         let viscosity = 0.2 / 3.0;
         let error = |n: usize| {
             let height = real(n);

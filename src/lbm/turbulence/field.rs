@@ -16,8 +16,8 @@
 //! that the difference goes over to the central one. The coupling names surfaces and their velocities after every move
 //! ([`Field::wall`]); a number for each cell says where they stand, and only cells that have one leave the vector path.
 
-use crate::block::{Block, Line};
-use crate::boundary::{Frame, Patch, Surface, holder};
+use crate::block::{Line, RowBlock};
+use crate::boundary::{Frame, Patch, SurfaceKind, patch_at};
 use crate::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lattice::unroll;
 use crate::pages::Pages;
@@ -295,7 +295,7 @@ impl Beyond {
     ) -> Self {
         let mut position = at.map(|k| real(k) + 0.5);
         position[axis] += 0.5 * if upper { 1.0 } else { -1.0 };
-        let holder = holder(patches, axis, upper, position);
+        let holder = patch_at(patches, axis, upper, position);
         let (mut wall, mut patch) = ([0.0; 3], None);
         let (mut inner, mut outer) = ([-2.0; 3], 1.0 / 3.0);
         let mut share = 8.0 / 3.0;
@@ -309,7 +309,7 @@ impl Beyond {
                 let scaled = velocity.map(|u| (share * u) as f32);
                 wall = scaled;
                 patch = holder;
-            } else if rule.nature().surface == Surface::Symmetry {
+            } else if rule.kind().surface == SurfaceKind::Symmetry {
                 (inner, outer) = ([1.0; 3], 0.0);
                 inner[axis] = -1.0;
             } else {
@@ -451,7 +451,7 @@ impl Ghosts {
                     ghosts.begins.resize(plane + 1, ghosts.runs.len());
                     ghosts.runs.push(Run {
                         ghost,
-                        line: Line::of(row),
+                        line: Line::single(row),
                         follows,
                     });
                 }
@@ -470,7 +470,7 @@ impl Ghosts {
     /// the ghosts follow from.
     unsafe fn fill(
         &self,
-        Block { planes, rows }: &Block,
+        RowBlock { planes, rows }: &RowBlock,
         numbers: [*mut f32; 3],
         ramp: impl Fn(usize) -> f64,
     ) {
@@ -499,7 +499,7 @@ impl Ghosts {
         let threads = threads.max(1);
         thread_pool::each(threads, |thread| {
             let bound = |t: usize| self.rows * t / threads;
-            let cells = Block {
+            let cells = RowBlock {
                 planes: planes.clone(),
                 rows: bound(thread)..bound(thread + 1),
             };
@@ -513,7 +513,12 @@ impl Ghosts {
     /// # Safety
     /// `written` must be of this slab, the pass must have done these cells and those two further inside, and no other
     /// thread may access them.
-    pub(crate) unsafe fn follow(&self, cells: &Block, written: &View, ramp: impl Fn(usize) -> f64) {
+    pub(crate) unsafe fn follow(
+        &self,
+        cells: &RowBlock,
+        written: &View,
+        ramp: impl Fn(usize) -> f64,
+    ) {
         // SAFETY: promised by the caller.
         unsafe { self.fill(cells, written.write, ramp) };
     }
@@ -562,7 +567,7 @@ impl Run {
 
 /// Surface of a body next to a cell of the slab.
 #[derive(Clone, Copy, Debug)]
-pub struct Wall {
+pub struct BodyWall {
     /// Position of the cell.
     pub cell: usize,
     /// The axis along which the surface is, and whether at the upper side.
@@ -598,7 +603,7 @@ pub struct Field {
     places: Vec<u32>,
     beside: Vec<Beside>,
     /// Surfaces that each thread found: buffers that are reused.
-    found: Vec<Vec<Wall>>,
+    found: Vec<Vec<BodyWall>>,
 }
 
 impl Field {
@@ -667,7 +672,7 @@ impl Field {
 
     /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and a buffer
     /// for its results.
-    pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<Wall>) + Sync) {
+    pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<BodyWall>) + Sync) {
         let mut found = std::mem::take(&mut self.found);
         let threads = thread_pool::threads();
         found.resize_with(threads, Vec::new);
@@ -682,8 +687,8 @@ impl Field {
     }
 
     /// Adds one surface of a body next to a cell.
-    fn wall(&mut self, wall: &Wall) {
-        let Wall {
+    fn wall(&mut self, wall: &BodyWall) {
+        let BodyWall {
             cell,
             side: (axis, upper),
             distance,
@@ -829,7 +834,7 @@ impl Field {
         2 * 3 * self.array * size_of::<f32>()
             + self.places.len() * size_of::<u32>()
             + self.beside.capacity() * size_of::<Beside>()
-            + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<Wall>()
+            + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<BodyWall>()
     }
 }
 

@@ -8,7 +8,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{ASKED, Model, strain_squared};
+use super::{ASKED, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use base::family::Description;
 use schemars::JsonSchema;
@@ -29,7 +29,7 @@ fn constant() -> f64 {
     0.17
 }
 
-impl Model for Smagorinsky {
+impl TurbulenceModel for Smagorinsky {
     fn describe(&self) -> Description {
         Description::new(format!("Smagorinsky, constant {}", self.constant), ASKED)
     }

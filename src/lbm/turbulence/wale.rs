@@ -11,7 +11,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{ASKED, Model, strain_squared};
+use super::{ASKED, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use crate::lattice::unroll;
 use base::error::{Finding, Remedy, Severity};
@@ -51,7 +51,7 @@ fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     strain_squared(&square)
 }
 
-impl Model for Wale {
+impl TurbulenceModel for Wale {
     fn describe(&self) -> Description {
         Description::new(format!("WALE, constant {}", self.constant), ASKED)
     }

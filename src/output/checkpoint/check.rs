@@ -5,7 +5,7 @@ use super::{EARLIER, TABLES};
 use crate::averages::SUMS;
 use base::error::Error;
 use base::number::to_usize;
-use dem::state::{Contacts, Table, Values};
+use dem::state::{Contacts, NamedColumns, Values};
 use io::checkpoint::Manifest;
 use io::data::Kind;
 use serde_json::{Value, json};
@@ -171,7 +171,7 @@ impl Expected {
 
 /// Limits of the grains and contacts of a case.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bounds {
+pub struct StateLimits {
     /// Edges of the domain \[m\].
     pub size: [f64; 3],
     /// Number of materials.
@@ -201,14 +201,14 @@ const SPEED: f64 = 3e8;
 /// Rounding of radii and masses.
 const ROUNDING: f64 = 1e-6;
 
-impl Bounds {
+impl StateLimits {
     /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the
     /// next step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads
     /// them.
     ///
     /// # Errors
     /// [`Error::Io`] with the column.
-    pub fn hold(&self, grains: &Table, contacts: &Contacts) -> Result<(), Error> {
+    pub fn hold(&self, grains: &NamedColumns, contacts: &Contacts) -> Result<(), Error> {
         self.grains(grains)?;
         let mut ids = match grains.columns.iter().find(|(name, _)| name == "id") {
             Some((_, Values::Whole(ids))) => ids.clone(),
@@ -257,7 +257,7 @@ impl Bounds {
     }
 
     /// Checks the columns of the grains.
-    fn grains(&self, grains: &Table) -> Result<(), Error> {
+    fn grains(&self, grains: &NamedColumns) -> Result<(), Error> {
         for (name, values) in &grains.columns {
             let good = match values {
                 Values::Real(values) => {

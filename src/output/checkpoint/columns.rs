@@ -2,19 +2,19 @@
 //!
 //! The numbers were taken once and stay: a checkpoint of an earlier build must be read, and a state hash must compare.
 
-use super::State;
+use super::RunState;
 use decomposition::Communicator;
 use dem::contact::linear::{self, Linear};
 use dem::contact::{Law, PairTable, Scaled};
 use dem::particles::{Body, Kind, Motion, Particles};
 use dem::polyhedron::Polyhedron;
-use dem::state::{Table, Values};
+use dem::state::{NamedColumns, Values};
 use dem::walls::Wall;
-use dem::{Dem, Plane, Region, Settings, Space, Volume, alone};
+use dem::{Dem, DemSettings, GrainDomain, PlaneSpace, Space, Volume, alone};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 /// Returns the names of the columns in order.
-fn names(table: &Table) -> Vec<&str> {
+fn names(table: &NamedColumns) -> Vec<&str> {
     table
         .columns
         .iter()
@@ -23,7 +23,7 @@ fn names(table: &Table) -> Vec<&str> {
 }
 
 /// Returns the order and bits of all values in one number.
-fn digest(table: &Table) -> u64 {
+fn digest(table: &NamedColumns) -> u64 {
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u64| {
         digest = (digest ^ bits)
@@ -41,7 +41,7 @@ fn digest(table: &Table) -> u64 {
 }
 
 fn hash<S: Space>(particles: &Particles<S>, dem: Option<&Dem<S>>) -> String {
-    let state = State::<S, f64> {
+    let state = RunState::<S, f64> {
         fluid: None,
         averages: None,
         seepage: Vec::new(),
@@ -134,7 +134,7 @@ fn columns_of_grains_keep_names_order_and_hash() {
 
 #[test]
 fn columns_of_discs_and_contacts_keep_names_order_and_hash() {
-    let mut particles = Particles::<Plane>::new();
+    let mut particles = Particles::<PlaneSpace>::new();
     for (id, x) in [(1, -0.09), (2, 0.09), (3, 2.0)] {
         let y = if id == 3 { 0.15 } else { -0.16 };
         let motion = Motion {
@@ -142,18 +142,18 @@ fn columns_of_discs_and_contacts_keep_names_order_and_hash() {
             velocity: Vector2::new(-x, -y),
             spin: 0.5,
         };
-        particles.insert(Body::uniform::<Plane>(id, 0.1, 2600.0, 0), motion);
+        particles.insert(Body::uniform::<PlaneSpace>(id, 0.1, 2600.0, 0), motion);
     }
     let walls = vec![Wall::new(
         Vector2::new(0.0, -0.25),
         Vector2::new(0.0, 1.0),
         0,
     )];
-    let mut region = Region::closed(Vector2::repeat(-1.0), Vector2::repeat(1.0), 0.02);
+    let mut region = GrainDomain::closed(Vector2::repeat(-1.0), Vector2::repeat(1.0), 0.02);
     region.periodic[0] = true;
-    let mut settings = Settings::new(region, 1e-5, 0.02);
+    let mut settings = DemSettings::new(region, 1e-5, 0.02);
     settings.gravity = Vector2::new(0.0, -9.81);
-    let springs = linear::Parameters {
+    let springs = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(1e5),
         stiffness_ratio: 1.0,
         friction: 0.5,

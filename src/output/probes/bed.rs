@@ -34,13 +34,13 @@
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
 use super::{Heading, TIME, no_fluid};
-use crate::view::View;
+use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, to_i64, whole};
 use coupling::FluidView;
 use decomposition::{Communicator, ExactSum, Fixed};
 use dem::space::{Components, Space};
-use lbm::boundary::Surface;
+use lbm::boundary::SurfaceKind;
 use plan::scene::Scene;
 use plan::scene::grid::Grid;
 use plan::scene::observe;
@@ -74,13 +74,13 @@ pub(super) const HEADINGS: [Heading; 12] = [
 /// A bed.
 #[derive(Debug)]
 pub(super) struct Bed {
-    scene: observe::Bed,
+    scene: observe::ObservedBed,
     /// Height from which scour is measured, once it is known \[m\].
     pub(super) level: Option<f64>,
 }
 
 impl Bed {
-    pub(super) fn new(scene: &observe::Bed) -> Self {
+    pub(super) fn new(scene: &observe::ObservedBed) -> Self {
         Self {
             level: scene.level,
             scene: scene.clone(),
@@ -88,7 +88,7 @@ impl Bed {
     }
 
     /// Returns the columns of this step without the time. Collective.
-    pub(super) fn sample<S: Space>(&mut self, view: &View<S>) -> Result<[f64; 11], Error> {
+    pub(super) fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);
         let grains = Grains::measure(view, bed);
@@ -136,7 +136,7 @@ struct Grains {
 
 impl Grains {
     /// Measures the bed by the grains. Collective.
-    fn measure<S: Space>(view: &View<S>, bed: &observe::Bed) -> Self {
+    fn measure<S: Space>(view: &StateView<S>, bed: &observe::ObservedBed) -> Self {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
         let along = bed.axes[0];
@@ -179,7 +179,12 @@ impl Grains {
 }
 
 /// Returns `true` if a coordinate is in the part; periodic axes are wrapped.
-fn spans<V: Components>(bed: &observe::Bed, grid: &Grid, axis: usize, position: &V) -> bool {
+fn spans<V: Components>(
+    bed: &observe::ObservedBed,
+    grid: &Grid,
+    axis: usize,
+    position: &V,
+) -> bool {
     let mut x = position.get(axis);
     if grid.periodic[axis] {
         x -= (x / grid.size[axis]).floor() * grid.size[axis];
@@ -212,9 +217,9 @@ pub(super) fn median_diameter(radii: &mut [f64], measure: impl Fn(f64) -> f64) -
 
 /// Heights of the columns that have a surface, in cells above the bottom of the part. Collective.
 fn heights<S: Space>(
-    view: &View<S>,
+    view: &StateView<S>,
     fluid: &dyn FluidView,
-    bed: &observe::Bed,
+    bed: &observe::ObservedBed,
     diameter: f64,
 ) -> Vec<f64> {
     // Without grains there is no column, on any rank.
@@ -346,7 +351,11 @@ impl Planes {
     }
 
     /// Measures the planes of cells. Collective.
-    fn measure<S: Space>(view: &View<S>, fluid: &dyn FluidView, bed: &observe::Bed) -> Self {
+    fn measure<S: Space>(
+        view: &StateView<S>,
+        fluid: &dyn FluidView,
+        bed: &observe::ObservedBed,
+    ) -> Self {
         let grid = &view.plan.scene.grid;
         let [along, across, aside] = bed.axes;
         let bottom = bed.cells[across][0];
@@ -400,9 +409,9 @@ impl Planes {
 impl Stream {
     /// Returns the stream above a height in cells. Collective.
     fn above<S: Space>(
-        view: &View<S>,
+        view: &StateView<S>,
         fluid: &dyn FluidView,
-        bed: &observe::Bed,
+        bed: &observe::ObservedBed,
         height: f64,
     ) -> Self {
         let scene = &view.plan.scene;
@@ -468,9 +477,9 @@ fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     let patches = (scene.flow.iter())
         .flat_map(|flow| flow.patches())
         .filter(|patch| patch.face.axis() == axis && patch.face.is_max() == upper);
-    let mut surfaces = patches.map(|patch| patch.condition.model().nature().surface);
+    let mut surfaces = patches.map(|patch| patch.condition.model().kind().surface);
     let first = surfaces.next();
-    first == Some(Surface::Symmetry) && surfaces.all(|surface| surface == Surface::Symmetry)
+    first == Some(SurfaceKind::Symmetry) && surfaces.all(|surface| surface == SurfaceKind::Symmetry)
 }
 
 /// Returns the line through the stresses of the planes above the last solid, at a height in cells above the first
@@ -495,7 +504,7 @@ fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dem::space::{Plane, Space, Volume};
+    use dem::space::{PlaneSpace, Space, Volume};
 
     #[test]
     fn half_of_the_volume_lies_below_the_median() {
@@ -508,14 +517,14 @@ mod tests {
             6.0
         ));
         assert!(close(
-            median_diameter(&mut radii.clone(), Plane::measure),
+            median_diameter(&mut radii.clone(), PlaneSpace::measure),
             6.0
         ));
         assert!(close(
-            median_diameter(&mut [1.0, 1.0, 1.1], Plane::measure),
+            median_diameter(&mut [1.0, 1.0, 1.1], PlaneSpace::measure),
             2.0
         ));
-        assert!(median_diameter(&mut [], Plane::measure).is_nan());
+        assert!(median_diameter(&mut [], PlaneSpace::measure).is_nan());
     }
 
     #[test]

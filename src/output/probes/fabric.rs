@@ -24,11 +24,11 @@
 use super::bed::{median_diameter, of_all_ranks};
 use super::{Heading, TIME};
 use crate::grains::space_vector;
-use crate::view::View;
+use crate::view::StateView;
 use base::number::real;
 use decomposition::ExactSum;
 use dem::space::{Components, Space};
-use plan::scene::block::Block;
+use plan::scene::block::AlignedBox;
 use plan::scene::grid::Grid;
 use std::path::{Path, PathBuf};
 
@@ -56,18 +56,18 @@ pub(super) const HEADINGS: [Heading; 14] = [
 /// The grains in a box.
 #[derive(Debug)]
 pub(super) struct Fabric {
-    block: Block,
+    block: AlignedBox,
     /// The record of what left; none if no region removes grains.
     removed: Option<PathBuf>,
 }
 
 impl Fabric {
-    pub(super) fn new(block: Block, removed: Option<PathBuf>) -> Self {
+    pub(super) fn new(block: AlignedBox, removed: Option<PathBuf>) -> Self {
         Self { block, removed }
     }
 
     /// Returns the columns of this step without the time; those of what left only on rank 0. Collective.
-    pub(super) fn sample<S: Space>(&self, view: &View<S>) -> [f64; 13] {
+    pub(super) fn sample<S: Space>(&self, view: &StateView<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
         let counts = |k: usize| {

@@ -8,7 +8,7 @@ use darcy::surface::Solids;
 use darcy::{Prisms, WettedSurface};
 use decomposition::ExactSum;
 use dem::space::Space;
-use plan::scene::block::Block;
+use plan::scene::block::AlignedBox;
 use plan::scene::seepage::Seepage as Scene;
 use std::ops::Range;
 
@@ -22,7 +22,12 @@ pub(super) struct Section {
 
 impl Section {
     /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
-    pub(super) fn new(scene: &Scene, axis: usize, position: f64, part: Option<&Block>) -> Self {
+    pub(super) fn new(
+        scene: &Scene,
+        axis: usize,
+        position: f64,
+        part: Option<&AlignedBox>,
+    ) -> Self {
         let place = (position - scene.origin[axis]) / scene.spacing[axis];
         let ranges = std::array::from_fn(|a| match part {
             Some(part) if a != axis && a < part.dimension => {
@@ -90,7 +95,7 @@ impl Section {
 
 /// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
 /// NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may be between.
-pub(super) fn at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
+pub(super) fn values_at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();
     let cell = grid.holding(point).map(|cell| grid.index(cell));

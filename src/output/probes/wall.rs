@@ -13,7 +13,7 @@ use base::number::real;
 use case::geometry::Face;
 use coupling::FluidView;
 use decomposition::Communicator;
-use lbm::boundary::{Condition, Flux, Nature, Surface, from_quanta, quanta};
+use lbm::boundary::{BoundaryKind, Condition, Flux, SurfaceKind, from_quanta, quanta};
 use lbm::lattice::Velocities;
 use plan::scene::flow::Flow;
 use plan::scene::grid::Grid;
@@ -143,7 +143,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     }
                     // A population leaves with c and comes back reversed, or mirrored at the faces it crosses.
                     let surface = wall_kind(condition(face, cell, flow)).surface;
-                    let mirrored = surface == Surface::Symmetry;
+                    let mirrored = surface == SurfaceKind::Symmetry;
                     for a in 0..3 {
                         if outside[a] || !mirrored {
                             sum[a] += 2 * i128::from(c[a]) * i128::from(quanta(*w));
@@ -168,8 +168,8 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
 }
 
 /// Returns the condition type of the wall; a wall at rest if no condition is given.
-fn wall_kind(condition: Option<&Condition>) -> Nature {
-    condition.map_or(Nature::WALL, |condition| condition.model().nature())
+fn wall_kind(condition: Option<&Condition>) -> BoundaryKind {
+    condition.map_or(BoundaryKind::WALL, |condition| condition.model().kind())
 }
 
 #[cfg(test)]
@@ -177,8 +177,8 @@ mod tests {
     use super::*;
     use base::units::LatticeUnits;
     use case::Document;
-    use decomposition::{Axis, Domain};
-    use lbm::boundary::convective_outflow::{Carried, Links};
+    use decomposition::{Domain, SplitAxis};
+    use lbm::boundary::convective_outflow::{Carried, ConvectiveOutflowLinks};
     use lbm::boundary::{Patch, Ramp, Rule, free_slip, no_slip, pressure};
     use lbm::collision::{Operator, bgk};
     use lbm::fluid::{Fluid, Force, Setup};
@@ -231,10 +231,10 @@ mod tests {
     /// Returns the rule that the case imposes, without the pressure.
     fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
         match patch {
-            "in" => Box::new(pressure::Links::new(0, Ramp::constant(deviation))),
-            "out" => Box::new(Links::new((0, true), Carried::Whole)),
-            "top" => Box::<free_slip::Links>::default(),
-            _ => Box::new(no_slip::Links),
+            "in" => Box::new(pressure::PressureLinks::new(0, Ramp::constant(deviation))),
+            "out" => Box::new(ConvectiveOutflowLinks::new((0, true), Carried::Whole)),
+            "top" => Box::<free_slip::FreeSlipLinks>::default(),
+            _ => Box::new(no_slip::NoSlipLinks),
         }
     }
 
@@ -254,7 +254,7 @@ mod tests {
             .collect();
         let setup = Setup {
             set: VelocitySet::D2Q9,
-            operator: Operator::Bgk(bgk::Parameters {}),
+            operator: Operator::Bgk(bgk::BgkParameters {}),
             relaxation_time: 0.8,
 
             turbulence: None,
@@ -266,7 +266,7 @@ mod tests {
             device: lbm::gpu::Device::Cpu,
             terms: Vec::new(),
         };
-        let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(Axis::X, 6, false)).unwrap();
+        let mut fluid = Fluid::<f64>::new(setup, &Domain::serial(SplitAxis::X, 6, false)).unwrap();
         fluid.initialise(&|_| (deviation, [0.0; 3]));
         fluid.advance();
         let still = Still(plan.units.unwrap(), fluid.fluxes());

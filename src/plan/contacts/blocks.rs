@@ -6,13 +6,13 @@ use crate::scene::findings::Findings;
 use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::Springs;
-use dem::contact::blocks::{self, Blocks};
-use dem::polyhedron::{Law, Model, Polyhedron, Stiffness};
+use dem::contact::blocks::{self, BlockLaw};
+use dem::polyhedron::{BlockContactModel, BlockPairLaw, Polyhedron, Stiffness};
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
 /// Returns the shortest step (s) that a free block with one face at something fixed does not bear, and that with all
 /// faces at neighbours that swing against it.
-pub(super) fn limits(scene: &Scene, law: &Blocks) -> Limits {
+pub(super) fn limits(scene: &Scene, law: &BlockLaw) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
         let mass = scene.density(material) * solid.shape.volume();
@@ -42,7 +42,7 @@ struct Block<'a> {
     shape: &'a Polyhedron,
     mass: f64,
     per_area: bool,
-    pair: &'a Law,
+    pair: &'a BlockPairLaw,
 }
 
 impl Block<'_> {
@@ -157,8 +157,8 @@ const DAMPS: f64 = 0.05;
 /// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the energy
 /// of motion by less than 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at 1e8, 1e9 and 1e10
 /// Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points (`dem::polyhedron::tests::energy`).
-pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
-    let bare = |pair: &&Law| pair.normal_damping < DAMPS;
+pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
+    let bare = |pair: &&BlockPairLaw| pair.normal_damping < DAMPS;
     let Some(pair) = law.parameters.rows().find(bare) else {
         return;
     };
@@ -172,7 +172,7 @@ pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
         .set("contact.blocks.model", "pressure")
     };
     match (law.model, pair.stiffness) {
-        (Model::Point { .. }, _) => findings.unstable(
+        (BlockContactModel::Point { .. }, _) => findings.unstable(
             "contact.blocks.model",
             "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an \
              impact of edges or corners",
@@ -186,12 +186,12 @@ pub(super) fn energy(scene: &Scene, law: &Blocks, findings: &mut Findings) {
                 "use a stiffness `per_area` with the model `pressure`, or a normal damping ratio of 0.05 or more",
             ),
         ),
-        (Model::Patch, Stiffness::PerArea { .. }) => findings.warn(
+        (BlockContactModel::Patch, Stiffness::PerArea { .. }) => findings.warn(
             "contact.blocks.model",
             "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % \
              of it over a thousand impacts",
             remedy(),
         ),
-        (Model::Pressure, Stiffness::PerArea { .. }) => {}
+        (BlockContactModel::Pressure, Stiffness::PerArea { .. }) => {}
     }
 }

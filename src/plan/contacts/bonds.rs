@@ -4,8 +4,8 @@ use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use crate::scene::grains::GrainSource;
 use crate::scene::pairs::{self, Ball};
-use crate::scene::sample::Grain;
-use crate::scene::walls::Wall;
+use crate::scene::sample::ListedGrain;
+use crate::scene::walls::SceneWall;
 use dem::contact::ContactModel;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
@@ -17,8 +17,8 @@ pub(super) fn none(scene: &Scene, law: &dyn ContactModel, findings: &mut Finding
         return;
     };
     let gap = law.bonding_gap();
-    let reach = |grain: &Grain| grain.radius + 0.5 * gap;
-    let near = |wall: &Wall, grain: &Grain| {
+    let reach = |grain: &ListedGrain| grain.radius + 0.5 * gap;
+    let near = |wall: &SceneWall, grain: &ListedGrain| {
         let at = Vector3::from(grain.position);
         let away = wall.surface.as_ref().map_or_else(
             || Vector3::from(wall.normal).dot(&(at - Vector3::from(wall.point))),

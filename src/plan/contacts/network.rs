@@ -56,7 +56,12 @@ const ROUNDS: usize = 400;
 
 impl Network {
     /// Returns the contacts of bodies, and of grains where `listed`.
-    pub(super) fn of(scene: &Scene, law: &dyn ContactModel, listed: bool, depth: Depth) -> Self {
+    pub(super) fn for_scene(
+        scene: &Scene,
+        law: &dyn ContactModel,
+        listed: bool,
+        depth: Depth,
+    ) -> Self {
         let mut network = Self {
             nodes: nodes(scene, listed),
             springs: Vec::new(),

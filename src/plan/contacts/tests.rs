@@ -43,7 +43,7 @@ fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
 
 fn network(scene: &Scene) -> f64 {
     let law = scene.contact.as_ref().unwrap().model();
-    Network::of(scene, law, true, Depth::Start).limit()
+    Network::for_scene(scene, law, true, Depth::Start).limit()
 }
 
 /// w² = 2 k/m of two grains; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.

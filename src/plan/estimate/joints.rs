@@ -11,7 +11,7 @@ struct Boxed {
 }
 
 /// Returns the share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
-pub(super) fn share(scene: &Scene) -> f64 {
+pub(super) fn joint_share(scene: &Scene) -> f64 {
     let reach = scene.grid.spacing;
     let mut boxes: Vec<Boxed> = scene
         .polyhedra()
@@ -73,7 +73,7 @@ mod tests {
             "time": {"end": 0.01}}"#;
         let document = Document::read(text, &[], Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();
-        let share = super::share(&plan.scene);
+        let share = super::joint_share(&plan.scene);
         assert!((share - 48.0 / 54.0).abs() < 1e-9, "{share}");
     }
 }

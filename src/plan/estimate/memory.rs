@@ -56,8 +56,8 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         let velocities = flow.lattice.velocities();
         let (cells, split) = (scene.grid.cells, scene.grid.split_axis);
         let (layout, number) = match flow.storage {
-            Precision::F64 => (Layout::of::<f64>(&velocities, cells, split), 8.0),
-            Precision::F32 => (Layout::of::<f32>(&velocities, cells, split), 4.0),
+            Precision::F64 => (Layout::for_slab::<f64>(&velocities, cells, split), 8.0),
+            Precision::F32 => (Layout::for_slab::<f32>(&velocities, cells, split), 4.0),
         };
         let mut each = real(flow.lattice.count()) * number + CELL;
         if flow.turbulence.is_some() {

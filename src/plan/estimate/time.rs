@@ -149,7 +149,7 @@ pub struct Parts {
 impl Parts {
     /// Returns those of a scene.
     #[must_use]
-    pub fn of(scene: &Scene, clock: &Clock) -> Self {
+    pub fn for_scene(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
         let bonds = scene
             .contact
@@ -170,7 +170,7 @@ impl Parts {
                     let eddies = flow.turbulence.is_some() && flow.lattice == VelocitySet::D3Q19;
                     all.covered = COVERED[kind] + if eddies { COVERED_EDDIES } else { 0.0 };
                     if flow.lattice == VelocitySet::D3Q27 {
-                        all.linked = JOINT * super::joints::share(scene);
+                        all.linked = JOINT * super::joints::joint_share(scene);
                     }
                 }
                 None => {}
@@ -192,7 +192,7 @@ impl Parts {
 }
 
 impl Seconds {
-    pub(super) fn of(
+    pub(super) fn for_scene(
         scene: &Scene,
         clock: &Clock,
         amounts: &Amounts,
@@ -206,7 +206,7 @@ impl Seconds {
         let steps = real(clock.steps) + real(clock.warm_up_steps);
         let solid_steps = real(clock.steps) * f64::from(clock.solid_steps_per_step);
         let three = usize::from(scene.grid.dimension == 3);
-        let parts = Parts::of(scene, clock);
+        let parts = Parts::for_scene(scene, clock);
         let end = scene.time.end;
         let mut files = 0.0;
         if let Some(flow) = &scene.flow {

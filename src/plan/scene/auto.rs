@@ -208,7 +208,7 @@ pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &
     let ways = lattice.map_or_else(Vec::new, |lbm| {
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
-        gaps::of(case, lbm, factor).ways
+        gaps::case_gaps(case, lbm, factor).ways
     });
     if let Some(flow) = &scene.flow {
         scene.density_causes = density::causes(scene, flow, &ways);

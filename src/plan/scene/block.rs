@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// An axis-parallel box \[m\]; in 2-D the third component is zero and does not matter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Block {
+pub struct AlignedBox {
     /// Lower corner \[m\].
     pub from: [f64; 3],
     /// Upper corner \[m\].
@@ -16,7 +16,7 @@ pub struct Block {
     pub dimension: usize,
 }
 
-impl Block {
+impl AlignedBox {
     /// Returns `true` if a point is inside; lower faces belong to the box, upper ones do not.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn points_and_discs_are_in_half_open_and_closed_boxes() {
-        let block = Block {
+        let block = AlignedBox {
             from: [0.0, 0.0, 0.0],
             to: [1.0, 2.0, 0.0],
             dimension: 2,

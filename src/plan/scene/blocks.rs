@@ -1,6 +1,6 @@
 //! The blocks of a scene: a jointed rock mass, a file or a list, and their positions.
 
-use super::block::Block as Extent;
+use super::block::AlignedBox as Extent;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
@@ -12,7 +12,7 @@ use case::Case;
 use case::blocks::{Block as Written, BlockSource, Joints, Mass, Spacing as WrittenSpacing};
 use case::geometry::Rotation;
 use case::solids::{Mesh, Orientation, Shape};
-use dem::polyhedron::{HalfSpace, Piece, Polyhedron, ShapeError, Solid};
+use dem::polyhedron::{HalfSpace, Piece, PlacedPolyhedron, Polyhedron, ShapeError};
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ const MOST_PLANES: f64 = 1e5;
 
 /// Blocks and where they go.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Blocks {
+pub struct PlacedBlocks {
     /// Number of blocks.
     pub number: usize,
     /// Number of blocks that never move.
@@ -40,13 +40,13 @@ pub struct Blocks {
     pub save: Option<PathBuf>,
 }
 
-impl Blocks {
+impl PlacedBlocks {
     /// Returns the diameter of the largest sphere in the thinnest block \[m\].
     #[must_use]
     pub fn thinnest(&self) -> Option<f64> {
         let blocks = self.list.iter();
         blocks
-            .map(|block| Piece::of(&block.solid).thickness())
+            .map(|block| Piece::from_polyhedron(&block.solid).thickness())
             .min_by(f64::total_cmp)
     }
 }
@@ -55,7 +55,7 @@ impl Blocks {
 #[derive(Clone, Debug, PartialEq)]
 pub struct RockBlock {
     /// Shape and position.
-    pub solid: Solid,
+    pub solid: PlacedPolyhedron,
     /// Velocity [m/s].
     pub velocity: [f64; 3],
     /// Rotation rate [rad/s].
@@ -68,7 +68,7 @@ pub struct RockBlock {
 
 impl RockBlock {
     /// At rest, free.
-    fn resting(solid: Solid, material: usize) -> Self {
+    fn resting(solid: PlacedPolyhedron, material: usize) -> Self {
         Self {
             solid,
             velocity: [0.0; 3],
@@ -84,7 +84,7 @@ pub(crate) fn blocks(
     grid: &Grid,
     names: &[String],
     findings: &mut Findings,
-) -> Option<Blocks> {
+) -> Option<PlacedBlocks> {
     let written = case.blocks.as_ref()?;
     if grid.dimension == 2 {
         findings.error(
@@ -123,7 +123,7 @@ pub(crate) fn blocks(
             "move them inside, or make the domain larger",
         );
     }
-    Some(Blocks {
+    Some(PlacedBlocks {
         number: list.len(),
         fixed: list.iter().filter(|block| block.fixed).count(),
         volume: list.iter().map(|block| block.solid.shape.volume()).sum(),
@@ -138,7 +138,7 @@ fn jointed(
     grid: &Grid,
     joints: &Joints,
     findings: &mut Findings,
-) -> Option<Vec<Solid>> {
+) -> Option<Vec<PlacedPolyhedron>> {
     let path = "blocks.initial.joints";
     let mass = rock_mass(case, grid, joints, path, findings)?;
     let blocks = mass.expected();
@@ -192,7 +192,7 @@ fn rock_mass(
             let path = format!("{path}.rock_mass.box");
             let extent = Extent::resolve(grid, extent, &path, findings);
             let [from, to] = [extent.from, extent.to].map(Vector3::from);
-            let made = Polyhedron::cuboid(to - from).map(|shape| Solid {
+            let made = Polyhedron::cuboid(to - from).map(|shape| PlacedPolyhedron {
                 shape,
                 position: 0.5 * (from + to),
                 orientation: UnitQuaternion::identity(),
@@ -223,7 +223,7 @@ fn rock_mass(
         });
         usable(left, &format!("{path}.excavation"), findings)?
     };
-    let whole = Piece::of(&solid);
+    let whole = Piece::from_polyhedron(&solid);
     let mut sets = Vec::with_capacity(joints.sets.len());
     for (n, set) in joints.sets.iter().enumerate() {
         let path = format!("{path}.sets[{n}]");
@@ -311,7 +311,11 @@ fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Opt
 }
 
 /// Returns the solid, or reports a finding if it could not be made.
-fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> Option<Solid> {
+fn usable(
+    made: Result<PlacedPolyhedron, String>,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<PlacedPolyhedron> {
     match made {
         Ok(solid) => Some(solid),
         Err(reason) => {
@@ -322,7 +326,12 @@ fn usable(made: Result<Solid, String>, path: &str, findings: &mut Findings) -> O
 }
 
 /// Returns a convex solid from a file, or a finding.
-fn surface(case: &Case, mesh: &Mesh, path: &str, findings: &mut Findings) -> Option<Solid> {
+fn surface(
+    case: &Case,
+    mesh: &Mesh,
+    path: &str,
+    findings: &mut Findings,
+) -> Option<PlacedPolyhedron> {
     let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| at.to_array());
     let file = case.directory.join(&mesh.path);
     let read = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
@@ -349,7 +358,7 @@ pub(super) fn solid(
     orientation: Option<&Orientation>,
     path: &str,
     findings: &mut Findings,
-) -> Option<Solid> {
+) -> Option<PlacedPolyhedron> {
     let at = format!("{path}.shape");
     let made = match shape {
         Shape::Disc { .. } | Shape::Sphere { .. } => {
@@ -357,11 +366,13 @@ pub(super) fn solid(
             findings.error(&at, "a block is a polyhedron", remedy);
             return None;
         }
-        Shape::Cuboid { edges } => Polyhedron::cuboid((*edges).into()).map(|shape| Solid {
-            shape,
-            position: Vector3::zeros(),
-            orientation: UnitQuaternion::identity(),
-        }),
+        Shape::Cuboid { edges } => {
+            Polyhedron::cuboid((*edges).into()).map(|shape| PlacedPolyhedron {
+                shape,
+                position: Vector3::zeros(),
+                orientation: UnitQuaternion::identity(),
+            })
+        }
         Shape::Vertices(vertices) => {
             let points: Vec<Vector3<f64>> = vertices.iter().map(|&v| v.into()).collect();
             Polyhedron::from_vertices(&points)
@@ -380,11 +391,11 @@ pub(super) fn solid(
 }
 
 fn turned(
-    mut solid: Solid,
+    mut solid: PlacedPolyhedron,
     orientation: Option<&Orientation>,
     path: &str,
     findings: &mut Findings,
-) -> Solid {
+) -> PlacedPolyhedron {
     let Some(written) = orientation else {
         return solid;
     };

@@ -1,6 +1,6 @@
 //! The named bodies of a scene.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
@@ -8,20 +8,20 @@ use super::{blocks, material, unique};
 use base::error::Remedy;
 use case::Case;
 use case::solids::{Motion as WrittenMotion, Shape};
-use dem::polyhedron::{Piece, Solid};
+use dem::polyhedron::{Piece, PlacedPolyhedron};
 use nalgebra::Vector3;
 use serde::Serialize;
 
 /// A named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Body {
+pub struct NamedBody {
     /// Name.
     pub name: String,
     /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
     pub radius: f64,
     /// The polyhedron, if it is one, where it stands.
     #[serde(skip)]
-    pub solid: Option<Solid>,
+    pub solid: Option<PlacedPolyhedron>,
     /// Centre \[m\].
     pub position: [f64; 3],
     /// Velocity at the start [m/s], or at all times if driven.
@@ -34,13 +34,13 @@ pub struct Body {
     pub material: usize,
 }
 
-impl Body {
+impl NamedBody {
     /// Returns the diameter of the largest sphere in a polyhedron \[m\].
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.solid
             .as_ref()
-            .map(|solid| Piece::of(solid).thickness())
+            .map(|solid| Piece::from_polyhedron(solid).thickness())
     }
 }
 
@@ -62,14 +62,15 @@ pub(crate) fn bodies(
     grid: &Grid,
     names: &[String],
     findings: &mut Findings,
-) -> Vec<Body> {
+) -> Vec<NamedBody> {
     let mut known = Vec::new();
     let mut bodies = Vec::new();
     for (n, body) in case.bodies.iter().enumerate() {
         let path = format!("bodies[{n}]");
         unique(&mut known, &body.name, &format!("{path}.name"), findings);
         check_dimension(&body.shape, grid, &format!("{path}.shape"), findings);
-        let position = Block::vector(grid, &body.position, &format!("{path}.position"), findings);
+        let position =
+            AlignedBox::vector(grid, &body.position, &format!("{path}.position"), findings);
         let (solid, radius) = match &body.shape {
             Shape::Disc { radius } | Shape::Sphere { radius } => {
                 if body.orientation.is_some() {
@@ -105,7 +106,7 @@ pub(crate) fn bodies(
         if moves.mobility == Mobility::Free && index.is_some() {
             needs_density(case, &body.material, findings);
         }
-        bodies.push(Body {
+        bodies.push(NamedBody {
             name: body.name.clone(),
             radius,
             solid,
@@ -134,7 +135,7 @@ fn check_dimension(shape: &Shape, grid: &Grid, path: &str, findings: &mut Findin
 
 /// Refuses a body that is wider than the domain.
 fn check_width(
-    solid: Option<&Solid>,
+    solid: Option<&PlacedPolyhedron>,
     radius: f64,
     grid: &Grid,
     path: &str,
@@ -157,8 +158,12 @@ fn check_width(
 }
 
 /// Returns the first of these axes along which a polyhedron is longer than the domain, and its length \[m\].
-pub(crate) fn wider(grid: &Grid, solid: &Solid, axes: &[bool; 3]) -> Option<(usize, f64)> {
-    let piece = Piece::of(solid);
+pub(crate) fn wider(
+    grid: &Grid,
+    solid: &PlacedPolyhedron,
+    axes: &[bool; 3],
+) -> Option<(usize, f64)> {
+    let piece = Piece::from_polyhedron(solid);
     let lengths = (0..grid.dimension).filter(|a| axes[*a]).map(|a| {
         let along = Vector3::from_fn(|axis, _| if axis == a { 1.0 } else { 0.0 });
         let (low, high) = piece.extent(&along);

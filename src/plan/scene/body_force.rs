@@ -1,6 +1,6 @@
 //! The force per volume on the fluid.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
 use case::fluid::{self, LatticeBoltzmann};
@@ -25,7 +25,7 @@ pub enum BodyForce {
 impl BodyForce {
     /// Returns the force at a time \[s\].
     #[must_use]
-    pub fn at(&self, time: f64) -> [f64; 3] {
+    pub fn force_at(&self, time: f64) -> [f64; 3] {
         match self {
             Self::Constant(force) => *force,
             Self::Oscillating {
@@ -57,7 +57,7 @@ pub(super) fn body_force(
     let path = format!("{PATH}.body_force");
     match &lbm.body_force {
         None => BodyForce::Constant([0.0; 3]),
-        Some(fluid::BodyForce::Constant(force)) => BodyForce::Constant(Block::vector(
+        Some(fluid::BodyForce::Constant(force)) => BodyForce::Constant(AlignedBox::vector(
             grid,
             force,
             &format!("{path}.constant"),
@@ -68,7 +68,7 @@ pub(super) fn body_force(
             period,
             phase_degrees,
         }) => BodyForce::Oscillating {
-            amplitude: Block::vector(
+            amplitude: AlignedBox::vector(
                 grid,
                 amplitude,
                 &format!("{path}.oscillating.amplitude"),

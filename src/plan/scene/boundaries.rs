@@ -1,6 +1,6 @@
 //! The conditions of the flow on the faces of the domain.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::LATTICE_PATH as PATH;
 use super::findings::{Findings, number};
 use super::grid::Grid;
@@ -9,13 +9,13 @@ use base::number::{real, whole};
 use case::fluid::LatticeBoltzmann;
 use case::geometry::Face;
 use lbm::boundary::no_slip::NoSlip;
-use lbm::boundary::{Condition, Inflow, Opening, Place, Site, Strength, Surface};
+use lbm::boundary::{Condition, Inflow, Opening, Place, Site, Strength, SurfaceKind};
 use serde::Serialize;
 use std::path::Path;
 
 /// A condition on the cells next to a part of a face.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Patch {
+pub struct ScenePatch {
     /// Name in the case; that of the face for a default wall.
     pub name: String,
     /// The face.
@@ -35,7 +35,7 @@ pub struct Patch {
     pub index: Option<usize>,
 }
 
-impl Patch {
+impl ScenePatch {
     /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     #[must_use]
     pub fn cells(&self, axis: usize) -> usize {
@@ -52,7 +52,7 @@ impl Patch {
 
     /// Returns the place where the condition is imposed; `path` is that of its parameters.
     #[must_use]
-    pub fn place<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
+    pub fn imposed_at<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
         Place {
             site: site(grid, self.face, path, self.walls),
             from: self.from,
@@ -64,12 +64,12 @@ impl Patch {
 }
 
 /// Returns the openings among some patches.
-pub fn openings<'a>(patches: impl Iterator<Item = &'a Patch>, grid: &Grid) -> Vec<Opening> {
+pub fn openings<'a>(patches: impl Iterator<Item = &'a ScenePatch>, grid: &Grid) -> Vec<Opening> {
     let open = patches.filter(|patch| patch.condition.model().passes_water());
-    let opening = |patch: &Patch| {
-        let (model, place) = (patch.condition.model(), patch.place(grid, PATH));
+    let opening = |patch: &ScenePatch| {
+        let (model, place) = (patch.condition.model(), patch.imposed_at(grid, PATH));
         Opening {
-            strength: model.nature().strength,
+            strength: model.kind().strength,
             area: place.area(),
             inflow: model.inflow(&place),
             ramp_time: model.ramp_time(),
@@ -98,9 +98,9 @@ fn walls(lbm: &LatticeBoltzmann) -> [[bool; 2]; 3] {
         .iter()
         .filter(|boundary| boundary.patch.is_none())
     {
-        let surface = boundary.condition.model().nature().surface;
+        let surface = boundary.condition.model().kind().surface;
         walls[boundary.face.axis()][usize::from(boundary.face.is_max())] =
-            matches!(surface, Surface::Wall | Surface::MovingWall);
+            matches!(surface, SurfaceKind::Wall | SurfaceKind::MovingWall);
     }
     walls
 }
@@ -111,7 +111,7 @@ pub(super) fn faces(
     grid: &Grid,
     directory: &Path,
     findings: &mut Findings,
-) -> [Vec<Patch>; 6] {
+) -> [Vec<ScenePatch>; 6] {
     let walls = walls(lbm);
     let mut faces = closed(grid, walls);
     let mut named = [false; 6];
@@ -134,7 +134,7 @@ pub(super) fn faces(
         let condition = boundary.condition.resolved(&site, &read, findings);
         let patches = &mut faces[face.index()];
         if let Some(extent) = &boundary.patch {
-            let whole = Patch {
+            let whole = ScenePatch {
                 name: boundary.name.clone(),
                 condition,
                 index: Some(n),
@@ -167,8 +167,8 @@ pub(super) fn faces(
 }
 
 /// Returns faces without conditions of their own: walls, but for those that repeat.
-fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<Patch>; 6] {
-    let mut faces: [Vec<Patch>; 6] = Default::default();
+fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<ScenePatch>; 6] {
+    let mut faces: [Vec<ScenePatch>; 6] = Default::default();
     for face in Face::ALL {
         if face.axis() < grid.dimension && !grid.periodic[face.axis()] {
             faces[face.index()].push(closed_face(grid, face, walls));
@@ -178,10 +178,10 @@ fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<Patch>; 6] {
 }
 
 /// Returns a whole face as a wall without a name.
-fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> Patch {
+fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> ScenePatch {
     let mut to = grid.cells;
     to[face.axis()] = 1;
-    Patch {
+    ScenePatch {
         name: face.name().into(),
         face,
         from: [0; 3],
@@ -217,13 +217,13 @@ fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) 
 
 /// Returns the part of a patch of a whole face that lies in a box.
 fn part(
-    mut patch: Patch,
-    block: &Block,
+    mut patch: ScenePatch,
+    block: &AlignedBox,
     grid: &Grid,
     path: &str,
     findings: &mut Findings,
-) -> Patch {
-    let cut = patch.condition.model().nature().strength == Strength::Velocity;
+) -> ScenePatch {
+    let cut = patch.condition.model().kind().strength == Strength::Velocity;
     for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
         let written = [block.from[a], block.to[a]];
         let within = |cell: f64| whole(cell).min(grid.cells[a]);
@@ -261,9 +261,10 @@ fn on_face(x: f64) -> f64 {
 }
 
 /// Refuses a patch that shares cells with an earlier one.
-fn check_overlap(patch: &Patch, others: &[Patch], path: &str, findings: &mut Findings) {
-    let shares =
-        |other: &&Patch| (0..3).all(|a| other.from[a] < patch.to[a] && patch.from[a] < other.to[a]);
+fn check_overlap(patch: &ScenePatch, others: &[ScenePatch], path: &str, findings: &mut Findings) {
+    let shares = |other: &&ScenePatch| {
+        (0..3).all(|a| other.from[a] < patch.to[a] && patch.from[a] < other.to[a])
+    };
     if let Some(other) = others.iter().find(shares) {
         findings.error(
             path,
@@ -279,7 +280,13 @@ const AT_FACE: f64 = 1e-6;
 const MOVES: f64 = 0.02;
 
 /// Warns of an opening whose ends lie between the faces of cells: it is as wide as its cells.
-fn moved(grid: &Grid, patch: &Patch, written: &Block, path: &str, findings: &mut Findings) {
+fn moved(
+    grid: &Grid,
+    patch: &ScenePatch,
+    written: &AlignedBox,
+    path: &str,
+    findings: &mut Findings,
+) {
     for a in (0..grid.dimension).filter(|a| *a != patch.face.axis()) {
         let ends = [patch.from[a], patch.to[a]].map(|cell| real(cell) * grid.spacing);
         let asked = [written.from[a], written.to[a]];
@@ -310,38 +317,42 @@ fn tangential(
     extent: &case::geometry::Extent,
     path: &str,
     findings: &mut Findings,
-) -> Block {
+) -> AlignedBox {
     let mut extent = extent.clone();
     let axis = face.axis();
     if let (Some(from), Some(to)) = (extent.from.0.get_mut(axis), extent.to.0.get_mut(axis)) {
         (*from, *to) = (0.0, grid.size[axis]);
     }
-    Block::resolve(grid, &extent, path, findings)
+    AlignedBox::resolve(grid, &extent, path, findings)
 }
 
 /// Checks what depends on the cells of the patches.
-fn check_cells(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+fn check_cells(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Findings) {
     for patch in faces.iter().flatten() {
         if let Some(n) = patch.index {
             let name = patch.condition.name();
             let path = format!("{PATH}.boundaries[{n}].condition.{name}");
-            let place = patch.place(grid, &path);
+            let place = patch.imposed_at(grid, &path);
             patch.condition.model().check(&place, findings);
         }
     }
 }
 
 /// Refuses velocities that let more water in than out: it is nearly incompressible.
-fn closed_volume(faces: &[Vec<Patch>; 6], grid: &Grid, findings: &mut Findings) {
+fn closed_volume(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Findings) {
     let mut inflow = 0.0;
     let mut through = 0.0;
-    let mut first: Option<&Patch> = None;
+    let mut first: Option<&ScenePatch> = None;
     for patch in faces.iter().flatten() {
-        match patch.condition.model().inflow(&patch.place(grid, PATH)) {
+        match patch
+            .condition
+            .model()
+            .inflow(&patch.imposed_at(grid, PATH))
+        {
             Inflow::None => {}
             Inflow::Any => return,
             Inflow::Mean(normal) => {
-                let area = patch.place(grid, PATH).area();
+                let area = patch.imposed_at(grid, PATH).area();
                 inflow += normal * area;
                 through += f64::abs(normal * area);
                 first = first.or(Some(patch));

@@ -1,9 +1,9 @@
 //! The resolved analysis of a ground collapse: axes, boxes of the seepage points, and the thresholds as written.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
-use super::observe::{Action, Region, due};
+use super::observe::{ObservedRegion, RegionAction, due};
 use super::unique;
 use base::error::Remedy;
 use base::number::whole;
@@ -45,7 +45,7 @@ pub struct SeepagePoint {
     /// Name.
     pub name: String,
     /// Box.
-    pub block: Block,
+    pub block: AlignedBox,
     /// The region of this name, whose removals count; where there is none, all removals within the box do.
     pub region: Option<usize>,
 }
@@ -56,7 +56,7 @@ pub(crate) fn resolve(
     case: &Case,
     grid: &Grid,
     gravity: [f64; 3],
-    regions: &[Region],
+    regions: &[ObservedRegion],
     findings: &mut Findings,
 ) -> Option<GroundCollapse> {
     let written = case.analysis.ground_collapse.as_ref()?;
@@ -149,15 +149,15 @@ pub(crate) fn resolve(
 fn points(
     case: &Case,
     grid: &Grid,
-    regions: &[Region],
+    regions: &[ObservedRegion],
     findings: &mut Findings,
 ) -> Vec<SeepagePoint> {
     let Some(written) = &case.analysis.ground_collapse else {
         return Vec::new();
     };
-    let removes = |region: &Region| matches!(region.action, Action::Remove { .. });
+    let removes = |region: &ObservedRegion| matches!(region.action, RegionAction::Remove { .. });
     let removing = || regions.iter().enumerate().filter(|(_, r)| removes(r));
-    let of_region = |(n, region): (usize, &Region)| SeepagePoint {
+    let of_region = |(n, region): (usize, &ObservedRegion)| SeepagePoint {
         name: region.name.clone(),
         block: region.block,
         region: Some(n),
@@ -181,7 +181,7 @@ fn points(
         if let Some(extent) = &point.region {
             found.push(SeepagePoint {
                 name: point.name.clone(),
-                block: Block::resolve(grid, extent, &format!("{path}.box"), findings),
+                block: AlignedBox::resolve(grid, extent, &format!("{path}.box"), findings),
                 region: removing()
                     .find(|(_, region)| region.name == point.name)
                     .map(|(n, _)| n),

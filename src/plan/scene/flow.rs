@@ -2,7 +2,7 @@
 
 pub use super::body_force::BodyForce;
 use super::body_force::body_force;
-use super::boundaries::{Patch, faces};
+use super::boundaries::{ScenePatch, faces};
 pub(crate) use super::findings::LATTICE_PATH as PATH;
 use super::findings::{Findings, at_most, number};
 use super::gravity;
@@ -55,7 +55,7 @@ pub struct Flow {
     pub initial: Initial,
     /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
     /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
-    pub faces: [Vec<Patch>; 6],
+    pub faces: [Vec<ScenePatch>; 6],
     /// Speed and pressure of a run on coarse cells.
     pub pilot: Option<Pilot>,
     /// `true` below a free surface.
@@ -89,7 +89,7 @@ impl Flow {
     }
 
     /// Returns all patches of all faces.
-    pub fn patches(&self) -> impl Iterator<Item = &Patch> {
+    pub fn patches(&self) -> impl Iterator<Item = &ScenePatch> {
         self.faces.iter().flatten()
     }
 

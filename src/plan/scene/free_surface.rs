@@ -6,8 +6,8 @@ mod openings;
 
 pub use openings::Opening;
 
-use super::block::Block;
-use super::boundaries::Patch;
+use super::block::AlignedBox;
+use super::boundaries::ScenePatch;
 use super::findings::{Findings, LATTICE_PATH, number};
 use super::grid::Grid;
 use super::structures;
@@ -34,7 +34,7 @@ pub struct FreeSurface {
     /// Acceleration of gravity along that axis [m/s2], without sign.
     pub gravity: f64,
     /// Parts of the water.
-    pub parts: Vec<Part>,
+    pub parts: Vec<WaterPart>,
     /// Openings through which water passes.
     pub openings: Vec<Opening>,
     /// Edge of a cell \[m\].
@@ -46,7 +46,7 @@ pub struct FreeSurface {
 
 /// A part of the water at the start.
 #[derive(Clone, Debug, Serialize)]
-pub enum Part {
+pub enum WaterPart {
     /// Water below a height \[m\].
     Level(f64),
     /// Inside a solid.
@@ -78,7 +78,7 @@ impl FreeSurface {
         parts.fold(0.0, f64::max)
     }
 
-    fn fill_of(&self, part: &Part, cell: [usize; 3]) -> f64 {
+    fn fill_of(&self, part: &WaterPart, cell: [usize; 3]) -> f64 {
         let h = self.spacing;
         let low = cell.map(|n| real(n) * h);
         let below = |height: f64, at: f64| {
@@ -90,8 +90,8 @@ impl FreeSurface {
             (depth / h).clamp(0.0, 1.0)
         };
         match part {
-            Part::Level(height) => below(*height, low[self.axis]),
-            Part::Wave(wave) => {
+            WaterPart::Level(height) => below(*height, low[self.axis]),
+            WaterPart::Wave(wave) => {
                 let samples = 2 * SAMPLES;
                 let parts = (0..samples).map(|n| {
                     let mut at = low;
@@ -100,7 +100,7 @@ impl FreeSurface {
                 });
                 parts.sum::<f64>() / real(samples)
             }
-            Part::Solid(solid) => {
+            WaterPart::Solid(solid) => {
                 let middle = low.map(|x| x + 0.5 * h);
                 let distance = solid.distance(middle);
                 let reach = 0.5 * h * real(self.dimension).sqrt();
@@ -159,12 +159,12 @@ impl FreeSurface {
     }
 
     /// Returns the height of the surface of a part above a place in it.
-    fn top(&self, part: &Part, at: [f64; 3], chords: &mut Vec<[f64; 2]>) -> Option<f64> {
+    fn top(&self, part: &WaterPart, at: [f64; 3], chords: &mut Vec<[f64; 2]>) -> Option<f64> {
         let axis = self.axis;
         match part {
-            Part::Level(height) => Some(*height),
-            Part::Wave(wave) => Some(wave.height(at)),
-            Part::Solid(solid) => {
+            WaterPart::Level(height) => Some(*height),
+            WaterPart::Wave(wave) => Some(wave.height(at)),
+            WaterPart::Solid(solid) => {
                 let length = self.size[axis];
                 let mut along = [0.0; 3];
                 along[axis] = if self.rises { length } else { -length };
@@ -190,10 +190,10 @@ impl FreeSurface {
     /// level or outfall, or over the lowest place of the domain where a shape holds water and no level stands below it.
     #[must_use]
     pub fn drop(&self) -> f64 {
-        let lowest = |part: &Part| match part {
-            Part::Level(height) => self.above(*height),
-            Part::Wave(wave) => self.above(wave.level) - wave.amplitude.abs(),
-            Part::Solid(_) => f64::INFINITY,
+        let lowest = |part: &WaterPart| match part {
+            WaterPart::Level(height) => self.above(*height),
+            WaterPart::Wave(wave) => self.above(wave.level) - wave.amplitude.abs(),
+            WaterPart::Solid(_) => f64::INFINITY,
         };
         let inside = self.parts.iter().map(lowest);
         let outside = self.openings.iter().filter_map(|opening| opening.lowest);
@@ -214,12 +214,12 @@ impl FreeSurface {
     pub fn head(&self) -> f64 {
         let above = |height: f64| self.above(height).clamp(0.0, self.size[self.axis]);
         let inside = self.parts.iter().map(|part| match part {
-            Part::Level(height) => above(*height),
-            Part::Wave(wave) => {
+            WaterPart::Level(height) => above(*height),
+            WaterPart::Wave(wave) => {
                 let sign = if self.rises { 1.0 } else { -1.0 };
                 above(wave.level + sign * wave.amplitude.abs())
             }
-            Part::Solid(solid) => {
+            WaterPart::Solid(solid) => {
                 let end = usize::from(self.rises);
                 let ends = solid.extents().map(|extent| above(extent[end][self.axis]));
                 ends.fold(0.0, f64::max)
@@ -234,7 +234,7 @@ impl FreeSurface {
 pub(crate) fn resolve(
     case: &Case,
     grid: &Grid,
-    patches: &[Vec<Patch>; 6],
+    patches: &[Vec<ScenePatch>; 6],
     findings: &mut Findings,
 ) -> Option<FreeSurface> {
     let Some(Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
@@ -245,7 +245,7 @@ pub(crate) fn resolve(
         return None;
     };
     let gravity = case.gravity.as_ref().map_or([0.0; 3], |written| {
-        Block::vector(grid, written, "gravity", findings)
+        AlignedBox::vector(grid, written, "gravity", findings)
     });
     let axis = (0..grid.dimension).max_by(|a, b| gravity[*a].abs().total_cmp(&gravity[*b].abs()));
     let axis = axis.unwrap_or(0);
@@ -279,7 +279,7 @@ fn part(
     (axis, weight): (usize, f64),
     (water, path): (&Water, &str),
     findings: &mut Findings,
-) -> Option<Part> {
+) -> Option<WaterPart> {
     let mut level = |name: &str, height: f64| {
         if weight == 0.0 {
             findings.error(
@@ -302,16 +302,16 @@ fn part(
     match water {
         Water::Level(height) => {
             level("level", *height);
-            Some(Part::Level(*height))
+            Some(WaterPart::Level(*height))
         }
         Water::Shape(shape) => {
             let path = format!("{path}.shape");
             let images = structures::images(case, grid, shape, &path, findings)?;
-            Some(Part::Solid(Arc::new(images)))
+            Some(WaterPart::Solid(Arc::new(images)))
         }
         Water::Wave(wave) => {
             level("wave.level", wave.level);
-            wave_form(grid, axis, wave, path, findings).map(Part::Wave)
+            wave_form(grid, axis, wave, path, findings).map(WaterPart::Wave)
         }
     }
 }

@@ -272,7 +272,7 @@ mod tests {
             let measure = grading.measure(number, dimension).unwrap();
             let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
             assert!((factor * total / measure - 1.0).abs() < 0.01);
-            let found = case::sieve::Percentiles::of(radii.iter().copied(), dimension);
+            let found = case::sieve::Percentiles::from_radii(radii.iter().copied(), dimension);
             let d60 = 0.2e-3 * (3.15_f64).powf(0.48 / 0.58);
             assert!((found.unwrap().d60 / d60 - 1.0).abs() < 0.02);
         }

@@ -1,11 +1,11 @@
 //! The grains of a scene: their source, sizes and number.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
 use super::region::region;
-use super::sample::{self, Grain};
+use super::sample::{self, ListedGrain};
 use super::structures::images;
 use super::{grading, material, unique};
 use base::error::Remedy;
@@ -33,9 +33,9 @@ pub struct Grains {
     /// File to which the prepared sample goes; relative to the output folder.
     pub save: Option<PathBuf>,
     /// Regions whose grains have a material of their own.
-    pub zones: Vec<Zone>,
+    pub zones: Vec<MaterialZone>,
     /// Boxes emptied after the preparation, with their names.
-    pub cut: Vec<(String, Block)>,
+    pub cut: Vec<(String, AlignedBox)>,
     /// `true` if contacts are bonded after preparation and cutting.
     pub bond_at_start: bool,
     /// Smallest and largest radius \[m\].
@@ -51,7 +51,7 @@ impl Grains {
     pub fn remaining(&self) -> f64 {
         match &self.source {
             GrainSource::List(grains) | GrainSource::File { grains, .. } => {
-                let stays = |grain: &&Grain| {
+                let stays = |grain: &&ListedGrain| {
                     let mut cuts = self.cut.iter();
                     !cuts.any(|(_, block)| block.contains(grain.position))
                 };
@@ -62,7 +62,7 @@ impl Grains {
                     let axes = 0..block.dimension;
                     axes.map(|a| (to[a] - from[a]).max(0.0)).product::<f64>()
                 };
-                let shared = |cut: &Block| {
+                let shared = |cut: &AlignedBox| {
                     let from = std::array::from_fn(|a| cut.from[a].max(block.from[a]));
                     let to = std::array::from_fn(|a| cut.to[a].min(block.to[a]));
                     volume(from, to)
@@ -82,7 +82,7 @@ pub struct Cloud {
     /// Name of the layer; none of the first cloud.
     pub name: Option<String>,
     /// The box.
-    pub block: Block,
+    pub block: AlignedBox,
     /// Sizes.
     pub grading: grading::Grading,
     /// Number of grains.
@@ -97,7 +97,7 @@ pub enum GrainSource {
     /// Growth of a loose cloud in a box.
     Growth {
         /// The box.
-        block: Block,
+        block: AlignedBox,
         /// Number of grains.
         number: usize,
         /// The rest as written.
@@ -116,15 +116,15 @@ pub enum GrainSource {
         path: PathBuf,
         /// Grains.
         #[serde(skip)]
-        grains: Vec<Grain>,
+        grains: Vec<ListedGrain>,
     },
     /// One by one.
-    List(Vec<Grain>),
+    List(Vec<ListedGrain>),
 }
 
 /// A region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
-pub struct Zone {
+pub struct MaterialZone {
     /// Name.
     pub name: String,
     /// Lower corner \[m\]; infinite if it has no end.
@@ -142,7 +142,7 @@ pub struct Zone {
     pub listed: Option<usize>,
 }
 
-impl Zone {
+impl MaterialZone {
     /// Returns `true` if a point is in the zone.
     #[must_use]
     pub fn contains(&self, point: [f64; 3]) -> bool {
@@ -152,7 +152,7 @@ impl Zone {
 }
 
 /// Gives grains the material and velocity of the last zone that holds their centre; returns how many each zone has.
-pub fn assign(zones: &[Zone], grains: &mut [Grain]) -> Vec<usize> {
+pub fn assign(zones: &[MaterialZone], grains: &mut [ListedGrain]) -> Vec<usize> {
     let mut counts = vec![0; zones.len()];
     for grain in grains {
         let Some(n) = zones.iter().rposition(|zone| zone.contains(grain.position)) else {
@@ -171,7 +171,7 @@ fn zones(
     grid: &Grid,
     names: &[String],
     findings: &mut Findings,
-) -> Vec<Zone> {
+) -> Vec<MaterialZone> {
     let mut known = Vec::new();
     let mut zones = Vec::new();
     for (n, zone) in written.iter().enumerate() {
@@ -200,11 +200,10 @@ fn zones(
         }
         needs_density(case, &zone.material, findings);
         let index = material(names, &zone.material, &format!("{path}.material"), findings);
-        let velocity = zone
-            .velocity
-            .as_ref()
-            .map(|written| Block::vector(grid, written, &format!("{path}.velocity"), findings));
-        zones.push(Zone {
+        let velocity = zone.velocity.as_ref().map(|written| {
+            AlignedBox::vector(grid, written, &format!("{path}.velocity"), findings)
+        });
+        zones.push(MaterialZone {
             name: zone.name.clone(),
             from,
             to,
@@ -226,7 +225,7 @@ impl Cloud {
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
         let number = self.number.min(MOST_SIZES);
         let radii = self.grading.radii(number, dimension, (0, 0)).ok()?;
-        Percentiles::of(radii.into_iter(), dimension)
+        Percentiles::from_radii(radii.into_iter(), dimension)
     }
 }
 
@@ -254,7 +253,7 @@ impl Grains {
         let number = self.expected.min(MOST_SIZES);
         let radii = match &self.source {
             GrainSource::List(grains) | GrainSource::File { grains, .. } => {
-                return Percentiles::of(grains.iter().map(|grain| grain.radius), dimension);
+                return Percentiles::from_radii(grains.iter().map(|grain| grain.radius), dimension);
             }
             GrainSource::Deposition { clouds, deposition } => {
                 let mut radii = Vec::new();
@@ -270,7 +269,7 @@ impl Grains {
                 Radii::Uniform { min, max } => {
                     let share = |n: usize| (real(n) + 0.5) / real(number);
                     let radius = |n: usize| min + share(n) * (max - min);
-                    return Percentiles::of((0..number).map(radius), dimension);
+                    return Percentiles::from_radii((0..number).map(radius), dimension);
                 }
                 Radii::List(list) => list.clone(),
                 Radii::Sieve(curve) => grading::Grading::of_sieves(curve)
@@ -278,7 +277,7 @@ impl Grains {
                     .ok()?,
             },
         };
-        Percentiles::of(radii.into_iter(), dimension)
+        Percentiles::from_radii(radii.into_iter(), dimension)
     }
 }
 
@@ -301,7 +300,7 @@ pub(crate) fn grains(
             unique(&mut known, &cut.name, &format!("{path}.name"), findings);
             (
                 cut.name.clone(),
-                Block::resolve(grid, &cut.region, &format!("{path}.box"), findings),
+                AlignedBox::resolve(grid, &cut.region, &format!("{path}.box"), findings),
             )
         })
         .collect();
@@ -327,7 +326,12 @@ pub(crate) fn grains(
 }
 
 /// Assigns zones to listed grains, and warns of zones without grains.
-fn count(zones: &mut [Zone], written: usize, source: &mut GrainSource, findings: &mut Findings) {
+fn count(
+    zones: &mut [MaterialZone],
+    written: usize,
+    source: &mut GrainSource,
+    findings: &mut Findings,
+) {
     if let GrainSource::List(list) | GrainSource::File { grains: list, .. } = source {
         let counts = assign(zones, list);
         for (n, count) in counts.into_iter().enumerate() {
@@ -375,7 +379,7 @@ fn listed(
             && grain.material.is_none();
         if plain {
             // Paths of grains are written only where there may be something to say.
-            resolved.push(Grain {
+            resolved.push(ListedGrain {
                 position: grain.position.to_array(),
                 radius: grain.radius,
                 velocity: [0.0; 3],
@@ -399,7 +403,7 @@ fn listed_grain(
     materials: Materials,
     path: &str,
     findings: &mut Findings,
-) -> Grain {
+) -> ListedGrain {
     let (velocity, angular_velocity) = motion(
         grid,
         grain.velocity.as_ref(),
@@ -407,7 +411,7 @@ fn listed_grain(
         path,
         findings,
     );
-    let position = Block::vector(grid, &grain.position, &format!("{path}.position"), findings);
+    let position = AlignedBox::vector(grid, &grain.position, &format!("{path}.position"), findings);
     if !grid.contains(position) {
         findings.error(
             &format!("{path}.position"),
@@ -420,7 +424,7 @@ fn listed_grain(
         needs_density(case, name, findings);
         material(materials.names, name, &format!("{path}.material"), findings).unwrap_or(0)
     });
-    Grain {
+    ListedGrain {
         position,
         radius: grain.radius,
         velocity,
@@ -439,7 +443,7 @@ struct Materials<'a> {
 type Source = (GrainSource, Option<(f64, f64)>, usize);
 
 /// Returns the smallest and largest radius.
-fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
+fn bounds(grains: &[ListedGrain]) -> Option<(f64, f64)> {
     let bounds = grains.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), g| {
         (lo.min(g.radius), hi.max(g.radius))
     });
@@ -447,7 +451,7 @@ fn bounds(grains: &[Grain]) -> Option<(f64, f64)> {
 }
 
 /// Returns the range of the centres along each axis in words.
-fn span(grid: &Grid, grains: &[Grain]) -> String {
+fn span(grid: &Grid, grains: &[ListedGrain]) -> String {
     let along = |a: usize| {
         let all = grains.iter().map(|grain| grain.position[a]);
         let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
@@ -604,7 +608,7 @@ fn cloud(
     grid: &Grid,
     findings: &mut Findings,
 ) -> Option<Cloud> {
-    let block = Block::resolve(grid, region, &format!("{path}.box"), findings);
+    let block = AlignedBox::resolve(grid, region, &format!("{path}.box"), findings);
     let classes = |list: &[SizeClass]| {
         let class = |c: &SizeClass| grading::Class {
             min: c.min,
@@ -758,12 +762,12 @@ fn falls(
 fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source> {
     let path = "grains.initial.growth";
     let block = growth.region.as_ref().map_or(
-        Block {
+        AlignedBox {
             from: [0.0; 3],
             to: grid.size,
             dimension: grid.dimension,
         },
-        |extent| Block::resolve(grid, extent, &format!("{path}.box"), findings),
+        |extent| AlignedBox::resolve(grid, extent, &format!("{path}.box"), findings),
     );
     if !check_radii(&growth.radii, &format!("{path}.radii"), findings) {
         return None;
@@ -826,7 +830,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
 }
 
 /// Returns `true` if the largest grain fits the box in which the grains grow, and refuses it otherwise.
-fn fits_box(growth: &Growth, block: &Block, path: &str, findings: &mut Findings) -> bool {
+fn fits_box(growth: &Growth, block: &AlignedBox, path: &str, findings: &mut Findings) -> bool {
     let largest = 2.0 * growth.radii.bounds().1;
     let narrowest = (0..block.dimension)
         .map(|a| block.to[a] - block.from[a])

@@ -17,11 +17,11 @@
 use super::body_force::BodyForce;
 use super::findings::{Findings, LATTICE_PATH as PATH, number};
 use super::grid::Grid;
-use crate::scene::boundaries::Patch;
+use crate::scene::boundaries::ScenePatch;
 use base::error::Remedy;
 use case::Case;
 use case::fluid::{GravityOnFluid, LatticeBoltzmann, Where};
-use lbm::boundary::Surface;
+use lbm::boundary::SurfaceKind;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// A body force that differs from the weight of the water by less than this part is meant to be it.
@@ -51,7 +51,7 @@ pub(super) fn acts(
     case: &Case,
     lbm: &LatticeBoltzmann,
     grid: &Grid,
-    (faces, force): (&[Vec<Patch>; 6], &BodyForce),
+    (faces, force): (&[Vec<ScenePatch>; 6], &BodyForce),
     findings: &mut Findings,
 ) -> [bool; 3] {
     let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
@@ -69,7 +69,7 @@ pub(super) fn acts(
     let surface = faces.iter().flatten().find(|patch| {
         let axis = patch.face.axis();
         let down = gravity[axis] * patch.face.inward()[axis];
-        down > 0.0 && patch.condition.model().nature().surface == Surface::Symmetry
+        down > 0.0 && patch.condition.model().kind().surface == SurfaceKind::Symmetry
     });
     let along = |a: usize| pulls(a) && grid.periodic[a];
     if lbm.surface.is_some() {

@@ -1,7 +1,7 @@
 //! The initial flow.
 
-use super::block::Block;
-use super::boundaries::Patch;
+use super::block::AlignedBox;
+use super::boundaries::ScenePatch;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
 use base::error::Remedy;
@@ -92,7 +92,7 @@ pub(super) fn weight(
     (density, gravity): (f64, [f64; 3]),
     acts: [bool; 3],
     grid: &Grid,
-    faces: &[Vec<Patch>; 6],
+    faces: &[Vec<ScenePatch>; 6],
 ) -> Option<Weight> {
     let bears = |a: usize| acts[a] && a < grid.dimension && !grid.periodic[a];
     let force: [f64; 3] =
@@ -153,7 +153,10 @@ pub(super) fn initial(
         fluid::Initial::Rest {} => uniform([0.0; 3], 0.0),
         fluid::Initial::Uniform(UniformFlow { velocity, pressure }) => {
             let path = format!("{path}.uniform.velocity");
-            uniform(Block::vector(grid, velocity, &path, findings), *pressure)
+            uniform(
+                AlignedBox::vector(grid, velocity, &path, findings),
+                *pressure,
+            )
         }
         fluid::Initial::TaylorGreen {
             velocity,

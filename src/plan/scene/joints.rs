@@ -1,8 +1,8 @@
 //! The water in the joints of a scene: its network is found from the blocks at the start, and its mouths from their
 //! boxes.
 
-use super::block::Block;
-use super::blocks::Blocks;
+use super::block::AlignedBox;
+use super::blocks::PlacedBlocks;
 use super::findings::{Findings, at_least, at_most, number};
 use super::grid::Grid;
 use super::unique;
@@ -60,7 +60,7 @@ pub struct SceneMouth {
     /// Name.
     pub name: String,
     /// Box of its edges.
-    pub block: Block,
+    pub block: AlignedBox,
     /// Pressure at the centre of the box.
     pub pressure: PressureHistory,
     /// Width of its edges \[m\].
@@ -78,7 +78,7 @@ impl SceneMouth {
 impl JointScene {
     /// Returns the network of the blocks.
     #[must_use]
-    pub fn network(&self, blocks: &Blocks) -> Network {
+    pub fn network(&self, blocks: &PlacedBlocks) -> Network {
         network(&self.written, blocks)
     }
 
@@ -117,7 +117,7 @@ impl JointScene {
     pub(crate) fn resolve(
         case: &Case,
         grid: &Grid,
-        blocks: Option<&Blocks>,
+        blocks: Option<&PlacedBlocks>,
         findings: &mut Findings,
     ) -> Option<Self> {
         let Some(Fluid::Joints(written)) = &case.fluid else {
@@ -162,7 +162,7 @@ impl JointScene {
     }
 
     /// Builds the network, counts it and judges its mouths.
-    fn measure(&mut self, blocks: &Blocks, findings: &mut Findings) {
+    fn measure(&mut self, blocks: &PlacedBlocks, findings: &mut Findings) {
         let network = self.network(blocks);
         let mouth_of = self.mouth_of_pieces(&network);
         self.counts = Counts {
@@ -206,8 +206,8 @@ impl JointScene {
 }
 
 /// Returns the network of the blocks.
-fn network(written: &JointNetwork, blocks: &Blocks) -> Network {
-    let rock = |solid: &dem::polyhedron::Solid| (solid.position, solid.orientation);
+fn network(written: &JointNetwork, blocks: &PlacedBlocks) -> Network {
+    let rock = |solid: &dem::polyhedron::PlacedPolyhedron| (solid.position, solid.orientation);
     let rocks: Vec<Rock> = blocks
         .list
         .iter()
@@ -312,7 +312,7 @@ fn mouths(
     for (n, mouth) in written.mouths.iter().enumerate() {
         let path = format!("{PATH}.mouths[{n}]");
         unique(&mut known, &mouth.name, &format!("{path}.name"), findings);
-        let block = Block::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
+        let block = AlignedBox::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
         check_pressure(case, written, &mouth.pressure, &path, findings);
         mouths.push(SceneMouth {
             name: mouth.name.clone(),
@@ -373,7 +373,7 @@ fn check_pressure(
 }
 
 /// Returns `true` if the largest aperture is thinner than all blocks and the network is not too large.
-fn thin_enough(written: &JointNetwork, blocks: &Blocks, findings: &mut Findings) -> bool {
+fn thin_enough(written: &JointNetwork, blocks: &PlacedBlocks, findings: &mut Findings) -> bool {
     let mut fits = true;
     if let Some(thinnest) = blocks.thinnest()
         && written.largest_aperture >= thinnest

@@ -1,6 +1,6 @@
 //! Common parts of bodies, blocks and grains: the initial motion, and the density that free motion requires.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
 use base::error::Remedy;
@@ -32,7 +32,7 @@ pub(super) fn motion(
     findings: &mut Findings,
 ) -> ([f64; 3], [f64; 3]) {
     let v = velocity.map_or([0.0; 3], |v| {
-        Block::vector(grid, v, &format!("{path}.velocity"), findings)
+        AlignedBox::vector(grid, v, &format!("{path}.velocity"), findings)
     });
     if let Some(rotation) = rotation
         && matches!(rotation, Rotation::AboutZ(_)) != (grid.dimension == 2)

@@ -4,13 +4,13 @@ mod bed;
 mod probes;
 mod seepage;
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, at_least, number};
 use super::grains::{check_radii, fits_domain};
 use super::grid::Grid;
 use super::{material, unique};
 use base::error::Remedy;
-pub use bed::Bed;
+pub use bed::ObservedBed;
 use case::Case;
 use case::fluid::Fluid;
 use case::geometry::{Axis, Face};
@@ -22,18 +22,18 @@ use serde::Serialize;
 
 /// A box in which something happens to grains.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Region {
+pub struct ObservedRegion {
     /// Name.
     pub name: String,
     /// Box of the region.
-    pub block: Block,
+    pub block: AlignedBox,
     /// Action in the region.
-    pub action: Action,
+    pub action: RegionAction,
 }
 
 /// Action in a region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub enum Action {
+pub enum RegionAction {
     /// Grains are taken out.
     Remove {
         /// When.
@@ -115,7 +115,7 @@ pub enum ProbeAt {
         /// Coordinate \[m\].
         position: f64,
         /// The part.
-        part: Option<Block>,
+        part: Option<AlignedBox>,
     },
     /// Water table of the seepage in each of this number of columns of cells.
     WaterTable(usize),
@@ -128,7 +128,7 @@ pub enum ProbeAt {
         /// Its coordinate \[m\].
         position: f64,
         /// The part.
-        part: Option<Block>,
+        part: Option<AlignedBox>,
         /// Point of the torque \[m\].
         about: [f64; 3],
     },
@@ -143,11 +143,11 @@ pub enum ProbeAt {
     /// Force on a face.
     Wall(Face),
     /// A bed of grains.
-    Bed(Box<Bed>),
+    Bed(Box<ObservedBed>),
     /// Grains in a box.
     Grains {
         /// The box.
-        part: Block,
+        part: AlignedBox,
         /// Start of the means over time \[s\].
         mean_from: f64,
     },
@@ -157,7 +157,7 @@ pub enum ProbeAt {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErosionLaw {
     /// The hole before erosion.
-    pub hole: Block,
+    pub hole: AlignedBox,
     /// Axis of the flow: 0, 1 or 2.
     pub flow_axis: usize,
     /// Time between samples \[s\].
@@ -173,16 +173,16 @@ pub(crate) fn regions(
     grid: &Grid,
     names: &[String],
     findings: &mut Findings,
-) -> Vec<Region> {
+) -> Vec<ObservedRegion> {
     let mut known = Vec::new();
     let mut regions = Vec::new();
     for (n, region) in case.regions.iter().enumerate() {
         let path = format!("regions[{n}]");
         unique(&mut known, &region.name, &format!("{path}.name"), findings);
-        let block = Block::resolve(grid, &region.region, &format!("{path}.box"), findings);
+        let block = AlignedBox::resolve(grid, &region.region, &format!("{path}.box"), findings);
         let action = match &region.action {
-            Written::Remove { when } => Action::Remove { when: *when },
-            Written::Record {} => Action::Record,
+            Written::Remove { when } => RegionAction::Remove { when: *when },
+            Written::Record {} => RegionAction::Record,
             Written::Generate {
                 rate,
                 radii,
@@ -197,12 +197,12 @@ pub(crate) fn regions(
                     fits_domain(grid, largest, &format!("{path}.radii"), findings);
                 }
                 let velocity = velocity.as_ref().map_or([0.0; 3], |v| {
-                    Block::vector(grid, v, &format!("{path}.velocity"), findings)
+                    AlignedBox::vector(grid, v, &format!("{path}.velocity"), findings)
                 });
                 let name = name.as_ref().or(case.grains.as_ref().map(|g| &g.material));
                 let path = format!("{path}.material");
                 let index = generated(name, names, &path, findings);
-                Action::Generate {
+                RegionAction::Generate {
                     rate: *rate,
                     radii: radii.clone(),
                     velocity,
@@ -212,7 +212,7 @@ pub(crate) fn regions(
                 }
             }
         };
-        regions.push(Region {
+        regions.push(ObservedRegion {
             name: region.name.clone(),
             block,
             action,
@@ -220,7 +220,7 @@ pub(crate) fn regions(
     }
     let source = regions
         .iter()
-        .any(|r| matches!(r.action, Action::Generate { .. }));
+        .any(|r| matches!(r.action, RegionAction::Generate { .. }));
     if !regions.is_empty() && !source && case.grains.is_none() {
         findings.warn(
             "regions",
@@ -447,12 +447,12 @@ const EROSION_LAW: &str = "analysis.erosion_law";
 pub(crate) fn erosion_law(
     case: &Case,
     grid: &Grid,
-    regions: &[Region],
+    regions: &[ObservedRegion],
     findings: &mut Findings,
 ) -> Option<ErosionLaw> {
     let law = case.analysis.erosion_law.as_ref()?;
     let path = EROSION_LAW;
-    let hole = Block::resolve(grid, &law.hole, &format!("{path}.hole"), findings);
+    let hole = AlignedBox::resolve(grid, &law.hole, &format!("{path}.hole"), findings);
     due(case, law.every, &format!("{path}.every"), findings);
     let flow_axis = law.flow_axis.index();
     if flow_axis >= grid.dimension {
@@ -501,8 +501,12 @@ pub(crate) fn erosion_law(
 }
 
 /// Returns the indices of the regions whose removals count as eroded.
-fn outlets(outlet: Option<&str>, regions: &[Region], findings: &mut Findings) -> Vec<usize> {
-    let removes = |r: &Region| matches!(r.action, Action::Remove { .. });
+fn outlets(
+    outlet: Option<&str>,
+    regions: &[ObservedRegion],
+    findings: &mut Findings,
+) -> Vec<usize> {
+    let removes = |r: &ObservedRegion| matches!(r.action, RegionAction::Remove { .. });
     let outlets: Vec<usize> = regions
         .iter()
         .enumerate()

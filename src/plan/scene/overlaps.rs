@@ -7,19 +7,19 @@
 //! facets count where they reach into the largest sphere around the centroid of a polyhedron. Prepared grains have no
 //! positions before the run: they are checked by the box in which they start.
 
-use super::block::Block;
-use super::blocks::Blocks;
-use super::bodies::{Body, Mobility, wider};
+use super::block::AlignedBox;
+use super::blocks::PlacedBlocks;
+use super::bodies::{Mobility, NamedBody, wider};
 use super::findings::{Findings, number};
 use super::grains::{GrainSource, Grains};
 use super::grid::Grid;
 use super::pairs::{self, Ball};
 use super::structures::Structure;
-use super::walls::Wall;
+use super::walls::SceneWall;
 use base::number::real;
 use case::Case;
 use case::blocks::BlockSource;
-use dem::polyhedron::{History, Model, Narrow, Piece, Placed, Solid};
+use dem::polyhedron::{BlockContactModel, BlockHistory, Narrow, Piece, Placed, PlacedPolyhedron};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -41,11 +41,11 @@ pub(crate) struct Start<'a> {
     /// The grains, if any.
     pub(crate) grains: Option<&'a Grains>,
     /// The blocks, if any.
-    pub(crate) blocks: Option<&'a Blocks>,
+    pub(crate) blocks: Option<&'a PlacedBlocks>,
     /// Named bodies.
-    pub(crate) bodies: &'a [Body],
+    pub(crate) bodies: &'a [NamedBody],
     /// Walls of grains.
-    pub(crate) walls: &'a [Wall],
+    pub(crate) walls: &'a [SceneWall],
     /// Structures.
     pub(crate) structures: &'a [Structure],
 }
@@ -62,7 +62,7 @@ enum Origin {
 
 /// A solid with a position of its own: a disc or sphere where it has no shape.
 struct Standing<'a> {
-    solid: Option<&'a Solid>,
+    solid: Option<&'a PlacedPolyhedron>,
     position: Vector3<f64>,
     /// Radius of the sphere round it \[m\].
     radius: f64,
@@ -87,12 +87,12 @@ impl<'a> Standing<'a> {
         }
     }
 
-    fn polyhedron(solid: &'a Solid, fixed: bool, mass: bool, origin: Origin) -> Self {
+    fn polyhedron(solid: &'a PlacedPolyhedron, fixed: bool, mass: bool, origin: Origin) -> Self {
         Self {
             solid: Some(solid),
             position: solid.position,
             radius: solid.shape.radius(),
-            inner: 0.5 * Piece::of(solid).thickness(),
+            inner: 0.5 * Piece::from_polyhedron(solid).thickness(),
             fixed,
             mass,
             origin,
@@ -115,7 +115,7 @@ impl<'a> Standing<'a> {
     }
 
     /// Returns the depth \[m\] by which it reaches into a wall, where that is more than contacts explain.
-    fn depth_in_wall(&self, wall: &Wall) -> Option<f64> {
+    fn depth_in_wall(&self, wall: &SceneWall) -> Option<f64> {
         let depth = if let Some(surface) = &wall.surface {
             let inner = self.around_centroid();
             if !surface.is_within(&self.position, inner - ALLOWED * self.inner) {
@@ -163,9 +163,13 @@ impl<'a> Standing<'a> {
     fn depth(&self, other: &Self, shift: &Vector3<f64>, narrow: &mut Narrow) -> f64 {
         let separation = other.position + shift - self.position;
         let geometry = match (self.placed(), other.placed()) {
-            (Some(a), Some(b)) => {
-                narrow.blocks(&a, &b, &separation, &Model::Patch, &mut History::default())
-            }
+            (Some(a), Some(b)) => narrow.blocks(
+                &a,
+                &b,
+                &separation,
+                &BlockContactModel::Patch,
+                &mut BlockHistory::default(),
+            ),
             (Some(a), None) => narrow.sphere(&a, &separation, other.radius),
             (None, Some(b)) => narrow.sphere(&b, &-separation, self.radius),
             (None, None) => return self.radius + other.radius - separation.norm(),
@@ -296,9 +300,10 @@ impl<'a> Start<'a> {
     /// Refuses solids that reach into walls. [`Self::in_structures`] checks structures, which have an inside.
     fn at_walls(&self, all: &[Standing<'_>], findings: &mut Findings) {
         // A surface that could not be read, or a plane without a direction, has findings of its own.
-        let known =
-            |wall: &Wall| wall.surface.is_some() || Vector3::from(wall.normal).norm_squared() > 0.5;
-        let standing = |wall: &&Wall| {
+        let known = |wall: &SceneWall| {
+            wall.surface.is_some() || Vector3::from(wall.normal).norm_squared() > 0.5
+        };
+        let standing = |wall: &&SceneWall| {
             wall.structure.is_none() && wall.from.is_none_or(|at| at <= 0.0) && known(wall)
         };
         for wall in self.walls.iter().filter(standing) {
@@ -446,7 +451,7 @@ impl<'a> Start<'a> {
         let Some(grains) = self.grains else {
             return;
         };
-        let (boxes, what): (Vec<Block>, _) = match &grains.source {
+        let (boxes, what): (Vec<AlignedBox>, _) = match &grains.source {
             GrainSource::Deposition { clouds, .. } => {
                 let Some(boxes) = self.paths_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
                     return;
@@ -464,7 +469,7 @@ impl<'a> Start<'a> {
         };
         let standing = self.standing();
         let hit = standing.iter().filter(|one| {
-            let meets = |space: &Block| space.touches(one.position.into(), one.radius);
+            let meets = |space: &AlignedBox| space.touches(one.position.into(), one.radius);
             boxes.iter().any(meets) && !emptied(&one.position, one.radius)
         });
         for one in hit.take(NAMED) {
@@ -483,7 +488,7 @@ impl<'a> Start<'a> {
     }
 
     /// Returns the boxes from clouds of falling grains to the end of the domain; none without gravity.
-    fn paths_of_fall(&self, clouds: impl Iterator<Item = Block>) -> Option<Vec<Block>> {
+    fn paths_of_fall(&self, clouds: impl Iterator<Item = AlignedBox>) -> Option<Vec<AlignedBox>> {
         let down = (0..self.grid.dimension).find(|&a| self.gravity[a].abs() > 0.0)?;
         let to_the_end = clouds.map(|mut path| {
             if self.gravity[down] < 0.0 {
@@ -497,12 +502,12 @@ impl<'a> Start<'a> {
     }
 
     /// Refuses growth in a box that reaches behind a plane wall, where no cut empties the domain.
-    fn growth_behind_walls(&self, block: &Block, grains: &Grains, findings: &mut Findings) {
+    fn growth_behind_walls(&self, block: &AlignedBox, grains: &Grains, findings: &mut Findings) {
         let smallest = grains.radii.map_or(0.0, |(low, _)| low);
         if !grains.cut.is_empty() {
             return;
         }
-        let lasting = |wall: &&Wall| {
+        let lasting = |wall: &&SceneWall| {
             wall.structure.is_none()
                 && wall.surface.is_none()
                 && wall.exists(0.0)

@@ -3,7 +3,7 @@
 use super::Scene;
 use super::grains::GrainSource;
 use super::pairs::{Ball, near};
-use super::sample::Grain;
+use super::sample::ListedGrain;
 use case::coupling::{Coupling, SolidOperator};
 use lbm::saturation::LightBody;
 use std::ops::ControlFlow;
@@ -53,7 +53,7 @@ fn neighbours(scene: &Scene) -> usize {
     if scene.grid.dimension == 2 { 3 } else { 6 }
 }
 
-fn any_amid(scene: &Scene, grains: &[Grain]) -> bool {
+fn any_amid(scene: &Scene, grains: &[ListedGrain]) -> bool {
     let balls: Vec<Ball> = grains
         .iter()
         .map(|grain| Ball {

@@ -3,10 +3,10 @@
 //!
 //! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`,
 //! across z `x` and `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators
-//! and units are read. [`Table`] interpolates between the rows.
+//! and units are read. [`VelocityTable`] interpolates between the rows.
 
 use io::sheet::{Column, Refusal, Sheet, Unit};
-use lbm::boundary::profile::Table;
+use lbm::boundary::profile::VelocityTable;
 use std::path::Path;
 
 /// Maximum number of rows of a table.
@@ -35,10 +35,10 @@ const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
 ///
 /// # Errors
 /// A sentence that names the file and the line.
-pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<Table, String> {
+pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<VelocityTable, String> {
     let text = io::plain::text(path, LONGEST).map_err(|e| e.to_string())?;
     let rows = rows(&text, dimension, axis).map_err(|e| format!("{}: {e}", path.display()))?;
-    Ok(Table::new(dimension, rows))
+    Ok(VelocityTable::new(dimension, rows))
 }
 
 /// Returns the columns that a table for a face across an axis has, in their order.
@@ -97,16 +97,16 @@ const LARGEST: f64 = 1e30;
 mod tests {
     use super::*;
 
-    fn table(text: &str, dimension: usize) -> Result<Table, String> {
-        Ok(Table::new(dimension, rows(text, dimension, 0)?))
+    fn table(text: &str, dimension: usize) -> Result<VelocityTable, String> {
+        Ok(VelocityTable::new(dimension, rows(text, dimension, 0)?))
     }
 
     #[test]
     fn rows_are_read_in_rising_order() {
         let flat = table("y,u,v\n# note\n\n1,4,-3\n0,2,0\n", 2).unwrap();
-        assert_eq!(flat.at(&[0.5]), [3.0, -1.5, 0.0]);
+        assert_eq!(flat.velocity_at(&[0.5]), [3.0, -1.5, 0.0]);
         let solid = table("y,z,u,v,w\n0,0,1,0,0\n1,1,0,0,2\n", 3).unwrap();
-        assert_eq!(solid.at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
+        assert_eq!(solid.velocity_at(&[0.9, 0.6]), [0.0, 0.0, 2.0]);
     }
 
     #[test]

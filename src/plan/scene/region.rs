@@ -1,6 +1,6 @@
 //! Parts of the domain as boxes that may be unbounded.
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use case::geometry::{Axis, Region};
@@ -15,7 +15,7 @@ pub(crate) fn region(
     let (mut low, mut high) = ([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]);
     match region {
         Region::Box(extent) => {
-            let block = Block::resolve(grid, extent, &format!("{path}.box"), findings);
+            let block = AlignedBox::resolve(grid, extent, &format!("{path}.box"), findings);
             for a in 0..grid.dimension {
                 (low[a], high[a]) = (block.from[a], block.to[a]);
             }

@@ -13,14 +13,14 @@ pub mod joints;
 pub mod list;
 
 use base::random::Stream;
-use dem::polyhedron::{HalfSpace, Piece, ShapeError, Solid};
+use dem::polyhedron::{HalfSpace, Piece, PlacedPolyhedron, ShapeError};
 use joints::JointSet;
 
 /// A convex rock mass and its joints.
 #[derive(Clone, Debug)]
 pub struct RockMass {
     /// The whole.
-    pub solid: Solid,
+    pub solid: PlacedPolyhedron,
     /// The sets of joints, in the order in which they cut.
     pub sets: Vec<JointSet>,
     /// Seed of the random numbers.
@@ -40,7 +40,7 @@ impl RockMass {
     /// Returns an estimate of the number of blocks that the joints make, from above.
     #[must_use]
     pub fn expected(&self) -> f64 {
-        let whole = Piece::of(&self.solid);
+        let whole = Piece::from_polyhedron(&self.solid);
         let cuts = |set: &JointSet| {
             let (low, high) = whole.extent(&set.normal);
             1.0 + set.persistence * (high - low) / set.spacing.mean()
@@ -52,7 +52,7 @@ impl RockMass {
     ///
     /// # Errors
     /// An aperture as wide as a block, which leaves nothing of it.
-    pub fn blocks(&self) -> Result<Vec<Solid>, ShapeError> {
+    pub fn blocks(&self) -> Result<Vec<PlacedPolyhedron>, ShapeError> {
         let back = 0.5 * self.aperture;
         self.parts()
             .iter()
@@ -61,7 +61,7 @@ impl RockMass {
     }
 
     fn parts(&self) -> Vec<Part> {
-        let whole = Piece::of(&self.solid);
+        let whole = Piece::from_polyhedron(&self.solid);
         let mut parts = vec![(whole.clone(), 0)];
         let mut first = 0;
         for (place, set) in (0..).zip(&self.sets) {

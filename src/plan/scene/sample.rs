@@ -19,14 +19,14 @@ mod foreign;
 
 use case::Case;
 use case::check::nearest;
-use io::sheet::{Column, Refusal, Row, Sheet, Unit};
+use io::sheet::{Column, Refusal, Sheet, SheetRow, Unit};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 
 /// A grain of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Grain {
+pub struct ListedGrain {
     /// Centre \[m\].
     pub position: [f64; 3],
     /// Radius \[m\].
@@ -48,7 +48,7 @@ pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the 
 ///
 /// # Errors
 /// A sentence that names the file, the line or the column.
-pub(crate) fn load(case: &Case, written: &Path) -> Result<Vec<Grain>, String> {
+pub(crate) fn load(case: &Case, written: &Path) -> Result<Vec<ListedGrain>, String> {
     let text = io::plain::text(&case.directory.join(written), io::plain::LONGEST_INPUT);
     let text = text.map_err(|e| e.to_string())?;
     let names: Vec<String> = case.materials.keys().cloned().collect();
@@ -79,7 +79,7 @@ fn spin(dimension: usize) -> &'static [&'static str] {
 /// Returns the sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it
 /// where one is not zero.
 #[must_use]
-pub fn write(grains: &[Grain], dimension: usize, materials: &[String]) -> String {
+pub fn write(grains: &[ListedGrain], dimension: usize, materials: &[String]) -> String {
     let axes = dimension.min(3);
     let moves = grains
         .iter()
@@ -270,7 +270,7 @@ pub fn read(
     dimension: usize,
     materials: &[String],
     default: usize,
-) -> Result<Vec<Grain>, String> {
+) -> Result<Vec<ListedGrain>, String> {
     let mut columns = Columns::new(dimension);
     let foreign = foreign::header(text, &columns.list)?;
     if foreign.is_some() && dimension == 2 {
@@ -319,18 +319,18 @@ pub fn read(
 
 /// Returns the grain of a row, and its id if the table has ids.
 fn grain(
-    row: &Row<'_>,
+    row: &SheetRow<'_>,
     sheet: &Sheet<'_>,
     columns: &Columns,
     materials: &[String],
     default: usize,
-) -> Result<(Grain, Option<u64>), String> {
+) -> Result<(ListedGrain, Option<u64>), String> {
     let line = row.line();
     let number = |column: usize| match sheet.has(column) {
         true => row.number(column),
         false => Ok(0.0),
     };
-    let mut grain = Grain {
+    let mut grain = ListedGrain {
         position: [0.0; 3],
         radius: 0.0,
         velocity: [0.0; 3],
@@ -376,14 +376,14 @@ mod tests {
     #[test]
     fn a_sample_read_back_is_the_sample_written() {
         let materials = ["sand".to_string(), "clay".to_string()];
-        let grain = |x: f64, z: f64, material| Grain {
+        let grain = |x: f64, z: f64, material| ListedGrain {
             position: [x, 0.1 + x, z],
             radius: 1e-4 / 3.0,
             velocity: [0.0; 3],
             angular_velocity: [0.0; 3],
             material,
         };
-        let moving = |grain: Grain, velocity, angular_velocity| Grain {
+        let moving = |grain: ListedGrain, velocity, angular_velocity| ListedGrain {
             velocity,
             angular_velocity,
             ..grain
@@ -420,7 +420,7 @@ mod tests {
         assert_eq!(grains[0].position, [11.0, 21.0, 0.0]);
         assert_eq!(
             grains[1],
-            Grain {
+            ListedGrain {
                 position: [10.0, 20.0, 0.0],
                 radius: 1.0,
                 velocity: [0.0, -2.0, 0.0],

@@ -7,7 +7,7 @@ mod zones;
 
 pub use drains::Drain;
 
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grains::Grains;
 use super::grid::Grid;
@@ -20,7 +20,7 @@ use case::darcy::{self as written_as, Darcy};
 use case::fluid::Fluid;
 use case::geometry::Face;
 use darcy::cut_cells::centre_of_water;
-use darcy::{Condition, Grid as CoarseGrid, Zones};
+use darcy::{Condition, SeepageGrid as CoarseGrid, Zones};
 use serde::Serialize;
 use serde_json::json;
 use std::sync::Arc;
@@ -55,7 +55,7 @@ pub struct Seepage {
     /// Faces of the grid that are walls for grains and open water, below and above along each axis.
     pub walls: [[bool; 2]; 3],
     /// Conditions, in the order of the case.
-    pub patches: Vec<Patch>,
+    pub patches: Vec<SeepagePatch>,
     /// Drains and wells inside the ground, in the order of the case.
     pub drains: Vec<Drain>,
     /// Permeabilities and porosities by region, on the grid.
@@ -72,7 +72,7 @@ pub struct Seepage {
 
 /// A condition on a part of a face of the coarse grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Patch {
+pub struct SeepagePatch {
     /// Name.
     pub name: String,
     /// The face.
@@ -87,7 +87,7 @@ pub struct Patch {
     pub history: Vec<[f64; 2]>,
 }
 
-impl Patch {
+impl SeepagePatch {
     /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
     fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
@@ -194,7 +194,7 @@ impl Seepage {
 
     /// Returns the centre of a patch \[m\].
     #[must_use]
-    pub fn centre(&self, patch: &Patch) -> [f64; 3] {
+    pub fn centre(&self, patch: &SeepagePatch) -> [f64; 3] {
         std::array::from_fn(|a| {
             let at = if a != patch.face.axis() {
                 0.5 * (real(patch.from[a]) + real(patch.to[a]))
@@ -230,7 +230,7 @@ impl Seepage {
     pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
         let density = self.written.density;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        let excess = |patch: &Patch| match patch.condition {
+        let excess = |patch: &SeepagePatch| match patch.condition {
             Condition::Pressure { value } => {
                 let place = self.centre(patch);
                 let below: f64 = (0..3).map(|a| gravity[a] * place[a]).sum();
@@ -254,7 +254,7 @@ impl Seepage {
     }
 
     /// Lowest elevation of a patch \[m\].
-    fn lowest(&self, patch: &Patch, gravity: [f64; 3]) -> f64 {
+    fn lowest(&self, patch: &SeepagePatch, gravity: [f64; 3]) -> f64 {
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let lower = |a: usize| {
             let up = -gravity[a] / strength;
@@ -271,7 +271,12 @@ impl Seepage {
         (0..3).map(lower).sum()
     }
 
-    fn patches_of(&self, grid: &Grid, with_grains: bool, findings: &mut Findings) -> Vec<Patch> {
+    fn patches_of(
+        &self,
+        grid: &Grid,
+        with_grains: bool,
+        findings: &mut Findings,
+    ) -> Vec<SeepagePatch> {
         let mut patches = Vec::new();
         let mut known = Vec::new();
         for (n, boundary) in self.written.boundaries.iter().enumerate() {
@@ -294,8 +299,9 @@ impl Seepage {
             let (mut from, mut to) = ([0; 3], self.cells);
             if let Some(extent) = &boundary.patch {
                 let low =
-                    Block::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
-                let high = Block::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
+                    AlignedBox::vector(grid, &extent.from, &format!("{path}.patch.from"), findings);
+                let high =
+                    AlignedBox::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
                 for a in (0..grid.dimension).filter(|&a| a != axis) {
                     // A cell belongs to a patch if its centre does.
                     let first = |x: f64| {
@@ -337,7 +343,7 @@ impl Seepage {
                     );
                 }
             }
-            let mut patch = Patch {
+            let mut patch = SeepagePatch {
                 name: boundary.name.clone(),
                 face: boundary.face,
                 from,
@@ -438,7 +444,7 @@ impl Seepage {
     }
 
     /// Returns `true` if structures hold the cells of a patch.
-    fn covered(&self, patch: &Patch, dimension: usize) -> bool {
+    fn covered(&self, patch: &SeepagePatch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
         let cells = across.iter().map(|&a| patch.cells(a));
@@ -462,7 +468,7 @@ impl Seepage {
     }
 
     /// Returns `true` if the enclosure closes a patch: every cell face of it is wholly behind one plane.
-    fn closed(&self, patch: &Patch, dimension: usize) -> bool {
+    fn closed(&self, patch: &SeepagePatch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let level = if patch.face.is_max() {
             self.end()[axis]
@@ -682,8 +688,8 @@ fn coarse(
         return Some((grid.cells, [0.0; 3], spacing));
     };
     let path = format!("{PATH}.grid");
-    let from = Block::vector(grid, &own.from, &format!("{path}.from"), findings);
-    let to = Block::vector(grid, &own.to, &format!("{path}.to"), findings);
+    let from = AlignedBox::vector(grid, &own.from, &format!("{path}.from"), findings);
+    let to = AlignedBox::vector(grid, &own.to, &format!("{path}.to"), findings);
     if own.cells.len() != grid.dimension || own.cells.iter().any(|n| *n == 0 || *n > 100_000) {
         findings.error(
             &format!("{path}.cells"),
@@ -727,8 +733,8 @@ fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3
     let mut all = Vec::new();
     for (n, plane) in planes.iter().enumerate() {
         let path = format!("{PATH}.enclosure.planes[{n}]");
-        let point = Block::vector(grid, &plane.point, &format!("{path}.point"), findings);
-        let normal = Block::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
+        let point = AlignedBox::vector(grid, &plane.point, &format!("{path}.point"), findings);
+        let normal = AlignedBox::vector(grid, &plane.normal, &format!("{path}.normal"), findings);
         let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
         if !(length > 0.0 && length.is_finite()) {
             findings.error(

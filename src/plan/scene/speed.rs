@@ -8,12 +8,12 @@
 pub(crate) mod settling;
 
 use super::Scene;
-use super::boundaries::Patch;
+use super::boundaries::ScenePatch;
 use super::flow::{BodyForce, Flow, PATH};
 use super::free_surface::Opening;
 use super::initial::Initial;
 use super::porous;
-use lbm::boundary::Surface;
+use lbm::boundary::SurfaceKind;
 use lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
 
@@ -402,7 +402,8 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     }
     let nu = flow.kinematic_viscosity;
     let (_, width) = passage(scene, axis);
-    let slides = |patch: &Patch| patch.condition.model().nature().surface == Surface::Symmetry;
+    let slides =
+        |patch: &ScenePatch| patch.condition.model().kind().surface == SurfaceKind::Symmetry;
     let height = if flow.patches().any(slides) {
         2.0 * width
     } else {

@@ -8,7 +8,7 @@
 //! precision, its messages name the line, and it compares the number of triangles with the length of the file before it
 //! allocates memory.
 
-use dem::Surface;
+use dem::FacetSurface;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
@@ -19,7 +19,11 @@ const MERGE: f64 = 1e-7;
 ///
 /// # Errors
 /// A sentence about the error.
-pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Surface, String> {
+pub(crate) fn read(
+    bytes: &[u8],
+    scale: f64,
+    origin: &Vector3<f64>,
+) -> Result<FacetSurface, String> {
     let corners = corners(bytes, scale, origin)?;
     let (vertices, numbers) = merged(&corners);
     let facets: Vec<Vec<u32>> = numbers
@@ -34,7 +38,7 @@ pub(crate) fn read(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Su
     if facets.is_empty() {
         return Err("the file holds no triangle with an area".into());
     }
-    Surface::new(vertices, &facets).map_err(|e| e.to_string())
+    FacetSurface::new(vertices, &facets).map_err(|e| e.to_string())
 }
 
 /// Returns the triangles of a file, `scale` metres per unit of it, moved by `origin` (m).

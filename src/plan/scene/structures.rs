@@ -190,14 +190,14 @@ fn meets(images: &Images, grid: &Grid) -> bool {
 const ALLOWED: f64 = 0.05;
 
 /// Returns the overlap of a grain with a structure that stops grains \[m\], if it is more than contacts explain.
-fn depth(structure: &Structure, grain: &super::sample::Grain) -> Option<f64> {
+fn depth(structure: &Structure, grain: &super::sample::ListedGrain) -> Option<f64> {
     let depth = grain.radius - structure.solid.distance(grain.position);
     (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
 }
 
 /// Returns `true` if a grain starts in a structure, deeper than a twentieth of its radius.
 #[must_use]
-pub fn inside(structures: &[Structure], grain: &super::sample::Grain) -> bool {
+pub fn inside(structures: &[Structure], grain: &super::sample::ListedGrain) -> bool {
     structures.iter().any(|one| depth(one, grain).is_some())
 }
 

@@ -6,7 +6,7 @@ mod in_water;
 pub(crate) use in_water::walls_in_water;
 
 use super::auto::features::grain_diameters;
-use super::block::Block;
+use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::structures::Structure;
@@ -16,7 +16,7 @@ use case::Case;
 use case::geometry::Face;
 use case::grains::GrainSource;
 use case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
-use dem::Surface;
+use dem::FacetSurface;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use structure::surface::judge_unit;
 
 /// A plane or surface that grains touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Wall {
+pub struct SceneWall {
     /// Name in tables.
     pub name: String,
     /// A point of the plane \[m\].
@@ -33,7 +33,7 @@ pub struct Wall {
     pub normal: [f64; 3],
     /// The facets, if it is not a plane.
     #[serde(skip)]
-    pub surface: Option<Arc<Surface>>,
+    pub surface: Option<Arc<FacetSurface>>,
     /// Velocity [m/s].
     pub velocity: [f64; 3],
     /// Index of its material.
@@ -50,7 +50,7 @@ pub struct Wall {
     pub structure: Option<usize>,
 }
 
-impl Wall {
+impl SceneWall {
     /// Returns `true` if it is added or removed during the run.
     #[must_use]
     pub fn is_timed(&self) -> bool {
@@ -105,7 +105,7 @@ pub(crate) fn walls(
     names: &[String],
     solids: &[Structure],
     findings: &mut Findings,
-) -> Vec<Wall> {
+) -> Vec<SceneWall> {
     let mut walls = Vec::new();
     let mut known = Vec::new();
     for (n, wall) in case.walls.iter().enumerate() {
@@ -124,7 +124,7 @@ pub(crate) fn walls(
         if face.is_max() {
             point[face.axis()] = grid.size[face.axis()];
         }
-        walls.push(Wall {
+        walls.push(SceneWall {
             name: face.name().into(),
             point,
             normal: face.inward(),
@@ -150,7 +150,7 @@ fn written_wall(
     wall: &WrittenWall,
     path: &str,
     findings: &mut Findings,
-) -> Wall {
+) -> SceneWall {
     let shape = format!("{path}.shape");
     let mut plane = Plane::default();
     let mut surface = None;
@@ -161,7 +161,7 @@ fn written_wall(
         facetted => surface = facets(case, grid, facetted, &shape, findings),
     }
     let velocity = wall.velocity.as_ref().map_or([0.0; 3], |v| {
-        Block::vector(grid, v, &format!("{path}.velocity"), findings)
+        AlignedBox::vector(grid, v, &format!("{path}.velocity"), findings)
     });
     let index = material(names, &wall.material, &format!("{path}.material"), findings);
     let temporary = wall.during == WallStage::Preparation;
@@ -169,7 +169,7 @@ fn written_wall(
         has_a_preparation(case, path, findings);
     }
     check_times(case, wall, path, findings);
-    Wall {
+    SceneWall {
         name: wall.name.clone(),
         point: plane.point,
         normal: plane.normal,
@@ -194,9 +194,9 @@ struct Plane {
 impl Plane {
     /// Resolves a plane, and refuses one without a direction or across a periodic axis.
     fn resolve(grid: &Grid, written: &WrittenPlane, path: &str, findings: &mut Findings) -> Self {
-        let point = Block::vector(grid, &written.point, &format!("{path}.point"), findings);
+        let point = AlignedBox::vector(grid, &written.point, &format!("{path}.point"), findings);
         let path = format!("{path}.normal");
-        let normal = Block::vector(grid, &written.normal, &path, findings);
+        let normal = AlignedBox::vector(grid, &written.normal, &path, findings);
         let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
         if !(length > 0.0 && length.is_finite()) {
             findings.error(
@@ -279,7 +279,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
 }
 
 /// Reports grains that are too large for facets in a domain that repeats so soon.
-fn reaches(case: &Case, surface: &Surface, path: &str, findings: &mut Findings) {
+fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
     if largest >= reach {
@@ -379,7 +379,7 @@ fn facets(
     shape: &WallShape,
     path: &str,
     findings: &mut Findings,
-) -> Option<Surface> {
+) -> Option<FacetSurface> {
     if grid.dimension == 2 {
         findings.error(
             path,
@@ -395,10 +395,12 @@ fn facets(
             let vertices: Vec<Vector3<f64>> = corners
                 .iter()
                 .enumerate()
-                .map(|(n, at)| Block::vector(grid, at, &format!("{path}[{n}]"), findings).into())
+                .map(|(n, at)| {
+                    AlignedBox::vector(grid, at, &format!("{path}[{n}]"), findings).into()
+                })
                 .collect();
             let all = (0..u32::try_from(vertices.len()).unwrap_or(u32::MAX)).collect();
-            let made = Surface::new(vertices, &[all]).map_err(|e| e.to_string());
+            let made = FacetSurface::new(vertices, &[all]).map_err(|e| e.to_string());
             (
                 path,
                 made,
@@ -407,10 +409,10 @@ fn facets(
         }
         WallShape::Box(extent) => {
             let path = format!("{path}.box");
-            let from = Block::vector(grid, &extent.from, &format!("{path}.from"), findings);
-            let to = Block::vector(grid, &extent.to, &format!("{path}.to"), findings);
+            let from = AlignedBox::vector(grid, &extent.from, &format!("{path}.from"), findings);
+            let to = AlignedBox::vector(grid, &extent.to, &format!("{path}.to"), findings);
             let made = if (0..3).all(|a| from[a] < to[a]) {
-                Surface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
+                FacetSurface::of_box(from.into(), to.into()).map_err(|e| e.to_string())
             } else {
                 Err("the box has no volume".into())
             };
@@ -423,7 +425,7 @@ fn facets(
         WallShape::Mesh(mesh) => {
             let path = format!("{path}.mesh");
             let origin = mesh.origin.as_ref().map_or([0.0; 3], |at| {
-                Block::vector(grid, at, &format!("{path}.origin"), findings)
+                AlignedBox::vector(grid, at, &format!("{path}.origin"), findings)
             });
             let file = case.directory.join(&mesh.path);
             let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)

@@ -1,6 +1,6 @@
 //! The loose cloud from which a packing grows, and the order in which its grains are numbered.
 
-use super::{CLOUD, Grain, PLACES, PackingSettings};
+use super::{CLOUD, PLACES, PackedGrain, PackingSettings};
 use base::error::Error;
 use base::number::{real, whole};
 use base::random::Stream;
@@ -101,7 +101,7 @@ fn for_each_step<S: Space>(mut visit: impl FnMut([isize; 3])) {
 
 /// Orders grains by strips along the longest axis, so that ids that are close stand close.
 pub(super) fn put_neighbours_together<S: Space>(
-    grains: &mut [Grain<S>],
+    grains: &mut [PackedGrain<S>],
     settings: &PackingSettings<S>,
     strip: f64,
 ) {
@@ -115,11 +115,11 @@ pub(super) fn put_neighbours_together<S: Space>(
     });
     let mut axes: Vec<usize> = (0..S::DIMENSION).filter(|&axis| axis != longest).collect();
     let last = axes.pop().unwrap_or(longest);
-    let place = |grain: &Grain<S>, axis: usize| {
+    let place = |grain: &PackedGrain<S>, axis: usize| {
         whole(((grain.position.get(axis) - settings.lower.get(axis)) / strip).max(0.0))
     };
     grains.sort_by(|a, b| {
-        let strips = |grain: &Grain<S>| {
+        let strips = |grain: &PackedGrain<S>| {
             let across: Vec<usize> = axes.iter().map(|&axis| place(grain, axis)).collect();
             (place(grain, longest), across)
         };

@@ -1,8 +1,8 @@
 //! The grains of all ranks in the frame of the analysis, on the first rank.
 
 use crate::removal::{boxed, rows};
-use crate::view::View;
-use analysis::ground_collapse::measure::{Grain, Point};
+use crate::view::StateView;
+use analysis::ground_collapse::measure::{MeasuredGrain, Point};
 use base::error::Error;
 use dem::space::{Components, Space};
 use plan::scene::collapse::{GroundCollapse, SeepagePoint};
@@ -13,14 +13,14 @@ const NUMBERS: usize = 2 + 2 * 3;
 /// Data that rank 0 measures.
 pub(super) struct Gathered {
     /// The grains of all ranks by rising id.
-    pub(super) grains: Vec<Grain>,
+    pub(super) grains: Vec<MeasuredGrain>,
     /// Ends of the bonds of loose grains.
     pub(super) bonds: Vec<[u64; 2]>,
 }
 
 /// Returns all grains and the bonds of loose ones on rank 0; none on other ranks. Collective.
 pub(super) fn gather<S: Space>(
-    view: &View<'_, S>,
+    view: &StateView<'_, S>,
     asked: &GroundCollapse,
     loose: f64,
 ) -> Result<Option<Gathered>, Error> {
@@ -76,7 +76,7 @@ pub(super) fn gather<S: Space>(
     let mut all = Vec::new();
     for bytes in grains {
         for [id, radius, x, y, z, along, across, up] in rows::<NUMBERS>(&bytes)? {
-            all.push(Grain {
+            all.push(MeasuredGrain {
                 id,
                 at: [x, y, z].map(f64::from_bits),
                 moved: [along, across, up].map(f64::from_bits),
@@ -96,7 +96,7 @@ pub(super) fn gather<S: Space>(
 }
 
 /// Returns the displacement of an owned grain from its start \[m\].
-fn moved<S: Space>(view: &View<'_, S>, k: usize) -> [f64; 3] {
+fn moved<S: Space>(view: &StateView<'_, S>, k: usize) -> [f64; 3] {
     let moved = view.particles.displacement(k);
     moved.map_or([0.0; 3], |moved| {
         std::array::from_fn(|axis| {

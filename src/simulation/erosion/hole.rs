@@ -2,8 +2,8 @@
 
 use super::Start;
 use crate::removal::boxed;
-use crate::view::View;
-use analysis::erosion_law::hole::Profile;
+use crate::view::StateView;
+use analysis::erosion_law::hole::HoleProfile;
 use analysis::erosion_law::{HoleFaces, shear_by_gradient};
 use base::number::{real, whole};
 use base::units::LatticeUnits;
@@ -187,8 +187,8 @@ impl Sums {
 }
 
 /// Returns the values of the rows as a profile across the box.
-pub(super) fn profile(spacing: f64, values: &[f64]) -> Profile<'_> {
-    Profile {
+pub(super) fn profile(spacing: f64, values: &[f64]) -> HoleProfile<'_> {
+    HoleProfile {
         origin: 0.0,
         spacing,
         values,
@@ -196,7 +196,7 @@ pub(super) fn profile(spacing: f64, values: &[f64]) -> Profile<'_> {
 }
 
 /// Sums over the cells of this rank in one pass, then over all ranks. Collective.
-pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
+pub(super) fn cell_sums<S: Space>(view: &StateView<'_, S>, hole: &Hole) -> Sums {
     let grid = &view.plan.scene.grid;
     let across = grid.cells[hole.across];
     let mut sums = Sums {
@@ -258,7 +258,7 @@ pub(super) fn cell_sums<S: Space>(view: &View<'_, S>, hole: &Hole) -> Sums {
 /// Returns the force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m],
 /// N/m.
 pub(super) fn excess_force<S: Space>(
-    view: &View<'_, S>,
+    view: &StateView<'_, S>,
     hole: &Hole,
     start: &Start,
     faces: HoleFaces,

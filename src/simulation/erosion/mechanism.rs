@@ -11,7 +11,7 @@
 
 use super::hole::{BEHIND, Hole, depth};
 use crate::removal::boxed;
-use crate::view::View;
+use crate::view::StateView;
 use analysis::erosion_law::HoleFaces;
 use base::number::real;
 use decomposition::ExactSum;
@@ -67,7 +67,7 @@ impl Mechanism {
 
 /// Returns contacts and bonds a grain, the mean over all `grains` of all ranks; none without contacts. Collective.
 pub(super) fn contacts_per_grain<S: Space>(
-    view: &View<'_, S>,
+    view: &StateView<'_, S>,
     first_grain: u64,
     grains: u64,
 ) -> Option<[f64; 2]> {
@@ -91,7 +91,7 @@ pub(super) fn contacts_per_grain<S: Space>(
 
 /// Returns the displacement of the bulk in mean diameters; NaN if no grain belongs to it. Collective.
 pub(super) fn bulk_displacement<S: Space>(
-    view: &View<'_, S>,
+    view: &StateView<'_, S>,
     hole: &Hole,
     diameter: f64,
     faces: HoleFaces,

@@ -5,10 +5,10 @@ use analysis::erosion_law::read_rows;
 use base::units::LatticeUnits;
 use case::Document;
 use coupling::body_map::Rules;
-use coupling::bounce_back::{BounceBack, Settings};
+use coupling::bounce_back::{BounceBack, BounceBackSettings};
 use coupling::{Flow as _, FluidView};
-use decomposition::Axis;
-use dem::space::Plane;
+use decomposition::SplitAxis;
+use dem::space::PlaneSpace;
 use dem::{Body, Kind, Motion, Particles, alone};
 use lbm::boundary::{Flux, Patch, Ramp, pressure};
 use lbm::collision::{Operator, trt};
@@ -47,12 +47,12 @@ fn plan() -> Plan {
 }
 
 /// Returns two rows of 14 discs on either side of the hole.
-fn packing(radius: f64) -> Particles<Plane> {
+fn packing(radius: f64) -> Particles<PlaneSpace> {
     let mut particles = Particles::new();
     let mut id = 0;
     for y in [1e-4, 3e-4, 1.3e-3, 1.5e-3] {
         for column in 0..14_u32 {
-            let mut body = Body::uniform::<Plane>(id, radius, 2000.0, 0);
+            let mut body = Body::uniform::<PlaneSpace>(id, radius, 2000.0, 0);
             body.kind = Kind::Fixed;
             let motion = Motion {
                 position: Vector2::new(7e-4 + f64::from(column) * PITCH, y),
@@ -66,7 +66,7 @@ fn packing(radius: f64) -> Particles<Plane> {
 }
 
 fn domain() -> Domain {
-    Domain::serial(Axis::X, 100, false)
+    Domain::serial(SplitAxis::X, 100, false)
 }
 
 /// Solid rows with Poiseuille flow between them.
@@ -130,10 +130,10 @@ fn view<'a>(
     plan: &'a Plan,
     domain: &'a Domain,
     fluid: &'a dyn FluidView,
-    particles: &'a Particles<Plane>,
+    particles: &'a Particles<PlaneSpace>,
     step: u64,
-) -> View<'a, Plane> {
-    View {
+) -> StateView<'a, PlaneSpace> {
+    StateView {
         plan,
         domain,
         fluid: Some(fluid),
@@ -227,14 +227,14 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         axis: 0,
         upper,
         range: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-        rule: Box::new(pressure::Links::new(
+        rule: Box::new(pressure::PressureLinks::new(
             0,
             Ramp::constant(units.pressure_to_density_deviation(value)),
         )),
     };
     let setup = Setup {
         set: VelocitySet::D2Q9,
-        operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+        operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
         relaxation_time: 1.1,
 
         turbulence: None,
@@ -246,7 +246,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    let settings = Settings {
+    let settings = BounceBackSettings {
         scheme: Scheme::HalfWay,
         average: true,
         rules: Rules {
@@ -258,7 +258,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         buoyancy: [0.0; 3],
     };
     let fluid = Fluid::<f64>::new(setup, &domain).unwrap();
-    let mut flow = BounceBack::<Plane, f64>::new(fluid, units, [0.0; 3], settings);
+    let mut flow = BounceBack::<PlaneSpace, f64>::new(fluid, units, [0.0; 3], settings);
     let mut particles = packing(1e-4);
     flow.update_bodies(&mut particles, &alone()).unwrap();
     for _ in 0..6000 {
@@ -295,7 +295,7 @@ fn departed(step: u64, id: u64, region: usize) -> Departed {
     }
 }
 
-fn broken(step: u64, grain: u64, x: f64, y: f64) -> BondBreak<Plane> {
+fn broken(step: u64, grain: u64, x: f64, y: f64) -> BondBreak<PlaneSpace> {
     BondBreak {
         step,
         time: 0.0,

@@ -47,7 +47,7 @@ impl Failure {
         flows: Option<(String, bool)>,
         communicator: &Communicator,
     ) -> String {
-        let cell = Order::of(flow).cell(self.place);
+        let cell = Order::from_flow(flow).cell(self.place);
         let centre = plan.scene.grid.centre(cell);
         let state = state(self.kind, cell, flow, plan);
         // One rank holds the cell and reports for all.
@@ -173,7 +173,7 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         };
         (real(cells) + 0.5) * grid.spacing
     };
-    let holds = |patch: &&plan::scene::boundaries::Patch| {
+    let holds = |patch: &&plan::scene::boundaries::ScenePatch| {
         let axis = patch.face.axis();
         (0..grid.dimension).all(|a| a == axis || (patch.from[a]..patch.to[a]).contains(&cell[a]))
     };

@@ -53,7 +53,7 @@ pub(super) struct Order {
 }
 
 impl Order {
-    pub(super) fn of<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>) -> Self {
+    pub(super) fn from_flow<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>) -> Self {
         Self {
             axes: flow.fluid().populations().order(),
             cells: flow.fluid().domain_cells(),
@@ -92,8 +92,11 @@ pub(super) struct Look {
 
 impl Look {
     /// Checks every cell of the slab.
-    pub(super) fn at<Sp: Space, S: Stored>(&mut self, flow: &dyn LatticeFlow<Sp, S>) -> Seen {
-        self.rows.look(flow.fluid());
+    pub(super) fn check_cells<Sp: Space, S: Stored>(
+        &mut self,
+        flow: &dyn LatticeFlow<Sp, S>,
+    ) -> Seen {
+        self.rows.check(flow.fluid());
         let mut seen = Seen {
             fastest: At::NOWHERE,
             squeezed: At::NOWHERE,
@@ -148,7 +151,7 @@ fn go_through<Sp: Space, S: Stored>(
     fluid.row_fractions(first, covered);
     let (half, water) = (fluid.half_force(), flow.balanced());
     let all = water.holds_all();
-    let (order, start) = (Order::of(flow), fluid.start());
+    let (order, start) = (Order::from_flow(flow), fluid.start());
     for k in 0..cells[fast] {
         at[fast] = k;
         let place = order.index(std::array::from_fn(|a| at[a] + start[a]));

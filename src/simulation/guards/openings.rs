@@ -23,7 +23,7 @@ use dem::space::Space;
 use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use plan::Plan;
-use plan::scene::boundaries::Patch;
+use plan::scene::boundaries::ScenePatch;
 
 /// Times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
@@ -96,8 +96,8 @@ pub(super) struct Openings {
 }
 
 impl Openings {
-    pub(super) fn of(plan: &Plan) -> Self {
-        let open = |patch: &Patch| patch.condition.model().passes_water();
+    pub(super) fn from_plan(plan: &Plan) -> Self {
+        let open = |patch: &ScenePatch| patch.condition.model().passes_water();
         let flow = plan.scene.flow.as_ref();
         Self {
             exist: flow.is_some_and(|flow| flow.patches().any(open)),
@@ -110,7 +110,7 @@ impl Openings {
     }
 
     /// Notes what crosses the faces in the step just done. Collective.
-    pub(super) fn look<Sp: Space, S: Stored>(
+    pub(super) fn record_step<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
         every: u64,

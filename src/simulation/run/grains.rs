@@ -17,10 +17,10 @@ use dem::particles::Particles;
 use dem::space::Space;
 use dem::state::Contacts;
 use io::checkpoint::{Found, Reader};
-use output::checkpoint::{self, Saved, State};
+use output::checkpoint::{self, RunState, SavedNumber};
 use plan::Plan;
-use plan::scene::observe::Action;
-use plan::scene::sample::Grain;
+use plan::scene::observe::RegionAction;
+use plan::scene::sample::ListedGrain;
 use serde_json::{Value, json};
 
 /// Grains, bodies and blocks before the slabs are cut: all of them on the first rank.
@@ -128,7 +128,7 @@ fn make<Sp: Space>(
 ///
 /// # Errors
 /// When the solids fail or a checkpoint cannot be written, and after a request to stop.
-pub(super) fn settle<Sp: Space, S: Saved>(
+pub(super) fn settle<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
     notes: &mut Value,
@@ -152,7 +152,7 @@ pub(super) fn settle<Sp: Space, S: Saved>(
                     outside: &mut Outside,
                     request: Request| {
             attributes["preparation"] = json!({ "settling": rest.state() });
-            let state = State::<Sp, S> {
+            let state = RunState::<Sp, S> {
                 fluid: None,
                 averages: None,
                 seepage: Vec::new(),
@@ -190,12 +190,12 @@ pub(super) fn attributes(plan: &Plan, notes: &Value) -> Value {
 
 fn generates(plan: &Plan) -> bool {
     let mut regions = plan.scene.regions.iter();
-    regions.any(|region| matches!(region.action, Action::Generate { .. }))
+    regions.any(|region| matches!(region.action, RegionAction::Generate { .. }))
 }
 
 /// Returns the mean radius of the grains, or of the bodies and blocks: it sets the skin of the lists, never a result.
 /// Collective.
-fn typical_radius(plan: &Plan, grains: &[Grain], communicator: &Communicator) -> f64 {
+fn typical_radius(plan: &Plan, grains: &[ListedGrain], communicator: &Communicator) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
         let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);
         let of_blocks = blocks.map(|block| block.solid.shape.radius());

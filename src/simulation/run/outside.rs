@@ -8,7 +8,7 @@ use base::error::Error;
 use decomposition::Communicator;
 use dem::space::Space;
 use lbm::lanes::Level;
-use output::checkpoint::{Saved, State};
+use output::checkpoint::{RunState, SavedNumber};
 use plan::Plan;
 use preparation::supervision::{Request, Requests};
 use serde_json::Value;
@@ -65,9 +65,9 @@ impl Outside {
     ///
     /// # Errors
     /// [`Error::Stopped`] after a request to stop, [`Error::Io`] when the checkpoint cannot be written.
-    pub(super) fn keep<Sp: Space, S: Saved>(
+    pub(super) fn keep<Sp: Space, S: SavedNumber>(
         &mut self,
-        state: &State<'_, Sp, S>,
+        state: &RunState<'_, Sp, S>,
         attributes: &Value,
         request: Request,
     ) -> Result<(), Error> {

@@ -14,7 +14,7 @@ use coupling::water::Water;
 use dem::space::Space;
 use dem::state::Contacts;
 use io::checkpoint::{Found, Reader};
-use output::checkpoint::{self, Saved};
+use output::checkpoint::{self, SavedNumber};
 use plan::Plan;
 use serde_json::{Value, json};
 
@@ -150,7 +150,7 @@ pub(super) fn reader(found: &Found) -> Result<Reader<'static>, Error> {
 ///
 /// # Errors
 /// When the checkpoint cannot be read or a grain stands in a new wall.
-pub(super) fn state<Sp: Space, S: Saved>(
+pub(super) fn state<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
     source: Source,
@@ -190,7 +190,7 @@ pub(super) fn state<Sp: Space, S: Saved>(
 }
 
 /// Reads the water. Collective.
-fn flow<Sp: Space, S: Saved>(
+fn flow<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
     reader: &Reader,
@@ -225,7 +225,7 @@ fn flow<Sp: Space, S: Saved>(
 }
 
 /// Makes the engine of the solids with the saved contacts. Collective.
-fn solids<Sp: Space, S: Saved>(
+fn solids<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
     found: &Found,

@@ -5,7 +5,7 @@ use super::super::balance::{self, Costs};
 use super::super::escape;
 use super::super::folder::RunFolder;
 use super::super::phases::Phase;
-use super::super::progress::{Moment, Progress};
+use super::super::progress::{Progress, ProgressState};
 use super::super::recorders::Recorders;
 use super::super::resume::{self, Resumed};
 use super::super::watch::Watch;
@@ -16,14 +16,14 @@ use dem::Dem;
 use dem::space::Space;
 use io::marks::Marker;
 use lbm::quanta::from_quanta;
-use output::checkpoint::Saved;
+use output::checkpoint::SavedNumber;
 use output::group::RankGroup;
 use plan::Plan;
 use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 use std::time::Instant;
 
-pub(super) struct Runner<Sp: Space, S: Saved> {
+pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) simulation: Simulation<Sp, S>,
     pub(super) folder: RunFolder,
     pub(super) final_checkpoint: bool,
@@ -45,7 +45,7 @@ pub(super) struct Runner<Sp: Space, S: Saved> {
     pub(super) marker: Marker,
 }
 
-impl<Sp: Space, S: Saved> Runner<Sp, S> {
+impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     pub(super) fn go(plan: Plan, communicator: Communicator, start: Start) -> Result<(), Ended> {
         let (json, quiet) = (start.json, start.quiet);
         let options = (start.parent.clone(), start.limit, start.begun);
@@ -136,7 +136,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         if !self.may_cut || communicator.size() == 1 {
             return None;
         }
-        let costs = Costs::of(&now.plan, &now.particles, communicator)
+        let costs = Costs::for_scene(&now.plan, &now.particles, communicator)
             .measured(self.simulation.phases.fluid_and_solids(communicator));
         let other = balance::cut(&now.plan.scene, &costs, communicator.size());
         let worth = balance::is_worth(now.domain.slabs(), &other, &costs);
@@ -318,7 +318,7 @@ impl<Sp: Space, S: Saved> Runner<Sp, S> {
         } else {
             0
         };
-        let moment = Moment {
+        let moment = ProgressState {
             step: simulation.now.step,
             steps: simulation.now.plan.clock.steps,
             time: simulation.now.time(),

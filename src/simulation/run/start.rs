@@ -32,13 +32,13 @@ use lbm::fluid::Fluid;
 use lbm::initial::Field;
 use output::Outputs;
 use output::averages::Averages;
-use output::checkpoint::{self, Saved};
+use output::checkpoint::{self, SavedNumber};
 use plan::Plan;
 use plan::scene::flow::Flow as SceneFlow;
 use plan::scene::initial::Initial;
 use serde_json::Value;
 
-impl<Sp: Space, S: Saved> Runner<Sp, S> {
+impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// Prepares a run up to its first step, or continues from the checkpoint of `start`. Collective.
     ///
     /// # Errors
@@ -169,10 +169,10 @@ fn read_field(plan: &Plan, origin: &Origin) -> Result<Option<Box<dyn Field>>, Er
 /// Returns slabs of equal cost, for which it may measure the speed of the machine. Collective.
 fn cut_slabs<Sp: Space>(plan: &mut Plan, particles: &Particles<Sp>, outside: &Outside) -> Slabs {
     let communicator = &outside.communicator;
-    let mut costs = Costs::of(plan, particles, communicator).planned();
+    let mut costs = Costs::for_scene(plan, particles, communicator).planned();
     if balance::depends_on_the_machine(plan, &costs, communicator) {
         plan.estimate.machine.fluid = balance::speed(plan, communicator);
-        costs = Costs::of(plan, particles, communicator).planned();
+        costs = Costs::for_scene(plan, particles, communicator).planned();
     }
     let slabs = balance::cut(&plan.scene, &costs, communicator.size());
     let equal = balance::equal(&plan.scene, costs.len(), communicator.size());
@@ -184,7 +184,7 @@ fn cut_slabs<Sp: Space>(plan: &mut Plan, particles: &Particles<Sp>, outside: &Ou
 }
 
 /// Makes the water with its coupling: in its initial state unless the run continues with a later one. Collective.
-fn build_flow<Sp: Space, S: Saved>(
+fn build_flow<Sp: Space, S: SavedNumber>(
     plan: &Plan,
     domain: &Domain,
     origin: &Origin,
@@ -215,7 +215,7 @@ fn build_flow<Sp: Space, S: Saved>(
     Ok(Some(flow))
 }
 
-fn build_fluid<S: Saved>(
+fn build_fluid<S: SavedNumber>(
     plan: &Plan,
     scene: &SceneFlow,
     units: &LatticeUnits,
@@ -236,7 +236,7 @@ fn build_fluid<S: Saved>(
 }
 
 /// Marks the positions of the solids in the fluid. Collective.
-fn place_bodies<Sp: Space, S: Saved>(now: &mut Present<Sp, S>) -> Result<(), Error> {
+fn place_bodies<Sp: Space, S: SavedNumber>(now: &mut Present<Sp, S>) -> Result<(), Error> {
     if now.dem.is_some() {
         now.particles.refresh_ghosts(&now.domain)?;
     }
@@ -248,7 +248,7 @@ fn place_bodies<Sp: Space, S: Saved>(now: &mut Present<Sp, S>) -> Result<(), Err
 
 /// Warms the water up unless the run is past its preparation, and returns the time for which it flowed \[s\].
 /// Collective.
-fn age_flow<Sp: Space, S: Saved>(
+fn age_flow<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
     parts: &mut Parts,
@@ -267,7 +267,7 @@ fn age_flow<Sp: Space, S: Saved>(
 }
 
 /// Reads the sums over time, if the case requests any. Collective.
-fn read_averages<Sp: Space, S: Saved>(
+fn read_averages<Sp: Space, S: SavedNumber>(
     now: &Present<Sp, S>,
     origin: &Origin,
 ) -> Result<Option<Averages>, Error> {
@@ -293,7 +293,7 @@ struct Records {
 
 impl Records {
     /// Opens the files of the run, cut back to the checkpoint from which it continues. Collective.
-    fn open<Sp: Space, S: Saved>(
+    fn open<Sp: Space, S: SavedNumber>(
         now: &Present<Sp, S>,
         origin: &Origin,
         outside: &Outside,

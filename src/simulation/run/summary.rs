@@ -17,7 +17,7 @@ use coupling::seepage::{Extremes, Seepage};
 use darcy::Pressure;
 use dem::space::Space;
 use lbm::quanta::from_quanta;
-use output::checkpoint::Saved;
+use output::checkpoint::SavedNumber;
 use plan::scene::Scene;
 use plan::scene::observe::{Probe, ProbeAt};
 use plan::scene::seepage::Seepage as SeepageScene;
@@ -40,7 +40,7 @@ fn bernoulli_speed(scene: &Scene, extremes: &Extremes) -> f64 {
     squared.sqrt()
 }
 
-impl<Sp: Space, S: Saved> Runner<Sp, S> {
+impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// Returns the warning of the mass that water without an opening has lost or gained, a cell.
     fn lost_mass(&self, change: f64) -> Option<String> {
         let plan = &self.simulation.now.plan;

@@ -9,7 +9,7 @@ use coupling::lattice::LatticeFlow;
 use coupling::water::Water;
 use decomposition::Communicator;
 use dem::space::Space;
-use output::checkpoint::{self, Saved, State};
+use output::checkpoint::{self, RunState, SavedNumber};
 use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 
@@ -29,7 +29,7 @@ pub(super) struct Reached {
 ///
 /// # Errors
 /// When the fluid fails or a checkpoint cannot be written, and after a request to stop.
-pub(super) fn warm_up<Sp: Space, S: Saved>(
+pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     guards: &mut Guards,
     reached: Reached,
@@ -67,7 +67,7 @@ pub(super) fn warm_up<Sp: Space, S: Saved>(
                 flow.fetch()?;
                 attributes["preparation"] = json!({ "warm_up": step });
                 attributes["guards"] = json!(guards.state());
-                let state = State::<Sp, S> {
+                let state = RunState::<Sp, S> {
                     fluid: Some(flow.fluid()),
                     averages: None,
                     seepage: Vec::new(),
@@ -95,7 +95,7 @@ struct Look {
 }
 
 impl Look {
-    fn new<Sp: Space, S: Saved>(
+    fn new<Sp: Space, S: SavedNumber>(
         flow: &dyn LatticeFlow<Sp, S>,
         velocities: Option<Vec<f64>>,
     ) -> Self {
@@ -108,7 +108,7 @@ impl Look {
     }
 
     /// Compares the velocities with those of the last check and stores them. Collective.
-    fn compare<Sp: Space, S: Saved>(
+    fn compare<Sp: Space, S: SavedNumber>(
         &mut self,
         flow: &dyn LatticeFlow<Sp, S>,
         communicator: &Communicator,

@@ -107,7 +107,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
                 let speed = 4.0 * peak * s * (1.0 - s);
                 let mut v = [0.0; 3];
                 if let Some((intensity, modes)) = &eddies {
-                    v = modes.at(p).map(|u| u * intensity * speed);
+                    v = modes.velocity_at(p).map(|u| u * intensity * speed);
                 }
                 v[flow] += speed;
                 (0.0, v)

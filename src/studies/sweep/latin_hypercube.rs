@@ -76,7 +76,7 @@ pub enum Scale {
 impl Range {
     /// Returns the value below which a part `share` of all draws lies, to four digits.
     #[must_use]
-    pub fn at(&self, share: f64) -> f64 {
+    pub fn quantile(&self, share: f64) -> f64 {
         let value = match self.scale {
             Scale::Linear => self.from + (self.to - self.from) * share,
             Scale::Logarithmic => self.from * (self.to / self.from).powf(share),
@@ -209,13 +209,16 @@ mod tests {
         let range = |from, to, scale| Range { from, to, scale };
         let linear = range(0.0, 20.0, Scale::Linear);
         assert_eq!(
-            [0.0, 0.5, 0.123_456].map(|x| linear.at(x)),
+            [0.0, 0.5, 0.123_456].map(|x| linear.quantile(x)),
             [0.0, 10.0, 2.469]
         );
         let ratios = range(1e-6, 1e-4, Scale::Logarithmic);
-        assert_eq!([0.0, 0.5, 1.0].map(|x| ratios.at(x)), [1e-6, 1e-5, 1e-4]);
+        assert_eq!(
+            [0.0, 0.5, 1.0].map(|x| ratios.quantile(x)),
+            [1e-6, 1e-5, 1e-4]
+        );
         let narrow = range(1.000_01, 1.000_04, Scale::Linear);
-        assert!((narrow.at(0.5) - 1.000_01).abs() < 1e-12);
+        assert!((narrow.quantile(0.5) - 1.000_01).abs() < 1e-12);
     }
 
     fn drawn(change: impl Fn(&mut Value)) -> Result<Vec<Member>, Vec<Problem>> {

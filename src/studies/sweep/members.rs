@@ -244,7 +244,7 @@ impl Variation {
     /// Returns the label and fields of the value at a place from 0 to 1.
     fn value_at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
         if let Self::Range(range) = self {
-            let value = Value::from(range.at(place));
+            let value = Value::from(range.quantile(place));
             return (label(&value), vec![(field.to_owned(), value)]);
         }
         let labels = self.labels();
@@ -337,7 +337,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
         Ok(plan) => plan.warnings.clone(),
         Err(problems) => problems.clone(),
     };
-    let verdict = Verdict::of(&problems);
+    let verdict = Verdict::from_findings(&problems);
     let allowed = study.refused == Refused::Run;
     if verdict == Verdict::Refused && allowed {
         found.extend(set_fields(

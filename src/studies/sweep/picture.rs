@@ -5,10 +5,12 @@
 use super::members::Member;
 use super::record::Outcome;
 use super::study::{Cost, Study};
-use super::table::{Row, Table};
+use super::table::{MemberRow, SweepTable};
 use base::error::Verdict;
 use base::number::real;
-use figures::plot::{Axis, CATEGORY, Figure, Layer, Legend, Mark, Panel, Shape, Style, sequential};
+use figures::plot::{
+    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+};
 use io::csv::push_line;
 use std::fmt::Write as _;
 
@@ -16,11 +18,11 @@ use std::fmt::Write as _;
 const ANSWERS: usize = 6;
 
 /// Returns each output over the first field that is varied by numbers, or over the number of the member.
-fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
+fn answers(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     let varied = study.vary.0.iter().position(|(_, v)| v.is_numeric());
     let x = varied.map_or_else(
-        || Axis::linear("member", ""),
-        |n| Axis::linear(&study.vary.0[n].0, ""),
+        || PlotAxis::linear("member", ""),
+        |n| PlotAxis::linear(&study.vary.0[n].0, ""),
     );
     // Members that differ in another field are a line of their own.
     let group = |member: &Member| {
@@ -48,7 +50,10 @@ fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
         for (k, (label, mut points)) in lines.into_iter().enumerate() {
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             let colour = CATEGORY[k % CATEGORY.len()];
-            let marks = points.iter().map(|(x, y)| Mark::at(*x, *y)).collect();
+            let marks = points
+                .iter()
+                .map(|(x, y)| Mark::without_bars(*x, *y))
+                .collect();
             let style = Style::Filled;
             layers.push(Layer::new(Shape::Marks { marks, style }, colour, &label));
             let dashed = true;
@@ -57,7 +62,7 @@ fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
         Panel {
             title: name.clone(),
             x: x.clone(),
-            y: Axis::linear(name, ""),
+            y: PlotAxis::linear(name, ""),
             layers,
             legend: Legend::Right,
             legend_title: String::new(),
@@ -71,7 +76,7 @@ fn answers(study: &Study, members: &[Member], table: &Table) -> Figure {
 
 /// Returns error against cost, with a panel for each cost; the answers if no error is known.
 #[must_use]
-pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
+pub fn front(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     if table.rows.iter().all(|row| row.error.is_none()) {
         return answers(study, members, table);
     }
@@ -85,15 +90,15 @@ pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
             front.panel(
                 &study.title,
                 match study.cost {
-                    Cost::CoreSeconds => Axis::log("time of the steps", "core-seconds"),
-                    Cost::ProcessorTime => Axis::log("processor time", "s"),
+                    Cost::CoreSeconds => PlotAxis::log("time of the steps", "core-seconds"),
+                    Cost::ProcessorTime => PlotAxis::log("processor time", "s"),
                 },
                 |row| row.cost,
                 |row| row.pareto_time,
             ),
             front.panel(
                 "",
-                Axis::log("peak memory", "MB"),
+                PlotAxis::log("peak memory", "MB"),
                 |row| row.memory.map(|bytes| 1e-6 * bytes),
                 |row| row.pareto_memory,
             ),
@@ -104,22 +109,22 @@ pub fn front(study: &Study, members: &[Member], table: &Table) -> Figure {
 struct Front<'a> {
     study: &'a Study,
     members: &'a [Member],
-    table: &'a Table,
+    table: &'a SweepTable,
 }
 
 impl Front<'_> {
     fn panel(
         &self,
         title: &str,
-        x: Axis,
-        cost: impl Fn(&Row) -> Option<f64>,
-        in_set: impl Fn(&Row) -> bool,
+        x: PlotAxis,
+        cost: impl Fn(&MemberRow) -> Option<f64>,
+        in_set: impl Fn(&MemberRow) -> bool,
     ) -> Panel {
-        let point = |row: &Row| cost(row).zip(row.error);
+        let point = |row: &MemberRow| cost(row).zip(row.error);
         let mut layers = Vec::new();
         for (colour, label, chosen) in self.groups() {
             let marks = chosen.iter().filter_map(|&n| point(&self.table.rows[n]));
-            let marks: Vec<Mark> = marks.map(|(x, y)| Mark::at(x, y)).collect();
+            let marks: Vec<Mark> = marks.map(|(x, y)| Mark::without_bars(x, y)).collect();
             if !marks.is_empty() {
                 let style = Style::Filled;
                 layers.push(Layer::new(Shape::Marks { marks, style }, &colour, &label));
@@ -138,7 +143,7 @@ impl Front<'_> {
         };
         layers.push(Layer::new(line, CATEGORY[0], "Pareto set"));
         for (n, (name, (x, y))) in best.iter().enumerate() {
-            let marks = vec![Mark::at(*x, *y)];
+            let marks = vec![Mark::without_bars(*x, *y)];
             let style = Style::Ring;
             let label = format!("{} {name}", n + 1);
             layers.push(Layer::new(
@@ -156,7 +161,7 @@ impl Front<'_> {
         Panel {
             title: title.to_owned(),
             x,
-            y: Axis::log(
+            y: PlotAxis::log(
                 &error.map_or("error".to_owned(), |name| format!("error of {name}")),
                 "",
             ),
@@ -268,7 +273,12 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
 impl Map {
     /// Returns the members that have a number on both axes and have been looked at.
     #[must_use]
-    pub fn of(axes: &[String; 2], study: &Study, members: &[Member], table: &Table) -> Self {
+    pub fn from_table(
+        axes: &[String; 2],
+        study: &Study,
+        members: &[Member],
+        table: &SweepTable,
+    ) -> Self {
         let [x, y] = axes
             .each_ref()
             .map(|name| study.vary.find(name).map(|(n, _)| n));
@@ -278,7 +288,7 @@ impl Map {
                 places: Vec::new(),
             };
         };
-        let place = |(member, row): (&Member, &Row)| {
+        let place = |(member, row): (&Member, &MemberRow)| {
             let others = study.vary.0.iter().zip(&member.labels).enumerate();
             let others = others.filter(|(n, _)| *n != x && *n != y);
             let rest: Vec<&str> = others
@@ -340,7 +350,9 @@ impl Map {
                     .iter()
                     .filter(of_kind)
                     .filter(|place| place.rest == rest);
-                let marks = here.map(|place| Mark::at(place.x, place.y)).collect();
+                let marks = here
+                    .map(|place| Mark::without_bars(place.x, place.y))
+                    .collect();
                 let style = *style;
                 Layer::new(
                     Shape::Marks { marks, style },
@@ -352,9 +364,9 @@ impl Map {
             |value: fn(&Place) -> f64| self.places.iter().all(|place| value(place) > 0.0);
         let axis = |name: &str, log: bool| {
             if log {
-                Axis::log(name, "")
+                PlotAxis::log(name, "")
             } else {
-                Axis::linear(name, "")
+                PlotAxis::linear(name, "")
             }
         };
         Panel {

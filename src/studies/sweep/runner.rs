@@ -7,7 +7,7 @@
 //! Environment variables, as for the scripts under `jobs`: SOLVER (the program; default: this one), LAUNCH (the command
 //! that starts MPI; default: `mpirun -n RANKS`, and none for one rank).
 
-use super::Report;
+use super::LineReport;
 use super::members::Member;
 use super::record::{FILE, Outcome, Record};
 use super::study::Run;
@@ -36,7 +36,7 @@ pub struct Runner<'a> {
     run: &'a Run,
     allow_unstable: bool,
     output: &'a Path,
-    report: Report<'a>,
+    report: LineReport<'a>,
     solver: PathBuf,
     version: String,
     stop: Arc<AtomicBool>,
@@ -101,7 +101,7 @@ impl<'a> Runner<'a> {
         allow_unstable: bool,
         output: &'a Path,
         walltime: Option<Duration>,
-        report: Report<'a>,
+        report: LineReport<'a>,
     ) -> Result<Self, Error> {
         use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR2};
         fs::create_dir_all(output).map_err(|e| Error::Io(format!("{}: {e}", output.display())))?;

@@ -15,14 +15,14 @@ use std::path::Path;
 
 /// Results of the members, in their order.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct SweepTable {
     /// A row for each member.
-    pub rows: Vec<Row>,
+    pub rows: Vec<MemberRow>,
 }
 
 /// Result of a member.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct MemberRow {
     /// Outcome of the member.
     pub outcome: Outcome,
     /// Outputs, in the order of the study; none for profiles and values that could not be read.
@@ -62,14 +62,14 @@ enum Found {
     Profile(Profile),
 }
 
-impl Table {
+impl SweepTable {
     /// Reads what the members have written below `output`; tables of references lie `beside` the study.
     #[must_use]
-    pub fn of(study: &Study, members: &[Member], beside: &Path, output: &Path) -> Self {
+    pub fn collect(study: &Study, members: &[Member], beside: &Path, output: &Path) -> Self {
         let mut rows = Vec::new();
         let mut found = Vec::new();
         for member in members {
-            let mut row = Row::new(study, member, &output.join(&member.name));
+            let mut row = MemberRow::new(study, member, &output.join(&member.name));
             let outputs = if row.outcome == Outcome::Finished {
                 row.read(study, member, beside, &output.join(&member.name))
             } else {
@@ -100,7 +100,7 @@ impl Table {
                 None => row.errors.values().filter_map(|(_, e)| *e).reduce(f64::max),
             };
         }
-        let marked = |cost: fn(&Row) -> Option<f64>| {
+        let marked = |cost: fn(&MemberRow) -> Option<f64>| {
             let points: Vec<_> = rows.iter().map(|row| cost(row).zip(row.error)).collect();
             pareto(&points)
         };
@@ -164,7 +164,7 @@ impl Table {
             .map(|(o, n)| format!("{n} {}", o.name()))
             .collect();
         let mut text = format!("{} members: {}\n", members.len(), counts.join(", "));
-        let mut best: Vec<(&Member, &Row)> = members
+        let mut best: Vec<(&Member, &MemberRow)> = members
             .iter()
             .zip(&self.rows)
             .filter(|(_, r)| r.pareto_time)
@@ -194,7 +194,7 @@ impl Table {
     }
 }
 
-impl Row {
+impl MemberRow {
     fn new(study: &Study, member: &Member, folder: &Path) -> Self {
         let mut row = Self {
             outcome: Outcome::Missing,

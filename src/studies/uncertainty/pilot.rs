@@ -10,7 +10,7 @@ use super::{member, outcome};
 use crate::sweep::members::Member;
 use crate::sweep::runner::Runner;
 use crate::sweep::study::Run;
-use crate::sweep::{Report, enough_cores};
+use crate::sweep::{LineReport, enough_cores};
 use base::error::{Error, Problem, Severity};
 use case::fluid::Pilot;
 use plan::Plan;
@@ -32,7 +32,7 @@ pub fn command(
     plan: &Plan,
     output: &Path,
     run: &Run,
-    report: Report<'_>,
+    report: LineReport<'_>,
 ) -> Result<(Pilot, Value), Error> {
     enough_cores(run)?;
     if plan.scene.flow.is_none() {

@@ -57,7 +57,7 @@ const SETTINGS: &[(&str, &str, Change)] = &[
 
 /// Returns the settings that a scene has.
 #[must_use]
-pub fn of(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
+pub fn scene_settings(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
     let one = |(name, folder, change): &(&'static str, &'static str, Change)| {
         let mut case = case.clone();
         let change = change(&mut case, plan, scaling)?;

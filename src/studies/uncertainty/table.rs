@@ -56,7 +56,7 @@ impl Noise {
 
 /// Data of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Grid {
+pub struct GridData {
     /// Folder.
     pub folder: String,
     /// Spacing \[m\].
@@ -74,7 +74,7 @@ pub struct Grid {
 
 /// A row: an answer with its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct AnswerRow {
     /// The answer.
     pub answer: String,
     /// Unit.
@@ -126,7 +126,7 @@ pub struct Change {
 
 /// All that an estimate found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Table {
+pub struct UncertaintyTable {
     /// Scaling of the time step with the cells, and its meaning.
     pub scaling: String,
     /// Order of the method.
@@ -134,9 +134,9 @@ pub struct Table {
     /// Meaning of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
     /// The grids, from fine to coarse.
-    pub grids: Vec<Grid>,
+    pub grids: Vec<GridData>,
     /// Answers with their uncertainties.
-    pub answers: Vec<Row>,
+    pub answers: Vec<AnswerRow>,
     /// Settings that cells do not refine.
     pub settings: Vec<Sensitivity>,
     /// Version of the program.
@@ -145,7 +145,7 @@ pub struct Table {
 
 /// Returns the meaning of the number of grids with answers, if not all have answers.
 #[must_use]
-pub fn conclusion(grids: &[Grid]) -> String {
+pub fn conclusion(grids: &[GridData]) -> String {
     let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
         return String::new();
     };
@@ -166,7 +166,7 @@ pub fn conclusion(grids: &[Grid]) -> String {
 
 /// Returns the rows of the grids; `at` is the one of the case.
 #[must_use]
-pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
+pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<AnswerRow> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
         return Vec::new();
     };
@@ -189,7 +189,7 @@ pub fn rows(grids: &[Grid], at: usize, formal: f64, noise: Noise) -> Vec<Row> {
             rounding: noise.rounding(answer),
             values,
         };
-        Some(Row {
+        Some(AnswerRow {
             answer: name.clone(),
             unit: answer.unit.clone(),
             value: answer.value,
@@ -239,7 +239,7 @@ pub fn sensitivity(
     }
 }
 
-impl Row {
+impl AnswerRow {
     /// Returns the uncertainty over the value.
     #[must_use]
     pub fn relative(&self) -> Option<f64> {
@@ -315,14 +315,14 @@ fn percent(number: Option<f64>) -> String {
 
 /// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the
 /// line.
-fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
-    let mut shown: Vec<(&Row, usize)> = Vec::new();
-    let family = |row: &Row| {
+fn shown(rows: &[AnswerRow]) -> Vec<(&AnswerRow, usize)> {
+    let mut shown: Vec<(&AnswerRow, usize)> = Vec::new();
+    let family = |row: &AnswerRow| {
         row.answer
             .split_once(", point ")
             .map(|(stem, _)| stem.to_owned())
     };
-    let size = |row: &Row| {
+    let size = |row: &AnswerRow| {
         row.estimate
             .uncertainty
             .map_or(f64::INFINITY, |u| u / row.scale)
@@ -345,7 +345,7 @@ fn shown(rows: &[Row]) -> Vec<(&Row, usize)> {
     shown
 }
 
-impl Table {
+impl UncertaintyTable {
     /// Returns the number of grids with answers.
     #[must_use]
     pub fn usable(&self) -> usize {
@@ -611,7 +611,7 @@ fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn grid(ratio: f64, values: &[(&str, f64, f64)]) -> Grid {
+    fn grid(ratio: f64, values: &[(&str, f64, f64)]) -> GridData {
         let answer = |(name, value, drift): &(&str, f64, f64)| {
             let answer = Answer {
                 unit: "N".into(),
@@ -621,7 +621,7 @@ mod tests {
             };
             ((*name).to_owned(), answer)
         };
-        Grid {
+        GridData {
             folder: format!("grid-{ratio}"),
             spacing: 0.1 * ratio,
             ratio,
@@ -631,7 +631,7 @@ mod tests {
         }
     }
 
-    fn table() -> Table {
+    fn table() -> UncertaintyTable {
         let of = |h: f64| {
             [
                 ("drag", 1.0 + 0.1 * h * h, 0.0),
@@ -649,7 +649,7 @@ mod tests {
             case: Value::Null,
         };
         let answers = [&grids[1].answers, &grids[0].answers].map(Option::as_ref);
-        Table {
+        UncertaintyTable {
             scaling: "diffusive".into(),
             formal_order: 2.0,
             conclusion: String::new(),

@@ -48,7 +48,7 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
 #[test]
 fn coarser_grids_keep_the_relaxation_time_and_the_end() {
     let own = example("settling-disc", &[]);
-    let members = Members::of(&own, false, false, false).unwrap();
+    let members = Members::for_case(&own, false, false, false).unwrap();
     assert_eq!(members.scaling, Scaling::Diffusive);
     assert_eq!(members.grids.len(), 3);
     let flow = own.scene.flow.as_ref().unwrap();
@@ -70,7 +70,7 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
     // A tenth of the case where its disc allows, a fifth here by cells and steps: the coarsest grid has to resolve it.
     // The map of the disc falls with the spacing alone. In so long a run the start counts little.
     let long = example("settling-disc", &["time.end=60", "output={}"]);
-    let members = Members::of(&long, false, false, false).unwrap();
+    let members = Members::for_case(&long, false, false, false).unwrap();
     let (costs, sum) = members.costs();
     // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of
     // the disc with the third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start
@@ -97,7 +97,7 @@ const FAST: &str = r#"{
 #[test]
 fn fast_flow_keeps_its_lattice_velocity_and_halves_it_once() {
     let own = plan(FAST, &[]);
-    let members = Members::of(&own, false, true, false).unwrap();
+    let members = Members::for_case(&own, false, true, false).unwrap();
     assert_eq!(members.scaling, Scaling::Acoustic);
     let coarse = planned(&members.list[members.beside]);
     let velocity = |plan: &Plan| plan.clock.time_step / plan.scene.grid.spacing;
@@ -127,7 +127,7 @@ const SEEPAGE: &str = r#"{
 #[test]
 fn seepage_has_one_grid_and_its_settings_one_run_each() {
     let own = plan(SEEPAGE, &[]);
-    let members = Members::of(&own, false, true, false).unwrap();
+    let members = Members::for_case(&own, false, true, false).unwrap();
     assert_eq!((members.grids.len(), members.beside), (1, 0));
     let names: Vec<&str> = members.settings.iter().map(|(s, _)| s.name).collect();
     let expected = [
@@ -179,7 +179,7 @@ fn seepage_has_one_grid_and_its_settings_one_run_each() {
 fn seepage_without_grains_has_grids_of_its_own_cells() {
     let own = example("sheet-pile", &[]);
     for finer in [false, true] {
-        let members = Members::of(&own, finer, false, false).unwrap();
+        let members = Members::for_case(&own, finer, false, false).unwrap();
         assert_eq!(members.scaling, Scaling::Steady);
         assert_eq!(members.grids.len(), 3);
         assert_eq!(members.grids[0].0 < 1.0, finer || members.grids[1].0 == 1.0);
@@ -217,7 +217,7 @@ fn seepage_without_grains_has_grids_of_its_own_cells() {
 fn cells_without_a_common_divisor_are_refined() {
     let own = plan(FAST, &["domain.size=[0.019, 0.02]"]);
     for finer in [false, true] {
-        let found = Members::of(&own, finer, false, false).unwrap();
+        let found = Members::for_case(&own, finer, false, false).unwrap();
         assert_eq!(found.grids.len(), 2);
         assert!(found.grids[0].0 < 1.0);
     }
@@ -231,7 +231,7 @@ fn the_coarsest_grid_keeps_four_cells_across_the_smallest_body() {
         ("0.00016666666666666667", &[1.0, 48.0 / 36.0]),
     ] {
         let own = example("first-flow", &[&format!("domain.spacing={spacing}")]);
-        let found = Members::of(&own, false, false, false).unwrap();
+        let found = Members::for_case(&own, false, false, false).unwrap();
         let ratios: Vec<f64> = found.grids.iter().map(|grid| grid.0).collect();
         approx::assert_relative_eq!(&ratios[..], expected, max_relative = 1e-12);
     }

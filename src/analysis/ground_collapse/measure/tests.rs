@@ -21,12 +21,12 @@ fn overlap(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f
 }
 
 /// Returns a cubic packing; `edit` takes a grain out (false) or moves it.
-fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
+fn packing(edit: impl Fn(&mut MeasuredGrain) -> bool) -> Vec<MeasuredGrain> {
     let mut grains = Vec::new();
     for z in 0..2 * LAYERS {
         for y in 0..2 * COUNT[1] {
             for x in 0..2 * COUNT[0] {
-                let mut grain = Grain {
+                let mut grain = MeasuredGrain {
                     id: grains.len() as u64,
                     at: [x, y, z].map(|k| (real(k) + 0.5) * D),
                     moved: [0.0; 3],
@@ -41,7 +41,7 @@ fn packing(edit: impl Fn(&mut Grain) -> bool) -> Vec<Grain> {
     grains
 }
 
-fn sink(grain: &mut Grain, depth: f64) {
+fn sink(grain: &mut MeasuredGrain, depth: f64) {
     grain.at[2] -= depth;
     grain.moved[2] -= depth;
 }
@@ -73,7 +73,7 @@ fn near(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-3 * b.abs() + 1e-12
 }
 
-fn sample(grains: &[Grain], points: &[Point]) -> Sample {
+fn sample(grains: &[MeasuredGrain], points: &[Point]) -> Sample {
     ground().measure(grains, points, &LIMITS, overlap)
 }
 
@@ -127,7 +127,7 @@ fn voids_that_have_met_are_one() {
 #[test]
 fn a_cell_with_a_quarter_of_its_solid_is_void_and_one_with_three_quarters_is_not() {
     // Of the 2 x 2 x 2 grains of each cell of the lowest layer one edge is gone, or all but one edge.
-    let low = |grain: &Grain| grain.at[2] < EDGE && grain.at[0] < 6.0 * EDGE;
+    let low = |grain: &MeasuredGrain| grain.at[2] < EDGE && grain.at[0] < 6.0 * EDGE;
     let odd = |x: f64| (x / D).floor() % 2.0 > 0.5;
     let most = packing(|grain| !(low(grain) && odd(grain.at[0]) && odd(grain.at[1])));
     assert_eq!(sample(&most, &[point(2)]).voids, 0);
@@ -219,8 +219,8 @@ fn a_grain_in_flight_is_no_ground() {
 }
 
 /// Returns a large grain on the ground, just inside column (5, 2).
-fn perched() -> Grain {
-    Grain {
+fn perched() -> MeasuredGrain {
+    MeasuredGrain {
         id: 1_000_000,
         at: [
             6.0 * EDGE - 0.1 * D,
@@ -233,7 +233,7 @@ fn perched() -> Grain {
 }
 
 /// Returns the ground with that grain on it, once as it was and once as `edit` leaves it.
-fn with_perched(edit: impl Fn(&mut Grain)) -> Sample {
+fn with_perched(edit: impl Fn(&mut MeasuredGrain)) -> Sample {
     let mut grains = packing(|_| true);
     grains.push(perched());
     let ground = Ground::new(cells(), &grains, D, overlap);
@@ -262,7 +262,7 @@ fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
 fn one_column_that_sinks_with_its_grains_is_a_depression() {
     let k = cells().column(5, 2);
     let seen = with_perched(|grain| {
-        if cells().of(grain.at)[..2] == [5, 2] {
+        if cells().cell_of(grain.at)[..2] == [5, 2] {
             sink(grain, 1.5 * D);
         }
     });
@@ -280,7 +280,7 @@ fn one_column_that_sinks_with_its_grains_is_a_depression() {
 fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
     let sunk = |columns: &[([usize; 2], f64)]| {
         let grains = packing(|grain| {
-            let [long, across, _] = cells().of(grain.at);
+            let [long, across, _] = cells().cell_of(grain.at);
             for (column, depth) in columns {
                 if *column == [long, across] {
                     sink(grain, *depth);
@@ -306,13 +306,13 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
         from: [0.0, 0.0, 0.0],
         to: [12.0 * EDGE, 4.0 * EDGE, 0.5 * EDGE],
     };
-    let moved = |grain: &mut Grain, inside: bool| {
+    let moved = |grain: &mut MeasuredGrain, inside: bool| {
         grain.moved[2] = if inside { -10.0 * D } else { 0.0 };
         true
     };
     // Layer k of 6 moves over 12 - 2 k cells: 12, 10, 8 below and 6, 4, 2 above.
     let triangle = packing(|grain| {
-        let [x, _, z] = cells().of(grain.at);
+        let [x, _, z] = cells().cell_of(grain.at);
         moved(grain, x >= z && x < 12 - z)
     });
     let seen = sample(&triangle, &[point]).points[0];
@@ -321,7 +321,7 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
         "{seen:?}"
     );
     let rectangle = packing(|grain| {
-        let [x, _, _] = cells().of(grain.at);
+        let [x, _, _] = cells().cell_of(grain.at);
         moved(grain, (3..9).contains(&x))
     });
     let seen = sample(&rectangle, &[point]).points[0];
@@ -342,9 +342,9 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
         from: [0.0, EDGE, 0.0],
         to: [12.0 * EDGE, 3.0 * EDGE, 0.5 * EDGE],
     };
-    let v = |edit: &dyn Fn(&mut Grain)| {
+    let v = |edit: &dyn Fn(&mut MeasuredGrain)| {
         packing(|grain| {
-            let [_, y, z] = cells().of(grain.at);
+            let [_, y, z] = cells().cell_of(grain.at);
             edit(grain);
             (1..(z + 3).min(4)).contains(&y) || (y == 0 && z >= 3)
         })
@@ -352,7 +352,7 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     let ground = Ground::new(cells(), &v(&|_| ()), D, overlap);
     let shape = |moves: fn([usize; 3]) -> bool| {
         let grains = v(&|grain| {
-            if moves(cells().of(grain.at)) {
+            if moves(cells().cell_of(grain.at)) {
                 grain.moved[2] = -10.0 * D;
             }
         });

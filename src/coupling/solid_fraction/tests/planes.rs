@@ -4,7 +4,7 @@
 //! planes the volume is ⅓ Σ area times distance over the faces of the remaining solid, each face clipped
 //! independently.
 
-use lbm::links::Plane;
+use lbm::links::CellPlane;
 use nalgebra::Vector3;
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -17,13 +17,13 @@ const TOUCH: f64 = 1e-12;
 /// Buffers of the clipping.
 #[derive(Default)]
 pub(super) struct Buffers {
-    pub(super) cuts: Vec<Plane>,
+    pub(super) cuts: Vec<CellPlane>,
     polygon: Vec<Vector3<f64>>,
     clipped: Vec<Vector3<f64>>,
 }
 
 /// Returns the volume of the unit cell with this lower corner inside all planes.
-pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers) -> f64 {
+pub(super) fn cut_cell(planes: &[CellPlane], lower: [f64; 3], buffers: &mut Buffers) -> f64 {
     let middle = [lower[0] + 0.5, lower[1] + 0.5, lower[2] + 0.5];
     buffers.cuts.clear();
     for plane in planes {
@@ -35,7 +35,7 @@ pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers)
         }
         if offset < reach - TOUCH {
             // From here on about the centre of the cell.
-            buffers.cuts.push(Plane { normal: n, offset });
+            buffers.cuts.push(CellPlane { normal: n, offset });
         }
     }
     match buffers.cuts[..] {
@@ -46,7 +46,7 @@ pub(super) fn cut_cell(planes: &[Plane], lower: [f64; 3], buffers: &mut Buffers)
 }
 
 /// Returns the volume of a unit cube about the origin inside one plane that cuts it.
-pub(super) fn cut_once(plane: &Plane) -> f64 {
+pub(super) fn cut_once(plane: &CellPlane) -> f64 {
     let mut m = plane.normal.map(f64::abs);
     m.sort_by(f64::total_cmp);
     let sum = m[0] + m[1] + m[2];

@@ -1,19 +1,20 @@
 //! One row of cells alone: what the rows of a layer are compared with.
 
-use super::super::{Form, LEVEL, Row};
+use super::super::{Form, LEVEL, RowIntervals};
 use base::ball::{Beside, EMPTY, chord};
-use lbm::links::Plane;
+use lbm::links::CellPlane;
 
 /// Returns the row of cells along `axis` through the cell with this lower corner.
-pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> Row {
+pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> RowIntervals {
     match form {
         Form::Disc { centre, radius } => {
-            let beside = Beside::of(centre[1 - axis], lower[1 - axis]);
+            let beside = Beside::along_axis(centre[1 - axis], lower[1 - axis]);
             round_row(centre[axis], *radius, beside)
         }
         Form::Ball { centre, radius } => {
             let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-            let beside = Beside::of(centre[b], lower[b]) + Beside::of(centre[c], lower[c]);
+            let beside =
+                Beside::along_axis(centre[b], lower[b]) + Beside::along_axis(centre[c], lower[c]);
             round_row(centre[axis], *radius, beside)
         }
         Form::Block { surface, .. } => block_row(surface.planes(), axis, lower),
@@ -21,20 +22,20 @@ pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> Row {
 }
 
 /// Returns the row of a ball or disc; `centre` along the row.
-fn round_row(centre: f64, radius: f64, beside: Beside) -> Row {
+fn round_row(centre: f64, radius: f64, beside: Beside) -> RowIntervals {
     let reach = |squared: f64| chord(centre, radius, squared);
-    Row {
+    RowIntervals {
         outer: reach(beside.nearest),
         inner: reach(beside.farthest),
         deep: reach(beside.beyond),
     }
 }
 
-fn block_row(planes: &[Plane], axis: usize, lower: [f64; 3]) -> Row {
-    let mut row = Row {
-        outer: Row::ALL,
-        inner: Row::ALL,
-        deep: Row::ALL,
+fn block_row(planes: &[CellPlane], axis: usize, lower: [f64; 3]) -> RowIntervals {
+    let mut row = RowIntervals {
+        outer: RowIntervals::ALL,
+        inner: RowIntervals::ALL,
+        deep: RowIntervals::ALL,
     };
     for plane in planes {
         let n = plane.normal;

@@ -1,9 +1,9 @@
 //! Dipping ground against exact solutions.
 
-use super::super::{Equations, Liquid, Medium, Patch, Settings};
+use super::super::{Equations, Liquid, Medium, PressurePatch, PressureSettings};
 use super::*;
 use crate::enclosure::Enclosure;
-use crate::{Grid, Openness};
+use crate::{Openness, SeepageGrid};
 use base::number::real;
 use decomposition::Communicator;
 
@@ -18,8 +18,8 @@ fn tensor(degrees: f64) -> [f64; 3] {
     [c * c + 0.1 * s * s, s * s + 0.1 * c * c, 0.9 * s * c]
 }
 
-fn plane(cells: [usize; 2], size: [f64; 2]) -> Grid {
-    Grid {
+fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
+    SeepageGrid {
         cells: [cells[0], cells[1], 1],
         origin: [0.0; 3],
         spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
@@ -28,7 +28,10 @@ fn plane(cells: [usize; 2], size: [f64; 2]) -> Grid {
 }
 
 /// Returns a patch for each face of the boundary, with the condition of its middle.
-fn around(grid: &Grid, condition: impl Fn(usize, bool, [f64; 2]) -> Condition) -> Vec<Patch> {
+fn around(
+    grid: &SeepageGrid,
+    condition: impl Fn(usize, bool, [f64; 2]) -> Condition,
+) -> Vec<PressurePatch> {
     let mut all = Vec::new();
     for axis in 0..2 {
         for upper in [false, true] {
@@ -40,7 +43,7 @@ fn around(grid: &Grid, condition: impl Fn(usize, bool, [f64; 2]) -> Condition) -
                 }
                 let mut middle = grid.centre(from);
                 middle[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
-                all.push(Patch {
+                all.push(PressurePatch {
                     axis,
                     upper,
                     from,
@@ -60,11 +63,11 @@ fn value(p: f64) -> Condition {
 
 /// Returns a solver for tensors of the cells, and their conductivity.
 fn solver(
-    grid: &Grid,
-    patches: Vec<Patch>,
+    grid: &SeepageGrid,
+    patches: Vec<PressurePatch>,
     of: impl Fn([f64; 2]) -> [f64; 3],
 ) -> (Pressure, Vec<f64>) {
-    let settings = Settings {
+    let settings = PressureSettings {
         equations: Equations::Corrected,
         gravity: [0.0; 3],
         tolerance: 1e-12,

@@ -1,7 +1,7 @@
 //! Newton's method for the unsaturated flow, and the linear solver of its steps.
 
 use super::Unsaturated;
-use crate::Error;
+use crate::SeepageError;
 use crate::pressure::Pressure;
 use crate::reproducible::{dot, power_above};
 use base::number::single;
@@ -64,7 +64,11 @@ pub(super) struct Outcome {
 
 impl Pressure {
     /// Newton's method from the present pressure, in at most this number of steps. Collective.
-    pub(super) fn newton(&mut self, own: &mut Unsaturated, steps: u32) -> Result<Outcome, Error> {
+    pub(super) fn newton(
+        &mut self,
+        own: &mut Unsaturated,
+        steps: u32,
+    ) -> Result<Outcome, SeepageError> {
         let mut iterations = 0;
         self.evaluate(own);
         let mut norm = self.norm();

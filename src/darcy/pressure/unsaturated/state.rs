@@ -16,7 +16,7 @@ impl Pressure {
         let Some(own) = &self.unsaturated else {
             return 1.0;
         };
-        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        let at = self.slab.layout.position(self.slab.grid.cell(cell));
         own.law(at).saturation(self.pressure_head(own, at))
     }
 
@@ -34,7 +34,7 @@ impl Pressure {
             let dipping = self.dipping_gradient(cell);
             return dipping.unwrap_or_else(|| self.reduced_gradient(cell));
         };
-        let at = self.slab.layout.at(self.slab.grid.cell(cell));
+        let at = self.slab.layout.position(self.slab.grid.cell(cell));
         let mut driven: [f64; 3] = std::array::from_fn(|axis| {
             let stride = self.slab.layout.stride[axis];
             let face = |at: usize| {

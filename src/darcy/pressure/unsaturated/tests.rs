@@ -3,11 +3,11 @@ mod transient;
 
 use super::*;
 use crate::enclosure::Enclosure;
-use crate::pressure::{Equations, Liquid, Patch, Settings};
+use crate::pressure::{Equations, Liquid, PressurePatch, PressureSettings};
 use crate::retention::gardner::Gardner;
 use crate::retention::saturated_only::SaturatedOnly;
 use crate::retention::van_genuchten::VanGenuchten;
-use crate::{Grid, Openness};
+use crate::{Openness, SeepageGrid};
 use base::number::real;
 use decomposition::Communicator;
 
@@ -17,8 +17,8 @@ const WATER: Liquid = Liquid {
 };
 const G: f64 = 9.81;
 
-fn settings() -> Settings {
-    Settings {
+fn settings() -> PressureSettings {
+    PressureSettings {
         equations: Equations::Corrected,
         gravity: [0.0, -G, 0.0],
         tolerance: 1e-9,
@@ -27,8 +27,8 @@ fn settings() -> Settings {
 }
 
 /// A grid of a plane, y up.
-fn plane(cells: [usize; 2], size: [f64; 2]) -> Grid {
-    Grid {
+fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
+    SeepageGrid {
         cells: [cells[0], cells[1], 1],
         origin: [0.0; 3],
         spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
@@ -37,12 +37,18 @@ fn plane(cells: [usize; 2], size: [f64; 2]) -> Grid {
 }
 
 /// A face of a grid of a plane between two heights or places.
-fn patch(grid: &Grid, axis: usize, upper: bool, ends: [f64; 2], condition: Condition) -> Patch {
+fn patch(
+    grid: &SeepageGrid,
+    axis: usize,
+    upper: bool,
+    ends: [f64; 2],
+    condition: Condition,
+) -> PressurePatch {
     let across = 1 - axis;
     let (mut from, mut to) = ([0; 3], grid.cells);
     let place = |x: f64| base::number::whole((x / grid.spacing[across]).round());
     (from[across], to[across]) = (place(ends[0]), place(ends[1]));
-    Patch {
+    PressurePatch {
         axis,
         upper,
         from,
@@ -52,7 +58,7 @@ fn patch(grid: &Grid, axis: usize, upper: bool, ends: [f64; 2], condition: Condi
     }
 }
 
-fn solver(grid: &Grid, patches: Vec<Patch>, retention: Retention) -> Pressure {
+fn solver(grid: &SeepageGrid, patches: Vec<PressurePatch>, retention: Retention) -> Pressure {
     let open = Openness::measure(grid, &Enclosure::Everything);
     let serial = Communicator::serial();
     Pressure::new(&open, patches, WATER, settings(), &serial)
@@ -61,7 +67,7 @@ fn solver(grid: &Grid, patches: Vec<Patch>, retention: Retention) -> Pressure {
 }
 
 /// Conductivity [m2/(Pa s)] of a hydraulic conductivity \[m/s\].
-fn conductivity(grid: &Grid, hydraulic: f64) -> Vec<f64> {
+fn conductivity(grid: &SeepageGrid, hydraulic: f64) -> Vec<f64> {
     vec![hydraulic / (WATER.density * G); grid.count()]
 }
 
@@ -75,7 +81,12 @@ fn still(conductivity: &[f64]) -> Medium<'_> {
 
 /// A dam of a height above impervious ground between water of two levels, of hydraulic conductivity 1 m/s: its
 /// discharge and the height where the phreatic surface leaves it.
-fn dam(cells: [usize; 2], length: f64, levels: [f64; 2], retention: Retention) -> (Report, f64) {
+fn dam(
+    cells: [usize; 2],
+    length: f64,
+    levels: [f64; 2],
+    retention: Retention,
+) -> (SolutionReport, f64) {
     let grid = plane(cells, [length, levels[0]]);
     let downstream = Condition::SeepageFace {
         level: Some(levels[1]),

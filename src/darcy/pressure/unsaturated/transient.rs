@@ -14,7 +14,7 @@
 //! Apart from the steady flow because only this one has a state beyond the pressure.
 
 use super::{CellState, Unsaturated};
-use crate::Error;
+use crate::SeepageError;
 use crate::pressure::Pressure;
 use base::history::TimeTable;
 use decomposition::ExactSum;
@@ -231,7 +231,7 @@ impl Pressure {
         let mut inside = vec![0.0; layout.len()];
         for (cell, volume) in volume.iter().enumerate() {
             if self.conduction.conducts[cell] {
-                inside[layout.at(grid.cell(cell))] = *volume;
+                inside[layout.position(grid.cell(cell))] = *volume;
             }
         }
         let zeros = || vec![0.0; layout.len()];
@@ -306,7 +306,8 @@ impl Pressure {
             return Vec::new();
         };
         let (grid, layout) = (self.slab.grid, self.slab.layout);
-        let cells = (0..grid.count()).map(|cell| transient.stored[layout.at(grid.cell(cell))]);
+        let cells =
+            (0..grid.count()).map(|cell| transient.stored[layout.position(grid.cell(cell))]);
         let own = [
             transient.step,
             transient.time,
@@ -322,7 +323,7 @@ impl Pressure {
     ///
     /// # Errors
     /// If it is not that of this grid.
-    pub fn restore_water(&mut self, saved: &[f64]) -> Result<(), Error> {
+    pub fn restore_water(&mut self, saved: &[f64]) -> Result<(), SeepageError> {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
         let Some(mut own) = self.unsaturated.take() else {
             return Ok(());
@@ -333,7 +334,7 @@ impl Pressure {
                 Some((cells, &[step, time, entered, left, initial, level])) => {
                     self.level = level;
                     for (cell, stored) in cells.iter().enumerate() {
-                        transient.stored[layout.at(grid.cell(cell))] = *stored;
+                        transient.stored[layout.position(grid.cell(cell))] = *stored;
                     }
                     (transient.step, transient.time) = (step, time);
                     (transient.entered, transient.left) = (entered, left);
@@ -345,7 +346,7 @@ impl Pressure {
         }
         self.unsaturated = Some(own);
         if wrong {
-            return Err(Error::Messages(format!(
+            return Err(SeepageError::Messages(format!(
                 "{} numbers of the stored water for {} cells",
                 saved.len(),
                 grid.count()
@@ -355,7 +356,7 @@ impl Pressure {
     }
 
     /// Finds the state at the start.
-    fn begin(&mut self, own: &mut Unsaturated) -> Result<(), Error> {
+    fn begin(&mut self, own: &mut Unsaturated) -> Result<(), SeepageError> {
         let Some(settings) = own.transient.as_ref().map(|transient| transient.settings) else {
             return Ok(());
         };
@@ -385,7 +386,10 @@ impl Pressure {
     }
 
     /// Advances by adaptive steps to the end of the interval; returns iterations and residual.
-    pub(super) fn advance_steps(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), Error> {
+    pub(super) fn advance_steps(
+        &mut self,
+        own: &mut Unsaturated,
+    ) -> Result<(u32, f64), SeepageError> {
         if own
             .transient
             .as_ref()
@@ -437,7 +441,7 @@ impl Pressure {
             };
             transient.step = (factor * dt).min(interval);
             if transient.step < SHORTEST_STEP * interval {
-                return Err(Error::UnsteadyFlow {
+                return Err(SeepageError::UnsteadyFlow {
                     time,
                     length: own.capillary_length(),
                 });
@@ -455,7 +459,7 @@ impl Pressure {
         own: &mut Unsaturated,
         (time, dt): (f64, f64),
         iterations: &mut u32,
-    ) -> Result<Option<f64>, Error> {
+    ) -> Result<Option<f64>, SeepageError> {
         if let Some(transient) = &mut own.transient {
             transient.start_step(dt, &self.phi);
         }

@@ -5,10 +5,10 @@ use super::*;
 /// Input data of the pairs in a step.
 #[derive(Clone, Copy)]
 pub(super) struct World<'a, S: Space> {
-    pub(super) view: View<'a, S>,
+    pub(super) view: ParticlesView<'a, S>,
     pub(super) poses: &'a [Pose],
-    pub(super) rows: &'a PairTable<polyhedron::Law>,
-    pub(super) model: &'a Model,
+    pub(super) rows: &'a PairTable<polyhedron::BlockPairLaw>,
+    pub(super) model: &'a BlockContactModel,
     pub(super) offsets: &'a [S::Vector],
     pub(super) periodic: bool,
     pub(super) time_step: f64,
@@ -57,7 +57,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockPair,
         between: &Vector3<f64>,
-        history: &mut History,
+        history: &mut BlockHistory,
         narrow: &mut Narrow,
     ) -> (Option<Geometry>, bool) {
         let (i, j) = pair.ends();
@@ -86,7 +86,7 @@ impl<'a, S: Space> World<'a, S> {
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
-            pair.history = History::default();
+            pair.history = BlockHistory::default();
             return None;
         }
         let (i, j) = pair.ends();
@@ -95,7 +95,7 @@ impl<'a, S: Space> World<'a, S> {
             let measured = (&span.between, span.squared, distance, 1.0 / distance);
             let motion = &self.view.motion;
             let record = &mut tally.deepest;
-            return act::<S, Blocks>(self.rows, pair, motion, measured, record, self.time_step);
+            return act::<S, BlockLaw>(self.rows, pair, motion, measured, record, self.time_step);
         }
         tally.calls += 1;
         let between = S::to_volume(&span.between);
@@ -113,10 +113,12 @@ impl<'a, S: Space> World<'a, S> {
                 (i, j, between)
             };
             let approach = self.approach([first, second], separation, pair.scale.mass);
-            self.rows.at(pair.row).act(&touch, &mut history, &approach)
+            self.rows
+                .parameters_at(pair.row)
+                .act(&touch, &mut history, &approach)
         });
         pair.history = if touch.is_none() && self.rounded(pair) {
-            History::default()
+            BlockHistory::default()
         } else {
             history
         };
@@ -208,13 +210,13 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &BlockAtPlane,
         wall: &Wall<S>,
-        history: &mut History,
+        history: &mut BlockHistory,
         narrow: &mut Narrow,
     ) -> Option<Geometry> {
         let k = pair.grain as usize;
         let height = wall.distance(&self.view.motion[k].position);
         if height >= pair.radius {
-            *history = History::default();
+            *history = BlockHistory::default();
             return None;
         }
         let placed = self.poses[k].placed(self.shape(k)?);
@@ -259,9 +261,9 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         k: usize,
         wall: &Wall<S>,
-        constants: &Constants,
+        constants: &BlockConstants,
         (touch, (part, damped)): (&Geometry, (f64, f64)),
-        history: &mut History,
+        history: &mut BlockHistory,
     ) -> Load<S> {
         let block = &self.view.motion[k];
         let approach = Approach {
@@ -317,7 +319,7 @@ impl<'a, S: Space> World<'a, S> {
         wall: &Wall<S>,
         faces: &Faces,
         face: &[[u32; 2]],
-        constants: &Constants,
+        constants: &BlockConstants,
     ) -> f64 {
         let (Some(surface), Some(shape)) = (&wall.surface, self.shape(k)) else {
             return 1.0;

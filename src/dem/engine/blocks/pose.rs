@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::super::View;
+use super::super::super::ParticlesView;
 use super::super::super::polyhedron::{Placed, Polyhedron};
 use super::super::super::space::Space;
 
@@ -15,7 +15,7 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    pub(super) fn of<S: Space>(view: &View<'_, S>, k: usize) -> Self {
+    pub(super) fn from_view<S: Space>(view: &ParticlesView<'_, S>, k: usize) -> Self {
         let Some((shape, rotation)) = view.polyhedron(k) else {
             let half = Vector3::repeat(view.body[k].radius);
             return Self {

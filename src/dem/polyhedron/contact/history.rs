@@ -6,7 +6,7 @@ use super::super::linear_program::AFRESH;
 
 /// History of a pair: plain data, 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct History {
+pub struct BlockHistory {
     /// The axis that separated the pair when it was last looked at, in the first's frame; zero where none did.
     pub(super) axis: Vector3<f64>,
     /// The last contact point, in the first's frame.
@@ -21,7 +21,7 @@ pub struct History {
     pub(in crate::polyhedron) twist: f64,
 }
 
-impl Default for History {
+impl Default for BlockHistory {
     fn default() -> Self {
         Self {
             axis: Vector3::zeros(),
@@ -34,7 +34,7 @@ impl Default for History {
     }
 }
 
-impl History {
+impl BlockHistory {
     /// Number of values.
     pub const NUMBERS: usize = 17;
 
@@ -79,7 +79,7 @@ impl History {
         self.shear
     }
 
-    /// Keeps normal and shear spring of a contact that another force law than [`super::Law`] has acted at.
+    /// Keeps normal and shear spring of a contact that another force law than [`super::BlockPairLaw`] has acted at.
     pub(crate) fn hold(&mut self, normal: &Vector3<f64>, shear: &Vector3<f64>) {
         self.normal = *normal;
         self.shear = *shear;

@@ -9,7 +9,7 @@ use super::super::HalfSpace;
 use super::super::cut::across;
 use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
-use super::{Geometry, Model, Narrow, Other};
+use super::{BlockContactModel, Geometry, Narrow, Other};
 
 /// Relative enlargement of the second block where surfaces are cut (2^-36), so that faces of both in one plane are
 /// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
@@ -39,7 +39,7 @@ impl Narrow {
         first: &Polyhedron,
         other: &Other,
         near: &Vector3<f64>,
-        model: &Model,
+        model: &BlockContactModel,
     ) -> Overlap {
         self.grown.clear();
         self.vertices.clear();
@@ -62,7 +62,7 @@ impl Narrow {
             Other::Plane(plane) => self.grown.push(*plane),
         }
         let mut sum = Overlap::default();
-        let presses = *model == Model::Pressure && matches!(other, Other::Block { .. });
+        let presses = *model == BlockContactModel::Pressure && matches!(other, Other::Block { .. });
         self.triangles.clear();
         // The first's faces inside the second.
         cutters(&self.grown, first.vertices(), &mut self.cutting);
@@ -196,7 +196,7 @@ impl Narrow {
 
     /// Returns the contact of two blocks that press on each other; none if rounding leaves nothing of the overlap.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
-        let push = overlap.pressure.at(&overlap.centroid)?;
+        let push = overlap.pressure.push_at(&overlap.centroid)?;
         // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area
         // that does not vanish.
         let [one, two] = overlap.surfaces;

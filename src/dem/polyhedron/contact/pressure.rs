@@ -50,7 +50,7 @@ pub(super) struct Push {
 
 impl Wrench {
     /// Returns it as a force at a point; none without a force.
-    pub(super) fn at(&self, point: &Vector3<f64>) -> Option<Push> {
+    pub(super) fn push_at(&self, point: &Vector3<f64>) -> Option<Push> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;
         let couple = (self.moment - point.cross(&self.force)) / size;

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::super::force::Stiffness;
-use super::super::{Model, Polyhedron, RotationState};
+use super::super::{BlockContactModel, Polyhedron, RotationState};
 use super::motion::{Block, World, law};
 use super::{between, direction, random_hull, random_orientation};
 use base::random::Stream;
@@ -46,7 +46,7 @@ fn crowd(seed: u64) -> Vec<Block> {
 }
 
 /// Returns the largest relative change of the energy of motion while no contact is closed, over a number of impacts.
-fn drift(model: Model, stiffness: Stiffness, time_step: f64, impacts: u32) -> f64 {
+fn drift(model: BlockContactModel, stiffness: Stiffness, time_step: f64, impacts: u32) -> f64 {
     let mut law = law(1.0, 0.0, 0.0);
     law.stiffness = stiffness;
     let mut world = World::new(crowd(1), law, model, time_step).closed(SIZE);
@@ -80,7 +80,14 @@ fn per_area(normal: f64) -> Stiffness {
 fn a_thousand_impacts_keep_the_energy() {
     for stiffness in [1e8_f64, 1e9] {
         let time_step = 0.1 * (2600.0 * 0.03 / (stiffness * 0.24)).sqrt();
-        assert!(drift(Model::Pressure, per_area(stiffness), time_step, 1000) < 1e-5);
+        assert!(
+            drift(
+                BlockContactModel::Pressure,
+                per_area(stiffness),
+                time_step,
+                1000
+            ) < 1e-5
+        );
     }
 }
 
@@ -91,6 +98,6 @@ fn points_of_contact_do_not_keep_it() {
         normal: 1e8,
         shear: 0.0,
     };
-    let point = Model::Point { rounding: 2e-3 };
+    let point = BlockContactModel::Point { rounding: 2e-3 };
     assert!(drift(point, per_contact, 8e-5, 200) > 1e-2);
 }

@@ -3,11 +3,14 @@
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::force::{Approach, Law, Stiffness};
-use super::super::{Action, Damping, History, Model, Narrow, Placed, Polyhedron, RotationState};
+use super::super::force::{Approach, BlockPairLaw, Stiffness};
+use super::super::{
+    BlockContactModel, BlockHistory, ContactResponse, Damping, Narrow, Placed, Polyhedron,
+    RotationState,
+};
 
 const GRAVITY: f64 = 9.81;
-const BOON: Model = Model::Point { rounding: 2e-3 };
+const BOON: BlockContactModel = BlockContactModel::Point { rounding: 2e-3 };
 
 pub(super) struct Block {
     shape: Polyhedron,
@@ -16,8 +19,8 @@ pub(super) struct Block {
     position: Vector3<f64>,
     pub(super) velocity: Vector3<f64>,
     pub(super) rotation: RotationState,
-    floor: History,
-    walls: Vec<History>,
+    floor: BlockHistory,
+    walls: Vec<BlockHistory>,
 }
 
 impl Block {
@@ -30,7 +33,7 @@ impl Block {
             position,
             velocity: Vector3::zeros(),
             rotation: RotationState::default(),
-            floor: History::default(),
+            floor: BlockHistory::default(),
             walls: Vec::new(),
         }
     }
@@ -57,14 +60,14 @@ impl Block {
 /// Blocks above the plane z = 0, where there is one, or within walls.
 pub(super) struct World {
     pub(super) blocks: Vec<Block>,
-    pub(super) pairs: Vec<(usize, usize, History)>,
+    pub(super) pairs: Vec<(usize, usize, BlockHistory)>,
     floor: bool,
     /// Normals into the space of the blocks, and their distances \[m\] from the origin.
     walls: Vec<(Vector3<f64>, f64)>,
     /// Number of impacts of blocks on blocks or walls.
     pub(super) impacts: u32,
-    law: Law,
-    model: Model,
+    law: BlockPairLaw,
+    model: BlockContactModel,
     gravity: Vector3<f64>,
     time_step: f64,
     damping: f64,
@@ -73,10 +76,15 @@ pub(super) struct World {
 }
 
 impl World {
-    pub(super) fn new(blocks: Vec<Block>, law: Law, model: Model, time_step: f64) -> Self {
+    pub(super) fn new(
+        blocks: Vec<Block>,
+        law: BlockPairLaw,
+        model: BlockContactModel,
+        time_step: f64,
+    ) -> Self {
         let count = blocks.len();
         let pairs = (0..count)
-            .flat_map(|a| (a + 1..count).map(move |b| (a, b, History::default())))
+            .flat_map(|a| (a + 1..count).map(move |b| (a, b, BlockHistory::default())))
             .collect();
         Self {
             loads: vec![(Vector3::zeros(), Vector3::zeros()); count],
@@ -101,7 +109,7 @@ impl World {
             self.walls.push((-axis, -size));
         }
         for block in &mut self.blocks {
-            block.walls = vec![History::default(); self.walls.len()];
+            block.walls = vec![BlockHistory::default(); self.walls.len()];
         }
         self
     }
@@ -118,7 +126,7 @@ impl World {
         }
         let placed = |block: &Block| block.rotation.matrix();
         let mut wall =
-            |block: &Block, normal: &Vector3<f64>, height: f64, history: &mut History| {
+            |block: &Block, normal: &Vector3<f64>, height: f64, history: &mut BlockHistory| {
                 let rotation = placed(block);
                 let shape = &block.shape;
                 let touch = self.narrow.plane(
@@ -194,7 +202,7 @@ impl World {
                     part: 1.0,
                     damped: 1.0,
                 };
-                let Action {
+                let ContactResponse {
                     force,
                     on_first,
                     on_second,
@@ -220,7 +228,7 @@ impl World {
     pub(super) fn touching(&self) -> bool {
         let walls = self.blocks.iter().flat_map(|block| &block.walls);
         let mut all = walls.chain(self.pairs.iter().map(|(_, _, history)| history));
-        all.any(History::touching)
+        all.any(BlockHistory::touching)
     }
 
     pub(super) fn run(&mut self, steps: u64) {
@@ -246,8 +254,8 @@ impl World {
     }
 }
 
-pub(super) fn law(normal: f64, friction: f64, damping: f64) -> Law {
-    Law {
+pub(super) fn law(normal: f64, friction: f64, damping: f64) -> BlockPairLaw {
+    BlockPairLaw {
         stiffness: Stiffness::PerArea {
             normal,
             shear: 0.5 * normal,
@@ -261,7 +269,7 @@ pub(super) fn law(normal: f64, friction: f64, damping: f64) -> Law {
 #[test]
 fn a_block_slides_and_sticks_on_a_slope() {
     // block_incline.csv: slope, friction angle, acceleration.
-    for model in [Model::Pressure, Model::Patch, BOON] {
+    for model in [BlockContactModel::Pressure, BlockContactModel::Patch, BOON] {
         for (slope, friction, rate) in [
             (15.0_f64, 20.0_f64, 0.0),
             (25.0, 20.0, 0.90987),
@@ -336,8 +344,12 @@ fn a_tilted_block_topples_at_its_angle() {
         for (off, topples) in [(-0.15_f64, false), (0.15, true)] {
             let angle = limit + off.to_radians();
             let block = Block::cuboid(width, 1.0, 1.0, Vector3::new(0.0, 0.0, 0.5));
-            let mut world =
-                World::new(vec![block], law(stiffness, 1.0, 0.3), Model::Pressure, 1e-4);
+            let mut world = World::new(
+                vec![block],
+                law(stiffness, 1.0, 0.3),
+                BlockContactModel::Pressure,
+                1e-4,
+            );
             world.damping = 4.0;
             // Tilted slowly to half a degree below, then to the angle.
             for k in 0..20 {
@@ -378,7 +390,7 @@ fn collisions_keep_energy_and_momenta() {
         ),
         ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-6, 1e-3, 1e-1]),
     ] {
-        for (model, tolerance) in [Model::Pressure, Model::Patch, BOON]
+        for (model, tolerance) in [BlockContactModel::Pressure, BlockContactModel::Patch, BOON]
             .into_iter()
             .zip(tolerances)
         {
@@ -425,7 +437,7 @@ fn collisions_keep_energy_and_momenta() {
 
 /// Returns ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has
 /// moved sideways since the first half, and the largest lean.
-fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
+fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
     let stiffness = 1e9;
     let mut blocks = Vec::new();
     for k in 0..10 {
@@ -469,6 +481,6 @@ fn stack(model: Model, damping: f64, steps: u64) -> [f64; 3] {
 /// Over a million steps too: the module's figures were measured with more steps.
 #[test]
 fn ten_blocks_stand() {
-    let [speed, moved, lean] = stack(Model::Pressure, 100.0, 8000);
+    let [speed, moved, lean] = stack(BlockContactModel::Pressure, 100.0, 8000);
     assert!(speed < 1e-3 && moved < 1e-3 && lean < 1e-3);
 }

@@ -10,7 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use super::super::contact::Geometry;
 use super::super::linear_program::{AFRESH, Verdict, solve};
 use super::super::separating_axes::widest_gap;
-use super::super::{History, Model, Narrow, Polyhedron};
+use super::super::{BlockContactModel, BlockHistory, Narrow, Polyhedron};
 use super::values::together;
 use super::{between, direction, placed, random_hull, random_orientation};
 use base::random::Stream;
@@ -26,7 +26,12 @@ struct Pair<'a> {
 }
 
 impl Pair<'_> {
-    fn meet(&self, narrow: &mut Narrow, model: &Model, history: &mut History) -> Option<Geometry> {
+    fn meet(
+        &self,
+        narrow: &mut Narrow,
+        model: &BlockContactModel,
+        history: &mut BlockHistory,
+    ) -> Option<Geometry> {
         let [one, two] = [0, 1].map(|k| placed(self.shapes[k], &self.orientations[k]));
         narrow.blocks(&one, &two, &self.separation, model, history)
     }
@@ -154,12 +159,12 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
         let pair = pair(&shapes, id);
         let (_, gap) = pair.oracle();
         let models = [
-            Model::Pressure,
-            Model::Patch,
-            Model::Point { rounding: 1e-3 },
+            BlockContactModel::Pressure,
+            BlockContactModel::Patch,
+            BlockContactModel::Point { rounding: 1e-3 },
         ];
         let model = models[usize::try_from(id % 3).unwrap()];
-        let mut history = History::default();
+        let mut history = BlockHistory::default();
         let touch = pair.meet(&mut narrow, &model, &mut history);
         if gap.abs() < BAND {
             within += 1;
@@ -236,7 +241,11 @@ fn the_patch_has_the_overlaps_volume() {
     let mut compared = 0;
     for id in 0..1200 {
         let pair = pair(&shapes, id);
-        let Some(touch) = pair.meet(&mut narrow, &Model::Patch, &mut History::default()) else {
+        let Some(touch) = pair.meet(
+            &mut narrow,
+            &BlockContactModel::Patch,
+            &mut BlockHistory::default(),
+        ) else {
             continue;
         };
         // The half-spaces of both as one solid: another algorithm.
@@ -279,7 +288,7 @@ fn what_newton_or_the_program_leaves_open_is_still_a_contact() {
         let pair = pair(&shapes, id);
         let (_, gap) = pair.oracle();
         let [one, two] = [0, 1].map(|k| placed(pair.shapes[k], &pair.orientations[k]));
-        let touch = narrow.last_resort(&one, &two, &pair.separation, &mut History::default());
+        let touch = narrow.last_resort(&one, &two, &pair.separation, &mut BlockHistory::default());
         assert!(
             gap.abs() < BAND || touch.is_some() == (gap < 0.0),
             "pair {id}"
@@ -295,22 +304,26 @@ fn what_newton_or_the_program_leaves_open_is_still_a_contact() {
 fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
     let shapes = shapes();
     let mut narrow = Narrow::default();
-    let rounding = Model::Point { rounding: 1e-2 };
+    let rounding = BlockContactModel::Point { rounding: 1e-2 };
     for id in 0..1500 {
         let pair = pair(&shapes, id);
-        for model in [Model::Pressure, Model::Patch, rounding] {
-            let Some(touch) = pair.meet(&mut narrow, &model, &mut History::default()) else {
+        for model in [
+            BlockContactModel::Pressure,
+            BlockContactModel::Patch,
+            rounding,
+        ] {
+            let Some(touch) = pair.meet(&mut narrow, &model, &mut BlockHistory::default()) else {
                 continue;
             };
             // The same bits from the same numbers, whatever was done in between.
-            let again = pair.meet(&mut Narrow::default(), &model, &mut History::default());
+            let again = pair.meet(&mut Narrow::default(), &model, &mut BlockHistory::default());
             assert_eq!(again, Some(touch));
             let swapped = Pair {
                 shapes: [pair.shapes[1], pair.shapes[0]],
                 orientations: [pair.orientations[1], pair.orientations[0]],
                 separation: -pair.separation,
             };
-            let other = swapped.meet(&mut narrow, &model, &mut History::default());
+            let other = swapped.meet(&mut narrow, &model, &mut BlockHistory::default());
             // Through and through the exhaustive test decides, and may have two answers as good as each other.
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
@@ -340,9 +353,13 @@ fn history_survives_as_numbers() {
     let mut narrow = Narrow::default();
     for id in 0..200 {
         let pair = pair(&shapes, id);
-        let mut history = History::default();
-        pair.meet(&mut narrow, &Model::Point { rounding: 1e-3 }, &mut history);
-        assert_eq!(History::load(&history.save()), history);
+        let mut history = BlockHistory::default();
+        pair.meet(
+            &mut narrow,
+            &BlockContactModel::Point { rounding: 1e-3 },
+            &mut history,
+        );
+        assert_eq!(BlockHistory::load(&history.save()), history);
     }
 }
 
@@ -381,11 +398,11 @@ fn a_pebble_on_a_mountain() {
         pair.separation += axis * (wanted - gap);
         let (_, gap) = pair.oracle();
         for model in [
-            Model::Pressure,
-            Model::Patch,
-            Model::Point { rounding: 2e-3 },
+            BlockContactModel::Pressure,
+            BlockContactModel::Patch,
+            BlockContactModel::Point { rounding: 2e-3 },
         ] {
-            let touch = pair.meet(&mut narrow, &model, &mut History::default());
+            let touch = pair.meet(&mut narrow, &model, &mut BlockHistory::default());
             assert_eq!(touch.is_some(), gap < 0.0, "pair {id}: {gap:e} {touch:?}");
             if let Some(touch) = touch {
                 assert!(

@@ -3,12 +3,12 @@
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::super::{HalfSpace, Polyhedron, ShapeError, Solid};
+use super::super::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 use super::{between, random_hull, random_orientation};
 use base::random::Stream;
 
 /// Returns the triangles of a solid where it stands.
-fn triangles(solid: &Solid) -> Vec<[Vector3<f64>; 3]> {
+fn triangles(solid: &PlacedPolyhedron) -> Vec<[Vector3<f64>; 3]> {
     let at = |v: u32| solid.position + solid.orientation * solid.shape.vertices()[v as usize];
     let mut found = Vec::new();
     for face in 0..solid.shape.half_spaces().len() {
@@ -115,7 +115,7 @@ fn random_hulls_survive_every_way_round() {
         let shape = random_hull(&mut draw, count);
         check(&shape);
         assert!(shape.vertices().len() <= count);
-        let solid = Solid {
+        let solid = PlacedPolyhedron {
             orientation: random_orientation(&mut draw),
             position: Vector3::from_fn(|_, _| between(&mut draw, -9.0, 9.0)),
             shape,
@@ -214,7 +214,7 @@ fn what_is_no_block_is_refused_with_a_reason() {
     assert!(Polyhedron::cuboid(Vector3::new(1.0, 0.0, 1.0)).is_err());
     assert!(Polyhedron::cuboid(Vector3::new(1.0, 1e-12, 1.0)).is_err());
 
-    let cube = Solid {
+    let cube = PlacedPolyhedron {
         shape: Polyhedron::cuboid(Vector3::new(1.0, 1.0, 1.0)).unwrap(),
         position: Vector3::new(5.0, 0.0, 0.0),
         orientation: UnitQuaternion::identity(),

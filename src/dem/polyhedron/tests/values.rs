@@ -7,7 +7,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::Approach;
 use super::super::linear_program::{AFRESH, Verdict, solve};
-use super::super::{HalfSpace, History, Law, Model, Narrow, Polyhedron, Stiffness};
+use super::super::{
+    BlockContactModel, BlockHistory, BlockPairLaw, HalfSpace, Narrow, Polyhedron, Stiffness,
+};
 use super::{between, direction, placed, random_hull, random_orientation};
 use base::random::Stream;
 
@@ -121,14 +123,14 @@ fn cubes_touch_where_the_table_says() {
                 .all(|plane| plane.height(&point) < -depth + 1e-12)
         );
         let [one, two] = [0, 1].map(|k| placed(&cube, &case.orientations[k]));
-        let published = Model::Point { rounding: 0.05 };
+        let published = BlockContactModel::Point { rounding: 0.05 };
         let touch = narrow
             .blocks(
                 &one,
                 &two,
                 &case.separation,
                 &published,
-                &mut History::default(),
+                &mut BlockHistory::default(),
             )
             .unwrap();
         assert_relative_eq!(touch.arm, case.centre, epsilon = 1e-9);
@@ -139,8 +141,8 @@ fn cubes_touch_where_the_table_says() {
                 &one,
                 &two,
                 &case.separation,
-                &Model::Patch,
-                &mut History::default(),
+                &BlockContactModel::Patch,
+                &mut BlockHistory::default(),
             )
             .unwrap();
         assert_relative_eq!(touch.arm, case.centroid, epsilon = 2e-9);
@@ -164,14 +166,14 @@ fn a_gap_is_a_gap() {
     let cube = Polyhedron::cuboid(Vector3::new(1.0, 1.0, 1.0)).unwrap();
     let none = UnitQuaternion::identity();
     let mut narrow = Narrow::default();
-    let mut history = History::default();
-    let look = |narrow: &mut Narrow, history: &mut History, x| {
+    let mut history = BlockHistory::default();
+    let look = |narrow: &mut Narrow, history: &mut BlockHistory, x| {
         let cube = placed(&cube, &none);
         narrow.blocks(
             &cube,
             &cube,
             &Vector3::new(x, 0.0, 0.0),
-            &Model::Patch,
+            &BlockContactModel::Patch,
             history,
         )
     };
@@ -203,13 +205,13 @@ fn thin_overlaps_have_a_centre() {
             let (x, y) = (between(&mut draw, -0.3, 0.3), between(&mut draw, -0.2, 0.2));
             let separation = turn * Vector3::new(x, y, 0.5005 - overlap);
             let (one, two) = (turn, turn * about);
-            let mut history = History::default();
+            let mut history = BlockHistory::default();
             let touch = narrow
                 .blocks(
                     &placed(&cube, &one),
                     &placed(&plate, &two),
                     &separation,
-                    &Model::Point { rounding: 1e-4 },
+                    &BlockContactModel::Point { rounding: 1e-4 },
                     &mut history,
                 )
                 .unwrap();
@@ -236,7 +238,13 @@ fn a_block_on_a_plane_is_a_bed_of_springs() {
         for depth in [1e-3, 1e-5] {
             let height = 0.3 - depth;
             let touch = narrow
-                .plane(&block, &up, height, &Model::Patch, &mut History::default())
+                .plane(
+                    &block,
+                    &up,
+                    height,
+                    &BlockContactModel::Patch,
+                    &mut BlockHistory::default(),
+                )
                 .unwrap();
             // The integral of the depth under the plane over the bottom, and over the plane.
             let (sin, cos) = (tilt.sin(), tilt.cos());
@@ -263,15 +271,21 @@ fn a_block_on_a_plane_is_a_bed_of_springs() {
                     &block,
                     &up,
                     height,
-                    &Model::Point { rounding: 1e-2 },
-                    &mut History::default(),
+                    &BlockContactModel::Point { rounding: 1e-2 },
+                    &mut BlockHistory::default(),
                 )
                 .unwrap();
             assert!(point.depth > 0.0 && point.normal.z < -0.9);
         }
         assert!(
             narrow
-                .plane(&block, &up, 0.6, &Model::Patch, &mut History::default())
+                .plane(
+                    &block,
+                    &up,
+                    0.6,
+                    &BlockContactModel::Patch,
+                    &mut BlockHistory::default()
+                )
                 .is_none()
         );
     }
@@ -337,7 +351,7 @@ fn a_block_turns_freely_about_its_edge() {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt);
     let block = placed(&shape, &turn);
     let below = shape.support(&(turn.inverse() * -Vector3::z())).1;
-    let law = |damping| Law {
+    let law = |damping| BlockPairLaw {
         stiffness: Stiffness::PerContact {
             normal: 1e8,
             shear: 1e8,
@@ -347,13 +361,13 @@ fn a_block_turns_freely_about_its_edge() {
         shear_damping: 0.0,
     };
     let mut narrow = Narrow::default();
-    let mut history = History::default();
+    let mut history = BlockHistory::default();
     let touch = narrow
         .plane(
             &block,
             &Vector3::z(),
             below - depth,
-            &Model::Patch,
+            &BlockContactModel::Patch,
             &mut history,
         )
         .unwrap();
@@ -372,7 +386,7 @@ fn a_block_turns_freely_about_its_edge() {
             damped: 1.0,
         };
         let [with, without] = [0.3, 0.0].map(|damping| {
-            let mut history = History::default();
+            let mut history = BlockHistory::default();
             law(damping).act(&touch, &mut history, &approach).on_first
         });
         with - without

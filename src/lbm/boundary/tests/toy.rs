@@ -4,7 +4,7 @@
 
 use crate::boundary::profile::ReadTable;
 use crate::boundary::{
-    Crossing, FaceLink, Giver, Model, Moment, Nature, Place, Rule, Site, Strength, Surface,
+    Crossing, FaceLink, Giver, BoundaryModel, RuleStep, BoundaryKind, Place, Rule, Site, Strength, SurfaceKind,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -22,14 +22,14 @@ pub struct Toy {
     pub returned: f64,
 }
 
-const NATURE: Nature = Nature {
-    surface: Surface::Opening,
+const KIND: BoundaryKind = BoundaryKind {
+    surface: SurfaceKind::Opening,
     strength: Strength::Outflow,
 };
 
-impl Model for Toy {
-    fn nature(&self) -> Nature {
-        NATURE
+impl BoundaryModel for Toy {
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
@@ -56,8 +56,8 @@ struct Links {
 }
 
 impl<S: Stored> Rule<S> for Links {
-    fn nature(&self) -> Nature {
-        NATURE
+    fn kind(&self) -> BoundaryKind {
+        KIND
     }
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
@@ -65,7 +65,7 @@ impl<S: Stored> Rule<S> for Links {
         Giver::Rule
     }
 
-    fn apply(&mut self, populations: &mut Populations<S>, _: &Moment) {
+    fn apply(&mut self, populations: &mut Populations<S>, _: &RuleStep) {
         let parity = populations.parity();
         let numbers = populations.numbers_mut();
         for link in &self.links {

@@ -39,7 +39,7 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
         } else {
             [0.0; 3]
         };
-        let p = Moments::of::<L, G, Q>(g, half_force);
+        let p = Moments::from_pairs::<L, G, Q>(g, half_force);
         let keep = N::splat(1.0) - omega;
         // 3 ω m: the rate goes into the moments, so that one that differs from cell to cell costs nothing more.
         let rate = omega * N::splat(3.0);

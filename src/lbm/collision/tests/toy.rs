@@ -1,7 +1,7 @@
 //! The file of an operator that exists in this test only.
 
 use crate::collision::border::{Border, MovingBody, Situation};
-use crate::collision::{Collision, Dispatch, Kernels, Model, Site};
+use crate::collision::{Collision, Dispatch, Kernels, CollisionModel, Site};
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 use base::family::Description;
@@ -17,7 +17,7 @@ pub struct Parameters {
     pub strength: f64,
 }
 
-impl Model for Parameters {
+impl CollisionModel for Parameters {
     fn describe(&self, _: f64) -> Description {
         Description::new(format!("a toy of strength {}", self.strength), "for tests")
     }

@@ -81,7 +81,7 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
         } else {
             [0.0; 3]
         };
-        let p = Moments::of::<L, G, Q>(g, half_force);
+        let p = Moments::from_pairs::<L, G, Q>(g, half_force);
         let base = p.mu.mul_add(N::splat(-1.5), p.drho);
         // Sources of even and odd part: (1 - ω/2) of 9 (c·u)(c·F) - 3 u·F and of 3 c·F.
         let mut force = [N::splat(0.0); 3];

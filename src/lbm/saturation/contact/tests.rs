@@ -5,7 +5,7 @@ use crate::fluid::{Fluid, Force, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::Rigid;
 use crate::quanta::from_quanta;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 
 const OPERATORS: [SolidOperator; 4] = [
     SolidOperator::NonEquilibriumBounceBack,
@@ -25,25 +25,25 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
     };
     let setup = Setup {
         set,
-        operator: Operator::Trt(trt::Parameters { magic: 3.0 / 16.0 }),
+        operator: Operator::Trt(trt::TrtParameters { magic: 3.0 / 16.0 }),
         relaxation_time: tau,
         turbulence: None,
         force: Force::None,
         cells,
         periodic: [true, false, true],
         patches: Vec::new(),
-        saturation: Some(Method {
+        saturation: Some(SaturationMethod {
             operator: solid_operator,
             weighting: Weighting::Viscous,
         }),
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
+    Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
 }
 
-fn solid(id: u64, u: f64) -> Solid {
-    Solid {
+fn solid(id: u64, u: f64) -> CoveringBody {
+    CoveringBody {
         name: (id, [0; 3]).into(),
         motion: Rigid {
             velocity: [u, 0.0, 0.0],

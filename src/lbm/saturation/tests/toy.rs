@@ -2,13 +2,13 @@
 
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
-use crate::saturation::{Act, Cell, CoveredFluid, DensityRatios, LightBody, Model, SolidCollision};
+use crate::saturation::{Act, Cell, CoveredFluid, DensityRatios, LightBody, SolidOperatorModel, SolidCollision};
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
 pub struct Toy;
 
-impl Model for Toy {
+impl SolidOperatorModel for Toy {
     fn documentation(&self) -> &'static str {
         "A toy."
     }
@@ -51,7 +51,7 @@ impl SolidCollision for Toy {
         }
     }
 
-    fn share(self, _: &CoveredFluid, fraction: f64) -> f64 {
+    fn force_left_out(self, _: &CoveredFluid, fraction: f64) -> f64 {
         fraction
     }
 }

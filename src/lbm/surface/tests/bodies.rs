@@ -6,8 +6,8 @@ use crate::fluid::Fluid;
 use crate::links::Load;
 use crate::quanta::from_quanta;
 use crate::rigid::Rigid;
-use crate::saturation::cover::Solid;
-use crate::saturation::{Method, SolidOperator, Weighting};
+use crate::saturation::cover::CoveringBody;
+use crate::saturation::{SaturationMethod, SolidOperator, Weighting};
 use base::number::single;
 
 const OPERATOR: SolidOperator = SolidOperator::NonEquilibriumBounceBack;
@@ -62,9 +62,9 @@ impl Box {
             velocity: self.velocity,
             ..Rigid::default()
         };
-        let solid = Solid {
+        let solid = CoveringBody {
             motion,
-            ..Solid::default()
+            ..CoveringBody::default()
         };
         cover.set(0, solid);
         self.covered.clear();
@@ -104,7 +104,7 @@ fn tank(cells: [usize; 3], weighting: Weighting) -> Tank {
     if cells[2] > 1 {
         tank.slip_at.extend([(2, false), (2, true)]);
     }
-    tank.saturation = Some(Method {
+    tank.saturation = Some(SaturationMethod {
         operator: OPERATOR,
         weighting,
     });

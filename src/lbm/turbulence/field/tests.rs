@@ -5,31 +5,31 @@ use crate::collision::{Operator, bgk};
 use crate::fluid::{Fluid, Force, Setup};
 use crate::lattice::VelocitySet;
 use crate::links::Rigid;
-use crate::saturation::{Method, Solid, SolidOperator, Weighting};
+use crate::saturation::{CoveringBody, SaturationMethod, SolidOperator, Weighting};
 use crate::turbulence::EddyViscosity;
 use base::number::single;
-use decomposition::{Axis, Domain};
+use decomposition::{Domain, SplitAxis};
 
 const TAU: f64 = 0.6;
 
 fn fluid(cells: [usize; 3]) -> Fluid<f64> {
     let setup = Setup {
         set: VelocitySet::D3Q19,
-        operator: Operator::Bgk(bgk::Parameters {}),
+        operator: Operator::Bgk(bgk::BgkParameters {}),
         relaxation_time: TAU,
         turbulence: Some(serde_json::from_str::<EddyViscosity>(r#"{"smagorinsky": {}}"#).unwrap()),
         force: Force::None,
         cells,
         periodic: [true, false, true],
         patches: Vec::new(),
-        saturation: Some(Method {
+        saturation: Some(SaturationMethod {
             operator: SolidOperator::NonEquilibriumBounceBack,
             weighting: Weighting::Fraction,
         }),
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    Fluid::new(setup, &Domain::serial(Axis::X, cells[0], true)).unwrap()
+    Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], true)).unwrap()
 }
 
 fn position(fluid: &Fluid<f64>, at: [usize; 3]) -> usize {
@@ -51,9 +51,9 @@ fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
     cover.make_room(1);
     cover.set(
         0,
-        Solid {
+        CoveringBody {
             motion,
-            ..Solid::default()
+            ..CoveringBody::default()
         },
     );
     for (position, part) in &covered {

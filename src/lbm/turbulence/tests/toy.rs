@@ -1,7 +1,7 @@
 //! The file of an eddy viscosity that exists in this test only.
 
 use crate::lanes::Lanes;
-use crate::turbulence::Model;
+use crate::turbulence::TurbulenceModel;
 use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub struct Toy {
     pub factor: f64,
 }
 
-impl Model for Toy {
+impl TurbulenceModel for Toy {
     fn describe(&self) -> Description {
         Description::new(format!("toy, factor {}", self.factor), "for tests")
     }

@@ -6,7 +6,7 @@
 //! the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
 //! the bound of the most.
 
-use super::measured::{Row, rows};
+use super::measured::{MeasuredRow, rows};
 use base::number::{real, whole};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -45,7 +45,7 @@ pub(crate) struct Bound {
 
 impl Bound {
     /// Returns the bound of an obstacle; none if it was not measured.
-    pub(crate) fn of(dimension: usize, obstacle: &str) -> Option<&'static Self> {
+    pub(crate) fn for_obstacle(dimension: usize, obstacle: &str) -> Option<&'static Self> {
         static BOUNDS: LazyLock<BTreeMap<(usize, &'static str), Bound>> = LazyLock::new(all);
         let found = BOUNDS.range((dimension, "")..=(dimension, "~"));
         found
@@ -54,7 +54,7 @@ impl Bound {
             .map(|(_, bound)| bound)
     }
 
-    fn from(rows: &[&'static Row]) -> Self {
+    fn from(rows: &[&'static MeasuredRow]) -> Self {
         let slow = rows
             .iter()
             .all(|row| row.reynolds <= 0.0 || row.reynolds >= rows[0].reynolds);
@@ -129,9 +129,10 @@ impl Bound {
 const MOST_REYNOLDS: f64 = 1000.0;
 
 /// Returns the constant of a bound with this order and inertia, and the loss of the quantile regression.
-fn at_quantile(rows: &[&Row], order: f64, inertia: f64) -> (f64, f64) {
-    let value =
-        |row: &&Row| row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p();
+fn at_quantile(rows: &[&MeasuredRow], order: f64, inertia: f64) -> (f64, f64) {
+    let value = |row: &&MeasuredRow| {
+        row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p()
+    };
     let mut values: Vec<f64> = rows.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
     let place = whole((CONFIDENCE * real(rows.len() - 1)).ceil());
@@ -148,7 +149,7 @@ fn at_quantile(rows: &[&Row], order: f64, inertia: f64) -> (f64, f64) {
 }
 
 fn all() -> BTreeMap<(usize, &'static str), Bound> {
-    let mut groups: BTreeMap<(usize, &'static str), Vec<&'static Row>> = BTreeMap::new();
+    let mut groups: BTreeMap<(usize, &'static str), Vec<&'static MeasuredRow>> = BTreeMap::new();
     for row in rows() {
         let key = (row.dimension, row.obstacle.as_str());
         groups.entry(key).or_default().push(row);
@@ -168,7 +169,7 @@ mod tests {
         let mut outside = 0;
         let mut known = 0;
         for row in rows() {
-            let bound = Bound::of(row.dimension, &row.obstacle).unwrap();
+            let bound = Bound::for_obstacle(row.dimension, &row.obstacle).unwrap();
             let error = bound.error(row.cells, row.reynolds).unwrap();
             known += 1;
             outside += usize::from(error < row.error);
@@ -205,7 +206,8 @@ mod tests {
     }
 
     fn left_out() -> Vec<LeftOut> {
-        let mut groups: BTreeMap<(usize, &'static str), Vec<&'static Row>> = BTreeMap::new();
+        let mut groups: BTreeMap<(usize, &'static str), Vec<&'static MeasuredRow>> =
+            BTreeMap::new();
         for row in rows() {
             let key = (row.dimension, row.obstacle.as_str());
             groups.entry(key).or_default().push(row);
@@ -217,7 +219,8 @@ mod tests {
                 let others = rows.iter().copied().filter(|row| row.problem != problem);
                 let bound = Bound::from(&others.collect::<Vec<_>>());
                 let own = rows.iter().filter(|row| row.problem == problem);
-                let ratio = |row: &&Row| Some(row.error / bound.error(row.cells, row.reynolds)?);
+                let ratio =
+                    |row: &&MeasuredRow| Some(row.error / bound.error(row.cells, row.reynolds)?);
                 let ratios: Vec<f64> = own.clone().copied().filter_map(|row| ratio(&row)).collect();
                 list.push(LeftOut {
                     key,
@@ -283,7 +286,7 @@ mod tests {
     #[test]
     fn a_smaller_target_never_takes_fewer_cells() {
         for row in rows() {
-            let bound = Bound::of(row.dimension, &row.obstacle).unwrap();
+            let bound = Bound::for_obstacle(row.dimension, &row.obstacle).unwrap();
             for reynolds in [0.0, 20.0, 1e6] {
                 let cells = |target| bound.cells_for(target, reynolds);
                 assert!(cells(0.1) <= cells(0.05) && cells(0.05) <= cells(0.02));

@@ -23,13 +23,13 @@ use super::gaps::Gap;
 use super::sections::{self, End, Sections};
 use super::sound;
 use crate::scene::Scene;
-use crate::scene::boundaries::Patch;
+use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::porous;
 use crate::scene::speed::{PILOT_MARGIN, passage};
 use lbm::boundary::profile::VelocityProfile;
-use lbm::boundary::{Condition, Inflow, Strength, Surface};
+use lbm::boundary::{Condition, Inflow, Strength, SurfaceKind};
 use serde::Serialize;
 
 /// Factor of the sound of a start behind a uniform profile between walls.
@@ -156,7 +156,7 @@ pub(crate) fn longest_step(
 /// `ways` are the narrow gaps along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
-        let imposed = |patch: &Patch| imposes_a_velocity(patch) && patch.face.axis() == axis;
+        let imposed = |patch: &ScenePatch| imposes_a_velocity(patch) && patch.face.axis() == axis;
         let open = flow.patches().any(imposed);
         open.then(|| sections::along(scene, flow, axis, |across| ends(scene, flow, across)))?
     });
@@ -200,14 +200,14 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
     causes
 }
 
-fn imposes_a_velocity(patch: &Patch) -> bool {
-    let nature = patch.condition.model().nature();
-    nature.surface == Surface::Opening && nature.strength == Strength::Velocity
+fn imposes_a_velocity(patch: &ScenePatch) -> bool {
+    let nature = patch.condition.model().kind();
+    nature.surface == SurfaceKind::Opening && nature.strength == Strength::Velocity
 }
 
 /// An opening that imposes a velocity.
 struct Inlet<'a> {
-    patch: &'a Patch,
+    patch: &'a ScenePatch,
     axis: usize,
     /// Largest speed [m/s].
     speed: f64,
@@ -216,7 +216,7 @@ struct Inlet<'a> {
 }
 
 impl<'a> Inlet<'a> {
-    fn new(patch: &'a Patch) -> Option<Self> {
+    fn new(patch: &'a ScenePatch) -> Option<Self> {
         let speed = patch.condition.model().speed()?;
         Some(Self {
             patch,
@@ -245,7 +245,7 @@ impl<'a> Inlet<'a> {
             Some(velocity) => (velocity[axis] - start[axis]).abs(),
             // Waves over the face even out within some steps.
             None => {
-                let own = match model.inflow(&self.patch.place(&scene.grid, PATH)) {
+                let own = match model.inflow(&self.patch.imposed_at(&scene.grid, PATH)) {
                     Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(self.speed),
                     _ => self.speed,
                 };
@@ -290,7 +290,7 @@ impl<'a> Inlet<'a> {
     /// Returns the discharge [m2/s in 2-D, m3/s in 3-D]; none of a profile without a stated mean.
     fn discharge(&self, scene: &Scene) -> Option<f64> {
         let grid = &scene.grid;
-        let place = self.patch.place(grid, PATH);
+        let place = self.patch.imposed_at(grid, PATH);
         let Inflow::Mean(mean) = self.patch.condition.model().inflow(&place) else {
             return None;
         };
@@ -300,9 +300,9 @@ impl<'a> Inlet<'a> {
 }
 
 /// Returns the pressure in the corner of a wall that moves along itself and ends at a wall at rest.
-fn lid(scene: &Scene, flow: &Flow, patch: &Patch) -> Option<Cause> {
+fn lid(scene: &Scene, flow: &Flow, patch: &ScenePatch) -> Option<Cause> {
     let model = patch.condition.model();
-    let moves = model.nature().surface == Surface::MovingWall;
+    let moves = model.kind().surface == SurfaceKind::MovingWall;
     let speed = model
         .speed()
         .filter(|_| moves && lid_meets_wall(flow, patch))?;
@@ -345,7 +345,7 @@ fn loss(
     });
     let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
     let narrow = narrow.map(|(_, gap)| {
-        let resistance = sound::resistance(&sound::Way::of(gap));
+        let resistance = sound::resistance(&sound::Way::through_gap(gap));
         let speed = discharge / gap.width;
         let pressure = density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
         ("a narrow way", pressure)
@@ -374,7 +374,7 @@ fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
         let faces = flow
             .patches()
             .filter(|patch| patch.face.axis() == axis && patch.face.is_max() == upper);
-        let mut walls = faces.map(|patch| is_wall(patch.condition.model().nature().surface));
+        let mut walls = faces.map(|patch| is_wall(patch.condition.model().kind().surface));
         if walls.any(|wall| wall) {
             End::Wall
         } else {
@@ -384,7 +384,7 @@ fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
 }
 
 /// Returns the velocity of a uniform profile [m/s]; none of another condition.
-fn uniform(patch: &Patch) -> Option<[f64; 3]> {
+fn uniform(patch: &ScenePatch) -> Option<[f64; 3]> {
     match &patch.condition {
         Condition::Velocity(velocity) => match &velocity.profile {
             VelocityProfile::Uniform(uniform) => Some(uniform.velocity.to_array()),
@@ -394,36 +394,36 @@ fn uniform(patch: &Patch) -> Option<[f64; 3]> {
     }
 }
 
-fn surfaces(flow: &Flow, axis: usize) -> impl Iterator<Item = Surface> + '_ {
+fn surfaces(flow: &Flow, axis: usize) -> impl Iterator<Item = SurfaceKind> + '_ {
     let faces = flow
         .patches()
         .filter(move |patch| patch.face.axis() == axis);
-    faces.map(|patch| patch.condition.model().nature().surface)
+    faces.map(|patch| patch.condition.model().kind().surface)
 }
 
-fn is_wall(surface: Surface) -> bool {
-    matches!(surface, Surface::Wall | Surface::MovingWall)
+fn is_wall(surface: SurfaceKind) -> bool {
+    matches!(surface, SurfaceKind::Wall | SurfaceKind::MovingWall)
 }
 
 fn opens(flow: &Flow, axis: usize) -> bool {
-    surfaces(flow, axis).any(|surface| surface == Surface::Opening)
+    surfaces(flow, axis).any(|surface| surface == SurfaceKind::Opening)
 }
 
 /// Returns `true` if the patch has walls next to it: at faces across, or on its own face.
-fn ends_at_walls(flow: &Flow, patch: &Patch) -> bool {
+fn ends_at_walls(flow: &Flow, patch: &ScenePatch) -> bool {
     let axis = patch.face.axis();
     let across = (0..3).filter(|a| *a != axis);
     let beside = flow
         .patches()
-        .any(|other| other.face == patch.face && is_wall(other.condition.model().nature().surface));
+        .any(|other| other.face == patch.face && is_wall(other.condition.model().kind().surface));
     beside || across.into_iter().any(|a| surfaces(flow, a).any(is_wall))
 }
 
 /// Returns `true` if a wall at rest stands across the moving wall.
-fn lid_meets_wall(flow: &Flow, lid: &Patch) -> bool {
+fn lid_meets_wall(flow: &Flow, lid: &ScenePatch) -> bool {
     (0..3)
         .filter(|a| *a != lid.face.axis())
-        .any(|a| surfaces(flow, a).any(|surface| surface == Surface::Wall))
+        .any(|a| surfaces(flow, a).any(|surface| surface == SurfaceKind::Wall))
 }
 
 /// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none if nothing bounds it.

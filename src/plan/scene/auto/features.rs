@@ -110,7 +110,7 @@ fn packed(obstacle: &'static str) -> &'static str {
 
 /// Returns everything that the case names, in its order; solids whose size is known only once they are made are left
 /// out.
-pub(crate) fn of(
+pub(crate) fn case_features(
     case: &Case,
     lbm: &LatticeBoltzmann,
     scene: Option<&Scene>,
@@ -121,7 +121,7 @@ pub(crate) fn of(
     list.extend(structures(case));
     if let (Some(scene), Some(flow)) = (scene, flow) {
         list.extend(
-            ways::of(scene, flow)
+            ways::widest_ways(scene, flow)
                 .into_iter()
                 .filter_map(|way| of_way(way, case, flow)),
         );
@@ -216,7 +216,7 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
         obstacle: round,
     });
     let mut list: Vec<Feature> = bodies.chain(grains).collect();
-    let found = gaps::of(case, lbm, factor);
+    let found = gaps::case_gaps(case, lbm, factor);
     let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
     let ways = found.ways.iter().map(|(_, gap)| (gap, in_gap(beside(gap))));
     let moving = found

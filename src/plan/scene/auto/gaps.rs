@@ -197,7 +197,7 @@ impl Places<'_> {
 }
 
 /// Returns the gaps of a case; none if the solids are not known before they are made, or are too many.
-pub(crate) fn of(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
+pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
     let places = Places::new(case, lbm);
     let Some(solids) = solids(case, factor) else {
         return Gaps::default();
@@ -552,7 +552,7 @@ mod tests {
         let Some(case::fluid::Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
             unreachable!()
         };
-        of(case, lbm, factor)
+        case_gaps(case, lbm, factor)
     }
 
     fn fixed(at: [f64; 2], radius: f64) -> ([f64; 2], f64, Value) {

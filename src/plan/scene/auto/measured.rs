@@ -16,7 +16,7 @@ const TABLE: &str = include_str!("measured.csv");
 /// A measured row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Row {
+pub struct MeasuredRow {
     /// The problem.
     pub problem: String,
     /// 2 or 3.
@@ -44,8 +44,8 @@ pub struct Row {
 }
 
 /// Returns all rows.
-pub(crate) fn rows() -> impl Iterator<Item = &'static Row> {
-    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
+pub(crate) fn rows() -> impl Iterator<Item = &'static MeasuredRow> {
+    static ROWS: LazyLock<Vec<MeasuredRow>> = LazyLock::new(|| {
         let mut reader = Reader::new(TABLE);
         let mut rows = Vec::new();
         while let Some(row) = reader.as_mut().and_then(Reader::row) {

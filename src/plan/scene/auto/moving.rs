@@ -18,7 +18,7 @@
 
 use super::density::Cause;
 use crate::scene::Scene;
-use crate::scene::bodies::{Body, Mobility};
+use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
@@ -98,7 +98,7 @@ fn impact(
     scene: &Scene,
     flow: &Flow,
     path: &str,
-    (body, radius): (&Body, f64),
+    (body, radius): (&NamedBody, f64),
     speed: f64,
 ) -> Option<Cause> {
     let heavier = scene.density(body.material) / flow.density;
@@ -133,7 +133,7 @@ fn squeeze(
     scene: &Scene,
     flow: &Flow,
     path: &str,
-    (body, radius): (&Body, f64),
+    (body, radius): (&NamedBody, f64),
     speed: f64,
 ) -> Option<Cause> {
     if !reaches_a_wall(scene, flow, body, speed) {
@@ -163,7 +163,7 @@ fn squeeze(
 }
 
 /// Returns `true` if the body meets a wall below it, or above it where it rises, before the run ends.
-fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &Body, speed: f64) -> bool {
+fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &NamedBody, speed: f64) -> bool {
     let gravity = scene.gravity;
     let heavy = scene.density(body.material) > flow.density;
     (0..scene.grid.dimension).any(|axis| {

@@ -11,7 +11,7 @@ use super::density::{self, Cause};
 use super::features::{self, Feature};
 use super::{sound, step};
 use crate::scene::Scene;
-use crate::scene::bodies::{Body, Mobility};
+use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
 use case::Case;
@@ -38,7 +38,7 @@ pub(crate) fn judge(
 ) {
     let Some(flow) = &scene.flow else { return };
     let speed = step::fastest(scene, flow).map_or(0.0, |speed| speed.value);
-    let features = features::of(case, lbm, Some(scene), Some(speed));
+    let features = features::case_features(case, lbm, Some(scene), Some(speed));
     let judged: Vec<Judged<'_>> = features
         .iter()
         .map(|f| of_feature(scene, lbm, f, speed))
@@ -95,7 +95,7 @@ pub(crate) fn judge(
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
-    let crosses = |body: &Body| {
+    let crosses = |body: &NamedBody| {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
     };
     if scene.bodies.iter().any(crosses) {
@@ -177,7 +177,7 @@ fn of_feature<'a>(
     };
     let reynolds = speed * feature.size / lbm.kinematic_viscosity;
     let what = &feature.what;
-    let error = match Bound::of(scene.grid.dimension, feature.obstacle) {
+    let error = match Bound::for_obstacle(scene.grid.dimension, feature.obstacle) {
         None => Err(format!("the {what}: no error was measured for {}", feature.obstacle)),
         Some(bound) => bound.error(cells, reynolds).map(|error| (error, bound)).ok_or_else(|| {
             if reynolds > bound.largest_reynolds() {

@@ -18,7 +18,7 @@
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::grains::{GrainSource, Grains};
-use crate::scene::sample::Grain;
+use crate::scene::sample::ListedGrain;
 use base::number::real;
 use darcy::{Liquid, MeanDiameter};
 use std::f64::consts::{FRAC_PI_6, PI};
@@ -192,7 +192,7 @@ fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
 }
 
 /// Returns the volume of spheres over that of the box about them.
-fn filled(grains: &[Grain], dimension: usize) -> f64 {
+fn filled(grains: &[ListedGrain], dimension: usize) -> f64 {
     let volume: f64 = grains
         .iter()
         .map(|g| 4.0 / 3.0 * PI * g.radius.powi(3))
@@ -208,7 +208,7 @@ fn filled(grains: &[Grain], dimension: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use darcy::permeability::Law;
+    use darcy::permeability::PermeabilityFormula;
     use darcy::permeability::ergun::Ergun;
     use darcy::permeability::kozeny_carman::KozenyCarman;
 
@@ -223,7 +223,9 @@ mod tests {
     fn laws_of_dense_creeping_beds_differ_as_their_factors() {
         let gradient = 1e-3;
         let exact = velocity(0.6, 1e-4, WATER, gradient);
-        let flow = |law: &dyn Law| law.permeability(0.4, 1e-4, WATER, gradient) * gradient / 1e-3;
+        let flow = |law: &dyn PermeabilityFormula| {
+            law.permeability(0.4, 1e-4, WATER, gradient) * gradient / 1e-3
+        };
         let rest: f64 = 1.0 + 0.16 * 0.16 * (1.0 + 1.5 * 0.6_f64.sqrt()) / 6.0;
         assert!((flow(&KozenyCarman) / exact / rest - 1.0).abs() < 1e-4);
         assert!((flow(&Ergun) / exact / (1.2 * rest) - 1.0).abs() < 1e-4);

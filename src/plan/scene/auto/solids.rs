@@ -120,7 +120,7 @@ pub(crate) fn choose_contact(
     let moves = free || scene.grains.is_some() || scene.blocks.is_some();
     let (law, text) = if let Some(Contact::Linear(law)) = &case.contact {
         let (stiffness, text) = stiffness(scene, case, target);
-        let law = linear::Input {
+        let law = linear::LinearInput {
             normal_stiffness: Some(Scaled::Absolute(stiffness)),
             ..law.clone()
         };
@@ -128,7 +128,7 @@ pub(crate) fn choose_contact(
     } else if move_without_law(case) {
         of_spheres(scene, case, target)
     } else if !moves && scene.polyhedra().next().is_some() {
-        let law = blocks::Input::without_use();
+        let law = blocks::BlockInput::without_use();
         (
             Contact::Blocks(law),
             String::from("nothing moves, so that no contacts occur"),
@@ -158,7 +158,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     let elastic =
         |m: &case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
     if scene.grid.dimension == 3 && case.materials.values().all(elastic) {
-        let law = Contact::HertzMindlin(hertz_mindlin::Input {
+        let law = Contact::HertzMindlin(hertz_mindlin::HertzMindlinInput {
             friction_angle_degrees: Some(FRICTION_DEGREES),
             restitution: RESTITUTION,
             attraction: false,
@@ -169,7 +169,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
         (law, String::from("all materials have their moduli"))
     } else {
         let (stiffness, text) = stiffness(scene, case, target);
-        let law = Contact::Linear(linear::Input {
+        let law = Contact::Linear(linear::LinearInput {
             normal_stiffness: Some(Scaled::Absolute(stiffness)),
             shear_to_normal_stiffness: 0.4,
             friction_angle_degrees: Some(FRICTION_DEGREES),

@@ -33,7 +33,7 @@
 
 use super::gaps::Gap;
 use crate::scene::Scene;
-use crate::scene::bodies::{Body, Mobility};
+use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::body_force::BodyForce;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
@@ -65,8 +65,8 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
         if model.passes_water() {
             axes[patch.face.axis()] = true;
         }
-        let place = patch.place(&scene.grid, "");
-        driven |= model.nature().strength == Strength::Velocity
+        let place = patch.imposed_at(&scene.grid, "");
+        driven |= model.kind().strength == Strength::Velocity
             && matches!(model.inflow(&place), Inflow::Mean(speed) if speed.abs() > 0.0);
     }
     if !driven {
@@ -104,14 +104,14 @@ fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
 
 /// Returns a body that starts at once, and the part of its sound that is left when values matter; none where sound
 /// leaves through openings.
-pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a Body, f64)> {
+pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a NamedBody, f64)> {
     if flow.patches().any(|p| p.condition.model().passes_water()) {
         return None;
     }
     let Initial::Uniform { velocity, .. } = flow.initial else {
         return None;
     };
-    let started = |body: &&Body| {
+    let started = |body: &&NamedBody| {
         let moves = body.mobility != Mobility::Fixed;
         let differs = (body.velocity.iter().zip(&velocity)).any(|(a, b)| (a - b).abs() > 0.0);
         differs && (moves || velocity.iter().any(|u| u.abs() > 0.0))
@@ -234,7 +234,7 @@ pub struct Way {
 
 impl Way {
     /// Returns the way through a gap.
-    pub(crate) fn of(gap: &Gap) -> Self {
+    pub(crate) fn through_gap(gap: &Gap) -> Self {
         let beside = if gap.faces {
             Beside::Flat(gap.beside)
         } else {
@@ -283,7 +283,7 @@ pub fn filling(
 /// Returns the longest time step \[s\] with which the pressure before the narrowest point of a gap along `axis` is
 /// built up in time, and the requirement that it keeps. The gap is filled with the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
-    let way = Way::of(gap);
+    let way = Way::through_gap(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
     let across = sides
         .map(|side| scene.grid.size[side])

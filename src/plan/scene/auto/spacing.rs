@@ -155,7 +155,7 @@ fn needs(
     let target = SHARE * accuracy.target();
     let need = |feature: &Feature| {
         let reynolds = speed.map_or(0.0, |u| u * feature.size / lbm.kinematic_viscosity);
-        let bound = Bound::of(dimension, feature.obstacle)?;
+        let bound = Bound::for_obstacle(dimension, feature.obstacle)?;
         let cells = bound.cells_for(target, reynolds);
         let reason = format!(
             "at least {} cells across the {} of {} m, for \"{}\"",
@@ -167,7 +167,7 @@ fn needs(
         Some((feature.size / cells, reason))
     };
     // What grows in a short run asks for no cells: the plan says that it is not resolved.
-    let mut needs: Vec<(f64, String)> = features::of(case, lbm, scene, None)
+    let mut needs: Vec<(f64, String)> = features::case_features(case, lbm, scene, None)
         .iter()
         .filter_map(need)
         .collect();

@@ -454,7 +454,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
         );
         let free = !matched && !matches!(lbm.lattice, LatticeChoice::D3q19);
         if scene.grid.dimension == 3 && fast && free {
-            flow.collision = Collision::Cumulant(cumulant::Parameters::default());
+            flow.collision = Collision::Cumulant(cumulant::CumulantParameters::default());
             flow.lattice = Lattice::D3Q27;
             let text = format!("robust near tau = 0.5; here {tau:.5}");
             scene.chosen.note("collision", text);

@@ -7,13 +7,13 @@
 
 use super::gaps::Sets;
 use crate::scene::Scene;
-use crate::scene::boundaries::Patch;
+use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::Flow;
 use base::number::{real, whole};
-use dem::polyhedron::Solid as Hull;
+use dem::polyhedron::PlacedPolyhedron as Hull;
 use nalgebra::Vector3;
 use structure::Point;
-use structure::mesh::Mesh;
+use structure::mesh::TriangleMesh;
 
 /// Samples in 2-D and 3-D.
 const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
@@ -60,7 +60,7 @@ pub(crate) struct Way {
 
 enum Form {
     Ball(f64),
-    Hull(Mesh),
+    Hull(TriangleMesh),
 }
 
 struct Body {
@@ -104,7 +104,7 @@ impl Body {
         Some(Self {
             name,
             at: hull.position.into(),
-            form: Form::Hull(Mesh::new(&triangles).ok()?),
+            form: Form::Hull(TriangleMesh::new(&triangles).ok()?),
             reach: shape.radius(),
             width: widths.fold(f64::INFINITY, f64::min),
         })
@@ -152,9 +152,9 @@ struct Ground<'a> {
 impl<'a> Ground<'a> {
     fn new(scene: &'a Scene, flow: &Flow) -> Self {
         let grid = &scene.grid;
-        let passes = |patch: &&Patch| patch.condition.model().passes_water();
-        let rectangle = |patch: &Patch| {
-            let place = patch.place(grid, "");
+        let passes = |patch: &&ScenePatch| patch.condition.model().passes_water();
+        let rectangle = |patch: &ScenePatch| {
+            let place = patch.imposed_at(grid, "");
             let ends = place.ends;
             let low = std::array::from_fn(|a| ends[a][0] * grid.spacing);
             let high = std::array::from_fn(|a| ends[a][1] * grid.spacing);
@@ -426,7 +426,7 @@ impl Samples {
 }
 
 /// Returns the narrowest places of the widest ways of the water between openings and round periodic axes.
-pub(crate) fn of(scene: &Scene, flow: &Flow) -> Vec<Way> {
+pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<Way> {
     let structures = scene.structures.iter().any(|s| s.stops.water());
     let bodies = scene.bodies.len() + scene.blocks.as_ref().map_or(0, |blocks| blocks.list.len());
     // Gaps of discs are known exactly.
@@ -725,7 +725,7 @@ mod tests {
         let document =
             case::Document::read(&case.to_string(), &[], std::path::Path::new("")).unwrap();
         let plan = crate::Plan::prepare(document).unwrap();
-        let found = of(&plan.scene, plan.scene.flow.as_ref().unwrap());
+        let found = widest_ways(&plan.scene, plan.scene.flow.as_ref().unwrap());
         found
             .into_iter()
             .map(|way| (way.width, way.beside))

@@ -1,11 +1,11 @@
 //! Openings of water with a free surface: what stands outside, and what does not work.
 
 use super::FreeSurface;
-use crate::scene::boundaries::Patch;
+use crate::scene::boundaries::ScenePatch;
 use crate::scene::findings::{Findings, LATTICE_PATH, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
-use lbm::boundary::{Condition, ImposedSpeed, Strength, Surface, WithSurface};
+use lbm::boundary::{Condition, ImposedSpeed, Strength, SurfaceKind, WithSurface};
 use serde::Serialize;
 
 /// Cells over the depth of an inflow below which it is refused: the surface lies within a cell.
@@ -53,7 +53,7 @@ impl Opening {
 }
 
 /// Refuses openings that need a free surface where there is none.
-pub(super) fn refuse_without_surface(patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+pub(super) fn refuse_without_surface(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings) {
     for patch in patches.iter().flatten() {
         let only = patch.condition.model().with_surface() == WithSurface::Only;
         if let (Some(n), true) = (patch.index, only) {
@@ -71,7 +71,7 @@ pub(super) fn refuse_without_surface(patches: &[Vec<Patch>; 6], findings: &mut F
 
 /// Refuses boundaries that do not work with a surface.
 pub(super) fn refuse(
-    patches: &[Vec<Patch>; 6],
+    patches: &[Vec<ScenePatch>; 6],
     is_whole: impl Fn(usize) -> bool,
     findings: &mut Findings,
 ) {
@@ -99,7 +99,7 @@ pub(super) fn refuse(
                 )
             };
             findings.error(&format!("{path}.condition"), reason, remedy);
-        } else if !is_whole(n) && model.nature().surface == Surface::Symmetry {
+        } else if !is_whole(n) && model.kind().surface == SurfaceKind::Symmetry {
             findings.error(
                 &format!("{path}.patch"),
                 "free slip on a part of a face does not work with a free surface yet",
@@ -113,12 +113,12 @@ pub(super) fn refuse(
 }
 
 /// Refuses a face of free slip with another condition on a part of it.
-fn refuse_parts_of_slip(patches: &[Vec<Patch>; 6], findings: &mut Findings) {
+fn refuse_parts_of_slip(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings) {
     for face in patches {
         let [whole, parts @ ..] = face.as_slice() else {
             continue;
         };
-        let slips = whole.condition.model().nature().surface == Surface::Symmetry;
+        let slips = whole.condition.model().kind().surface == SurfaceKind::Symmetry;
         let other = parts.iter().find_map(|part| part.index);
         if let (true, Some(n)) = (slips, other) {
             findings.error(
@@ -138,7 +138,7 @@ fn refuse_parts_of_slip(patches: &[Vec<Patch>; 6], findings: &mut Findings) {
 pub(super) fn resolve(
     surface: &FreeSurface,
     grid: &Grid,
-    (patches, gravity): (&[Vec<Patch>; 6], [f64; 3]),
+    (patches, gravity): (&[Vec<ScenePatch>; 6], [f64; 3]),
     findings: &mut Findings,
 ) -> Vec<Opening> {
     let open = patches.iter().flatten().filter(|patch| {
@@ -153,7 +153,7 @@ pub(super) fn resolve(
 fn one(
     surface: &FreeSurface,
     grid: &Grid,
-    (patch, gravity): (&Patch, [f64; 3]),
+    (patch, gravity): (&ScenePatch, [f64; 3]),
     findings: &mut Findings,
 ) -> Opening {
     let up = surface.axis;
@@ -210,7 +210,7 @@ fn one(
             check_depth(grid, (&opening, depth), findings);
         }
     } else if let (Some(ImposedSpeed { field, value, .. }), Strength::Velocity) =
-        (model.speed(), model.nature().strength)
+        (model.speed(), model.kind().strength)
     {
         opening.path = patch.path(field).unwrap_or_default();
         opening.lowest = None;
@@ -232,7 +232,7 @@ fn one(
 }
 
 /// Checks that an opening with a level of its own is on a side, and that there is gravity.
-fn check_side(surface: &FreeSurface, patch: &Patch, path: &str, findings: &mut Findings) {
+fn check_side(surface: &FreeSurface, patch: &ScenePatch, path: &str, findings: &mut Findings) {
     if surface.gravity <= 0.0 {
         findings.error(
             path,
@@ -256,7 +256,7 @@ fn check_side(surface: &FreeSurface, patch: &Patch, path: &str, findings: &mut F
 fn check_level(
     surface: &FreeSurface,
     grid: &Grid,
-    (patch, gravity): (&Patch, [f64; 3]),
+    (patch, gravity): (&ScenePatch, [f64; 3]),
     (levels, path): ([f64; 2], &str),
     findings: &mut Findings,
 ) {

@@ -1,6 +1,6 @@
 //! A bed of grains that a probe measures.
 
-use crate::scene::block::Block;
+use crate::scene::block::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
@@ -12,7 +12,7 @@ use serde::Serialize;
 
 /// A bed of grains: see [`case::observe::Bed`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Bed {
+pub struct ObservedBed {
     /// Axis of the stream, axis across the bed, and the third: along the bed and across the stream, without extent in
     /// 2-D.
     pub axes: [usize; 3],
@@ -41,7 +41,7 @@ pub(super) fn resolve(
     written: &observe::Bed,
     path: &str,
     findings: &mut Findings,
-) -> Option<Bed> {
+) -> Option<ObservedBed> {
     let Some(grains) = &case.grains else {
         findings.error(
             path,
@@ -91,7 +91,7 @@ pub(super) fn resolve(
             "use a height inside, or leave it out",
         );
     }
-    Some(Bed {
+    Some(ObservedBed {
         axes: [flow, normal, 3 - flow - normal],
         gravity: -pull,
         cells,
@@ -153,7 +153,7 @@ fn cells(
     path: &str,
     findings: &mut Findings,
 ) -> Option<[[usize; 2]; 3]> {
-    let block = part.map(|part| Block::resolve(grid, part, path, findings));
+    let block = part.map(|part| AlignedBox::resolve(grid, part, path, findings));
     let cells: [[usize; 2]; 3] = std::array::from_fn(|axis| match &block {
         Some(block) if axis < grid.dimension => {
             // A cell belongs to the part if its centre does.

@@ -1,9 +1,9 @@
 //! The probes of a scene.
 
 use super::{Probe, ProbeAt, bed, due, means, seepage};
-use crate::scene::block::Block;
-use crate::scene::blocks::Blocks;
-use crate::scene::bodies::Body;
+use crate::scene::block::AlignedBox;
+use crate::scene::blocks::PlacedBlocks;
+use crate::scene::bodies::NamedBody;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::structures::Structure;
@@ -19,9 +19,9 @@ use dem::contact::Contact;
 pub(crate) struct Measured<'a> {
     pub case: &'a Case,
     pub grid: &'a Grid,
-    pub bodies: &'a [Body],
+    pub bodies: &'a [NamedBody],
     pub structures: &'a [Structure],
-    pub blocks: Option<&'a Blocks>,
+    pub blocks: Option<&'a PlacedBlocks>,
 }
 
 /// Returns the probes of a case.
@@ -111,7 +111,7 @@ impl Measured<'_> {
             Written::Line { from, to, points } => {
                 let [from, to] = [("from", from), ("to", to)].map(|(name, end)| {
                     let path = format!("{path}.line.{name}");
-                    let point = Block::vector(self.grid, end, &path, findings);
+                    let point = AlignedBox::vector(self.grid, end, &path, findings);
                     self.inside(point, &path, findings)
                 });
                 ProbeAt::Line {
@@ -160,7 +160,7 @@ impl Measured<'_> {
             Written::WaterTable {} => self.water_table(&format!("{path}.water_table"), findings),
             Written::Joint { position } => {
                 let path = format!("{path}.joint.position");
-                let point = Block::vector(self.grid, position, &path, findings);
+                let point = AlignedBox::vector(self.grid, position, &path, findings);
                 ProbeAt::Joint(self.inside(point, &path, findings))
             }
             Written::Mouth { name } => self.mouth(name, &format!("{path}.mouth.name"), findings),
@@ -219,7 +219,7 @@ impl Measured<'_> {
     /// Returns the point of a torque.
     fn about(&self, about: Option<&Vector>, path: &str, findings: &mut Findings) -> [f64; 3] {
         about.map_or([0.0; 3], |about| {
-            Block::vector(self.grid, about, &format!("{path}.about"), findings)
+            AlignedBox::vector(self.grid, about, &format!("{path}.about"), findings)
         })
     }
 
@@ -229,7 +229,7 @@ impl Measured<'_> {
     }
 
     fn point(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
-        let point = Block::vector(self.grid, position, path, findings);
+        let point = AlignedBox::vector(self.grid, position, path, findings);
         let holds = |s: &&Structure| s.stops.water() && s.solid.distance(point) < 0.0;
         if let Some(structure) = self.structures.iter().find(holds) {
             findings.error(
@@ -242,7 +242,7 @@ impl Measured<'_> {
     }
 
     fn gauge(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
-        let point = Block::vector(self.grid, position, path, findings);
+        let point = AlignedBox::vector(self.grid, position, path, findings);
         let surface = match &self.case.fluid {
             Some(Fluid::LatticeBoltzmann(lbm)) => lbm.surface.is_some(),
             _ => false,
@@ -361,8 +361,8 @@ impl Measured<'_> {
 
     /// Returns the block that holds a point.
     fn block(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
-        let point = Block::vector(self.grid, position, path, findings);
-        let holds = |solid: &dem::polyhedron::Solid| {
+        let point = AlignedBox::vector(self.grid, position, path, findings);
+        let holds = |solid: &dem::polyhedron::PlacedPolyhedron| {
             let planes = solid.half_spaces();
             planes
                 .iter()
@@ -404,9 +404,9 @@ impl Measured<'_> {
                 "move it inside",
             );
         }
-        let part = part.map(|part| Block {
-            from: Block::vector(grid, &part.from, &format!("{path}.part.from"), findings),
-            to: Block::vector(grid, &part.to, &format!("{path}.part.to"), findings),
+        let part = part.map(|part| AlignedBox {
+            from: AlignedBox::vector(grid, &part.from, &format!("{path}.part.from"), findings),
+            to: AlignedBox::vector(grid, &part.to, &format!("{path}.part.to"), findings),
             dimension: grid.dimension,
         });
         ProbeAt::Section {
@@ -442,8 +442,8 @@ impl Measured<'_> {
         }
         ProbeAt::Grains {
             part: match &written.part {
-                Some(part) => Block::resolve(grid, part, &format!("{path}.part"), findings),
-                None => Block {
+                Some(part) => AlignedBox::resolve(grid, part, &format!("{path}.part"), findings),
+                None => AlignedBox {
                     from: [0.0; 3],
                     to: grid.size,
                     dimension: grid.dimension,

@@ -3,7 +3,7 @@
 //! Apart from the other probes because they are resolved on the coarse grid.
 
 use super::ProbeAt;
-use crate::scene::block::Block;
+use crate::scene::block::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::number::{real, whole};
@@ -47,7 +47,7 @@ pub(super) fn crossing(
     }
     let [from, to] = [("from", ends[0]), ("to", ends[1])].map(|(name, end)| {
         let path = format!("{path}.{name}");
-        let point = Block::vector(grid, end, &path, findings);
+        let point = AlignedBox::vector(grid, end, &path, findings);
         inside(grid, point, &path, findings)
     });
     let apart = (0..2).any(|a| from[a].total_cmp(&to[a]).is_ne());
@@ -88,7 +88,7 @@ pub(super) fn heave(
         );
         return None;
     };
-    let block = Block::resolve(grid, prism, &format!("{path}.prism"), findings);
+    let block = AlignedBox::resolve(grid, prism, &format!("{path}.prism"), findings);
     let across = at.axis();
     if across == vertical || across >= grid.dimension {
         findings.error(

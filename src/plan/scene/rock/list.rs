@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use dem::polyhedron::{HalfSpace, Polyhedron, ShapeError, Solid};
+use dem::polyhedron::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 
 /// Maximum number of sentences about one file.
 const MOST: usize = 20;
@@ -25,7 +25,7 @@ const MOST: usize = 20;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
     /// Shape and place.
-    pub solid: Solid,
+    pub solid: PlacedPolyhedron,
     /// Name of its material, if it is not that of the others.
     pub material: Option<String>,
     /// `true` if it never moves.
@@ -194,7 +194,7 @@ pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
 
 /// Returns the text of a file in our own form, blocks numbered in order.
 #[must_use]
-pub fn write<'a>(blocks: impl Iterator<Item = (&'a Solid, &'a str, bool)>) -> String {
+pub fn write<'a>(blocks: impl Iterator<Item = (&'a PlacedPolyhedron, &'a str, bool)>) -> String {
     let row = |plane: &HalfSpace| {
         let n = plane.normal;
         [n.x, n.y, n.z, plane.offset]

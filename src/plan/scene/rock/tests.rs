@@ -11,7 +11,7 @@ use dem::polyhedron::Polyhedron;
 fn mass(edges: [f64; 3], sets: Vec<JointSet>) -> RockMass {
     let edges = Vector3::from(edges);
     RockMass {
-        solid: Solid {
+        solid: PlacedPolyhedron {
             shape: Polyhedron::cuboid(edges).unwrap(),
             position: 0.5 * edges,
             orientation: UnitQuaternion::identity(),
@@ -56,7 +56,7 @@ fn skew(persistence: f64) -> Vec<JointSet> {
     ]
 }
 
-fn volume(blocks: &[Solid]) -> f64 {
+fn volume(blocks: &[PlacedPolyhedron]) -> f64 {
     blocks.iter().map(|block| block.shape.volume()).sum()
 }
 
@@ -112,7 +112,7 @@ fn blocks_fill_the_mass_and_do_not_overlap() {
         let blocks = mass.blocks().unwrap();
         assert!(blocks.len() > 20, "{}", blocks.len());
         assert_relative_eq!(volume(&blocks), 3.0, max_relative = 1e-12);
-        let sides: Vec<Vec<HalfSpace>> = blocks.iter().map(Solid::half_spaces).collect();
+        let sides: Vec<Vec<HalfSpace>> = blocks.iter().map(PlacedPolyhedron::half_spaces).collect();
         let mut draw = Stream::new(5, 0, 0);
         for _ in 0..2000 {
             let at = Vector3::from_fn(|a, _| draw.uniform() * [2.0, 1.5, 1.0][a]);
@@ -193,7 +193,7 @@ fn slivers_are_not_cut_off() {
     assert_relative_eq!(volume(&blocks), 1.0, max_relative = 1e-12);
     for block in &blocks {
         assert!(block.shape.volume() >= 0.005 * (1.0 - 1e-12));
-        assert!(Piece::of(block).thickness() >= 0.1 * (1.0 - 1e-12));
+        assert!(Piece::from_polyhedron(block).thickness() >= 0.1 * (1.0 - 1e-12));
     }
 }
 

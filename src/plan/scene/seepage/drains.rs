@@ -1,7 +1,7 @@
 //! Drains, wells and cavities inside the ground, resolved on the coarse grid.
 
 use super::{PATH, Seepage};
-use crate::scene::block::Block;
+use crate::scene::block::AlignedBox;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
 use crate::scene::unique;
@@ -45,7 +45,8 @@ impl Seepage {
                     "use a pressure, head, seepage_face, flux or discharge, or add a structure",
                 );
             }
-            let block = Block::resolve(grid, &written.region, &format!("{path}.box"), findings);
+            let block =
+                AlignedBox::resolve(grid, &written.region, &format!("{path}.box"), findings);
             let Some(mut cells) = self.drain_cells(&block, grid.dimension, &path, findings) else {
                 continue;
             };
@@ -68,7 +69,7 @@ impl Seepage {
     /// Returns the cells of a box, or the plane between cells nearest to a box thinner than a cell.
     fn drain_cells(
         &self,
-        block: &Block,
+        block: &AlignedBox,
         dimension: usize,
         path: &str,
         findings: &mut Findings,

@@ -10,7 +10,7 @@ use base::error::Remedy;
 use case::Case;
 use case::darcy::{Zone, ZonePermeability};
 use darcy::Zones;
-use darcy::zones::{Raster, Rule, Zone as Resolved};
+use darcy::zones::{Raster, Rule, SoilZone as Resolved};
 use io::sheet::{Column, Refusal, Sheet, Unit};
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@
 //! neighbours reduce the velocity.
 
 use super::super::Scene;
-use super::super::bodies::{Body, Mobility};
+use super::super::bodies::{Mobility, NamedBody};
 use super::super::flow::Flow;
 use super::super::grains::GrainSource;
 use std::f64::consts::PI;
@@ -55,7 +55,7 @@ fn of_volume(volume: f64) -> f64 {
 }
 
 /// Returns the diameter of a body \[m\]; of a polyhedron that of the sphere of its volume.
-pub(crate) fn diameter(body: &Body) -> f64 {
+pub(crate) fn diameter(body: &NamedBody) -> f64 {
     let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
     volume.map_or(2.0 * body.radius, of_volume)
 }

@@ -1,7 +1,7 @@
 //! Checks for walls that lie in one plane: a plane wall acts there alone.
 
 use super::super::findings::Findings;
-use super::Wall;
+use super::SceneWall;
 use case::Case;
 use nalgebra::Vector3;
 
@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 const IN_PLANE: f64 = 1e-6;
 
 /// Returns `true` if a facet of `wall` that faces the grains lies in a plane.
-fn has_a_facet_in(wall: &Wall, plane: &Wall) -> bool {
+fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
     let Some(surface) = &wall.surface else {
         return false;
     };
@@ -25,7 +25,7 @@ fn has_a_facet_in(wall: &Wall, plane: &Wall) -> bool {
 }
 
 /// Returns `true` if two walls are one plane.
-fn are_one_plane(one: &Wall, other: &Wall) -> bool {
+fn are_one_plane(one: &SceneWall, other: &SceneWall) -> bool {
     let between: f64 = (0..3)
         .map(|a| one.normal[a] * (other.point[a] - one.point[a]))
         .sum();
@@ -34,12 +34,12 @@ fn are_one_plane(one: &Wall, other: &Wall) -> bool {
 }
 
 /// Returns `true` if two walls have different velocities.
-fn moves_otherwise(one: &Wall, other: &Wall) -> bool {
+fn moves_otherwise(one: &SceneWall, other: &SceneWall) -> bool {
     (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
 }
 
 /// Warns of walls that have no effect, since a plane wall of another material or velocity lies in the same plane.
-pub(super) fn check(case: &Case, walls: &[Wall], findings: &mut Findings) {
+pub(super) fn check(case: &Case, walls: &[SceneWall], findings: &mut Findings) {
     for (n, plane) in walls.iter().enumerate() {
         if plane.surface.is_some() {
             continue;

@@ -1,6 +1,6 @@
 //! The walls that grains meet at structures, and the walls that the water does not meet.
 
-use super::{Wall, across_periodic, periods, reaches};
+use super::{SceneWall, across_periodic, periods, reaches};
 use crate::scene::auto::features::grain_diameters;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
@@ -11,8 +11,8 @@ use case::Case;
 use case::darcy::Enclosure;
 use case::fluid::Fluid;
 use case::structures::Stops;
-use dem::Surface;
-use dem::polyhedron::Solid;
+use dem::FacetSurface;
+use dem::polyhedron::PlacedPolyhedron;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ pub(super) fn of_structures(
     grid: &Grid,
     structures: &[Structure],
     findings: &mut Findings,
-) -> Vec<Wall> {
+) -> Vec<SceneWall> {
     let moving = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
     if !moving {
         return Vec::new();
@@ -40,7 +40,7 @@ pub(super) fn of_structures(
         let Some(material) = structure.material.filter(|_| structure.stops.grains()) else {
             continue;
         };
-        let mut wall = Wall {
+        let mut wall = SceneWall {
             name: structure.name.clone(),
             point: [0.0; 3],
             normal: [0.0; 3],
@@ -94,7 +94,7 @@ pub(super) fn of_structures(
         // In 2-D the facets are strips across the plane.
         let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
         let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
-        let made = Surface::new(vertices.collect(), &facets.faces)
+        let made = FacetSurface::new(vertices.collect(), &facets.faces)
             .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
         match made {
             Ok(surface) => wall.surface = Some(Arc::new(surface)),
@@ -155,8 +155,8 @@ fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
 pub(crate) fn walls_in_water(
     case: &Case,
     grid: &Grid,
-    walls: &[Wall],
-    (structures, fixed): (&[Structure], &[&Solid]),
+    walls: &[SceneWall],
+    (structures, fixed): (&[Structure], &[&PlacedPolyhedron]),
     findings: &mut Findings,
 ) {
     if case.fluid.is_none() {
@@ -169,7 +169,7 @@ pub(crate) fn walls_in_water(
             .copied()
             .fold(0.0, f64::max);
     // A surface that lies in a face of the water, or beyond it, bounds the water.
-    let outside = |surface: &Surface| {
+    let outside = |surface: &FacetSurface| {
         bounds.iter().any(|(normal, offset)| {
             (0..surface.len())
                 .flat_map(|facet| surface.corners(facet))
@@ -185,7 +185,7 @@ pub(crate) fn walls_in_water(
             })
     };
     let deep = JOINT * grid.spacing;
-    let behind = |wall: &Wall| {
+    let behind = |wall: &SceneWall| {
         let by = |a: usize| if a < grid.dimension { LOOKS } else { 1 };
         (0..by(0) * by(1) * by(2)).any(|n| {
             let place = [n % LOOKS, n / LOOKS % LOOKS, n / (LOOKS * LOOKS)];
@@ -205,7 +205,7 @@ pub(crate) fn walls_in_water(
     };
     for (n, written) in case.walls.iter().enumerate() {
         let resolved = walls.iter().find(|wall| wall.name == written.name);
-        let in_water = |wall: &&Wall| {
+        let in_water = |wall: &&SceneWall| {
             !wall.temporary
                 && wall.structure.is_none()
                 && match &wall.surface {

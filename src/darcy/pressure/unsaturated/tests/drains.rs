@@ -13,7 +13,7 @@ fn the_parabola_of_a_horizontal_drain() {
     let (left, right) = (-0.25, 1.5);
     let spacing = 0.0125;
     let cells = [140, 80];
-    let grid = Grid {
+    let grid = SeepageGrid {
         cells: [cells[0], cells[1], 1],
         origin: [left, 0.0, 0.0],
         spacing: [spacing, spacing, 1.0],
@@ -21,7 +21,7 @@ fn the_parabola_of_a_horizontal_drain() {
     };
     let head = |x: f64, y: f64| (y0 * (x.hypot(y) + x)).sqrt();
     let top = (2.0 * y0 * right + y0 * y0).sqrt();
-    let mut patches = vec![Patch {
+    let mut patches = vec![PressurePatch {
         axis: 1,
         upper: false,
         from: [0; 3],
@@ -32,7 +32,7 @@ fn the_parabola_of_a_horizontal_drain() {
     for row in 0..cells[1] {
         let y = (real(row) + 0.5) * spacing;
         if y < top {
-            patches.push(Patch {
+            patches.push(PressurePatch {
                 axis: 0,
                 upper: true,
                 from: [cells[0] - 1, row, 0],
@@ -83,7 +83,7 @@ fn the_drawdown_of_a_well() {
     let grid = plane([n, n], [spacing * real(n); 2]);
     let level = Condition::Head { value: 1000.0 };
     let ends = [0.0, spacing * real(n)];
-    let well = Patch {
+    let well = PressurePatch {
         condition: Condition::Discharge { value: -0.25e-3 },
         inside: true,
         ..patch(&grid, 0, false, ends, level)
@@ -166,7 +166,7 @@ fn the_well_function_is_the_tabled_one() {
 #[test]
 fn a_sheet_and_a_box_of_stated_heads() {
     let grid = plane([40, 8], [4.0, 0.8]);
-    let drain = |condition| Patch {
+    let drain = |condition| PressurePatch {
         axis: 0,
         upper: false,
         from: [0; 3],

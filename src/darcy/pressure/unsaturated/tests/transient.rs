@@ -18,8 +18,8 @@ pub(super) fn transient(initial: InitialWater, interval: f64) -> TransientSettin
 }
 
 pub(super) fn advancing(
-    grid: &Grid,
-    patches: Vec<Patch>,
+    grid: &SeepageGrid,
+    patches: Vec<PressurePatch>,
     retention: Retention,
     settings: TransientSettings,
 ) -> Pressure {
@@ -35,7 +35,7 @@ pub(super) fn suction(head: f64) -> Condition {
 }
 
 /// A column between two conditions.
-pub(super) fn column(grid: &Grid, [low, high]: [Condition; 2]) -> Vec<Patch> {
+pub(super) fn column(grid: &SeepageGrid, [low, high]: [Condition; 2]) -> Vec<PressurePatch> {
     let width = [0.0, grid.spacing[0]];
     vec![
         patch(grid, 1, false, width, low),

@@ -1,6 +1,6 @@
 //! Lists of grains in the forms of other programs, each with two grains of radii 0.5 and 0.25 m.
 
-use super::super::{Grain, read};
+use super::super::{ListedGrain, read};
 
 const DUMP: &str = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n0 9\n0 9\n0 9\n\
 ITEM: ATOMS id type x y z radius\n7 1 8 8 8 1\n\
@@ -8,8 +8,8 @@ ITEM: TIMESTEP\n100\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff ff\n0 9\n0
 ITEM: ATOMS id type mass x y z vx vy vz fx fy fz omegax omegay omegaz radius \n\
 2 1 9.5 4 5 6 0 0 0 9 9 9 0 0 0 0.25 \n1 1 9.5 1 2 3 0 0 -1 9 9 9 0 0 7 0.5 \n";
 
-fn expected(moving: bool) -> Vec<Grain> {
-    let grain = |position, radius, velocity: f64, spin: f64| Grain {
+fn expected(moving: bool) -> Vec<ListedGrain> {
+    let grain = |position, radius, velocity: f64, spin: f64| ListedGrain {
         position,
         radius,
         velocity: [0.0, 0.0, velocity],

@@ -2,7 +2,7 @@
 
 /// Surface of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Surface {
+pub enum SurfaceKind {
     /// A wall at rest.
     Wall,
     /// A wall that moves in its own plane.
@@ -52,23 +52,23 @@ pub enum Strength {
 
 /// Kind of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Nature {
+pub struct BoundaryKind {
     /// Surface of the boundary.
-    pub surface: Surface,
+    pub surface: SurfaceKind,
     /// Strength: decides which of two boundaries has the links of an edge.
     pub strength: Strength,
 }
 
-impl Nature {
+impl BoundaryKind {
     /// A wall at rest.
     pub const WALL: Self = Self {
-        surface: Surface::Wall,
+        surface: SurfaceKind::Wall,
         strength: Strength::Wall,
     };
 
     /// An opening through which the fluid leaves with the state that it has.
     pub const OUTFLOW: Self = Self {
-        surface: Surface::Opening,
+        surface: SurfaceKind::Opening,
         strength: Strength::Outflow,
     };
 }
