@@ -23,6 +23,9 @@
 //! mass. Such cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³
 //! with B the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
 //!
+//! A stream into air widens by about 1.3 cells on its first ten cells, because the cells at its rims touch the wall: it
+//! is slower by 14 % with 8 cells and by 8 % with 16.
+//!
 //! Links through an opening are walls to the exchange between cells ([`super::exchange`]): the surface meets the face
 //! at a right angle.
 

@@ -16,6 +16,9 @@ use decomposition::{Domain, SplitAxis};
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
+/// A stream through a part of a face: axis and end of the face, range along y, velocity.
+type Stream = ((usize, bool), [f64; 2], [f64; 3]);
+
 /// A box of water under gravity along -y with side walls of free slip, split along an axis.
 pub(super) struct Tank {
     set: VelocitySet,
@@ -31,7 +34,7 @@ pub(super) struct Tank {
     /// Openings over whole faces.
     pub(super) open_at: Vec<(usize, bool, Outside)>,
     /// Streams through parts of faces: face, range along y, velocity.
-    pub(super) streams: Vec<((usize, bool), [f64; 2], [f64; 3])>,
+    pub(super) streams: Vec<Stream>,
     pub(super) solids: Vec<[usize; 3]>,
     saturation: Option<SaturationMethod>,
 }

@@ -138,9 +138,11 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// A jet from a nozzle in a dry box has the discharge of its velocity, and falls like a projectile.
+/// A jet from a nozzle into air has the discharge of its velocity. Its rims leave cells that touch the wall of the
+/// nozzle, so that it widens by about 1.3 cells, whatever its width, and is slower by that; then it falls like a
+/// projectile.
 #[test]
-fn a_jet_enters_a_dry_room() {
+fn a_jet_enters_a_dry_box() {
     let mut tank = Tank::new([60, 50, 1]);
     tank.tau = 0.52;
     tank.gravity = 1e-4;
@@ -154,17 +156,17 @@ fn a_jet_enters_a_dry_room() {
     let steps = entered / (8.0 * 0.05);
     assert!((2490.0..2500.0).contains(&steps), "{steps}");
     let surface = fluid.surface().unwrap();
-    for x in [10, 20, 30, 40] {
+    for x in [10, 20, 30] {
         let (mut sum, mut first) = (0.0, 0.0);
         for y in 0..50 {
             let cell = fluid.populations().interior_cell([x, y, 0]);
             sum += surface.fill(cell);
             first += surface.fill(cell) * (y as f64 + 0.5);
         }
-        let time = (x as f64 + 0.5) / 0.05;
+        assert!((1.0..1.6).contains(&(sum - 8.0)), "{x}: thickness {sum}");
+        let time = (x as f64 + 0.5) / (0.05 * 8.0 / sum);
         let exact = 40.0 - 0.5 * tank.gravity * time * time;
         let found = first / sum;
-        println!("{x}: {found} for {exact}, thickness {sum}");
         assert!((found - exact).abs() < 1.0, "{x}: {found} for {exact}");
     }
 }
