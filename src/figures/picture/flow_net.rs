@@ -211,7 +211,11 @@ impl FlowNet {
         let tubes = whole(((most - least) / tube).floor());
         Some(Levels {
             heads: (1..drops).map(|k| low + f64::from(k) * drop).collect(),
-            streams: (0..=tubes).map(|k| least + real(k) * tube).collect(),
+            // The first and the last line are ends of the ground.
+            streams: (1..=tubes)
+                .map(|k| least + real(k) * tube)
+                .filter(|level| most - level > 1e-6 * (most - least))
+                .collect(),
             drop,
             tube,
         })
@@ -490,7 +494,7 @@ mod tests {
         // Drops of 1/8 over 0.5 m; the discharge of 0.5 m of height.
         assert!((levels.drop - 0.125).abs() < 1e-12);
         assert!((levels.tube - 3e-5 / 8.0).abs() < 1e-16, "{}", levels.tube);
-        assert_eq!((levels.heads.len(), levels.streams.len()), (7, 5));
+        assert_eq!((levels.heads.len(), levels.streams.len()), (7, 3));
         let all = |_: [usize; 4]| true;
         for (n, level) in levels.heads.iter().enumerate() {
             let x = 4.0 - 0.5 * real(n + 1);
