@@ -25,7 +25,10 @@
 
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
-use super::{Crossing, FaceLink, Giver, Inflow, BoundaryModel, RuleStep, BoundaryKind, Place, Ramp, Rule, quanta};
+use super::{
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Inflow, Place, Ramp, Rule, RuleStep,
+    quanta,
+};
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
 use base::error::Error;
@@ -71,7 +74,12 @@ impl BoundaryModel for ConvectiveOutflow {
             Some(speed) => Carried::Given(units.velocity_to_lattice(speed)),
             None => Carried::Local,
         };
-        Ok(Box::new(ConvectiveOutflowLinks::from_case(place, speed, self.mean_pressure, units)))
+        Ok(Box::new(ConvectiveOutflowLinks::from_case(
+            place,
+            speed,
+            self.mean_pressure,
+            units,
+        )))
     }
 }
 
@@ -354,7 +362,7 @@ mod tests {
     use crate::collision::{Operator, trt};
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
-    use decomposition::{SplitAxis, Domain};
+    use decomposition::{Domain, SplitAxis};
 
     const SPEED: f64 = 0.1;
     const CELLS: [usize; 3] = [80, 48, 1];

@@ -4,7 +4,9 @@
 //! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
 
 use super::links::{Counted, Mirror, MirrorRun};
-use super::{Crossing, Giver, BoundaryModel, RuleStep, BoundaryKind, Place, Rule, Strength, SurfaceKind};
+use super::{
+    BoundaryKind, BoundaryModel, Crossing, Giver, Place, Rule, RuleStep, Strength, SurfaceKind,
+};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::error::Error;

@@ -8,7 +8,9 @@
 
 use super::outfall::Links;
 use super::profile::ReadTable;
-use super::{Inflow, BoundaryModel, BoundaryKind, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
+use super::{
+    BoundaryKind, BoundaryModel, Inflow, Place, Rule, Site, Strength, SurfaceKind, WithSurface,
+};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};

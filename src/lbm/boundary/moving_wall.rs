@@ -6,7 +6,10 @@
 )]
 
 use super::profile::ReadTable;
-use super::{ImposedSpeed, BoundaryModel, BoundaryKind, Place, Ramp, Rule, Site, Strength, SurfaceKind, velocity};
+use super::{
+    BoundaryKind, BoundaryModel, ImposedSpeed, Place, Ramp, Rule, Site, Strength, SurfaceKind,
+    velocity,
+};
 use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::geometry::Vector;

@@ -1,6 +1,6 @@
 //! A wall at rest: half-way bounce-back ([`super::wall`]).
 
-use super::{Crossing, Giver, BoundaryModel, BoundaryKind, Place, Rule};
+use super::{BoundaryKind, BoundaryModel, Crossing, Giver, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;

@@ -1,6 +1,9 @@
 //! Free outfall of water with a free surface: beyond the face is air ([`crate::surface::Outside::Air`]).
 
-use super::{Crossing, Giver, Inflow, BoundaryModel, BoundaryKind, Place, Rule, Strength, SurfaceKind, WithSurface};
+use super::{
+    BoundaryKind, BoundaryModel, Crossing, Giver, Inflow, Place, Rule, Strength, SurfaceKind,
+    WithSurface,
+};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::Error;

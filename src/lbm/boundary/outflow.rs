@@ -9,7 +9,7 @@
 )]
 
 use super::convective_outflow::{Carried, ConvectiveOutflowLinks};
-use super::{Inflow, BoundaryModel, BoundaryKind, Place, Rule};
+use super::{BoundaryKind, BoundaryModel, Inflow, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;
@@ -45,7 +45,8 @@ impl BoundaryModel for Outflow {
         place: &Place<'_>,
         units: &LatticeUnits,
     ) -> Result<Box<dyn Rule<S>>, Error> {
-        let links = ConvectiveOutflowLinks::from_case(place, Carried::Whole, self.mean_pressure, units);
+        let links =
+            ConvectiveOutflowLinks::from_case(place, Carried::Whole, self.mean_pressure, units);
         Ok(Box::new(links))
     }
 }

@@ -22,8 +22,8 @@ use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::profile::ReadTable;
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
-    Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror, BoundaryModel, RuleStep, BoundaryKind, Opening,
-    Place, Ramp, Rule, Site, Sound, Strength, Sums, SurfaceKind, quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror,
+    Opening, Place, Ramp, Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -192,10 +192,11 @@ impl BoundaryModel for Pressure {
             } else {
                 (PlaneWave::reflected(), None)
             };
-            let links = convective_outflow::ConvectiveOutflowLinks::new((axis, face.is_max()), Carried::Local);
-            return Ok(Box::new(
-                links.of_kind(KIND).holding(wave, ramp, forecast),
-            ));
+            let links = convective_outflow::ConvectiveOutflowLinks::new(
+                (axis, face.is_max()),
+                Carried::Local,
+            );
+            return Ok(Box::new(links.of_kind(KIND).holding(wave, ramp, forecast)));
         }
         let mut links = PressureLinks::new(axis, ramp);
         if let Some(gradient) = &self.gradient {

@@ -11,8 +11,9 @@ use super::profile::{FaceVelocity, ReadTable, VelocityProfile};
 use super::sound::PlaneWave;
 use super::turbulent::{Inlet, Synthetic};
 use super::{
-    Crossing, FaceLink, Giver, ImposedSpeed, Inflow, BoundaryModel, RuleStep, BoundaryKind, Place, Ramp, Rule,
-    Site, Sound, Strength, Sums, SurfaceKind, WithSurface, from_quanta, quanta, wall,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, ImposedSpeed, Inflow, Place, Ramp,
+    Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, WithSurface, from_quanta, quanta,
+    wall,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;

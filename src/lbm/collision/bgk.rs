@@ -7,9 +7,9 @@ pub mod kernel;
 
 pub use kernel::Bgk;
 
-use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
+use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::trt::{self, AntisymmetricRate, Trt};
-use super::{Dispatch, Kernels, CollisionModel};
+use super::{CollisionModel, Dispatch, Kernels};
 use base::error::number;
 use base::family::Description;
 use schemars::JsonSchema;

@@ -22,9 +22,9 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
+use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::products::{POPULATION, n};
-use super::{Collision, Dispatch, Kernels, CollisionModel, Site};
+use super::{Collision, CollisionModel, Dispatch, Kernels, Site};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, VelocitySet, unroll};
 use base::family::Description;

@@ -44,9 +44,9 @@ pub mod kernel;
 
 pub use kernel::{Mrt, Rates};
 
-use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
+use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::second_order::SecondOrder;
-use super::{Dispatch, Kernels, CollisionModel};
+use super::{CollisionModel, Dispatch, Kernels};
 use crate::lattice::VelocitySet;
 use base::family::Description;
 use schemars::JsonSchema;

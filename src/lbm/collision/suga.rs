@@ -28,11 +28,11 @@
 //! result is that of the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ
 //! and m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
 
-use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation};
+use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::linear_stability::{self, Wave};
 use super::mrt::{self, Rates};
 use super::products::{self, Basis, n};
-use super::{Collision, Dispatch, Kernels, CollisionModel, Site};
+use super::{Collision, CollisionModel, Dispatch, Kernels, Site};
 use crate::lanes::Lanes;
 use crate::lattice::{D3Q27, Lattice, VelocitySet, unroll};
 use base::error::{Finding, Remedy, Severity, number};

@@ -15,8 +15,8 @@ pub mod kernel;
 
 pub use kernel::{AntisymmetricRate, Trt, antisymmetric_rate};
 
-use super::border::{self, Border, ReynoldsBounds, MovingBody, Situation, Surroundings};
-use super::{Dispatch, Kernels, CollisionModel};
+use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation, Surroundings};
+use super::{CollisionModel, Dispatch, Kernels};
 use crate::lattice::VelocitySet;
 use base::family::Description;
 use schemars::JsonSchema;

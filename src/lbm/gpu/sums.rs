@@ -8,7 +8,7 @@ use super::loads::BodyLoad;
 use super::warp;
 use crate::lattice::unroll;
 use crate::quanta::quanta;
-use crate::saturation::solid::{NONE, CoveringBody};
+use crate::saturation::solid::{CoveringBody, NONE};
 
 /// Sums of all threads, and the force of this one that waits.
 pub(crate) struct Sums {

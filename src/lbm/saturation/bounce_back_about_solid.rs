@@ -6,7 +6,9 @@
 //! ```
 
 use super::mixed::{self, Mixed, Pair};
-use super::{Act, Cell, CoveredFluid, DensityRatios, LightBody, MEASURED, SolidOperatorModel, SolidCollision};
+use super::{
+    Act, Cell, CoveredFluid, DensityRatios, LightBody, MEASURED, SolidCollision, SolidOperatorModel,
+};
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 

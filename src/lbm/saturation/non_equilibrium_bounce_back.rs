@@ -7,7 +7,8 @@
 
 use super::mixed::{self, Mixed, Pair};
 use super::{
-    Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, MEASURED, SolidOperatorModel, SolidCollision,
+    Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, MEASURED, SolidCollision,
+    SolidOperatorModel,
 };
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;

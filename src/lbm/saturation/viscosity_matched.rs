@@ -14,7 +14,9 @@
 //! the viscosity. A full cell reverses the antisymmetric part and keeps the symmetric part: half-way bounce-back. The
 //! operator is that of the fluid with scaled rates of its two parts.
 
-use super::{Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, SolidOperatorModel, SolidCollision};
+use super::{
+    Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, SolidCollision, SolidOperatorModel,
+};
 use crate::collision::along;
 use crate::collision::trt::AntisymmetricRate;
 use crate::lanes::Lanes;

@@ -4,7 +4,8 @@
 
 use crate::boundary::profile::ReadTable;
 use crate::boundary::{
-    Crossing, FaceLink, Giver, BoundaryModel, RuleStep, BoundaryKind, Place, Rule, Site, Strength, SurfaceKind,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Place, Rule, RuleStep, Site, Strength,
+    SurfaceKind,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;

@@ -1,7 +1,7 @@
 //! The file of an operator that exists in this test only.
 
 use crate::collision::border::{Border, MovingBody, Situation};
-use crate::collision::{Collision, Dispatch, Kernels, CollisionModel, Site};
+use crate::collision::{Collision, CollisionModel, Dispatch, Kernels, Site};
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 use base::family::Description;

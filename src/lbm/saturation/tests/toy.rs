@@ -2,7 +2,9 @@
 
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
-use crate::saturation::{Act, Cell, CoveredFluid, DensityRatios, LightBody, SolidOperatorModel, SolidCollision};
+use crate::saturation::{
+    Act, Cell, CoveredFluid, DensityRatios, LightBody, SolidCollision, SolidOperatorModel,
+};
 
 /// See the module.
 #[derive(Clone, Copy, Debug)]
