@@ -145,9 +145,10 @@ several!(A, B, C, D);
 
 /// Does [`each`], with the data of each piece.
 pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
-    // SAFETY: each piece is done once, and no other code accesses the shared data.
     each(pieces, |piece| {
-        work(piece, unsafe { shared.take_share(piece) })
+        // SAFETY: each piece is done once, and no other code accesses the shared data.
+        let share = unsafe { shared.take_share(piece) };
+        work(piece, share);
     });
     drop(shared);
 }

@@ -8,7 +8,7 @@
 //! ```text
 //! G = pi/6 - C(a) - C(b) - C(c) + E(a, b) + E(b, c) + E(c, a)
 //! C(a)    = pi (1 - a)^2 (2 + a) / 12                    a quarter of a cap
-//! E(a, b) = [atan2(s, a b) + a b s]/3 - [P(a) atan2(s, b) + P(b) atan2(s, a)]/2,   the ball beyond x = a and y = b, z > 0
+//! E(a, b) = [atan2(s, a b) + a b s]/3 - [P(a) atan2(s, b) + P(b) atan2(s, a)]/2,   ball beyond x = a, y = b and z > 0
 //! P(a) = a - a^3/3,   s^2 = 1 - a^2 - b^2                (0 where a^2 + b^2 >= 1)
 //! ```
 //!

@@ -49,7 +49,7 @@ pub enum Condition {
         /// Volume per horizontal area and time [m/s].
         #[schemars(range(min = 0.0))]
         rate: f64,
-        /// Largest suction of the surface as a height of water [m]: 10 to 150 for bare soil.
+        /// Largest suction of the surface as a height of water \[m\]: 10 to 150 for bare soil.
         #[schemars(extend("exclusiveMinimum" = 0))]
         suction: f64,
     },
