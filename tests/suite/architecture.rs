@@ -136,6 +136,8 @@ const MODULES: &[(&str, &[&str])] = &[
 const UNSAFE: &[&str] = &[
     "src/base/allocator.rs",
     "src/base/thread_pool.rs",
+    "src/base/thread_pool/board.rs",
+    "src/base/thread_pool/sync.rs",
     "decomposition/",
     "io/",
     "src/lbm/",

@@ -138,7 +138,7 @@ pub enum ProbeAt {
     Joint([f64; 3]),
     /// Mouth of the joints, by its index.
     Mouth(usize),
-    /// Load on a block, by its index in [`super::blocks::Blocks`].
+    /// Load on a block, by its index in [`super::blocks::PlacedBlocks`].
     Block(usize),
     /// Force on a face.
     Wall(Face),
