@@ -22,9 +22,9 @@
 //!   do not start MPI. [`on_threads`] runs several ranks as threads, for tests.
 //!
 //! ```
-//! use decomposition::{Axis, Domain, HaloBytes, HaloExchange};
+//! use decomposition::{Domain, HaloBytes, HaloExchange, SplitAxis};
 //!
-//! let domain = Domain::serial(Axis::X, 8, true);              // or Domain::new(world.communicator(), slabs)
+//! let domain = Domain::serial(SplitAxis::X, 8, true);              // or Domain::new(world.communicator(), slabs)
 //! let mut halo = HaloExchange::new(&domain, 0, HaloBytes::symmetric(2 * size_of::<f64>()))?;
 //! let (lower, upper) = halo.send_buffers_mut::<f64>();
 //! if let Some(lower) = lower { lower.copy_from_slice(&[1.0, 2.0]); } // my first plane

@@ -64,21 +64,6 @@ CHAPTERS = [
         ],
     ),
     (
-        "Water in joints",
-        ["joints"],
-        [
-            "joints/lib.rs",
-            "joints/pairs.rs",
-            "joints/cells.rs",
-            "joints/edges.rs",
-            "joints/flow.rs",
-            "joints/friction.rs",
-            "joints/slot.rs",
-            "joints/water.rs",
-            "joints/motion.rs",
-        ],
-    ),
-    (
         "Seepage",
         ["seepage", "resistance", "drag", "porosity", "retention"],
         [
