@@ -132,8 +132,10 @@ const MODULES: &[(&str, &[&str])] = &[
 ];
 
 /// Places with `unsafe`: MPI's datatypes, calls of HDF5 and of the operating system, memory, vector lanes, data that
-/// threads share.
+/// threads share, the environment before there are threads.
 const UNSAFE: &[&str] = &[
+    "src/main.rs",
+    "src/base/environment.rs",
     "src/base/allocator.rs",
     "src/base/thread_pool.rs",
     "src/base/thread_pool/board.rs",
