@@ -123,7 +123,7 @@ impl std::fmt::Display for Outcome {
 /// Folders below `root` that hold an `expected.json`, in order.
 ///
 /// # Errors
-/// Where the folder cannot be read.
+/// If the folder cannot be read.
 pub(crate) fn cases(root: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(root).map_err(|e| format!("{}: {e}", root.display()))?;
     let mut folders: Vec<PathBuf> = entries

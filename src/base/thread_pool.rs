@@ -44,7 +44,7 @@ pub fn threads() -> usize {
 /// Calls `work` with each number below `pieces`, by as many threads; returns when all are done.
 ///
 /// # Panics
-/// Where `work` does.
+/// If `work` does.
 pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     if pieces > 1 {
         let pool = match POOL.try_lock() {
@@ -92,7 +92,7 @@ impl<T> Cut<'_, T> {
 /// Cuts a slice: part p goes from `bound(p)` to `bound(p + 1)`.
 ///
 /// # Panics
-/// Where there are more than [`MOST`] pieces, bounds fall, or the last is beyond the slice.
+/// If there are more than [`MOST`] pieces, bounds fall, or the last is beyond the slice.
 pub fn cut<T>(slice: &mut [T], pieces: usize, bound: impl Fn(usize) -> usize) -> Cut<'_, T> {
     let mut bounds = [0; MOST + 1];
     for (piece, at) in bounds[..=pieces].iter_mut().enumerate() {

@@ -79,7 +79,7 @@ impl JointWater {
     /// whose ids begin at `first`; `interval`: time step \[s\].
     ///
     /// # Errors
-    /// Where there is no steady flow.
+    /// If there is no steady flow.
     pub fn new(
         mut flow: JointFlow,
         mouths: Mouths,
@@ -185,7 +185,7 @@ impl JointWater {
     /// Restores the numbers of a checkpoint of this number of steps.
     ///
     /// # Errors
-    /// Where they are those of another network.
+    /// If they are those of another network.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<(), Error> {
         let another = || Error::Io("the checkpoint holds the water of other joints".into());
         let (sums, state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;

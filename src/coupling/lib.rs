@@ -47,13 +47,13 @@ pub trait Flow<S: Space> {
     /// Moves the water by one step and sets the load of the water on every owned grain (SI).
     ///
     /// # Errors
-    /// Where a message failed.
+    /// If a message failed.
     fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
 
     /// Takes note of where the grains are now; `particles` hold their ghosts up to date.
     ///
     /// # Errors
-    /// Where a message failed.
+    /// If a message failed.
     fn update_bodies(&mut self, particles: &mut Particles<S>, domain: &Domain)
     -> Result<(), Error>;
 }

@@ -149,7 +149,7 @@ impl Pores {
     /// Sums over the ranks and derives porosity and diameters. Collective.
     ///
     /// # Errors
-    /// Where a grain has no finite place, or is far larger than a cell.
+    /// If a grain has no finite place, or is far larger than a cell.
     pub fn finish(
         &mut self,
         openness: &Openness,

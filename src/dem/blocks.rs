@@ -132,7 +132,7 @@ impl<S: Space> Particles<S> {
     /// `body.radius` is set to the shape's; see [`Body::of_block`] for the rest.
     ///
     /// # Errors
-    /// Where the table of shapes has no such number.
+    /// If the table of shapes has no such number.
     pub fn add_block(
         &mut self,
         mut body: Body,

@@ -154,7 +154,7 @@ impl<S: Space> Particles<S> {
     /// Sends the present motion of own grains to their ghosts. Collective; the ghosts are those of the last step.
     ///
     /// # Errors
-    /// Where a message failed.
+    /// If a message failed.
     #[inline(never)]
     pub fn refresh_ghosts(&mut self, domain: &Domain) -> Result<(), Error> {
         // The plan is taken out while the arrays change; moving it moves some pointers.
@@ -194,7 +194,7 @@ impl<S: Space> Particles<S> {
     /// depend on the order. `values` has one row for each entry; the rows of ghosts keep their values. Collective.
     ///
     /// # Errors
-    /// Where `values` has another length than the entries, or a message failed.
+    /// If `values` has another length than the entries, or a message failed.
     pub fn reduce_to_owners<const N: usize>(
         &mut self,
         values: &mut [[i128; N]],

@@ -256,7 +256,7 @@ impl<S: Space> Dem<S> {
     /// Makes one solid step. Collective.
     ///
     /// # Errors
-    /// Where a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
+    /// If a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
     pub fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.advance_many(particles, domain, 1)
     }

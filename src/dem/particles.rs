@@ -475,7 +475,7 @@ impl<S: Space> Particles<S> {
     /// lengths of the box. Where there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
-    /// Where a column is missing, short or of another type.
+    /// If a column is missing, short or of another type.
     #[inline(never)]
     pub fn from_table(table: &NamedColumns) -> Result<Self, Error> {
         let mut particles = Self::new();

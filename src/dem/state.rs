@@ -33,7 +33,7 @@ impl Contacts {
     /// are gone go.
     ///
     /// # Errors
-    /// Where a column is missing or broken.
+    /// If a column is missing or broken.
     pub fn take_walls(&mut self, origins: &[Option<usize>]) -> Result<(), Error> {
         let place = |old: u64| {
             origins
@@ -82,7 +82,7 @@ impl<S: Space> Dem<S> {
     /// `Particles::from_table`.
     ///
     /// # Errors
-    /// Where a column is missing, short or of another type, or the number of walls differs.
+    /// If a column is missing, short or of another type, or the number of walls differs.
     pub fn restore(&mut self, contacts: &Contacts) -> Result<(), Error> {
         self.engine.restore(contacts)
     }

@@ -225,7 +225,7 @@ impl FacetSurface {
     /// Returns the faces of a box between two corners \[m\].
     ///
     /// # Errors
-    /// Where the box has no volume.
+    /// If the box has no volume.
     pub fn of_box(lower: Vector3<f64>, upper: Vector3<f64>) -> Result<Self, Error> {
         let vertices = (0..8)
             .map(|k: usize| {

@@ -46,7 +46,7 @@ impl NamedColumns {
     /// Appends the rows of a table with the same columns.
     ///
     /// # Errors
-    /// Where the columns differ.
+    /// If the columns differ.
     pub fn append(&mut self, other: &Self) -> Result<(), Error> {
         if self.columns.is_empty() {
             *self = other.clone();

@@ -640,7 +640,7 @@ impl JointFlow {
     /// pressure of their first cell and are still.
     ///
     /// # Errors
-    /// Where there is no solution.
+    /// If there is no solution.
     pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
         self.follow(drive, time);
         self.find_held();
@@ -756,7 +756,7 @@ impl JointFlow {
     /// Makes a step from `time` to `time + interval` \[s\].
     ///
     /// # Errors
-    /// Where the pressures do not converge or are not finite; the state is then lost.
+    /// If the pressures do not converge or are not finite; the state is then lost.
     pub fn advance(
         &mut self,
         drive: &dyn Drive,

@@ -85,7 +85,7 @@ impl Factors {
     /// occurs several times add up.
     ///
     /// # Errors
-    /// Where a pivot is zero or no number.
+    /// If a pivot is zero or no number.
     pub(crate) fn factorise(&mut self, diagonal: &[f64], pairs: &[f64]) -> Result<(), Singular> {
         self.filled
             .copy_from_slice(&self.column_starts[..diagonal.len()]);

@@ -93,7 +93,7 @@ fn sphere() -> Result<f64, Error> {
 /// The bench `dem` measures the same.
 ///
 /// # Errors
-/// Where the engine of the grains cannot be made.
+/// If the engine of the grains cannot be made.
 pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
     let side = real(count).cbrt().ceil();
     let (spacing, jitter) = if packed {

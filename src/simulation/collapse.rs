@@ -318,7 +318,7 @@ impl CollapseRecorder {
     /// and where the case does not ask.
     ///
     /// # Errors
-    /// Where it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn summary(&self) -> Result<Option<Value>, Error> {
         let (Some(asked), Some(start), Some(ground)) =
             (&self.asked, &self.state.start, &self.state.ground)

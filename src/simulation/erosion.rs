@@ -396,7 +396,7 @@ impl ErosionRecorder {
     /// erosion law or nothing was recorded yet.
     ///
     /// # Errors
-    /// Where it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn summary(&self, plan: &Plan) -> Result<Option<Value>, Error> {
         let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
             return Ok(None);

@@ -66,7 +66,7 @@ impl Gates {
     /// Makes the changes of this step and returns whether there were any. Collective.
     ///
     /// # Errors
-    /// Where a wall comes through a grain; the same on all ranks.
+    /// If a wall comes through a grain; the same on all ranks.
     #[inline]
     pub(super) fn act<S: Space>(
         &mut self,

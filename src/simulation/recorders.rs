@@ -33,7 +33,7 @@ impl Recorders {
     /// Adds the states to the attributes of a checkpoint.
     ///
     /// # Errors
-    /// Where a state cannot be written as JSON.
+    /// If a state cannot be written as JSON.
     pub(super) fn write(&self, attributes: &mut Value) -> Result<(), Error> {
         let states = serde_json::to_value(self).map_err(|e| Error::Internal(e.to_string()))?;
         if let Value::Object(states) = states {

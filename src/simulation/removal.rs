@@ -155,7 +155,7 @@ impl Removal {
     /// again.
     ///
     /// # Errors
-    /// Where a message between ranks is garbled.
+    /// If a message between ranks is garbled.
     pub fn leaving<S: Space>(
         &mut self,
         particles: &mut Particles<S>,
@@ -244,7 +244,7 @@ impl Removal {
     /// If any came, ghosts were dropped: prepare them again, which also hands each to its owner.
     ///
     /// # Errors
-    /// Where the material of the region has no density.
+    /// If the material of the region has no density.
     pub fn appearing<S: Space>(
         &mut self,
         particles: &mut Particles<S>,

@@ -232,7 +232,7 @@ fn motion_of<S: Space>(
 /// Adds the named bodies (ids from 0) on the first rank; the first lists hand them to their owners.
 ///
 /// # Errors
-/// Where the shape of a polyhedron is not in the table.
+/// If the shape of a polyhedron is not in the table.
 pub fn bodies<S: Space>(
     plan: &Plan,
     communicator: &Communicator,

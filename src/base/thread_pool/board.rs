@@ -116,7 +116,7 @@ impl Board {
     /// and every helper has left.
     ///
     /// # Panics
-    /// Where `work` does.
+    /// If `work` does.
     pub(super) fn run(&self, pieces: usize, work: &Work<'_>, helpers: &[Helper]) {
         // SAFETY: the lifetime is restored by waiting below, whatever happens.
         let work = unsafe { std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work) };

@@ -21,7 +21,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Returns the engine of the law.
     ///
     /// # Errors
-    /// Where the law has no such dimension.
+    /// If the law has no such dimension.
     fn engine(
         law: Self,
         settings: DemSettings<S>,

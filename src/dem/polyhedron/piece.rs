@@ -124,7 +124,7 @@ impl Piece {
     /// Returns the block, its cut faces moved inwards by `back` \[m\].
     ///
     /// # Errors
-    /// Where nothing of it is left.
+    /// If nothing of it is left.
     pub fn solid(&self, back: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let planes: Vec<HalfSpace> = self
             .sides

@@ -57,7 +57,7 @@ impl Polyhedron {
     /// Returns a box of these edge lengths \[m\], axes along the edges.
     ///
     /// # Errors
-    /// Where a length is not positive, or one is a billionth of another.
+    /// If a length is not positive, or one is a billionth of another.
     pub fn cuboid(edges: Vector3<f64>) -> Result<Self, ShapeError> {
         if let Some(index) = (0..3).find(|&k| !(edges[k].is_finite() && edges[k] > 0.0)) {
             return Err(ShapeError::Unusable {
@@ -87,7 +87,7 @@ impl Polyhedron {
     /// Returns the convex hull of `points` \[m\]. The work grows with the cube of their number.
     ///
     /// # Errors
-    /// Where there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
+    /// If there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
     pub fn from_vertices(points: &[Vector3<f64>]) -> Result<PlacedPolyhedron, ShapeError> {
         let (local, middle, width, noise) = centred("vertices", "vertex", points)?;
         if points.len() > hull::MOST {
@@ -109,7 +109,7 @@ impl Polyhedron {
     /// are left out.
     ///
     /// # Errors
-    /// Where they leave no volume, or do not close.
+    /// If they leave no volume, or do not close.
     pub fn from_half_spaces(planes: &[HalfSpace]) -> Result<PlacedPolyhedron, ShapeError> {
         let few = ShapeError::Few {
             what: "half-spaces",
@@ -206,7 +206,7 @@ impl Polyhedron {
     /// clockwise. Triangles of one plane become one face.
     ///
     /// # Errors
-    /// Where the surface is not convex, not closed or flat.
+    /// If the surface is not convex, not closed or flat.
     pub fn from_triangles(triangles: &[[Vector3<f64>; 3]]) -> Result<PlacedPolyhedron, ShapeError> {
         let corners: Vec<Vector3<f64>> = triangles.iter().flatten().copied().collect();
         let (local, middle, width, _) = centred("corners of triangles", "corner", &corners)?;

@@ -28,7 +28,7 @@ pub fn shapes<S: Space>(plan: &Plan, particles: &mut Particles<S>) -> Result<(),
 /// Adds the blocks on the first rank, with ids after those of the bodies; the first lists hand them to their owners.
 ///
 /// # Errors
-/// Where a shape is not in the table.
+/// If a shape is not in the table.
 pub fn blocks<S: Space>(
     plan: &Plan,
     communicator: &Communicator,

@@ -120,7 +120,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
 /// Returns the fluid at the start from a field output of the same size.
 ///
 /// # Errors
-/// Where the file cannot be read or has another number of cells.
+/// If the file cannot be read or has another number of cells.
 pub fn file(path: &Path, plan: &Plan, units: LatticeUnits) -> Result<Box<dyn Field>, Error> {
     let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
     let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
