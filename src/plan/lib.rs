@@ -308,87 +308,12 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let (time_step, solid_steps) = if let Some(like) = like {
         (like.time_step, like.solid_steps_per_step)
     } else if let Some(flow) = &scene.flow {
-        let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
-        let path = "time.solid_steps_per_fluid_step";
-        if needed > 100_000.0 {
-            let cause = critical_step::decisive(scene).map_or(String::new(), |(k, radius, mass)| {
-                format!(
-                    ": the lightest grain, of radius {} m and {} kg/m3 (`{}`), has a mass of {} kg",
-                    number(radius),
-                    number(scene.density(k)),
-                    scene.materials[k].name,
-                    number(mass)
-                )
-            });
-            findings.error(
-                path,
-                format!(
-                    "stability requires {} solid steps per fluid step; at most 100000 are allowed{cause}",
-                    number(needed)
-                ),
-                "check the units of radius, density and stiffness; use softer contacts or a smaller fluid time step",
-            );
-            return None;
-        }
-        let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
-        let steps = match time.solid_steps_per_fluid_step {
-            SolidSteps::Auto(_) => {
-                let needed = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
-                u32::try_from(whole(needed.min(1e5))).unwrap_or(u32::MAX)
-            }
-            SolidSteps::Number(n) => {
-                if n < needed {
-                    findings.error(
-                        path,
-                        format!(
-                            "the solid time step of {} s is above {} times the critical one",
-                            number(flow.time_step / f64::from(n.max(1))),
-                            time.solid_time_step_safety
-                        ),
-                        Remedy::from(format!("use at least {needed}, or \"auto\""))
-                            .set(path, needed),
-                    );
-                }
-                n.max(1)
-            }
-        };
+        let steps = solid_steps_in_flow(scene, flow, allowed, automatic, findings)?;
         (flow.time_step, steps)
     } else if let Some(joints) = &scene.joints {
         (joints.written.time_step, 1)
     } else {
-        let dt = time
-            .solid_time_step
-            .or(automatic)
-            .unwrap_or(time.end / 1000.0);
-        if let Some(allowed) = allowed
-            && dt > allowed * (1.0 + 1e-12)
-        {
-            findings.error(
-                "time.solid_time_step",
-                format!(
-                    "the time step is above {} times the critical one",
-                    time.solid_time_step_safety
-                ),
-                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
-                    .set("time.solid_time_step", at_most(allowed)),
-            );
-        }
-        let steps = scene.seepage.as_ref().map_or(1, |seepage| {
-            let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
-            seepage.coupling_interval(dt, longest)
-        });
-        let longest = dt * f64::from(steps);
-        if time.solid_time_step.is_some() {
-            (longest, steps)
-        } else {
-            // A shorter interval of the couplings needs fewer solid steps, unless the case states their number.
-            let step = divided(scene, longest);
-            let needed = whole((step / dt * (1.0 - 1e-9)).ceil().max(1.0));
-            let needed = u32::try_from(needed).unwrap_or(steps).min(steps);
-            let seepage = scene.seepage.as_ref();
-            let stated = seepage.is_some_and(|s| s.written.coupling_interval.is_some());
-            (step, if stated { steps } else { needed })
-        }
+        dry_step(scene, allowed, automatic, findings)
     };
     let total = time.end / time_step;
     if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {
@@ -425,6 +350,104 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         critical_solid_time_step: critical.map(|c| c.time_step),
         warm_up_steps,
     })
+}
+
+/// Returns the solid steps in a step of the fluid; none if there would be too many.
+fn solid_steps_in_flow(
+    scene: &Scene,
+    flow: &Flow,
+    allowed: Option<f64>,
+    automatic: Option<f64>,
+    findings: &mut Findings,
+) -> Option<u32> {
+    let time = &scene.time;
+    let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+    let path = "time.solid_steps_per_fluid_step";
+    if needed > 100_000.0 {
+        let cause = critical_step::decisive(scene).map_or(String::new(), |(k, radius, mass)| {
+            format!(
+                ": the lightest grain, of radius {} m and {} kg/m3 (`{}`), has a mass of {} kg",
+                number(radius),
+                number(scene.density(k)),
+                scene.materials[k].name,
+                number(mass)
+            )
+        });
+        findings.error(
+            path,
+            format!(
+                "stability requires {} solid steps per fluid step; at most 100000 are allowed{cause}",
+                number(needed)
+            ),
+            "check the units of radius, density and stiffness; use softer contacts or a smaller fluid time step",
+        );
+        return None;
+    }
+    let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
+    Some(match time.solid_steps_per_fluid_step {
+        SolidSteps::Auto(_) => {
+            let needed = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+            u32::try_from(whole(needed.min(1e5))).unwrap_or(u32::MAX)
+        }
+        SolidSteps::Number(n) => {
+            if n < needed {
+                findings.error(
+                    path,
+                    format!(
+                        "the solid time step of {} s is above {} times the critical one",
+                        number(flow.time_step / f64::from(n.max(1))),
+                        time.solid_time_step_safety
+                    ),
+                    Remedy::from(format!("use at least {needed}, or \"auto\"")).set(path, needed),
+                );
+            }
+            n.max(1)
+        }
+    })
+}
+
+/// Returns the time step without a fluid of its own step, and the solid steps in it: those between two solutions of a
+/// seepage.
+fn dry_step(
+    scene: &Scene,
+    allowed: Option<f64>,
+    automatic: Option<f64>,
+    findings: &mut Findings,
+) -> (f64, u32) {
+    let time = &scene.time;
+    let dt = time
+        .solid_time_step
+        .or(automatic)
+        .unwrap_or(time.end / 1000.0);
+    if let Some(allowed) = allowed
+        && dt > allowed * (1.0 + 1e-12)
+    {
+        findings.error(
+            "time.solid_time_step",
+            format!(
+                "the time step is above {} times the critical one",
+                time.solid_time_step_safety
+            ),
+            Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                .set("time.solid_time_step", at_most(allowed)),
+        );
+    }
+    let steps = scene.seepage.as_ref().map_or(1, |seepage| {
+        let longest = coupling_interval::limits(scene).map(|limits| limits.longest());
+        seepage.coupling_interval(dt, longest)
+    });
+    let longest = dt * f64::from(steps);
+    if time.solid_time_step.is_some() {
+        (longest, steps)
+    } else {
+        // A shorter interval of the couplings needs fewer solid steps, unless the case states their number.
+        let step = divided(scene, longest);
+        let needed = whole((step / dt * (1.0 - 1e-9)).ceil().max(1.0));
+        let needed = u32::try_from(needed).unwrap_or(steps).min(steps);
+        let seepage = scene.seepage.as_ref();
+        let stated = seepage.is_some_and(|s| s.written.coupling_interval.is_some());
+        (step, if stated { steps } else { needed })
+    }
 }
 
 /// Returns a number of steps: the nearest whole number, if it is one to round-off, else the next.

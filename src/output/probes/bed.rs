@@ -33,7 +33,8 @@
 //!
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
-use super::{Heading, TIME, no_fluid};
+use super::quantity::Quantity;
+use super::{Heading, no_fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, to_i64, whole};
@@ -44,6 +45,7 @@ use lbm::boundary::SurfaceKind;
 use plan::scene::Scene;
 use plan::scene::grid::Grid;
 use plan::scene::observe;
+use std::path::Path;
 
 /// Diameters that a column is wide.
 const COLUMN: f64 = 2.0;
@@ -56,8 +58,7 @@ const SUMS: usize = 8;
 const COUNTS: usize = 3;
 
 /// Columns of the table.
-pub(super) const HEADINGS: [Heading; 12] = [
-    TIME,
+const HEADINGS: [Heading; 11] = [
     ("surface_height", "m"),
     ("lowest_height", "m"),
     ("scour_depth", "m"),
@@ -76,7 +77,7 @@ pub(super) const HEADINGS: [Heading; 12] = [
 pub(super) struct Bed {
     scene: observe::ObservedBed,
     /// Height from which scour is measured, once it is known \[m\].
-    pub(super) level: Option<f64>,
+    level: Option<f64>,
 }
 
 impl Bed {
@@ -88,7 +89,7 @@ impl Bed {
     }
 
     /// Returns the columns of this step without the time. Collective.
-    pub(super) fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<[f64; 11], Error> {
+    fn measure<S: Space>(&mut self, view: &StateView<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);
         let grains = Grains::measure(view, bed);
@@ -121,6 +122,32 @@ impl Bed {
             grains.flux,
             grains.flux / scale,
         ])
+    }
+}
+
+impl Quantity for Bed {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        HEADINGS.to_vec()
+    }
+
+    /// Takes the level of the first sample, from which scour is measured.
+    fn remember(&mut self, table: &Path) -> io::Result<()> {
+        if self.level.is_none() {
+            let rows = io::table::read(table)?;
+            let surfaces = rows.column("surface_height").unwrap_or_default();
+            self.level = surfaces.into_iter().find(|height| height.is_finite());
+        }
+        Ok(())
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = self.measure(view)?;
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
     }
 }
 

@@ -22,22 +22,25 @@
 //! Sums are exact, so that no value depends on the number of ranks.
 
 use super::bed::{median_diameter, of_all_ranks};
-use super::{Heading, TIME};
+use super::quantity::Quantity;
+use super::{Heading, Run};
 use crate::grains::space_vector;
 use crate::view::StateView;
+use base::error::Error;
 use base::number::real;
 use decomposition::ExactSum;
 use dem::space::{Components, Space};
+use plan::scene::Scene;
 use plan::scene::block::AlignedBox;
 use plan::scene::grid::Grid;
+use plan::scene::observe::RegionAction;
 use std::path::{Path, PathBuf};
 
 /// Components of the stress in their order.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
 
 /// Columns of the table.
-pub(super) const HEADINGS: [Heading; 14] = [
-    TIME,
+const HEADINGS: [Heading; 13] = [
     ("number", "-"),
     ("solid_fraction", "-"),
     ("coordination_number", "-"),
@@ -57,17 +60,25 @@ pub(super) const HEADINGS: [Heading; 14] = [
 #[derive(Debug)]
 pub(super) struct Fabric {
     block: AlignedBox,
-    /// The record of what left; none if no region removes grains.
+    /// `true` if a region removes grains.
+    removes: bool,
+    /// The record of what left, where a region removes grains, once the folder of the run is known.
     removed: Option<PathBuf>,
 }
 
 impl Fabric {
-    pub(super) fn new(block: AlignedBox, removed: Option<PathBuf>) -> Self {
-        Self { block, removed }
+    /// Returns the grains of a scene in a box.
+    pub(super) fn new(scene: &Scene, block: AlignedBox) -> Self {
+        let removes = |action: &RegionAction| matches!(action, RegionAction::Remove { .. });
+        Self {
+            block,
+            removes: scene.regions.iter().any(|region| removes(&region.action)),
+            removed: None,
+        }
     }
 
     /// Returns the columns of this step without the time; those of what left only on rank 0. Collective.
-    pub(super) fn sample<S: Space>(&self, view: &StateView<S>) -> [f64; 13] {
+    fn measure<S: Space>(&self, view: &StateView<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
         let counts = |k: usize| {
@@ -145,6 +156,27 @@ impl Fabric {
             }
             (self.block.from[axis]..self.block.to[axis]).contains(&x)
         })
+    }
+}
+
+impl Quantity for Fabric {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        HEADINGS.to_vec()
+    }
+
+    fn begin(&mut self, run: &Run) -> Result<(), Error> {
+        self.removed = self.removes.then(|| run.folder.join("removed.csv"));
+        Ok(())
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = self.measure(view);
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
     }
 }
 

@@ -4,12 +4,17 @@
 //! and its two neighbours: exact for a level surface, however it crosses the cells. The depth is the sum of
 //! the fill levels of the column: drops count, air does not.
 
+use super::quantity::Quantity;
+use super::{Heading, fluid, no_fluid};
+use crate::view::StateView;
+use base::error::Error;
 use base::number::real;
 use coupling::FluidView;
 use decomposition::Communicator;
+use dem::space::Space;
 use lbm::boundary::from_quanta;
 use lbm::quanta::quanta;
-use plan::scene::free_surface::FreeSurface;
+use plan::scene::Scene;
 
 /// A column of cells along the axis of gravity.
 #[derive(Debug)]
@@ -24,25 +29,22 @@ pub(super) struct Gauge {
 }
 
 impl Gauge {
-    /// Returns the column that holds a cell; `cells` are those along the axis.
-    pub(super) fn new(surface: &FreeSurface, cell: [usize; 3], cells: usize, spacing: f64) -> Self {
+    /// Returns the column that holds a cell of the domain.
+    pub(super) fn new(scene: &Scene, cell: [usize; 3]) -> Result<Self, Error> {
+        let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
         let mut foot = cell;
         foot[surface.axis] = 0;
-        Self {
+        Ok(Self {
             axis: surface.axis,
             rises: surface.rises,
             foot,
-            height: spacing,
-            levels: vec![0; cells],
-        }
+            height: scene.grid.spacing,
+            levels: vec![0; scene.grid.cells[surface.axis]],
+        })
     }
 
     /// Returns elevation and depth \[m\]; the elevation is NaN without water. Collective.
-    pub(super) fn sample(
-        &mut self,
-        fluid: &dyn FluidView,
-        communicator: &Communicator,
-    ) -> [f64; 2] {
+    fn column(&mut self, fluid: &dyn FluidView, communicator: &Communicator) -> [f64; 2] {
         let (start, cells) = (fluid.start(), fluid.cells());
         let count = self.levels.len();
         for (n, level) in self.levels.iter_mut().enumerate() {
@@ -64,6 +66,22 @@ impl Gauge {
             real(count) * self.height - elevation
         };
         [elevation, depth]
+    }
+}
+
+impl Quantity for Gauge {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        vec![("elevation", "m"), ("depth", "m")]
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = self.column(fluid(view)?, view.domain.communicator());
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
     }
 }
 

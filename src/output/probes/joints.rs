@@ -1,11 +1,85 @@
 //! Probes of the water in joints.
 
-use super::Heading;
+use super::quantity::Quantity;
+use super::{Heading, POSITION, no_fluid};
+use crate::view::StateView;
+use base::error::Error;
 use coupling::joint_water::JointWater;
+use dem::space::Space;
 use nalgebra::Vector3;
+use plan::scene::Scene;
+
+/// The cell of a joint that is nearest to a point \[m\].
+#[derive(Debug)]
+pub(super) struct JointCell(pub(super) [f64; 3]);
+
+impl Quantity for JointCell {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        [
+            [("pressure", "Pa"), ("aperture", "m")].as_slice(),
+            &POSITION,
+        ]
+        .concat()
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = nearest(water(view)?, self.0);
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
+    }
+}
+
+/// A mouth of the joints, by its index.
+#[derive(Debug)]
+pub(super) struct Mouth(pub(super) usize);
+
+impl Quantity for Mouth {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        vec![("inflow", "m3/s"), ("pressure", "Pa")]
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = water(view)?.mouth(self.0);
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
+    }
+}
+
+/// The load of the water in the joints on a block, by its index.
+#[derive(Debug)]
+pub(super) struct BlockLoad(pub(super) usize);
+
+impl Quantity for BlockLoad {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        BLOCK.to_vec()
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let values = block(water(view)?, self.0);
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
+    }
+}
+
+/// Returns the water in the joints of a scene that has it.
+fn water<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a JointWater, Error> {
+    view.joints.ok_or_else(no_fluid)
+}
 
 /// Columns of a block.
-pub(super) const BLOCK: [Heading; 9] = [
+const BLOCK: [Heading; 9] = [
     ("force_x", "N"),
     ("force_y", "N"),
     ("force_z", "N"),
@@ -18,7 +92,7 @@ pub(super) const BLOCK: [Heading; 9] = [
 ];
 
 /// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near ones of the first.
-pub(super) fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
+fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     let flow = water.flow();
     let network = flow.network();
     let point = Vector3::from(point);
@@ -38,7 +112,7 @@ pub(super) fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
 }
 
 /// Returns the load on a block; no pressures for a block without a joint.
-pub(super) fn block(water: &JointWater, block: usize) -> [f64; 9] {
+fn block(water: &JointWater, block: usize) -> [f64; 9] {
     let load = water.loads().get(block).copied().unwrap_or_default();
     let [low, high] = load
         .pressure

@@ -1,21 +1,123 @@
 //! The state of the fluid at points, interpolated linearly along each axis from the cell centres around them.
 
+use super::quantity::Quantity;
+use super::{Heading, POSITION, VELOCITY, distance, fluid};
+use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, whole};
 use coupling::FluidView;
 use decomposition::Domain;
+use dem::space::Space;
+use plan::scene::Scene;
 use plan::scene::grid::Grid;
+
+/// A point in the fluid of a lattice.
+#[derive(Debug)]
+pub(super) struct Point(Located);
+
+impl Point {
+    /// Returns the point of a position \[m\].
+    pub(super) fn new(position: [f64; 3]) -> Self {
+        Self(Located::new(vec![position]))
+    }
+}
+
+impl Quantity for Point {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        [VELOCITY.as_slice(), &[("pressure", "Pa")]].concat()
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        for (row, (_, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
+            row.extend(velocity);
+            row.push(pressure);
+        }
+        Ok(true)
+    }
+}
+
+/// Points at equal distances along a line in the fluid of a lattice.
+#[derive(Debug)]
+pub(super) struct Line(Located);
+
+impl Line {
+    /// Returns a number of points between two ends \[m\], which are included.
+    pub(super) fn new(from: [f64; 3], to: [f64; 3], points: usize) -> Self {
+        Self(Located::new(along(from, to, points)))
+    }
+}
+
+/// Returns the columns of points along a line, before those of the state.
+pub(super) fn line_headings() -> Vec<Heading> {
+    [&[("distance", "m")], POSITION.as_slice(), &VELOCITY].concat()
+}
+
+impl Quantity for Line {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        let mut headings = line_headings();
+        headings.push(("pressure", "Pa"));
+        headings
+    }
+
+    fn rows(&self) -> usize {
+        self.0.positions.len()
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let first = self.0.positions.first().copied().unwrap_or_default();
+        for (row, (at, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
+            row.push(distance(first, at));
+            row.extend(at);
+            row.extend(velocity);
+            row.push(pressure);
+        }
+        Ok(true)
+    }
+}
+
+/// Positions whose cells are found at the first sample, when the slabs are known.
+#[derive(Debug)]
+struct Located {
+    positions: Vec<[f64; 3]>,
+    points: Option<Points>,
+}
+
+impl Located {
+    fn new(positions: Vec<[f64; 3]>) -> Self {
+        Self {
+            positions,
+            points: None,
+        }
+    }
+
+    /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
+    fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<Vec<Sample>, Error> {
+        let points = match self.points.take() {
+            Some(points) => points,
+            None => Points::new(&self.positions, &view.plan.scene.grid, view.domain)?,
+        };
+        self.points.insert(points).sample(fluid(view)?, view.domain)
+    }
+}
 
 /// Points with the cells around them.
 #[derive(Debug)]
-pub(super) struct Points {
-    points: Vec<Point>,
+struct Points {
+    points: Vec<Corners>,
     /// Cells that any point needs, each once, with their owners; the same on every rank.
     cells: Vec<([usize; 3], usize)>,
 }
 
 #[derive(Debug)]
-struct Point {
+struct Corners {
     /// m
     position: [f64; 3],
     /// Places in [`Points::cells`] and weights.
@@ -26,10 +128,10 @@ struct Point {
 type State = [f64; 4];
 
 /// Position (m), velocity (m/s), pressure (Pa).
-pub(super) type Sample = ([f64; 3], [f64; 3], f64);
+type Sample = ([f64; 3], [f64; 3], f64);
 
 impl Points {
-    pub(super) fn new(positions: &[[f64; 3]], grid: &Grid, domain: &Domain) -> Result<Self, Error> {
+    fn new(positions: &[[f64; 3]], grid: &Grid, domain: &Domain) -> Result<Self, Error> {
         let corners: Vec<Vec<([usize; 3], f64)>> =
             positions.iter().map(|p| corners(*p, grid)).collect();
         let mut all: Vec<[usize; 3]> = corners.iter().flatten().map(|c| c.0).collect();
@@ -38,7 +140,7 @@ impl Points {
         let points = positions
             .iter()
             .zip(&corners)
-            .map(|(position, corners)| Point {
+            .map(|(position, corners)| Corners {
                 position: *position,
                 around: corners
                     .iter()
@@ -57,16 +159,8 @@ impl Points {
         Ok(Self { points, cells })
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.points.len()
-    }
-
     /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
-    pub(super) fn sample(
-        &self,
-        fluid: &dyn FluidView,
-        domain: &Domain,
-    ) -> Result<Vec<Sample>, Error> {
+    fn sample(&self, fluid: &dyn FluidView, domain: &Domain) -> Result<Vec<Sample>, Error> {
         let start = fluid.start();
         let mut bytes = Vec::new();
         for (cell, _) in self.cells.iter().filter(|c| c.1 == domain.rank()) {
@@ -95,7 +189,7 @@ impl Points {
             })
             .collect::<Result<Vec<State>, _>>()?;
         let units = fluid.units();
-        let sample = |point: &Point| {
+        let sample = |point: &Corners| {
             let mut sum = [0.0; 4];
             for (place, weight) in &point.around {
                 for (to, value) in sum.iter_mut().zip(states[*place]) {

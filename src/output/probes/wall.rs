@@ -7,14 +7,20 @@
 //!
 //! On a face through which fluid passes the force includes the momentum of that fluid.
 
-use super::face_area;
+use super::quantity::Quantity;
+use super::{Heading, Run, face_area, fluid, no_fluid};
+use crate::grains::force_unit;
+use crate::view::StateView;
 use base::error::Error;
 use base::number::real;
 use case::geometry::Face;
 use coupling::FluidView;
 use decomposition::Communicator;
+use dem::space::Space;
 use lbm::boundary::{BoundaryKind, Condition, Flux, SurfaceKind, from_quanta, quanta};
 use lbm::lattice::Velocities;
+use plan::Plan;
+use plan::scene::Scene;
 use plan::scene::flow::Flow;
 use plan::scene::grid::Grid;
 
@@ -24,6 +30,7 @@ pub(super) struct Wall {
     face: Face,
     /// Patches of the scene, all faces: the fluid has these, in this order, then one wall per face.
     faces: Vec<Face>,
+    /// Force of a fluid of density one at rest, in quanta; set at the beginning of the run.
     reference: [i128; 3],
     cells: f64,
     /// Step before which nothing has crossed the face; none if the fluid has moved since it was made or read.
@@ -31,30 +38,39 @@ pub(super) struct Wall {
 }
 
 impl Wall {
-    /// Makes the probe. `first`: the step at which the fluid was made or read back, with fluxes of no step; none where
-    /// it has moved since.
-    pub(super) fn new(face: Face, flow: &Flow, grid: &Grid, first: Option<u64>) -> Self {
-        let velocities = flow.lattice.velocities();
-        Self {
+    /// Returns the force on a face.
+    pub(super) fn new(scene: &Scene, face: Face) -> Result<Self, Error> {
+        let (flow, grid) = (scene.flow.as_ref().ok_or_else(no_fluid)?, &scene.grid);
+        Ok(Self {
             face,
             faces: flow.patches().map(|patch| patch.face).collect(),
-            reference: reference(face, flow, grid, &velocities),
+            reference: [0; 3],
             cells: (0..grid.dimension)
                 .filter(|&a| a != face.axis())
                 .map(|a| real(grid.cells[a]))
                 .product(),
-            first,
-        }
+            first: None,
+        })
+    }
+
+    /// Takes the reference of the face, and the step at which the fluid was made or read back, with fluxes of no step:
+    /// a checkpoint holds none.
+    fn start(&mut self, plan: &Plan, resumed_at: Option<u64>) -> Result<(), Error> {
+        let flow = plan.scene.flow.as_ref().ok_or_else(no_fluid)?;
+        let velocities = flow.lattice.velocities();
+        self.reference = reference(self.face, flow, &plan.scene.grid, &velocities);
+        self.first = resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0));
+        Ok(())
     }
 
     /// Returns `true` unless nothing has crossed a face yet: before the first step of this process.
-    pub(super) fn has_flux(&self, step: u64) -> bool {
+    fn has_flux(&self, step: u64) -> bool {
         self.first.is_none_or(|first| step > first)
     }
 
     /// Returns the force, its normal part (positive towards the wall) and the size of its part along the face, both per
     /// area, mass leaving per time. Collective.
-    pub(super) fn sample(
+    fn measure(
         &self,
         fluid: &dyn FluidView,
         communicator: &Communicator,
@@ -111,6 +127,47 @@ impl Wall {
             shear / area,
             mass_flux,
         ])
+    }
+}
+
+impl Quantity for Wall {
+    fn headings(&self, scene: &Scene) -> Vec<Heading> {
+        let dimension = scene.grid.dimension;
+        let force = force_unit(dimension);
+        vec![
+            ("force_x", force),
+            ("force_y", force),
+            ("force_z", force),
+            ("normal_force", force),
+            ("shear_force", force),
+            ("mean_pressure", "Pa"),
+            ("mean_shear_stress", "Pa"),
+            (
+                "mass_flux",
+                if dimension == 2 { "kg/(m s)" } else { "kg/s" },
+            ),
+        ]
+    }
+
+    fn delay(&self) -> f64 {
+        0.5
+    }
+
+    fn begin(&mut self, run: &Run) -> Result<(), Error> {
+        self.start(run.plan, run.resumed_at)
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        if !self.has_flux(view.step) {
+            return Ok(false);
+        }
+        let values = self.measure(fluid(view)?, view.domain.communicator())?;
+        rows.iter_mut().for_each(|row| row.extend(values));
+        Ok(true)
     }
 }
 
@@ -183,7 +240,6 @@ mod tests {
     use lbm::collision::{Operator, bgk};
     use lbm::fluid::{Fluid, Force, Setup};
     use lbm::lattice::VelocitySet;
-    use plan::Plan;
     use std::path::Path;
 
     const CASE: &str = r#"{
@@ -274,10 +330,9 @@ mod tests {
     }
 
     fn sample(face: Face, plan: &Plan, fluid: &Still) -> [f64; 8] {
-        let flow = plan.scene.flow.as_ref().unwrap();
-        Wall::new(face, flow, &plan.scene.grid, Some(0))
-            .sample(fluid, &Communicator::serial())
-            .unwrap()
+        let mut wall = Wall::new(&plan.scene, face).unwrap();
+        wall.start(plan, None).unwrap();
+        wall.measure(fluid, &Communicator::serial()).unwrap()
     }
 
     /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly no force.

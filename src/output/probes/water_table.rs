@@ -2,22 +2,27 @@
 //!
 //! Apart from the other values of the seepage because a sample has a row for each column.
 
+use super::quantity::Quantity;
+use super::{Heading, POSITION, no_fluid, solved};
+use crate::view::StateView;
+use base::error::Error;
 use coupling::seepage::Seepage;
 use dem::space::Space;
-use plan::scene::seepage::Seepage as Scene;
+use plan::scene::Scene;
 
 /// The columns of cells along gravity.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Columns {
+pub(super) struct WaterTable {
     axis: usize,
     /// `true` if coordinates along the axis rise upwards.
     rises: bool,
     cells: [usize; 3],
 }
 
-impl Columns {
+impl WaterTable {
     /// Returns the columns of a seepage under a gravity along an axis.
-    pub(super) fn new(scene: &Scene, gravity: [f64; 3]) -> Self {
+    pub(super) fn new(scene: &Scene) -> Result<Self, Error> {
+        let (seepage, gravity) = (scene.seepage.as_ref().ok_or_else(no_fluid)?, scene.gravity);
         let steeper = |a: usize, b: usize| {
             if gravity[b].abs() > gravity[a].abs() {
                 b
@@ -26,21 +31,16 @@ impl Columns {
             }
         };
         let axis = (1..3).fold(0, steeper);
-        Self {
+        Ok(Self {
             axis,
             rises: gravity[axis] < 0.0,
-            cells: scene.cells,
-        }
-    }
-
-    /// Returns the number of columns.
-    pub(super) fn len(&self) -> usize {
-        self.cells.iter().product::<usize>() / self.cells[self.axis]
+            cells: seepage.cells,
+        })
     }
 
     /// Returns the point of zero pressure of a column above its lowest saturated cell \[m\]: its coordinate along
     /// gravity is NaN where the column has no water table, and the top of the column where all of it is saturated.
-    pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>, column: usize) -> [f64; 3] {
+    fn zero_pressure<S: Space>(&self, seepage: &Seepage<S>, column: usize) -> [f64; 3] {
         let grid = seepage.grid();
         let pressure = seepage.pressure();
         let weight = pressure.weight()[self.axis].abs();
@@ -88,5 +88,29 @@ impl Columns {
         }
         point[self.axis] = found;
         point
+    }
+}
+
+impl Quantity for WaterTable {
+    fn headings(&self, _scene: &Scene) -> Vec<Heading> {
+        POSITION.to_vec()
+    }
+
+    fn rows(&self) -> usize {
+        self.cells.iter().product::<usize>() / self.cells[self.axis]
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let Some(seepage) = solved(view)? else {
+            return Ok(false);
+        };
+        for (column, row) in rows.iter_mut().enumerate() {
+            row.extend(self.zero_pressure(seepage, column));
+        }
+        Ok(true)
     }
 }

@@ -44,40 +44,14 @@ pub(crate) fn judge(
         .map(|f| of_feature(scene, lbm, f, speed))
         .collect();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
-    let mut new = Vec::new();
-    if scene.surface.is_some() {
-        new.push("no error was measured for water with a free surface".to_owned());
-    }
-    new.extend(of_models(scene, flow, lattice_velocity));
-    new.extend(of_motion(case));
-    new.extend(of_sound(scene, flow, target));
-    let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
-    let wet = scene.structures.iter().any(|s| s.stops.water());
-    if wet && !features.iter().any(beside) {
-        new.push("no error was measured for structures without an adjacent gap".to_owned());
-    }
-    for judged in &judged {
-        new.extend(judged.error.as_ref().err().cloned());
-    }
-    new.dedup();
+    let new = unmeasured(scene, case, flow, &judged, lattice_velocity, target);
     let known = judged
         .iter()
         .filter_map(|j| Some((j, j.error.as_ref().ok()?)));
     let worst = known.max_by(|a, b| a.1.0.total_cmp(&b.1.0));
     scene.chosen.details = judged.iter().map(Judged::line).collect();
-    if let Some(first) = new.first() {
-        scene.chosen.details.extend(new.iter().cloned());
-        let more = match new.len() - 1 {
-            0 => String::new(),
-            more => format!(", and {more} more that `solver plan --details` shows"),
-        };
-        let text = format!("nothing is promised: {first}{more}");
-        scene.chosen.note("accuracy", text);
-        findings.warn(
-            "accuracy",
-            format!("the plan promises no error: {first}{more}"),
-            "measure it: `solver estimate` runs the case on several grids",
-        );
+    if !new.is_empty() {
+        promise_nothing(scene, &new, findings);
         return;
     }
     let Some((judged, (error, bound))) = worst else {
@@ -95,22 +69,7 @@ pub(crate) fn judge(
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
-    let crosses = |body: &NamedBody| {
-        body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
-    };
-    if scene.bodies.iter().any(crosses) {
-        let text = "of bodies that cross cells the promise is for the mean force over some cells, \
-            not for that of a step";
-        scene.chosen.details.push(text.to_owned());
-    }
-    if scene
-        .bodies
-        .iter()
-        .any(|body| body.mobility == Mobility::Free)
-    {
-        let text = "of bodies that move freely it is for force and velocity, not for spin";
-        scene.chosen.details.push(text.to_owned());
-    }
+    qualify_bodies(scene);
     let percent = |part: f64| number(100.0 * part);
     let mut parts = format!(
         "{} %; compressibility {} %",
@@ -138,6 +97,71 @@ pub(crate) fn judge(
             ),
             "use a finer spacing, or another coupling, or request less accuracy",
         );
+    }
+}
+
+/// Returns what of a scene no measured error covers.
+fn unmeasured(
+    scene: &Scene,
+    case: &Case,
+    flow: &Flow,
+    judged: &[Judged<'_>],
+    lattice_velocity: f64,
+    target: f64,
+) -> Vec<String> {
+    let mut new = Vec::new();
+    if scene.surface.is_some() {
+        new.push("no error was measured for water with a free surface".to_owned());
+    }
+    new.extend(of_models(scene, flow, lattice_velocity));
+    new.extend(of_motion(case));
+    new.extend(of_sound(scene, flow, target));
+    let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
+    let wet = scene.structures.iter().any(|s| s.stops.water());
+    if wet && !judged.iter().any(|judged| beside(judged.feature)) {
+        new.push("no error was measured for structures without an adjacent gap".to_owned());
+    }
+    for judged in judged {
+        new.extend(judged.error.as_ref().err().cloned());
+    }
+    new.dedup();
+    new
+}
+
+/// Records that nothing is promised, with the reasons.
+fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Findings) {
+    let Some(first) = reasons.first() else { return };
+    scene.chosen.details.extend(reasons.iter().cloned());
+    let more = match reasons.len() - 1 {
+        0 => String::new(),
+        more => format!(", and {more} more that `solver plan --details` shows"),
+    };
+    let text = format!("nothing is promised: {first}{more}");
+    scene.chosen.note("accuracy", text);
+    findings.warn(
+        "accuracy",
+        format!("the plan promises no error: {first}{more}"),
+        "measure it: `solver estimate` runs the case on several grids",
+    );
+}
+
+/// Records what the promise is for where bodies move.
+fn qualify_bodies(scene: &mut Scene) {
+    let crosses = |body: &NamedBody| {
+        body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
+    };
+    if scene.bodies.iter().any(crosses) {
+        let text = "of bodies that cross cells the promise is for the mean force over some cells, \
+            not for that of a step";
+        scene.chosen.details.push(text.to_owned());
+    }
+    if scene
+        .bodies
+        .iter()
+        .any(|body| body.mobility == Mobility::Free)
+    {
+        let text = "of bodies that move freely it is for force and velocity, not for spin";
+        scene.chosen.details.push(text.to_owned());
     }
 }
 

@@ -258,34 +258,8 @@ fn limits(
         );
         add(what, mach * h / speed.value);
     }
-    let compression = MOST_COMPRESSION.min(OF_LOSSES * target);
-    let pressure = largest_pressure(scene, flow);
-    add(
-        format!(
-            "a density change of {} % under {} Pa",
-            number(100.0 * compression),
-            number(pressure)
-        ),
-        h * (compression * flow.density / (3.0 * pressure)).sqrt(),
-    );
-    let guard = OF_THE_GUARD * scene.guards.max_compression;
-    for (bound, steady) in [(guard, false), (compression, true)] {
-        let of = (bound, h, flow.density);
-        let causes: Vec<density::Cause> = scene
-            .density_causes
-            .iter()
-            .filter(|cause| !steady || cause.is_loss())
-            .cloned()
-            .collect();
-        if let Some((cause, time_step)) = density::longest_step(&causes, of) {
-            let what = format!(
-                "a density change of {} %{}, most of it by {}",
-                number(100.0 * bound),
-                if steady { " along the flow" } else { "" },
-                cause.what
-            );
-            add(what, time_step);
-        }
+    for limit in density_limits(scene, flow, target) {
+        add(limit.what, limit.time_step);
     }
     if let Some(tau) = longest_in_a_bed(scene, flow) {
         add(
@@ -334,6 +308,43 @@ fn limits(
     for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
         let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
         add(what, time_step.max(stable));
+    }
+    limits
+}
+
+/// Returns the longest steps by changes of density: under the largest pressure, at the guard, and along the flow.
+fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
+    let h = scene.grid.spacing;
+    let mut limits = Vec::new();
+    let mut add = |what: String, time_step: f64| limits.push(Limit { what, time_step });
+    let compression = MOST_COMPRESSION.min(OF_LOSSES * target);
+    let pressure = largest_pressure(scene, flow);
+    add(
+        format!(
+            "a density change of {} % under {} Pa",
+            number(100.0 * compression),
+            number(pressure)
+        ),
+        h * (compression * flow.density / (3.0 * pressure)).sqrt(),
+    );
+    let guard = OF_THE_GUARD * scene.guards.max_compression;
+    for (bound, steady) in [(guard, false), (compression, true)] {
+        let of = (bound, h, flow.density);
+        let causes: Vec<density::Cause> = scene
+            .density_causes
+            .iter()
+            .filter(|cause| !steady || cause.is_loss())
+            .cloned()
+            .collect();
+        if let Some((cause, time_step)) = density::longest_step(&causes, of) {
+            let what = format!(
+                "a density change of {} %{}, most of it by {}",
+                number(100.0 * bound),
+                if steady { " along the flow" } else { "" },
+                cause.what
+            );
+            add(what, time_step);
+        }
     }
     limits
 }

@@ -109,16 +109,7 @@ impl Measured<'_> {
                 self.point(position, &format!("{path}.point.position"), findings)
             }
             Written::Line { from, to, points } => {
-                let [from, to] = [("from", from), ("to", to)].map(|(name, end)| {
-                    let path = format!("{path}.line.{name}");
-                    let point = AlignedBox::vector(self.grid, end, &path, findings);
-                    self.inside(point, &path, findings)
-                });
-                ProbeAt::Line {
-                    from,
-                    to,
-                    points: usize::try_from(*points).unwrap_or(usize::MAX),
-                }
+                self.line([from, to], *points, &format!("{path}.line"), findings)
             }
             Written::Plane { axis, position } => {
                 self.plane(*axis, *position, &format!("{path}.plane"), findings)
@@ -168,18 +159,7 @@ impl Measured<'_> {
                 self.block(position, &format!("{path}.block.position"), findings)
             }
             Written::WaterBalance {} => {
-                let transient = match &self.case.fluid {
-                    Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
-                    _ => None,
-                };
-                if transient.is_none_or(|soil| soil.transient.is_none()) {
-                    findings.error(
-                        &format!("{path}.water_balance"),
-                        "a water balance is one of flow that changes with time, and there is none in this case",
-                        "add `fluid.darcy.unsaturated.transient`, or use a section",
-                    );
-                }
-                ProbeAt::WaterBalance
+                self.water_balance(&format!("{path}.water_balance"), findings)
             }
             Written::Uplift {
                 axis,
@@ -226,6 +206,41 @@ impl Measured<'_> {
     /// Returns a point, and refuses one outside the domain.
     fn inside(&self, point: [f64; 3], path: &str, findings: &mut Findings) -> [f64; 3] {
         seepage::inside(self.grid, point, path, findings)
+    }
+
+    fn line(
+        &self,
+        ends: [&Vector; 2],
+        points: u32,
+        path: &str,
+        findings: &mut Findings,
+    ) -> ProbeAt {
+        let [from, to] = [("from", ends[0]), ("to", ends[1])].map(|(name, end)| {
+            let path = format!("{path}.{name}");
+            let point = AlignedBox::vector(self.grid, end, &path, findings);
+            self.inside(point, &path, findings)
+        });
+        ProbeAt::Line {
+            from,
+            to,
+            points: usize::try_from(points).unwrap_or(usize::MAX),
+        }
+    }
+
+    /// Returns the water balance, and refuses one of flow that does not change with time.
+    fn water_balance(&self, path: &str, findings: &mut Findings) -> ProbeAt {
+        let transient = match &self.case.fluid {
+            Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
+            _ => None,
+        };
+        if transient.is_none_or(|soil| soil.transient.is_none()) {
+            findings.error(
+                path,
+                "a water balance is one of flow that changes with time, and there is none in this case",
+                "add `fluid.darcy.unsaturated.transient`, or use a section",
+            );
+        }
+        ProbeAt::WaterBalance
     }
 
     fn point(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {

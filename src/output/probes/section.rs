@@ -1,0 +1,80 @@
+//! Discharge of seepage through a section between cells of the coarse grid, its open area and mean heads.
+//!
+//! Every rank knows the whole coarse grid, so that nothing is gathered.
+
+use super::quantity::Quantity;
+use super::{Heading, area_unit, discharge_unit, no_fluid, solved};
+use crate::view::StateView;
+use base::error::Error;
+use base::number::{real, whole};
+use dem::space::Space;
+use plan::scene::Scene;
+use plan::scene::block::AlignedBox;
+use std::ops::Range;
+
+/// A part of a plane between cells of the coarse grid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Section {
+    pub(super) axis: usize,
+    /// Index of the plane: cells below it have smaller ones.
+    pub(super) plane: usize,
+    /// Cells of the part; the range along the axis is not used.
+    pub(super) ranges: [Range<usize>; 3],
+}
+
+impl Section {
+    /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    pub(super) fn new(
+        scene: &Scene,
+        axis: usize,
+        position: f64,
+        part: Option<&AlignedBox>,
+    ) -> Result<Self, Error> {
+        let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
+        let place = (position - scene.origin[axis]) / scene.spacing[axis];
+        let ranges = std::array::from_fn(|a| match part {
+            Some(part) if a != axis && a < part.dimension => {
+                let first = |x: f64| {
+                    let place = (x - scene.origin[a]) / scene.spacing[a] - 0.5;
+                    whole(place.ceil().clamp(0.0, real(scene.cells[a])))
+                };
+                first(part.from[a])..first(part.to[a])
+            }
+            _ => 0..scene.cells[a],
+        });
+        Ok(Self {
+            axis,
+            plane: whole(place.round()).min(scene.cells[axis]),
+            ranges,
+        })
+    }
+}
+
+impl Quantity for Section {
+    fn headings(&self, scene: &Scene) -> Vec<Heading> {
+        let dimension = scene.grid.dimension;
+        vec![
+            ("discharge", discharge_unit(dimension)),
+            ("open_area", area_unit(dimension)),
+            ("head_before", "m"),
+            ("head_behind", "m"),
+        ]
+    }
+
+    fn sample<S: Space>(
+        &mut self,
+        view: &StateView<S>,
+        rows: &mut [Vec<f64>],
+    ) -> Result<bool, Error> {
+        let Some(seepage) = solved(view)? else {
+            return Ok(false);
+        };
+        let pressure = seepage.pressure();
+        let through = pressure.through(self.axis, self.plane, &self.ranges);
+        let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
+        for row in rows {
+            row.extend([through.discharge, through.area, before, behind]);
+        }
+        Ok(true)
+    }
+}
