@@ -21,6 +21,8 @@ pub enum Unit {
     Rotation,
     /// Area \[m2\].
     Area,
+    /// Time \[s\].
+    Time,
     /// Ratio \[1\].
     Ratio,
     /// Text or whole numbers.
@@ -57,6 +59,7 @@ impl Unit {
             Self::Velocity => "m/s",
             Self::Rotation => "rad/s",
             Self::Area => "m2",
+            Self::Time => "s",
             Self::Ratio => "1",
             Self::Text => "",
         }
@@ -91,6 +94,14 @@ impl Unit {
                     .strip_suffix('2')
                     .and_then(length)
                     .map(|over| over * over),
+            },
+            Self::Time => match text.to_lowercase().as_str() {
+                "s" | "sec" | "second" | "seconds" => Some(1.0),
+                "ms" => Some(1e3),
+                "min" | "minute" | "minutes" => Some(1.0 / 60.0),
+                "h" | "hr" | "hour" | "hours" => Some(1.0 / 3600.0),
+                "d" | "day" | "days" => Some(1.0 / 86_400.0),
+                _ => None,
             },
             Self::Ratio => match text.as_str() {
                 "1" => Some(1.0),
@@ -341,6 +352,7 @@ impl<'t> Header<'t> {
             Unit::Velocity,
             Unit::Rotation,
             Unit::Area,
+            Unit::Time,
             Unit::Ratio,
         ];
         let is_unit = |cell: &String| {

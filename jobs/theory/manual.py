@@ -128,7 +128,7 @@ CHAPTERS = [
     (
         "Initial flow, probes and analyses",
         ["initial", "probe", "analysis"],
-        ["output/probes/bed.rs", "output/probes/fabric.rs", "analysis/erosion_law.rs", "analysis/ground_collapse.rs"],
+        ["output/probes/bed.rs", "output/probes/fabric.rs", "analysis/erosion_law.rs", "analysis/erosion_law/jet.rs", "analysis/ground_collapse.rs"],
     ),
 ]
 

@@ -9,12 +9,14 @@
 //! | [`hole`] | the faces of the hole and the shear stress on them (equation 10) |
 //! | [`rate`] | the erosion rate per area of the faces, with its standard error |
 //! | [`fit`] | the critical stress and the erosion coefficient (equation 9) |
+//! | [`jet`] | the same from the scour depth of a jet erosion test |
 //!
 //! In 2-D all masses and forces are per metre of depth: kg/m and N/m. The area of the hole is then that of its two
 //! faces, `2 L`.
 
 pub mod fit;
 pub mod hole;
+pub mod jet;
 pub mod rate;
 pub mod record;
 mod statistics;

@@ -31,6 +31,7 @@ use base::provenance;
 use case::{Document, examples, schema};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use figures::erosion_law::Published;
+use figures::jet_erosion::JetApparatus;
 use figures::picture::PictureOptions;
 use plan::Plan;
 use simulation::run::RunOptions;
@@ -139,11 +140,14 @@ enum Command {
         #[command(flatten)]
         options: PictureOptions,
     },
-    /// Fit the erosion law across runs.
+    /// Fit the erosion law across runs, or to the records of jet erosion tests (`--nozzle`, `--head`).
     ErosionLaw {
-        /// Output folders of the runs.
+        /// Output folders of the runs; with `--nozzle` tables of jet erosion tests, one for each specimen, with the
+        /// columns `time` and `distance` (from the nozzle to the soil).
         #[arg(required = true)]
         runs: Vec<PathBuf>,
+        #[command(flatten)]
+        jet: JetArgs,
         /// Folder for CSV and SVG files.
         #[arg(long, value_name = "DIR", default_value = ".")]
         output: PathBuf,
@@ -193,6 +197,43 @@ struct StartArgs {
     overwrite: bool,
     #[command(flatten)]
     run: RunArgs,
+}
+
+/// Apparatus of a jet erosion test.
+#[derive(Debug, Args)]
+struct JetArgs {
+    /// Diameter of the nozzle of a jet erosion test [m].
+    #[arg(long, value_name = "M", value_parser = positive, requires = "head", conflicts_with = "published")]
+    nozzle: Option<f64>,
+    /// Head above the nozzle [m].
+    #[arg(long, value_name = "M", value_parser = positive, requires = "nozzle")]
+    head: Option<f64>,
+    /// Density of the water [kg/m3].
+    #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle", default_value_t = 1000.0)]
+    water_density: f64,
+    /// Coefficient of friction C_f of the jet on the soil [1].
+    #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::FRICTION)]
+    jet_friction: f64,
+    /// Length of the core of the jet over the diameter of the nozzle [1].
+    #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::CORE)]
+    jet_core: f64,
+    /// Bulk density of the dry soil [kg/m3], for the coefficient in s/m, as that of a hole.
+    #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle")]
+    bulk_density: Option<f64>,
+}
+
+impl JetArgs {
+    /// Returns the apparatus; none without a nozzle.
+    fn apparatus(&self) -> Option<JetApparatus> {
+        Some(JetApparatus {
+            nozzle: self.nozzle?,
+            head: self.head?,
+            density: self.water_density,
+            gravity: 9.81,
+            friction: self.jet_friction,
+            core: self.jet_core,
+        })
+    }
 }
 
 /// Arguments of a plan.
@@ -408,13 +449,20 @@ fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
         Command::CriticalGradient(arguments) => search(arguments, begun),
         Command::ErosionLaw {
             runs,
+            jet,
             output,
             published,
             json,
-        } => {
-            let command = figures::erosion_law::command;
-            print(&command(&runs, &output, published, json)?)
-        }
+        } => match jet.apparatus() {
+            Some(apparatus) => {
+                let command = figures::jet_erosion::command;
+                print(&command(&runs, apparatus, jet.bulk_density, &output, json)?)
+            }
+            None => {
+                let command = figures::erosion_law::command;
+                print(&command(&runs, &output, published, json)?)
+            }
+        },
     }
 }
 
@@ -533,6 +581,14 @@ fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err("a number above 0 and below 1".into()),
+    }
+}
+
+/// Returns a finite number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
+        _ => Err("a number above 0".into()),
     }
 }
 

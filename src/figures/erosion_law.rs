@@ -162,7 +162,7 @@ fn main_cohesion(cohesions: &[CohesionReport], published: Option<Published>) -> 
 }
 
 /// Returns a value with its interval as text: `9.1 [8.2, 10.0]`.
-fn with_interval(value: f64, interval: Interval) -> String {
+pub(crate) fn with_interval(value: f64, interval: Interval) -> String {
     format!(
         "{} [{}, {}]",
         digits(value),
@@ -172,7 +172,7 @@ fn with_interval(value: f64, interval: Interval) -> String {
 }
 
 /// Returns three significant digits.
-fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if (0.01..1000.0).contains(&value.abs()) {
         let decimals = match value.abs() {
             100.0.. => 0,

@@ -18,5 +18,6 @@
 
 pub mod erosion_law;
 pub mod ground_collapse;
+pub mod jet_erosion;
 pub mod picture;
 pub mod plot;

@@ -46,6 +46,7 @@ mod stability;
 use crate::scene::Scene;
 use crate::scene::auto::step::divided;
 use crate::scene::findings::{Findings, at_most, number, refused};
+use crate::scene::flow::Flow;
 use base::error::{Problem, Remedy, Severity};
 use base::number::whole;
 use base::units::LatticeUnits;
@@ -386,7 +387,7 @@ fn solid_steps_in_flow(
     let needed = u32::try_from(whole(needed)).unwrap_or(u32::MAX);
     Some(match time.solid_steps_per_fluid_step {
         SolidSteps::Auto(_) => {
-            let needed = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
+            let needed: f64 = automatic.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
             u32::try_from(whole(needed.min(1e5))).unwrap_or(u32::MAX)
         }
         SolidSteps::Number(n) => {

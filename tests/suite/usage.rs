@@ -167,3 +167,24 @@ fn completions_and_the_manual_page_name_every_command() {
     }
     assert_eq!(refused(&["completions", "cmd"]).0, Some(2));
 }
+
+/// A jet erosion test needs its apparatus whole, and gives the law in customary units.
+#[test]
+fn the_law_of_a_jet_comes_from_its_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("specimen.csv");
+    // Distances of tau_c = 2 Pa and k_d = 1 cm3/(N s) under a nozzle of a quarter inch and a head of 0.6 m.
+    let rows = "0,0.06\n1446.6,0.08\n4080,0.1\n8597,0.12\n22103.6,0.15\n59810.8,0.18\n";
+    std::fs::write(&table, format!("time,distance\n{rows}")).unwrap();
+    let (table, output) = (table.to_str().unwrap(), folder.path().to_str().unwrap());
+    let (code, errors) = refused(&["erosion-law", table, "--nozzle", "0.00635"]);
+    assert_eq!(code, Some(2), "{errors}");
+    assert!(errors.contains("--head"), "{errors}");
+    let (code, errors) = refused(&["erosion-law", table, "--nozzle", "0", "--head", "1"]);
+    assert_eq!(code, Some(2), "{errors}");
+    let jet = ["--nozzle", "0.00635", "--head", "0.6", "--output", output];
+    let words = written(&[["erosion-law", table].as_slice(), &jet].concat());
+    assert!(words.contains("k_d of the law: 1.00 cm3/(N s)"), "{words}");
+    assert!(words.contains("2.00 ["), "{words}");
+    assert!(folder.path().join("jet_erosion.svg").exists());
+}

@@ -1,0 +1,141 @@
+//! Time of a round in which all threads do one piece of work each and meet, for pieces of 1 µs to 1 ms, with a serial
+//! part between the rounds in which the helpers wait.
+//!
+//! A row has the piece and the pause, and for each pool the median time of a round beyond the piece \[µs\], and the
+//! processor time over the wall time: how much of the cores the waiting helpers burn. `--busy` starts one process beside
+//! it that never waits, as another user of the machine does.
+
+use std::hint::{black_box, spin_loop};
+use std::num::NonZero;
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+/// Wall time that each number takes at least.
+const LEAST: Duration = Duration::from_millis(400);
+/// Pieces of work \[µs\].
+const PIECES: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
+/// Serial parts between two rounds \[µs\].
+const PAUSES: [f64; 3] = [0.0, 20.0, 500.0];
+
+/// Turns of [`work`] in a microsecond on this machine.
+fn turns_in_a_microsecond() -> f64 {
+    let turns = 20_000_000;
+    let begun = Instant::now();
+    work(turns);
+    turns as f64 / begun.elapsed().as_secs_f64() / 1e6
+}
+
+/// Does arithmetic that takes the same time everywhere and touches no memory.
+fn work(turns: u64) {
+    let mut x = 1.000_000_1_f64;
+    for _ in 0..turns {
+        x = black_box(x * 1.000_000_01);
+    }
+    black_box(x);
+}
+
+/// Returns the processor time of this process [s].
+fn processor_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = text
+        .rsplit(')')
+        .next()
+        .unwrap_or("")
+        .split_whitespace()
+        .collect();
+    let ticks = |n: usize| {
+        fields
+            .get(n)
+            .and_then(|f| f.parse::<f64>().ok())
+            .unwrap_or(f64::NAN)
+    };
+    // Fields 14 and 15 of the line; 100 ticks are a second on Linux.
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+/// Returns the median time of a round beyond its piece \[µs\], and the processor time over the wall time.
+fn measure(piece: f64, pause: f64, rate: f64, round: &mut dyn FnMut(u64)) -> (f64, f64) {
+    let turns = (piece * rate) as u64;
+    for _ in 0..100 {
+        round(turns);
+    }
+    let (mut times, begun, burnt) = (Vec::new(), Instant::now(), processor_time());
+    while begun.elapsed() < LEAST {
+        let from = Instant::now();
+        round(turns);
+        times.push(from.elapsed().as_secs_f64() * 1e6 - piece);
+        let from = Instant::now();
+        while from.elapsed().as_secs_f64() * 1e6 < pause {
+            spin_loop();
+        }
+    }
+    let share = (processor_time() - burnt) / begun.elapsed().as_secs_f64();
+    times.sort_by(f64::total_cmp);
+    (times[times.len() / 2], share)
+}
+
+/// Halves a range of threads until one is left, as a join of two does.
+fn halve(scope: &mut chili::Scope<'_>, from: usize, to: usize, turns: u64) {
+    if to - from == 1 {
+        return work(turns);
+    }
+    let middle = from.midpoint(to);
+    scope.join(
+        |scope| halve(scope, from, middle, turns),
+        |scope| halve(scope, middle, to, turns),
+    );
+}
+
+fn main() {
+    let words: Vec<String> = std::env::args().collect();
+    if words.iter().any(|word| word == "--spin") {
+        loop {
+            spin_loop();
+        }
+    }
+    let threads = words.iter().position(|word| word == "--threads");
+    let threads = threads
+        .and_then(|n| words.get(n + 1)?.parse().ok())
+        .unwrap_or(2_usize);
+    let other: Option<Child> = words.iter().any(|word| word == "--busy").then(|| {
+        let spin = Command::new(&words[0]).arg("--spin").spawn();
+        spin.expect("this program can be started again")
+    });
+    let rayon = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    rayon.build_global().expect("the pool is built once");
+    let config = chili::Config {
+        thread_count: NonZero::new(threads - 1),
+        ..chili::Config::default()
+    };
+    let chili = chili::ThreadPool::with_config(config);
+    let mut union = fork_union::ThreadPool::try_spawn(threads).expect("threads can be started");
+    let rate = turns_in_a_microsecond();
+    println!(
+        "piece,pause,base,rayon,chili,fork_union,base_cores,rayon_cores,chili_cores,fork_union_cores"
+    );
+    println!("# us,us,us,us,us,us,-,-,-,-");
+    for pause in PAUSES {
+        for piece in PIECES {
+            let ours = measure(piece, pause, rate, &mut |turns| {
+                base::thread_pool::each(threads, |_| work(turns));
+            });
+            let rayons = measure(piece, pause, rate, &mut |turns| {
+                rayon::broadcast(|_| work(turns));
+            });
+            let chilis = measure(piece, pause, rate, &mut |turns| {
+                halve(&mut chili.scope(), 0, threads, turns);
+            });
+            let unions = measure(piece, pause, rate, &mut |turns| {
+                drop(union.for_threads(|_, _| work(turns)));
+            });
+            let all = [ours, rayons, chilis, unions];
+            let overheads = all.map(|(overhead, _)| format!("{overhead:.2}")).join(",");
+            let shares = all.map(|(_, share)| format!("{share:.2}")).join(",");
+            println!("{piece},{pause},{overheads},{shares}");
+        }
+    }
+    if let Some(mut other) = other {
+        let _ = other.kill();
+        let _ = other.wait();
+    }
+}
