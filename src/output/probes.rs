@@ -32,7 +32,7 @@
 //! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 //!
-//! A quantity is one file here, which holds its columns and its samples, and a line in the list [`quantity`] below;
+//! A quantity is one file here, which holds its columns and its samples, and a line in the list [`sampled`];
 //! `case::observe` has its fields and `plan::scene::observe` its checks.
 
 mod bed;
@@ -46,6 +46,7 @@ mod plane;
 mod points;
 mod pores;
 mod quantity;
+mod sampled;
 mod section;
 mod structure;
 mod surface_load;
@@ -67,7 +68,8 @@ use io::CsvTable;
 use plan::Plan;
 use plan::scene::Scene;
 use plan::scene::observe::ProbeAt;
-use quantity::{Quantity, Sampled};
+use quantity::Quantity;
+use sampled::Sampled;
 use std::path::{Path, PathBuf};
 
 /// A probe with its file.

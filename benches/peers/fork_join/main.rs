@@ -2,8 +2,8 @@
 //! part between the rounds in which the helpers wait.
 //!
 //! A row has the piece and the pause, and for each pool the median time of a round beyond the piece \[µs\], and the
-//! processor time over the wall time: how much of the cores the waiting helpers burn. `--busy` starts one process beside
-//! it that never waits, as another user of the machine does.
+//! processor time over the wall time: the share of the cores that waiting helpers burn. `--busy` starts another process
+//! that never waits, as another user of the machine does.
 
 use std::hint::{black_box, spin_loop};
 use std::num::NonZero;

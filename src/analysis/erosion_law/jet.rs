@@ -16,11 +16,11 @@
 //! ```
 //!
 //! and S = J/(tau_0 - tau_c) within the core. The constants 6.3 and 0.00416 are those in common use with this test.
-//! They belong to a free jet: in the closed tank of the test the stress is higher (Ghaneeizad et al., J. Hydraul. Eng.
-//! 141 (2015) 06014019), so that tau_c and k_d depend on them and compare with results of the same constants.
+//! They belong to a free jet: in the closed tank of the test the stress is higher (Karamigolbaghi et al., Geomorphology
+//! (2017), 10.1016/j.geomorph.2017.08.005), so that results compare with those of the same constants.
 //!
 //! **Fit.** Errors of reading are errors of J, alike for all readings, the first one included. The sum of their squares
-//! is minimised over tau_c, k_d and the first distance: for each tau_c of a fine scale from 0 to the stress at the first
+//! is minimised over tau_c, k_d and the first distance: for each tau_c of a scale from 0 to the stress at the first
 //! reading over the other two, by Gauss and Newton. **Intervals** of 95 % are those of the likelihood: the laws whose
 //! sum of squares is below the least one times 1 + t^2/(n - 3), with Student's t. They are not symmetric. A test that
 //! ends far from equilibrium does not determine tau_c: the interval reaches 0, which a covariance hides.
