@@ -23,13 +23,14 @@
 //! | block | of water in joints: force and torque on a block, smallest and largest pressure, area |
 //! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
+//! | wall load | displacement and velocity of a wall, force, torque and mean stress of the grains on it, contacts |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
 //! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
 //! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
-//! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
+//! **Faces**: see [`wall`]. **Walls of grains**: see [`wall_load`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
 mod fabric;
@@ -38,6 +39,7 @@ mod joints;
 mod points;
 mod seepage;
 mod wall;
+mod wall_load;
 mod water_table;
 
 use super::grains::{force_unit, space_vector, spin_vector, torque_unit};
@@ -64,6 +66,7 @@ use points::{Points, along, clamped};
 use seepage::{Crossing, Section, SurfaceLoad};
 use std::path::{Path, PathBuf};
 use wall::Wall;
+use wall_load::WallLoad;
 use water_table::Columns;
 
 /// A probe with its file.
@@ -109,6 +112,7 @@ enum At {
     Block(usize),
     Gauge(Gauge),
     Wall(Box<Wall>),
+    WallLoad(WallLoad),
     Bed(Box<Bed>),
     Grains(Box<Fabric>),
 }
@@ -354,6 +358,7 @@ fn headings(scene: &Scene, at: &ProbeAt) -> Vec<Heading> {
                 ("contact_torque_z", torque),
             ]);
         }
+        ProbeAt::WallLoad { .. } => headings.extend(wall_load::headings(dimension)),
         ProbeAt::Wall(_) => headings.extend([
             ("force_x", force),
             ("force_y", force),
@@ -445,6 +450,7 @@ impl At {
                     resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0)),
                 )))
             }
+            ProbeAt::WallLoad { wall, about } => Self::WallLoad(WallLoad::new(*wall, *about)),
             ProbeAt::Grains { part, .. } => {
                 let removes = |action: &RegionAction| matches!(action, RegionAction::Remove { .. });
                 let removes = scene.regions.iter().any(|region| removes(&region.action));
@@ -600,6 +606,10 @@ impl At {
                     row.push((view.time - LOAD_OF_A_BODY * delay).max(0.0));
                     row.extend_from_slice(loads);
                 }
+            }
+            Self::WallLoad(load) => {
+                let values = load.sample(view);
+                rows.iter_mut().for_each(|row| row.extend(values));
             }
             Self::Grains(grains) => {
                 let values = grains.sample(view);

@@ -322,6 +322,7 @@ impl Scene {
             blocks: solids.blocks.as_ref(),
         };
         let probes = observe::probes(&measured, findings);
+            walls: &solids.walls,
         let erosion_law = observe::erosion_law(case, &grid, &regions, findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, findings);
         let solid = has_solids(case);

@@ -10,7 +10,7 @@
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
-//! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
+//! | `removal`, `gates`, `servos` | regions that remove and generate grains; walls that come or go; servo walls |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
@@ -58,6 +58,7 @@ pub mod run;
 mod schedule;
 mod settled;
 pub mod setup;
+mod servos;
 mod table;
 pub mod versions;
 pub mod watch;
@@ -86,6 +87,7 @@ use removal::{Departed, Removal};
 use schedule::Schedule;
 use view::StateView;
 
+use servos::Servos;
 /// Simulated state at the present step.
 struct Present<Sp: Space, S: SavedNumber> {
     plan: Plan,
@@ -154,6 +156,7 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     gates: Gates,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
+    servos: Servos,
     outputs: Outputs,
     guards: Guards,
     phases: Phases,
@@ -236,7 +239,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let now = &mut self.now;
         if let Some(dem) = &mut now.dem {
             let each = u64::from(now.plan.clock.solid_steps_per_step);
+        let time = now.time();
             let moved = dem.advance_many(&mut now.particles, &now.domain, each);
+            self.servos.aim(time, dem);
             if let Err(error) = moved {
                 return Err(self.cause_of(error, due.steps));
             }
