@@ -14,6 +14,7 @@
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
+//! | `element_test` | answers of a test of a sample between walls |
 //! | `blocks`, `energy`, `versions` | parts of `summary.json` |
 //! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
 //! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of phases |
@@ -41,6 +42,7 @@ pub mod blocks;
 pub mod calibration;
 pub mod collapse;
 pub mod coupled;
+mod element_test;
 pub mod energy;
 pub mod erosion;
 mod escape;
@@ -56,9 +58,9 @@ pub mod removal;
 mod resume;
 pub mod run;
 mod schedule;
+mod servos;
 mod settled;
 pub mod setup;
-mod servos;
 mod table;
 pub mod versions;
 pub mod watch;
@@ -85,9 +87,9 @@ use phases::{Phase, Phases};
 use plan::Plan;
 use removal::{Departed, Removal};
 use schedule::Schedule;
+use servos::Servos;
 use view::StateView;
 
-use servos::Servos;
 /// Simulated state at the present step.
 struct Present<Sp: Space, S: SavedNumber> {
     plan: Plan,
@@ -154,9 +156,9 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     now: Present<Sp, S>,
     removal: Removal,
     gates: Gates,
+    servos: Servos,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
-    servos: Servos,
     outputs: Outputs,
     guards: Guards,
     phases: Phases,
@@ -237,11 +239,11 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
 
     fn advance_solids(&mut self, due: Schedule) -> Result<(), Error> {
         let now = &mut self.now;
-        if let Some(dem) = &mut now.dem {
-            let each = u64::from(now.plan.clock.solid_steps_per_step);
         let time = now.time();
-            let moved = dem.advance_many(&mut now.particles, &now.domain, each);
+        if let Some(dem) = &mut now.dem {
             self.servos.aim(time, dem);
+            let each = u64::from(now.plan.clock.solid_steps_per_step);
+            let moved = dem.advance_many(&mut now.particles, &now.domain, each);
             if let Err(error) = moved {
                 return Err(self.cause_of(error, due.steps));
             }
