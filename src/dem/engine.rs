@@ -53,7 +53,7 @@ pub(super) use any::{AnyEngine, MakeEngine};
 use base::error::Error;
 use base::thread_pool;
 use bodies::Bodies;
-use decomposition::{Domain, ExactSum, exchange};
+use decomposition::{Domain, exchange};
 use facets::{AtFacets, Facets, Held, history_of};
 pub(super) use histories::{Key, WallKey};
 use lists::{Pair, WallPair};

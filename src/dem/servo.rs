@@ -14,10 +14,29 @@
 //! nothing touches the wall, it comes at its velocity limit.
 //!
 //! The force is measured at the end of a solid step, from the positions of that time; the wall moves with the velocity
-//! that follows from it in the next one. Position and velocity of a wall are all of its state.
+//! that follows from it in the next one. Position and velocity of a wall are all of its state. F and K of all walls are
+//! sums of integers ([`QUANTUM`]), one message between ranks in a step, so that they do not depend on the order.
 
 use super::space::Space;
 use super::walls::area::PlaneArea;
+
+/// Quantum of the sums of forces \[N\] and stiffnesses [N/m]: 2^-70. Sums up to 1e17 fit into 128 bits.
+pub const QUANTUM: f64 = 1.0 / (1_u128 << 70) as f64;
+
+/// Returns a number in quanta, cut towards zero; those that do not fit become the largest that do.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast of a float saturates"
+)]
+pub(super) fn quanta(number: f64) -> i128 {
+    (number / QUANTUM) as i128
+}
+
+/// Returns a sum in quanta as a number.
+#[expect(clippy::cast_precision_loss, reason = "the sum is rounded once")]
+pub(super) fn from_quanta(sum: i128) -> f64 {
+    sum as f64 * QUANTUM
+}
 
 /// Control of a plane wall.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,8 +74,10 @@ impl<S: Space> Servo<S> {
 pub(super) struct Servos<S: Space> {
     /// Controls.
     pub(super) list: Vec<Servo<S>>,
-    /// Buffers.
+    /// Buffers of the areas.
     pub(super) area: PlaneArea,
+    /// Force and stiffness of each control in quanta, one after the other.
+    pub(super) sums: Vec<u128>,
 }
 
 impl<S: Space> Default for Servos<S> {
@@ -64,6 +85,7 @@ impl<S: Space> Default for Servos<S> {
         Self {
             list: Vec::new(),
             area: PlaneArea::default(),
+            sums: Vec::new(),
         }
     }
 }
@@ -75,6 +97,17 @@ mod tests {
     use approx::assert_relative_eq;
     use nalgebra::Vector2;
 
+    /// Forces of grains of micrometres and of rocks keep twelve digits, and sums that cancel are zero.
+    #[test]
+    fn quanta_hold_small_and_large_forces() {
+        for force in [1e-9, 0.3, 7e4, 2e12] {
+            let sum = quanta(force) + quanta(2.0 * force);
+            assert_relative_eq!(from_quanta(sum), 3.0 * force, max_relative = 1e-12);
+            assert_eq!(quanta(force) + quanta(-force), 0);
+        }
+        assert_eq!(quanta(f64::INFINITY), i128::MAX);
+    }
+
     /// A wall on springs that stand still: the error falls by `1 - gain` in each step, and by the velocity limit where
     /// that is less.
     #[test]
@@ -85,7 +118,7 @@ mod tests {
                 wall: 0,
                 stress: 1e3,
                 gain,
-                velocity_limit: 1.0,
+                velocity_limit: 10.0,
                 sliding: Vector2::zeros(),
             };
             let (mut overlap, mut error) = (1e-5, 500.0 - 20.0);
