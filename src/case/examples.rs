@@ -121,7 +121,7 @@ pub const EXAMPLES: [Example; 35] = [
     },
     Example {
         name: "oedometer",
-        summary: "spheres in a regular array between plates under a servo wall, beside Hertz's strain and lateral stress",
+        summary: "spheres in a regular array under a servo wall, with the strain and the lateral stress of Hertz",
         text: include_str!("examples/oedometer.json"),
     },
     Example {

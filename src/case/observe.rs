@@ -210,12 +210,12 @@ pub enum ProbeAt {
         /// The face.
         face: Face,
     },
-    /// Load of the grains on a wall: a wall of the case, a structure (its facets or plane that grains meet) or a face in
-    /// `box_walls`. Displacement of the wall since time 0 [m] and its velocity [m/s]; force [N] and torque about a point
-    /// [N m] of the grains on it (2-D: per metre of depth); its area [m2; in 2-D m], mean normal stress (compression
-    /// positive) and mean shear stress [Pa], and the number of contacts. The force is that of the springs of all
-    /// contacts, without dashpots. The area of a plane is that within the domain and between the other plane walls; of
-    /// facets that of all facets.
+    /// Load of the grains on a wall: a wall of the case, a structure that grains meet, or a face in `box_walls`.
+    /// Displacement of the wall since time 0 [m] and its velocity [m/s]; force [N] and torque about a point [N m] of
+    /// the grains on it (2-D: per metre of depth); its area [m2; in 2-D m], mean normal stress (compression positive)
+    /// and mean shear stress [Pa], and the number of contacts. The force is that of the springs of all contacts,
+    /// without dashpots. The area of a plane is that within the domain and between the other plane walls; of facets
+    /// that of all facets.
     WallLoad {
         /// Name of the wall, or of the structure, or the face such as `y_max`.
         name: String,

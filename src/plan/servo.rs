@@ -1,4 +1,4 @@
-//! Contacts under the stress of servo walls: how deep they are pressed, and whether the solid step knows their stiffness.
+//! Contacts under the stress of servo walls: their overlap, and their stiffness against that of the solid step.
 //!
 //! A grain of diameter d in an array under the stress sigma bears a force of the order of sigma d² (2-D: sigma d): in a
 //! simple cubic array exactly that. Its spring then has the overlap
@@ -9,9 +9,9 @@
 //! ```
 //!
 //! Grains of a random packing bear more and less; the largest forces are several times the mean. From an overlap of
-//! [`LARGE`] of the radius on, contacts are no longer small and the plan warns. Where springs harden, the solid time step
-//! follows from the overlap of the fastest impact that is expected: a stress that presses deeper makes springs stiffer
-//! than the step was chosen for.
+//! [`LARGE`] of the radius on, contacts are no longer small and the plan warns. Where springs harden, the solid time
+//! step follows from the overlap of the fastest impact that is expected: a stress that presses deeper makes springs
+//! stiffer than the step was chosen for.
 
 use super::critical_step::moving;
 use crate::scene::Scene;
@@ -104,8 +104,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!(
-                    "a stress of {} Pa presses grains by about {} of their radius of {} m into each other; contacts are \
-                     small up to {LARGE}",
+                    "a stress of {} Pa presses grains by about {} of their radius of {} m into each other; contacts \
+                     are small up to {LARGE}",
                     number(stress),
                     number(part),
                     number(radius)

@@ -1,7 +1,7 @@
 //! The answers of an element test, from the tables of its probes.
 //!
-//! The tables hold every sample to the bit, on any number of ranks and across restarts. Samples of all probes are joined
-//! by their steps.
+//! The tables hold every sample to the bit, on any number of ranks and across restarts. Samples of all probes are
+//! joined by their steps.
 
 use analysis::element_test::{TestRecord, TestResult};
 use case::element_test::{TestAnswer, TestQuantity};

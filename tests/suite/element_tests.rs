@@ -30,8 +30,8 @@ fn near(study: &Study, name: &str, quantity: &str, known: f64, within: f64) {
     assert!(difference.abs() < within, "{quantity}: {value} {known}");
 }
 
-/// Uniform strain of a face-centred array of spheres under Hertz's law with sliding contacts: strain and lateral stress.
-/// The contacts have an overlap of 1e-4 of the radius; the formulas leave out what is of that order.
+/// Strain and lateral stress of a face-centred array of spheres under Hertz's law with sliding contacts. The contacts
+/// have an overlap of 1e-4 of the radius; the formulas leave out what is of that order.
 #[test]
 fn an_oedometer_test_gives_the_stiffness_of_the_array() {
     let _beside = beside_others();

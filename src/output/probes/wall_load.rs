@@ -5,10 +5,10 @@
 //! normal stress = sum N / area,   shear stress = |sum S| / area
 //! ```
 //!
-//! N and S are the forces of the normal and of the shear spring of a contact on the grain, n points from the wall to the
-//! grain, x is the contact point, in a periodic domain that inside the box. Dashpots are left out: the load is that of
-//! slow deformation and rest. **Compression is positive.** The area of a plane is that of its part within the domain and
-//! in front of the other planes ([`dem::walls::area`]), where they are now; of facets that of all facets.
+//! N and S are the forces of the normal and of the shear spring of a contact on the grain, n points from the wall to
+//! the grain, x is the contact point, in a periodic domain that inside the box. Dashpots are left out: the load is that
+//! of slow deformation and rest. **Compression is positive.** The area of a plane is that of its part within the domain
+//! and in front of the other planes ([`dem::walls::area`]), at their present positions; of facets that of all facets.
 //!
 //! Sums are exact, so that no value depends on the number of ranks.
 
