@@ -124,11 +124,19 @@ CHAPTERS = [
         ],
     ),
     ("Motion of grains", [], ["dem/lib.rs", "dem/integrate.rs", "dem/neighbors.rs"]),
-    ("Structures and walls", ["structure", "walls"], ["structure/lib.rs", "structure/mesh.rs", "dem/surface.rs"]),
+    ("Structures and walls", ["structure", "walls"], ["structure/lib.rs", "structure/mesh.rs", "dem/surface.rs", "dem/servo.rs", "dem/walls/area.rs"]),
     (
         "Initial flow, probes and analyses",
         ["initial", "probe", "analysis"],
-        ["output/probes/bed.rs", "output/probes/fabric.rs", "analysis/erosion_law.rs", "analysis/erosion_law/jet.rs", "analysis/ground_collapse.rs"],
+        [
+            "output/probes/bed.rs",
+            "output/probes/fabric.rs",
+            "output/probes/wall_load.rs",
+            "analysis/erosion_law.rs",
+            "analysis/erosion_law/jet.rs",
+            "analysis/ground_collapse.rs",
+            "analysis/element_test.rs",
+        ],
     ),
 ]
 

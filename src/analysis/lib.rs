@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`erosion_law`] | shear stress, erosion rate and the erosion law from the records of a run |
 //! | [`ground_collapse`] | voids, settlement and the stages of a collapse from the grains |
+//! | [`element_test`] | stresses, strains and their ratios of a sample between walls |
 //! | [`study`] | the erosion law across runs |
 //! | [`measure`] | a number from the files of any run, by an [`expression`] |
 //!
@@ -25,6 +26,7 @@
     reason = "readers of these pages read the code too"
 )]
 
+pub mod element_test;
 pub mod erosion_law;
 pub mod expression;
 pub mod ground_collapse;

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 30] = [
+pub const EXAMPLES: [Example; 35] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -118,6 +118,31 @@ pub const EXAMPLES: [Example; 30] = [
         name: "dry-incline",
         summary: "two blocks on an incline: one sticks, one slides with the exact acceleration",
         text: include_str!("examples/dry-incline.json"),
+    },
+    Example {
+        name: "oedometer",
+        summary: "spheres in a regular array under a servo wall, with the strain and the lateral stress of Hertz",
+        text: include_str!("examples/oedometer.json"),
+    },
+    Example {
+        name: "triaxial",
+        summary: "spheres in a regular array between servo walls up to failure, beside the strength of Rowe (1962)",
+        text: include_str!("examples/triaxial.json"),
+    },
+    Example {
+        name: "biaxial",
+        summary: "discs in hexagonal rows between servo walls up to failure, beside the strength of Rowe (1962)",
+        text: include_str!("examples/biaxial.json"),
+    },
+    Example {
+        name: "direct-shear",
+        summary: "two rows of discs are sheared between rough plates under a servo wall, beside their strength by hand",
+        text: include_str!("examples/direct-shear.json"),
+    },
+    Example {
+        name: "unconfined-compression",
+        summary: "a column of bonded discs is crushed between plates, beside its strength by hand",
+        text: include_str!("examples/unconfined-compression.json"),
     },
     Example {
         name: "flume",

@@ -41,6 +41,7 @@ pub mod contact;
 pub mod coupling;
 pub mod darcy;
 pub mod domain;
+pub mod element_test;
 pub mod examples;
 pub mod fluid;
 pub mod free_surface;

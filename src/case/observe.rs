@@ -1,6 +1,7 @@
 //! Regions, probes, outputs and analyses.
 
 use super::collapse::GroundCollapse;
+use super::element_test::ElementTest;
 use super::fluid::Precision;
 use super::geometry::{Axis, Extent, Face, Vector};
 use super::grains::Radii;
@@ -209,6 +210,19 @@ pub enum ProbeAt {
         /// The face.
         face: Face,
     },
+    /// Load of the grains on a wall: a wall of the case, a structure that grains meet, or a face in `box_walls`.
+    /// Displacement of the wall since time 0 [m] and its velocity [m/s]; force [N] and torque about a point [N m] of
+    /// the grains on it (2-D: per metre of depth); its area [m2; in 2-D m], mean normal stress (compression positive)
+    /// and mean shear stress [Pa], and the number of contacts. The force is that of the springs of all contacts,
+    /// without dashpots. The area of a plane is that within the domain and between the other plane walls; of facets
+    /// that of all facets.
+    WallLoad {
+        /// Name of the wall, or of the structure, or the face such as `y_max`.
+        name: String,
+        /// Point of the torque [m]. Default: the lower corner of the domain.
+        #[serde(default)]
+        about: Option<Vector>,
+    },
     /// A bed of grains under a stream on a lattice: surface, scour, shear stress, Shields number and bedload.
     /// `summary.json` and the table at the end have the means over time.
     Bed(Bed),
@@ -393,6 +407,9 @@ pub struct Analysis {
     pub erosion_law: Option<ErosionLaw>,
     /// Ground collapse over seepage points: voids, settlement, stages, loose clusters.
     pub ground_collapse: Option<GroundCollapse>,
+    /// Element test of a sample between walls: strength, stiffness and stress ratios, compared with known values.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub element_test: Option<ElementTest>,
 }
 
 /// Erosion law: eroded mass M_e(t), hydraulic shear stress on the hole by three methods, and erosion rate per area of

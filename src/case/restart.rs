@@ -20,7 +20,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 40] = [
+pub const CHANGEABLE: [Changeable; 41] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
     may(
@@ -43,9 +43,13 @@ pub const CHANGEABLE: [Changeable; 40] = [
         "changes when the run ends",
     ),
     may(
+        "analysis.element_test",
+        "evaluates the records of the whole run at its end",
+    ),
+    may(
         "walls",
-        "walls may be added, removed, and change their velocity; a wall that remains keeps its shape, material and \
-         times",
+        "walls may be added, removed, and change their velocity and servo; a wall that remains keeps its shape, \
+         material and times",
     ),
     may("box_walls", "walls on faces may be added and removed"),
     may(

@@ -18,6 +18,9 @@ pub struct Wall {
     /// Velocity [m/s]. The tangential component drags grains along, the normal component moves the wall. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
+    /// Control of a plane by the mean stress of its contacts. Default: none, the wall moves with its velocity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub servo: Option<Servo>,
     /// Period in which the wall exists. A wall of the preparation supports the grains while they settle and are bonded,
     /// and is removed when the run begins.
     #[serde(default)]
@@ -32,6 +35,33 @@ pub struct Wall {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until: Option<f64>,
+}
+
+/// Control of a plane wall during the run: it moves along its normal so that the mean normal stress of the grains on it
+/// follows a value or a table. The area is that of the plane within the domain and between the other plane walls, where
+/// they are at the time. `velocity` may have a part along the plane, which remains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// Mean normal stress [Pa], 0 or more: compression.
+    #[schemars(range(min = 0.0))]
+    pub stress: f64,
+    /// Table of times [s] and stresses [Pa] that replace the stress: linear between, constant before and after; two
+    /// stresses at one time are a jump.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub history: Option<Vec<[f64; 2]>>,
+    /// Largest velocity along the normal [m/s]. Grains that cannot bear the stress are deformed at this velocity.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub velocity_limit: f64,
+    /// Part of the missing force that the springs of the present contacts gain in a solid step [1]: the velocity is
+    /// gain (stress area - force)/(stiffness of the contacts x solid step).
+    #[serde(default = "default_gain")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub gain: f64,
+}
+
+fn default_gain() -> f64 {
+    0.5
 }
 
 /// Period in which a wall exists.

@@ -144,6 +144,10 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     fn normal_spring(constants: &Self::Constants, _: &Self::History, overlap: f64) -> f64 {
         Self::stiffness(constants)[0] * overlap
     }
+    /// Returns the stiffness of the normal spring [N/m] at an overlap \[m\]: the derivative of its force.
+    fn tangent_stiffness(constants: &Self::Constants, _overlap: f64) -> f64 {
+        Self::stiffness(constants)[0]
+    }
     /// Returns the force of the shear spring \[N\] on the second partner.
     fn shear_spring(history: &Self::History) -> S::Tangent;
     /// Returns the normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap,

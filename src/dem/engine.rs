@@ -24,6 +24,7 @@ mod any;
 mod blocks;
 pub(super) mod bodies;
 mod bond_events;
+mod drive;
 mod facets;
 mod flush;
 mod histories;
@@ -43,6 +44,7 @@ use super::migration::{self, pack_grains, unpack_grains};
 use super::neighbors::Search;
 use super::particles::{Body, Load, Motion, Particles, ParticlesView};
 use super::region::GrainDomain;
+use super::servo::Servos;
 use super::space::{Components, Space};
 use super::surface::{FacetSurface, Nearest};
 use super::walls::Wall;
@@ -155,6 +157,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
     rows: PairTable<L::Row>,
     pub(super) settings: DemSettings<S>,
     pub(super) walls: Vec<Wall<S>>,
+    pub(super) servos: Servos<S>,
     pub(super) steps: u64,
     lists: Lists<S, L>,
     solids: SolidLists<S, L>,
@@ -183,6 +186,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             law,
             settings,
             walls,
+            servos: Servos::default(),
             steps: 0,
             lists: Lists {
                 pairs: Vec::new(),
@@ -285,6 +289,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 if self.validity.path > self.validity.activated {
                     self.activate(particles);
                 }
+            }
+            if !self.servos.list.is_empty() {
+                self.drive_servos(particles, domain);
             }
             let phase = if step < steps {
                 Phase::Between

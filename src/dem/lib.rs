@@ -23,6 +23,7 @@
 //! | `neighbors` | candidate pairs |
 //! | `contact` | contact laws, one file each, with their parameters in a case and their limits |
 //! | `walls`, `surface` | planes, polygons, triangulated surfaces |
+//! | `servo` | plane walls whose mean normal stress follows a stress that is given |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
 //! | `engine` | the step, the lists, the hand-over of grains and histories |
@@ -68,6 +69,7 @@ pub mod particles;
 pub mod polyhedron;
 mod region;
 pub mod relax;
+pub mod servo;
 pub mod space;
 pub mod state;
 pub mod surface;
@@ -80,6 +82,7 @@ pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, ParticlesView};
 pub use region::GrainDomain;
 pub use relax::{Relaxation, Stillness};
+pub use servo::Servo;
 pub use space::{Components, PlaneSpace, Space, Volume};
 pub use surface::FacetSurface;
 pub use walls::Wall;
@@ -373,6 +376,18 @@ impl<S: Space> Dem<S> {
     /// Puts the walls of these indices back, without contacts. The same on all ranks.
     pub fn close_walls(&mut self, walls: &[usize]) {
         self.engine.close_walls(walls);
+    }
+
+    /// Gives walls controls; none for no wall. The same on all ranks.
+    pub fn set_servos(&mut self, servos: Vec<Servo<S>>) {
+        *self.engine.servos_mut() = servos;
+    }
+
+    /// Changes the stress \[Pa\] that a control, by its place in the list, aims at. The same on all ranks.
+    pub fn aim_servo(&mut self, place: usize, stress: f64) {
+        if let Some(servo) = self.engine.servos_mut().get_mut(place) {
+            servo.stress = stress;
+        }
     }
 
     /// Changes a wall's velocity [m/s].

@@ -274,6 +274,25 @@ impl FacetSurface {
         self.facets[facet].size
     }
 
+    /// Returns the area of all facets \[m²\], without the images in a periodic domain.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let given = self
+            .repeated
+            .as_ref()
+            .map(|repeated| repeated.given as usize);
+        let facets = 0..given.unwrap_or(self.len());
+        let area = |facet| {
+            let corners: Vec<Vector3<f64>> = self.corners(facet).collect();
+            let edges = corners.windows(2);
+            let sum: Vector3<f64> = edges
+                .map(|ends| (ends[0] - corners[0]).cross(&(ends[1] - corners[0])))
+                .sum();
+            0.5 * sum.norm()
+        };
+        facets.map(area).sum()
+    }
+
     /// Returns the unit normal of a facet.
     #[must_use]
     pub fn normal(&self, facet: usize) -> Vector3<f64> {

@@ -10,6 +10,7 @@ mod laws;
 mod ledges;
 mod repeated;
 mod same_bits;
+mod servo;
 mod spheres;
 mod wall_shapes;
 

@@ -1,5 +1,7 @@
 //! Walls, at rest or moving: infinite planes, and surfaces of convex facets ([`super::surface`]).
 
+pub mod area;
+
 use std::sync::Arc;
 
 use nalgebra::Vector3;

@@ -23,13 +23,14 @@
 //! | block | of water in joints: force and torque on a block, smallest and largest pressure, area |
 //! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
+//! | wall load | displacement and velocity of a wall, force, torque and mean stress of the grains on it, contacts |
 //! | grains | number, solid fraction, coordination number and mean stress of the grains in a box; d50 |
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
 //! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
 //! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
-//! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
+//! **Faces**: see [`wall`]. **Walls of grains**: see [`wall_load`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 //!
 //! A quantity is one file here, which holds its columns and its samples, and a line in the list [`sampled`];
@@ -52,6 +53,7 @@ mod structure;
 mod surface_load;
 mod uplift;
 mod wall;
+mod wall_load;
 mod water_balance;
 mod water_table;
 

@@ -239,7 +239,13 @@ pub const MODELS: &[(&str, Models)] = &[
             ("surface", &["hart1996", "baerentzen2005"]),
         ],
     ),
-    ("walls", &[("facets", &["santasusana2016"])]),
+    (
+        "walls",
+        &[
+            ("facets", &["santasusana2016"]),
+            ("servo", &["sutherland1974"]),
+        ],
+    ),
     ("blocks", &[("joints", &["priest1976"])]),
     (
         "probe",
@@ -248,7 +254,13 @@ pub const MODELS: &[(&str, Models)] = &[
             ("grains", &["christoffersen1981"]),
         ],
     ),
-    ("analysis", &[("erosion_law", &["sibille2012"])]),
+    (
+        "analysis",
+        &[
+            ("erosion_law", &["sibille2012"]),
+            ("element_test", &["rowe1962"]),
+        ],
+    ),
 ];
 
 /// A model that a case uses, with its papers.
@@ -430,6 +442,9 @@ fn grain_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if scene.walls.iter().any(|wall| wall.surface.is_some()) {
         used.push(("walls", "facets".into()));
     }
+    if scene.walls.iter().any(|wall| wall.servo.is_some()) {
+        used.push(("walls", "servo".into()));
+    }
     for probe in &scene.probes {
         match probe.at {
             ProbeAt::Bed(_) => used.push(("probe", "bed".into())),
@@ -439,6 +454,9 @@ fn grain_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     }
     if scene.erosion_law.is_some() {
         used.push(("analysis", "erosion_law".into()));
+    }
+    if scene.element_test.is_some() {
+        used.push(("analysis", "element_test".into()));
     }
 }
 

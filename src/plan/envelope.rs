@@ -62,6 +62,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
     }
     super::contacts::check(scene, clock, &mut margins, findings);
     super::impacts::check(scene, &mut margins, findings);
+    super::servo::check(scene, findings);
     super::added_mass::check(scene, &mut margins, findings);
     super::explicit_drag::check(scene, clock, &mut margins, findings);
     super::coupling_interval::check(scene, clock, &mut margins, findings);

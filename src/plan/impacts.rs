@@ -26,6 +26,7 @@ use crate::scene::observe::RegionAction;
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample::ListedGrain;
 use crate::scene::speed::settling;
+use crate::scene::walls::SceneWall;
 use base::error::Remedy;
 use base::number::{to_u32, whole};
 use dem::contact::{ContactModel, Depth, StaticContact};
@@ -102,7 +103,7 @@ impl Things {
         }
         all.add_generated(scene);
         all.others
-            .extend(scene.walls.iter().map(|wall| wall.velocity));
+            .extend(scene.walls.iter().map(SceneWall::largest_velocity));
         let materials = scene.materials.len();
         all.moving
             .retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < materials);

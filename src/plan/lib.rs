@@ -41,6 +41,7 @@ mod porous;
 pub mod report;
 pub mod scene;
 mod seepage;
+mod servo;
 mod stability;
 
 use crate::scene::Scene;

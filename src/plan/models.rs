@@ -34,6 +34,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     let mut choices = Choices { scene, clock, list };
     choices.automatic();
     choices.timed_walls();
+    choices.servo_walls();
     choices.grains();
     if let Some(seepage) = &scene.seepage {
         choices.seepage(seepage);
@@ -136,6 +137,27 @@ impl Choices<'_> {
             self.add(
                 &format!("wall {}", wall.name),
                 exists.join(" "),
+                "requested",
+            );
+        }
+    }
+
+    /// Adds the controls of servo walls.
+    fn servo_walls(&mut self) {
+        let servos = self.scene.walls.iter();
+        let servos = servos.filter_map(|wall| Some((&wall.name, wall.servo.as_ref()?)));
+        for (name, servo) in servos {
+            let stress = match servo.history.as_slice() {
+                [[_, stress]] => format!("{} Pa", number(*stress)),
+                table => format!("a table of {} rows", table.len()),
+            };
+            self.add(
+                &format!("wall {name}"),
+                format!(
+                    "mean normal stress follows {stress}, at most {} m/s, gain {}",
+                    number(servo.velocity_limit),
+                    number(servo.gain)
+                ),
                 "requested",
             );
         }

@@ -11,6 +11,7 @@ pub mod body_force;
 pub mod boundaries;
 pub mod collapse;
 pub mod contact;
+pub mod element_test;
 pub mod findings;
 pub mod flow;
 pub mod free_surface;
@@ -100,6 +101,8 @@ pub struct Scene {
     pub erosion_law: Option<observe::ErosionLaw>,
     /// Analysis of ground collapse.
     pub ground_collapse: Option<collapse::GroundCollapse>,
+    /// Element test of a sample between walls.
+    pub element_test: Option<element_test::ElementTest>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
     /// Causes of changes of density in the lattice fluid in addition to the pressures that the case states.
@@ -319,9 +322,11 @@ impl Scene {
             grid: &grid,
             bodies: &solids.bodies,
             structures,
+            walls: &solids.walls,
             blocks: solids.blocks.as_ref(),
         };
         let probes = observe::probes(&measured, findings);
+        let element_test = element_test::resolve(case, &probes, &solids.walls, findings);
         let erosion_law = observe::erosion_law(case, &grid, &regions, findings);
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, findings);
         let solid = has_solids(case);
@@ -361,6 +366,7 @@ impl Scene {
             guards: case.guards.clone(),
             erosion_law,
             ground_collapse,
+            element_test,
             density_causes: Vec::new(),
             chosen: auto::Chosen::default(),
         })

@@ -10,10 +10,11 @@
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
-//! | `removal`, `gates` | regions that remove and generate grains; walls that come or go |
+//! | `removal`, `gates`, `servos` | regions that remove and generate grains; walls that come or go; servo walls |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
+//! | `element_test` | answers of a test of a sample between walls |
 //! | `blocks`, `energy`, `versions` | parts of `summary.json` |
 //! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
 //! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of phases |
@@ -41,6 +42,7 @@ pub mod blocks;
 pub mod calibration;
 pub mod collapse;
 pub mod coupled;
+mod element_test;
 pub mod energy;
 pub mod erosion;
 mod escape;
@@ -56,6 +58,7 @@ pub mod removal;
 mod resume;
 pub mod run;
 mod schedule;
+mod servos;
 mod settled;
 pub mod setup;
 mod table;
@@ -84,6 +87,7 @@ use phases::{Phase, Phases};
 use plan::Plan;
 use removal::{Departed, Removal};
 use schedule::Schedule;
+use servos::Servos;
 use view::StateView;
 
 /// Simulated state at the present step.
@@ -152,6 +156,7 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     now: Present<Sp, S>,
     removal: Removal,
     gates: Gates,
+    servos: Servos,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
     outputs: Outputs,
@@ -234,7 +239,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
 
     fn advance_solids(&mut self, due: Schedule) -> Result<(), Error> {
         let now = &mut self.now;
+        let time = now.time();
         if let Some(dem) = &mut now.dem {
+            self.servos.aim(time, dem);
             let each = u64::from(now.plan.clock.solid_steps_per_step);
             let moved = dem.advance_many(&mut now.particles, &now.domain, each);
             if let Err(error) = moved {

@@ -528,7 +528,7 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
     }
 }
 
-/// Walls that stay keep all but their velocity.
+/// Walls that stay keep all but their velocity and servo.
 fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     let mut problems = Vec::new();
     for (n, wall) in new.walls.iter().enumerate() {
@@ -592,11 +592,15 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         .collect())
 }
 
-/// Gives walls the velocities of the case: those of the checkpoint may be older.
+/// Gives walls the velocities of the case: those of the checkpoint may be older. A servo wall keeps its own.
 pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
-    let velocities: Vec<S::Vector> = setup::walls::<S>(plan)
-        .iter()
-        .map(|wall| wall.velocity)
+    let walls = setup::walls::<S>(plan);
+    let walls = walls.iter().zip(&plan.scene.walls).zip(dem.walls());
+    let velocities: Vec<S::Vector> = walls
+        .map(|((wall, scene), now)| match scene.servo {
+            Some(_) => now.velocity,
+            None => wall.velocity,
+        })
         .collect();
     dem.drive_walls(&velocities);
 }

@@ -86,7 +86,7 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
         // The units are those of a lattice, and joints have none.
         ProbeAt::Joint(_) | ProbeAt::Mouth(_) | ProbeAt::Block(_) => Vec::new(),
         // Grains fluctuate; the means over their own window are in the summary.
-        ProbeAt::Bed(_) | ProbeAt::Grains { .. } => Vec::new(),
+        ProbeAt::Bed(_) | ProbeAt::Grains { .. } | ProbeAt::WallLoad { .. } => Vec::new(),
         ProbeAt::Body(_) | ProbeAt::Structure { .. } => vec![(
             "fluid_force",
             &["fluid_force_x", "fluid_force_y", "fluid_force_z"],

@@ -20,15 +20,23 @@ def _fluid(end, **more):
     return {"time.end": end, "output.fluid.every": end / 2, **more}
 
 
+def _test(end):
+    """An element test, with output and samples at its middle and end."""
+    often = {"output.grains.every": end / 2, "output.contacts.every": end / 2, "analysis.element_test.from": 0}
+    return {"time.end": end, **often, "probes[0].every": end / 2, "probes[1].every": end / 2}
+
+
 # Ranks, and what shortens the example.
 EXAMPLES = {
     "avalanche": (1, {"time.end": 0.02, "output.blocks.every": 0.01, "output.contacts": '{"every": 0.01}'}),
+    "biaxial": (1, {**_test(0.002), "probes[2].every": 0.001, "probes[3].every": 0.001}),
     "cavity": (1, _fluid(0.1, **{"probes[0].every": 0.05, "probes[1].every": 0.05})),
     "collision": (1, {"time.end": 0.005}),
     "couette": (1, _fluid(0.03, **{"probes[0].every": 0.01, "probes[1].every": 0.01})),
     "cylinder": (1, _fluid(0.2)),
     "dam-break": (1, _fluid(0.01)),
     "deposition": (1, {"time.end": 0.002, "output.grains.every": 0.001, "grains.initial.deposition.number": 30}),
+    "direct-shear": (1, _test(0.002)),
     "dry-incline": (1, {"time.end": 0.02, "output.blocks.every": 0.01, "output.contacts.every": 0.01}),
     "first-flow": (1, _fluid(0.02)),
     "fissure-clay": (1, _fluid(0.0006, **{"output.grains.every": 0.0003, "output.contacts.every": 0.0003})),
@@ -46,6 +54,7 @@ EXAMPLES = {
     "floating-log": (1, _fluid(0.01, **{"probes[0].every": 0.005})),
     "incline": (1, _fluid(0.005, **{"time.warm_up": "null", "output.blocks.every": 0.0025})),
     "joint-pulse": (1, {"time.end": 0.008, "output": '{"blocks": {"every": 0.004}}'}),
+    "oedometer": (1, {**_test(1e-4), "probes[2].every": 5e-5}),
     "piping": (
         2,
         _fluid(0.004, **{"time.warm_up": "null", "output.grains.every": 0.002, "output.contacts.every": 0.002}),
@@ -66,6 +75,8 @@ EXAMPLES = {
     "settling-disc": (2, _fluid(0.006, **{"output.grains.every": 0.003})),
     "stagnation": (1, _fluid(0.002, **{"output.averages.from": 0.0005})),
     "standing-wave": (1, _fluid(0.02)),
+    "triaxial": (1, {**_test(1e-4), **{f"probes[{n}].every": 5e-5 for n in range(2, 6)}}),
+    "unconfined-compression": (1, _test(0.002)),
     "taylor-green": (2, _fluid(0.02, **{"probes[0].every": 0.01})),
 }
 

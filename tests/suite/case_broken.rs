@@ -754,6 +754,107 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["time.warm_up={\"fluid_only\": {\"relative_change\": 1e-5, \"at_most\": 1}}"]),
         "time.warm_up",
     ),
+    // Laboratory
+    (
+        "servo of a box",
+        "triaxial",
+        Set(&[
+            "walls[0].shape={\"box\": {\"from\": [0.0085, 0, 0], \"to\": [0.009, 0.01, 0.01]}}",
+            "probes=[]",
+            "analysis={}",
+        ]),
+        "walls[0].servo",
+    ),
+    (
+        "servo with a velocity across its plane",
+        "triaxial",
+        Set(&["walls[0].velocity=[0.1, 0.1, 0]"]),
+        "walls[0].velocity",
+    ),
+    (
+        "servo that pulls in its table",
+        "triaxial",
+        Set(&["walls[2].servo.history=[[0, 1e4], [0.001, -1]]"]),
+        "walls[2].servo.history",
+    ),
+    (
+        "servo whose times do not rise",
+        "triaxial",
+        Set(&["walls[2].servo.history=[[0.002, 1e4], [0.001, 1e4]]"]),
+        "walls[2].servo.history",
+    ),
+    (
+        "servo that pulls",
+        "triaxial",
+        Set(&["walls[0].servo.stress=-1"]),
+        "walls[0].servo.stress",
+    ),
+    (
+        "servo without a limit",
+        "triaxial",
+        Remove("/walls/0/servo/velocity_limit"),
+        "walls[0].servo.velocity_limit",
+    ),
+    (
+        "servo with a gain above 1",
+        "triaxial",
+        Set(&["walls[0].servo.gain=1.5"]),
+        "walls[0].servo.gain",
+    ),
+    (
+        "servo on springs without a stiffness",
+        "biaxial",
+        Remove("/contact/linear/normal_stiffness"),
+        "contact",
+    ),
+    (
+        "servo without grains",
+        "biaxial",
+        Set(&["grains=null", "probes=[]", "analysis={}", "output={}"]),
+        "walls[0].servo",
+    ),
+    (
+        "load on an unknown wall",
+        "triaxial",
+        Set(&["probes[0].at.wall_load.name=ceiling"]),
+        "probes[0].at.wall_load.name",
+    ),
+    (
+        "element test of one plane",
+        "biaxial",
+        Set(&["analysis.element_test.axial=[\"top\", \"top\"]"]),
+        "analysis.element_test.axial",
+    ),
+    (
+        "element test with an unknown probe",
+        "biaxial",
+        Set(&["analysis.element_test.lateral=[\"lft\"]"]),
+        "analysis.element_test.lateral[0]",
+    ),
+    (
+        "element test without a lateral stress",
+        "oedometer",
+        Set(&["analysis.element_test.inside=null"]),
+        "analysis.element_test.answers[2].quantity",
+    ),
+    (
+        "element test without answers",
+        "oedometer",
+        Set(&["analysis.element_test.answers=[]"]),
+        "analysis.element_test.answers",
+    ),
+    (
+        "element test after the end",
+        "oedometer",
+        Set(&["analysis.element_test.from=1"]),
+        "analysis.element_test.from",
+    ),
+    (
+        "element test with samples at other times",
+        "oedometer",
+        Set(&["probes[1].every=2e-4"]),
+        "probes[1].every",
+    ),
     // Blocks
     (
         "blocks in the plane",

@@ -537,12 +537,16 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         c.normal * overlap * overlap.sqrt()
     }
 
-    /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
-    /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
+    fn tangent_stiffness(c: &HertzMindlinConstants, overlap: f64) -> f64 {
+        1.5 * c.normal * overlap.max(0.0).sqrt()
+    }
+
     fn shear_spring(history: &HertzMindlinHistory<S>) -> S::Tangent {
         history.shear
     }
 
+    /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
+    /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
     fn stiffness(c: &HertzMindlinConstants) -> [f64; 2] {
         let mass = c.scale.mass * c.scale.mass / c.scale.radius;
         let overlap = deepest(mass, c.normal, c.impact_speed);

@@ -228,6 +228,10 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         L::normal_spring(&c.law, &history.law, overlap)
     }
 
+    fn tangent_stiffness(c: &Self::Constants, overlap: f64) -> f64 {
+        L::tangent_stiffness(&c.law, overlap)
+    }
+
     fn shear_spring(history: &Self::History) -> S::Tangent {
         L::shear_spring(&history.law)
     }

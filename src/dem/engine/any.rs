@@ -2,6 +2,7 @@
 
 use super::super::Contact;
 use super::super::contact::family::Visitor;
+use super::super::servo::Servo;
 use super::super::state::{self, Contacts};
 use super::bodies::Bodies;
 use super::*;
@@ -43,6 +44,8 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn walls(&self) -> &[Wall<S>];
     /// Returns the walls, to be moved.
     fn walls_mut(&mut self) -> &mut [Wall<S>];
+    /// Returns the servo walls.
+    fn servos_mut(&mut self) -> &mut Vec<Servo<S>>;
     /// Deactivates the walls of these indices.
     fn open_walls(&mut self, walls: &[usize]);
     /// Puts the walls of these indices back.
@@ -123,6 +126,10 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
     fn walls_mut(&mut self) -> &mut [Wall<S>] {
         &mut self.walls
+    }
+
+    fn servos_mut(&mut self) -> &mut Vec<Servo<S>> {
+        &mut self.servos.list
     }
 
     fn open_walls(&mut self, walls: &[usize]) {

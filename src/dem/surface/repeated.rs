@@ -27,7 +27,7 @@ pub(super) struct Repeated {
     /// Periods \[m\], 0 along axes that do not repeat.
     lengths: [f64; 3],
     /// Number of given facets: they come first.
-    given: u32,
+    pub(super) given: u32,
     /// Given facet of each facet, and its offset from there in periods.
     images: Vec<(u32, [i32; 3])>,
     /// Number of each vertex that it shares with its images.

@@ -16,6 +16,7 @@ use super::structure::StructureLoad;
 use super::surface_load::SurfaceLoad;
 use super::uplift::Uplift;
 use super::wall::Wall;
+use super::wall_load::WallLoad;
 use super::water_balance::WaterBalance;
 use super::water_table::WaterTable;
 use super::{Heading, Run};
@@ -105,6 +106,7 @@ quantities![
     SurfaceLoad,
     Uplift,
     Wall,
+    WallLoad,
     WaterBalance,
     WaterTable,
 ];
@@ -148,6 +150,7 @@ impl Sampled {
             ProbeAt::Joint(point) => JointCell(point).into(),
             ProbeAt::Mouth(index) => Mouth(index).into(),
             ProbeAt::Block(index) => BlockLoad(index).into(),
+            ProbeAt::WallLoad { wall, about } => WallLoad::new(wall, about).into(),
             ProbeAt::Wall(face) => Wall::new(scene, face)?.into(),
             ProbeAt::Grains { part, .. } => Fabric::new(scene, part).into(),
             ProbeAt::Bed(ref bed) => Bed::new(bed).into(),

@@ -135,6 +135,8 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     }
     let velocities = case.walls.iter().filter_map(|wall| wall.velocity.as_ref());
     speeds.extend(velocities.map(|v| size(v.to_array())));
+    let servos = case.walls.iter().filter_map(|wall| wall.servo.as_ref());
+    speeds.extend(servos.map(|servo| servo.velocity_limit));
     speeds.sort_by(|a, b| b.total_cmp(a));
     let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| g.to_array());
     let extent = case.domain.size.to_array();

@@ -132,6 +132,13 @@ pub enum ProbeAt {
         /// Point of the torque \[m\].
         about: [f64; 3],
     },
+    /// Load of the grains on a wall.
+    WallLoad {
+        /// Index in [`super::Scene::walls`].
+        wall: usize,
+        /// Point of the torque \[m\].
+        about: [f64; 3],
+    },
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
     /// Cell of a joint nearest to a point \[m\].

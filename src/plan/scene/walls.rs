@@ -2,8 +2,10 @@
 
 mod flush;
 mod in_water;
+mod servo;
 
 pub(crate) use in_water::walls_in_water;
+pub use servo::SceneServo;
 
 use super::auto::features::grain_diameters;
 use super::block::AlignedBox;
@@ -36,6 +38,8 @@ pub struct SceneWall {
     pub surface: Option<Arc<FacetSurface>>,
     /// Velocity [m/s].
     pub velocity: [f64; 3],
+    /// Control by the mean normal stress, of a plane; none if there is none.
+    pub servo: Option<SceneServo>,
     /// Index of its material.
     pub material: usize,
     /// `true` if it is removed as the run begins.
@@ -55,6 +59,12 @@ impl SceneWall {
     #[must_use]
     pub fn is_timed(&self) -> bool {
         self.from.is_some() || self.until.is_some()
+    }
+
+    /// Returns the velocity at which it moves [m/s], with a servo the largest one towards the grains.
+    pub(crate) fn largest_velocity(&self) -> [f64; 3] {
+        let limit = self.servo.as_ref().map_or(0.0, |s| s.velocity_limit);
+        std::array::from_fn(|a| self.velocity[a] + limit * self.normal[a])
     }
 
     /// Returns `true` if it exists at a time of the run \[s\].
@@ -130,6 +140,7 @@ pub(crate) fn walls(
             normal: face.inward(),
             surface: None,
             velocity: [0.0; 3],
+            servo: None,
             material: material.unwrap_or(0),
             temporary: false,
             from: None,
@@ -139,6 +150,7 @@ pub(crate) fn walls(
         });
     }
     flush::check(case, &walls, findings);
+    servo::check_areas(&walls, grid, findings);
     walls
 }
 
@@ -169,12 +181,14 @@ fn written_wall(
         has_a_preparation(case, path, findings);
     }
     check_times(case, wall, path, findings);
+    let servo = servo::resolve(case, wall, (plane.normal, velocity), path, findings);
     SceneWall {
         name: wall.name.clone(),
         point: plane.point,
         normal: plane.normal,
         surface: surface.map(Arc::new),
         velocity,
+        servo,
         material: index.unwrap_or(0),
         temporary,
         from: wall.from,

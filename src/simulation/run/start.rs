@@ -9,6 +9,7 @@ use super::super::phases::Phases;
 use super::super::progress::Progress;
 use super::super::recorders::Recorders;
 use super::super::resume;
+use super::super::servos::Servos;
 use super::super::setup;
 use super::super::versions::versions;
 use super::super::{Present, Simulation};
@@ -93,15 +94,17 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     }
 
     /// Returns the run whose next step is that of `now`. Collective.
-    fn new(now: Present<Sp, S>, parts: Parts, records: Records, outside: Outside) -> Self {
+    fn new(mut now: Present<Sp, S>, parts: Parts, records: Records, outside: Outside) -> Self {
         let progress = Progress::new(outside.speaks(), now.step);
         let Outside { start, watch, .. } = outside;
         let first_step = now.step;
+        let servos = Servos::start(&now.plan, now.dem.as_mut());
         let mut runner = Self {
             simulation: Simulation {
                 now,
                 removal: parts.removal,
                 gates: parts.gates,
+                servos,
                 recorder: records.recorder,
                 collapse: records.collapse,
                 outputs: records.outputs,

@@ -2,6 +2,7 @@
 
 use super::super::agreement;
 use super::super::blocks;
+use super::super::element_test::TestResults;
 use super::super::energy;
 use super::super::guards;
 use super::super::means::{self, Means};
@@ -83,6 +84,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         values["not_known_to_have_settled"] = json!(probes.settled.unknown);
         if !probes.means.is_empty() {
             values["means"] = json!(probes.means);
+        }
+        if let Some(answers) = &probes.answers {
+            values["element_test"] = answers.summary();
         }
         self.add_records(&mut values)?;
         self.log_lists();
@@ -375,6 +379,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         Probes {
             settled: settled::read(&now.plan, folder, now.time()),
             means: means::read(&now.plan, folder),
+            answers: TestResults::read(&now.plan, folder),
         }
     }
 
@@ -493,6 +498,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         for line in means::lines(&probes.means) {
             self.progress.note(&line);
         }
+        for line in probes.answers.iter().flat_map(TestResults::lines) {
+            self.progress.note(&line);
+        }
         for line in settled::lines(&self.simulation.now.plan, &probes.settled) {
             self.progress.note(&line);
         }
@@ -525,6 +533,7 @@ struct Measures {
 struct Probes {
     settled: settled::End,
     means: Vec<Means>,
+    answers: Option<TestResults>,
 }
 
 /// Returns the peak resident memory of this process \[bytes\].

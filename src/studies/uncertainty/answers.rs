@@ -4,7 +4,7 @@
 //! |---|---|
 //! | probe at a point, in a plane, on a body or a face | each column: last value, mean over the second half |
 //! | probe along a line | velocity and pressure at each point: last values, means over the second half of the run |
-//! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse |
+//! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse, element test |
 //!
 //! An answer has settled where its means over the last tenth of the run and over the tenth before are equal to 0.1 %.
 
@@ -27,6 +27,7 @@ const SUMMARY: &[&str] = &[
     "blocks",
     "erosion",
     "collapse",
+    "element_test",
 ];
 /// Numbers below these entries that are about the solution, or given.
 const NO_ANSWERS: &[&str] = &[
@@ -37,6 +38,8 @@ const NO_ANSWERS: &[&str] = &[
     "bernoulli_speed",
     "number",
     "fixed",
+    "known",
+    "difference",
 ];
 /// Columns of probes that are given.
 const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];

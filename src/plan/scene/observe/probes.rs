@@ -8,6 +8,7 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::structures::Structure;
 use crate::scene::unique;
+use crate::scene::walls::SceneWall;
 use base::error::Remedy;
 use case::Case;
 use case::fluid::Fluid;
@@ -21,6 +22,7 @@ pub(crate) struct Measured<'a> {
     pub grid: &'a Grid,
     pub bodies: &'a [NamedBody],
     pub structures: &'a [Structure],
+    pub walls: &'a [SceneWall],
     pub blocks: Option<&'a PlacedBlocks>,
 }
 
@@ -48,7 +50,10 @@ pub(crate) fn probes(measured: &Measured, findings: &mut Findings) -> Vec<Probe>
 
 /// Refuses a probe that samples a fluid which the case does not have.
 fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
-    if matches!(at, Written::Body { .. } | Written::Grains { .. }) {
+    if matches!(
+        at,
+        Written::Body { .. } | Written::Grains { .. } | Written::WallLoad { .. }
+    ) {
         return;
     }
     if case.fluid.is_none() {
@@ -119,6 +124,13 @@ impl Measured<'_> {
                 let path = format!("{path}.structure");
                 ProbeAt::Structure {
                     index: self.structure(name, &format!("{path}.name"), findings),
+                    about: self.about(about.as_ref(), &path, findings),
+                }
+            }
+            Written::WallLoad { name, about } => {
+                let path = format!("{path}.wall_load");
+                ProbeAt::WallLoad {
+                    wall: self.loaded_wall(name, &path, findings),
                     about: self.about(about.as_ref(), &path, findings),
                 }
             }
@@ -353,6 +365,43 @@ impl Measured<'_> {
                 format!("structures here: {}", names.join(", ")),
             );
             findings.depends(&["structures"]);
+        }
+        index.unwrap_or(0)
+    }
+
+    /// Returns the index of a wall that grains load.
+    fn loaded_wall(&self, name: &str, path: &str, findings: &mut Findings) -> usize {
+        if matches!(self.case.contact, Some(Contact::Blocks(_))) {
+            findings.error(
+                path,
+                "the law `blocks` has contacts over areas, whose shear forces are no part of the contacts of a run",
+                "use another law, or remove the probe",
+            );
+        }
+        let case = self.case;
+        if case.grains.is_none() && case.bodies.is_empty() && case.regions.is_empty() {
+            findings.error(
+                path,
+                "there are no grains and no bodies that could load a wall",
+                Remedy::from("add `grains`, or remove the probe"),
+            );
+            findings.depends(&["grains", "bodies"]);
+        }
+        let lasting = |wall: &SceneWall| wall.name == name && !wall.temporary;
+        let index = self.walls.iter().position(lasting);
+        if index.is_none() {
+            let names: Vec<&str> = self.walls.iter().map(|wall| wall.name.as_str()).collect();
+            let path = format!("{path}.name");
+            let remedy = case::check::nearest(name, &names).map_or_else(
+                || format!("walls here: {}", names.join(", ")).into(),
+                |near| Remedy::from(format!("did you mean `{near}`?")).set(&*path, near),
+            );
+            findings.error(
+                &path,
+                "grains meet no wall, structure or closed face of this name during the run",
+                remedy,
+            );
+            findings.depends(&["walls", "box_walls", "structures"]);
         }
         index.unwrap_or(0)
     }

@@ -33,9 +33,10 @@ fn are_one_plane(one: &SceneWall, other: &SceneWall) -> bool {
     one.surface.is_none() && other.surface.is_none() && along > 1.0 - 1e-12 && between.abs() <= 1e-9
 }
 
-/// Returns `true` if two walls have different velocities.
+/// Returns `true` if two walls have different velocities or controls.
 fn moves_otherwise(one: &SceneWall, other: &SceneWall) -> bool {
-    (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
+    one.servo != other.servo
+        || (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
 }
 
 /// Warns of walls that have no effect, since a plane wall of another material or velocity lies in the same plane.

@@ -46,6 +46,7 @@ pub(super) fn of_structures(
             normal: [0.0; 3],
             surface: None,
             velocity: [0.0; 3],
+            servo: None,
             material,
             temporary: false,
             from: None,

@@ -1,0 +1,51 @@
+//! The motion of servo walls in a step: sums over their contacts, then the velocity of [`crate::servo`].
+
+use super::*;
+use crate::servo::{from_quanta, quanta};
+
+impl<S: Space, L: Bodies<S>> Engine<S, L> {
+    /// Gives the servo walls their velocities for the next solid step. Positions and lists are those of the end of the
+    /// present one. Collective.
+    pub(super) fn drive_servos(&mut self, particles: &Particles<S>, domain: &Domain) {
+        let (region, dt) = (self.settings.region, self.settings.time_step);
+        let mut servos = std::mem::take(&mut self.servos);
+        servos.sums.clear();
+        for servo in &servos.list {
+            let sums = self.normal_springs(servo.wall, particles);
+            servos.sums.extend(sums.map(i128::cast_unsigned));
+        }
+        domain.communicator().all_reduce_sum_u128s(&mut servos.sums);
+        let (sums, _) = servos.sums.as_chunks::<2>();
+        for (servo, sums) in servos.list.iter().zip(sums) {
+            if self.walls[servo.wall].open {
+                continue;
+            }
+            let corners = [region.lower, region.upper];
+            let area = (servos.area).of_wall(&self.walls, servo.wall, corners);
+            let sums = sums.map(|sum| from_quanta(sum.cast_signed()));
+            let wall = &mut self.walls[servo.wall];
+            wall.velocity = servo.sliding + wall.normal * servo.velocity(sums, area, dt);
+        }
+        self.servos = servos;
+    }
+
+    /// Returns the sums of the forces of the normal springs at a plane wall and of their tangent stiffnesses in quanta,
+    /// over the grains of this rank.
+    fn normal_springs(&self, wall: usize, particles: &Particles<S>) -> [i128; 2] {
+        let mut sums = [0_i128; 2];
+        let plane = &self.walls[wall];
+        let pairs = self.solids.wall_pairs.iter();
+        for pair in pairs.filter(|pair| pair.wall as usize == wall) {
+            let distance = plane.distance(&particles.motion[pair.grain as usize].position);
+            if distance >= pair.radius && !L::bonded(&pair.history) {
+                continue;
+            }
+            let overlap = pair.radius - distance;
+            let force = L::normal_spring(&pair.constants, &pair.history, overlap);
+            let stiffness = L::tangent_stiffness(&pair.constants, overlap);
+            sums[0] = sums[0].saturating_add(quanta(force));
+            sums[1] = sums[1].saturating_add(quanta(stiffness));
+        }
+        sums
+    }
+}

@@ -1,0 +1,160 @@
+//! Servo walls of a scene: their stress in time, and what a control cannot do.
+
+use super::SceneWall;
+use crate::scene::auto::solids::without_stiffness;
+use crate::scene::findings::{Findings, number};
+use crate::scene::grid::Grid;
+use base::error::Remedy;
+use base::history;
+use case::Case;
+use case::solids::{Servo as Written, Wall as WrittenWall, WallShape, WallStage};
+use dem::contact::Contact;
+use dem::walls::area::{HalfSpace, PlaneArea};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+/// Control of a plane wall by the mean normal stress of its contacts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneServo {
+    /// Times \[s\] and stresses \[Pa\], by rising time; one row where the stress is constant.
+    pub history: Vec<[f64; 2]>,
+    /// Largest velocity along the normal [m/s].
+    pub velocity_limit: f64,
+    /// Part of the missing force that the springs gain in a solid step.
+    pub gain: f64,
+}
+
+impl SceneServo {
+    /// Returns the largest stress \[Pa\].
+    #[must_use]
+    pub fn largest_stress(&self) -> f64 {
+        let stresses = self.history.iter().map(|[_, stress]| *stress);
+        stresses.fold(0.0, f64::max)
+    }
+}
+
+/// Resolves the control of a wall with this unit normal; none if there is none.
+pub(super) fn resolve(
+    case: &Case,
+    wall: &WrittenWall,
+    (normal, velocity): ([f64; 3], [f64; 3]),
+    path: &str,
+    findings: &mut Findings,
+) -> Option<SceneServo> {
+    let written = wall.servo.as_ref()?;
+    let at = format!("{path}.servo");
+    if !matches!(wall.shape, WallShape::Plane(_)) {
+        findings.error(
+            &at,
+            "a servo moves a plane along its normal, and this wall is no plane",
+            Remedy::take_out("use a plane, or remove the servo", &at),
+        );
+    }
+    if wall.during == WallStage::Preparation {
+        findings.error(
+            &at,
+            "a servo acts during the run, and this wall is gone as the run begins",
+            Remedy::take_out("remove the servo, or `during`", &at),
+        );
+    }
+    let across: f64 = normal.iter().zip(velocity).map(|(n, v)| n * v).sum();
+    let speed = velocity.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if across.abs() > 1e-12 * speed {
+        findings.error(
+            &format!("{path}.velocity"),
+            format!(
+                "the servo moves the wall along its normal, where the velocity has {} m/s as well",
+                number(across)
+            ),
+            "leave only the part along the plane, or remove the servo",
+        );
+    }
+    check_contacts(case, &at, findings);
+    Some(SceneServo {
+        history: stresses(written, &at, findings),
+        velocity_limit: written.velocity_limit,
+        gain: written.gain,
+    })
+}
+
+/// Returns the table of stresses in time, of one row where the stress is constant.
+fn stresses(written: &Written, path: &str, findings: &mut Findings) -> Vec<[f64; 2]> {
+    let Some(table) = &written.history else {
+        return vec![[0.0, written.stress]];
+    };
+    let path = format!("{path}.history");
+    if history::check(table, &path, findings) && table.iter().any(|[_, stress]| *stress < 0.0) {
+        findings.error(
+            &path,
+            "a stress of the table is below 0: a wall presses grains and does not pull them",
+            "use stresses of 0 or more, compression positive",
+        );
+    }
+    table.clone()
+}
+
+/// Refuses a control of what does not press, or whose springs it does not know.
+fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
+    if matches!(case.contact, Some(Contact::Blocks(_))) {
+        findings.error(
+            path,
+            "a servo measures single contacts of discs and spheres, and the law `blocks` has contacts over areas",
+            Remedy::take_out("remove the servo, or use another law", path),
+        );
+    } else if case.grains.is_none() && case.bodies.is_empty() && case.regions.is_empty() {
+        findings.error(
+            path,
+            "there are no grains and no bodies that could bear the stress of the wall",
+            Remedy::take_out("add `grains`, or remove the servo", path),
+        );
+        findings.depends(&["grains", "bodies"]);
+    } else if case.contact.is_none() || without_stiffness(case) {
+        findings.error(
+            "contact",
+            "a servo wall needs a stated stiffness: the one that the program chooses does not know the stress of the \
+             wall",
+            "state `normal_stiffness` of `linear` so that stress times diameter (2-D: stress) over stiffness is the \
+             overlap that you accept, or use `hertz_mindlin`",
+        );
+    }
+}
+
+/// Refuses controls of planes of which grains can reach no part.
+pub(super) fn check_areas(walls: &[SceneWall], grid: &Grid, findings: &mut Findings) {
+    let half_space = |wall: &SceneWall| HalfSpace {
+        point: Vector3::from(wall.point),
+        normal: Vector3::from(wall.normal),
+    };
+    let known = |wall: &SceneWall| {
+        wall.surface.is_none() && Vector3::from(wall.normal).norm_squared() > 0.5
+    };
+    let mut size = grid.size;
+    if grid.dimension == 2 {
+        size[2] = 1.0;
+    }
+    for (n, wall) in walls.iter().enumerate() {
+        if wall.servo.is_none() || !known(wall) {
+            continue;
+        }
+        let others = walls.iter().enumerate();
+        let others = others.filter(|(m, other)| {
+            *m != n && known(other) && !other.temporary && other.from.is_none()
+        });
+        let area = PlaneArea::default().within(
+            &half_space(wall),
+            [Vector3::zeros(), Vector3::from(size)],
+            others.map(|(_, other)| half_space(other)),
+        );
+        if !(area > 0.0) {
+            findings.error(
+                &format!("walls[{n}].shape.plane"),
+                format!(
+                    "no part of the plane `{}` lies within the domain and in front of the other walls, and its servo \
+                     needs an area for the mean stress",
+                    wall.name
+                ),
+                "move the plane into the domain",
+            );
+        }
+    }
+}
