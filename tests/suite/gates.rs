@@ -34,9 +34,9 @@ fn walls_that_come_and_go_keep_the_bits() {
     let done = study.run("straight", 1, 1, &[]);
     let told = done.stdout + &done.stderr;
     for news in [
-        "wall `floor` goes at",
-        "wall `shelf` comes at",
-        "wall `shelf` goes at",
+        "wall `floor` removed at",
+        "wall `shelf` inserted at",
+        "wall `shelf` removed at",
     ] {
         assert!(told.contains(news), "{news}: {told}");
     }

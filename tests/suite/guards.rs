@@ -234,7 +234,7 @@ fn what_was_not_measured_is_none() {
     }
     let said = dry.done.expect(0).stdout;
     assert!(
-        said.contains("mass error - a step, momentum error - of the largest force"),
+        said.contains("mass error - per step, momentum error - of the largest force"),
         "{said}"
     );
     assert!(
