@@ -773,7 +773,7 @@ impl<'g> Reader<'g> {
     /// Returns an array's shape.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where there is no such array.
+    /// [`Error::Invalid`] if there is no such array.
     pub fn shape(&self, name: &str) -> Result<&[usize]> {
         Ok(&self.info(name)?.shape)
     }
@@ -791,7 +791,7 @@ impl<'g> Reader<'g> {
     /// Reads a box into a slice of the array's own number type.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the array is missing, has another number type, or the box or the slice does not
+    /// [`Error::Invalid`] if the array is missing, has another number type, or the box or the slice does not
     /// fit; [`Error::Hdf`] where the file cannot be read. The same on all ranks where they read together.
     pub fn read_into<T: Element>(
         &self,
@@ -856,7 +856,7 @@ impl<'g> Reader<'g> {
     /// Reads a box.
     ///
     /// # Errors
-    /// Those of [`Reader::read_into`].
+    /// If [`Reader::read_into`] fails.
     pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
         // A box outside the array gets no capacity here, and its error below.
         let room = match self.shape(name) {
@@ -901,7 +901,7 @@ impl<'g> Reader<'g> {
     /// Reads a whole array.
     ///
     /// # Errors
-    /// Those of [`Reader::read_into`].
+    /// If [`Reader::read_into`] fails.
     pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
         let shape = self.shape(name)?.to_vec();
         self.read(name, &vec![0; shape.len()], &shape)

@@ -31,7 +31,7 @@ pub struct Image<'a> {
 /// Writes one output of a lattice. Called by all ranks.
 ///
 /// # Errors
-/// Those of [`hdf::write`].
+/// If [`hdf::write`] fails.
 pub fn write(
     path: &Path,
     when: OutputTime,
@@ -116,7 +116,7 @@ pub struct ImageInfo {
 /// Reads the description of a lattice file; [`crate::fields::read_column`] reads the numbers.
 ///
 /// # Errors
-/// [`Error::Hdf`] where it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
+/// [`Error::Hdf`] if it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
 pub fn open(path: &Path) -> Result<ImageInfo> {
     let info = crate::fields::inspect(path)?;
     let wrong = |what: &str| Error::corrupt(path, format!("no {what} in /VTKHDF"));

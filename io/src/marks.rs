@@ -88,7 +88,7 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
 /// Cuts tables back to their marks. Every table is checked before the first is cut; those that are gone are returned.
 ///
 /// # Errors
-/// Those of [`check`].
+/// If [`check`] fails.
 pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     let (gone, longer) = compare(folder, marks)?;
     for (path, bytes) in longer {

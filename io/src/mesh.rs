@@ -57,7 +57,7 @@ impl Cells<'_> {
 /// Writes one output of a mesh. Called by all ranks.
 ///
 /// # Errors
-/// Those of [`hdf::write`].
+/// If [`hdf::write`] fails.
 pub fn write(
     path: &Path,
     when: OutputTime,

@@ -72,7 +72,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
 /// Returns all bytes of a plain file of at most `limit` bytes.
 ///
 /// # Errors
-/// Those of [`open`].
+/// If [`open`] fails.
 pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path, limit)?;
     let mut all = Vec::with_capacity(usize::try_from(length).unwrap_or(0));

@@ -463,7 +463,7 @@ const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 /// Adds the default command: `solver case.json` is `solver run case.json`.
 ///
 /// # Errors
-/// [`Error::Usage`] where the first word is neither a command nor a file.
+/// [`Error::Usage`] if the first word is neither a command nor a file.
 fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, Error> {
     let command = Cli::command();
     let known = |word: &str| {
@@ -691,7 +691,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
 /// Prints the verdict unless the JSON contains it.
 ///
 /// # Errors
-/// [`Error::Case`] where the case is not run.
+/// [`Error::Case`] if the case is not run.
 fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let accepted = Verdict::from_findings(findings).runs(stability.allow_unstable);
     if !accepted {

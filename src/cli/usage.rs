@@ -11,7 +11,7 @@ pub(super) const MOST_THREADS: u16 = 1024;
 /// Checks that a first word that is no command can be a case: a file that is there, or a possible name of one.
 ///
 /// # Errors
-/// [`Error::Usage`] where it is neither.
+/// [`Error::Usage`] if it is neither.
 pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
     let text = word.to_string_lossy();
     // A path: the reader reports the error.

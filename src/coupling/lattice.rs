@@ -68,7 +68,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     fn fetch(&mut self) -> Result<(), Error> {
         self.fluid_mut().fetch().map_err(Error::Internal)
     }

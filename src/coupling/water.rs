@@ -59,7 +59,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     /// Steps of water without grains, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
-    /// When a GPU fails.
+    /// If a GPU fails.
     #[inline(never)]
     pub fn advance_many(&mut self, steps: u64) -> Result<(), Error> {
         match self.lattice_mut() {
@@ -74,7 +74,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     /// Brings the state of the water back from a GPU, if it is there ([`LatticeFlow::fetch`]).
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     #[inline(never)]
     pub fn fetch(&mut self) -> Result<(), Error> {
         match self.lattice_mut() {

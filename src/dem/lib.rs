@@ -265,7 +265,7 @@ impl<S: Space> Dem<S> {
     /// Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn advance_many(
         &mut self,
         particles: &mut Particles<S>,
@@ -279,7 +279,7 @@ impl<S: Space> Dem<S> {
     /// are known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.engine.prepare(particles, domain)
     }
@@ -288,7 +288,7 @@ impl<S: Space> Dem<S> {
     /// that break later do not heal. Returns the number of bonds that this rank reports. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn bond_existing_contacts(
         &mut self,
         particles: &mut Particles<S>,

@@ -65,7 +65,7 @@ impl FromStr for Published {
 /// Fits the runs and writes tables and figures into `output`, which is made if it does not exist.
 ///
 /// # Errors
-/// [`Error::Io`] when a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
+/// [`Error::Io`] if a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
 pub fn run(
     runs: &[PathBuf],
     output: &Path,
@@ -79,7 +79,7 @@ pub fn run(
 /// Runs `solver erosion-law`: returns the report of [`run`] as text or JSON.
 ///
 /// # Errors
-/// Those of [`run`].
+/// If [`run`] fails.
 pub fn command(
     runs: &[PathBuf],
     output: &Path,

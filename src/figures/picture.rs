@@ -152,7 +152,7 @@ const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 /// Draws a run and returns a line with the path of the picture. Serial.
 ///
 /// # Errors
-/// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
+/// [`Error::Io`] if the run has no output to draw, lacks the column, or the picture cannot be written.
 pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let usual = run.join("picture.svg");
     let output = request.output.clone().unwrap_or_else(|| usual.clone());

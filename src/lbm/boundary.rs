@@ -121,7 +121,7 @@ macro_rules! boundaries {
             /// Returns the rule on the lattice.
             ///
             /// # Errors
-            /// Where the cells of the patch show that the parameters cannot hold.
+            /// If the cells of the patch show that the parameters cannot hold.
             pub fn rule<S: Stored>(
                 &self,
                 place: &Place<'_>,

@@ -371,7 +371,7 @@ impl<S: Stored> Fluid<S> {
     /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn advance_many(&mut self, steps: u64) -> Result<(), String> {
         if self.gpu.is_some() {
             return self.advance_on_gpu(steps);

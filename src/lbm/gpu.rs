@@ -221,7 +221,7 @@ fn context() -> Result<Arc<CudaContext>, String> {
 /// pass is measured by. `bytes` are copied at a time.
 ///
 /// # Errors
-/// When there is no GPU, or it fails.
+/// If there is no GPU, or it fails.
 pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
     const TURNS: u32 = 10;
     let context = context()?;
@@ -253,7 +253,7 @@ impl Gpu {
     /// The cover must be that of each later call, and outlive this.
     ///
     /// # Errors
-    /// When there is no GPU, or its memory is too small.
+    /// If there is no GPU, or its memory is too small.
     pub unsafe fn new<S: Stored>(
         kernel: &Kernel,
         program: Program,
@@ -335,7 +335,7 @@ impl Gpu {
     /// These must be the same numbers in each call, and outlive the GPU.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub unsafe fn give<S: Stored>(&mut self, numbers: &[S]) -> Result<(), String> {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
         if self.pinned.is_none() {
@@ -368,7 +368,7 @@ impl Gpu {
     /// Brings the numbers of the slab back.
     ///
     /// # Errors
-    /// When the GPU fails, also in a step before.
+    /// If the GPU fails, also in a step before.
     pub fn take<S: Stored>(&self, numbers: &mut [S]) -> Result<(), String> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(numbers);
         self.stream
@@ -381,7 +381,7 @@ impl Gpu {
     /// squared speed, the largest size of the density deviation, and whether every number is finite. `half` is F/2.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn extremes(
         &self,
         parity: Parity,
@@ -416,7 +416,7 @@ impl Gpu {
     /// Computes the density deviation and momenta of the cells of a row, of populations of a parity.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn row_moments(
         &self,
         parity: Parity,
@@ -450,7 +450,7 @@ impl Gpu {
     /// Waits until the GPU is done.
     ///
     /// # Errors
-    /// When it failed.
+    /// If it failed.
     pub fn wait(&self) -> Result<(), String> {
         self.stream.synchronize().map_err(failed)
     }
@@ -459,7 +459,7 @@ impl Gpu {
     /// lattice units.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn pass<C: Collision>(
         &mut self,
         before: Parity,
@@ -528,7 +528,7 @@ impl Gpu {
     /// Sends to the GPU the cover of the cells, before a pass or a check of them.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn give_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => {
@@ -542,7 +542,7 @@ impl Gpu {
     /// Clears the forces on the bodies of the cover, before a pass.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => {
@@ -556,7 +556,7 @@ impl Gpu {
     /// Reads the fractions of the cells of a row of the cover that was given last, from a position on.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), String> {
         match &self.cover {
             Some(there) => there.fractions(first, fractions).map_err(failed),
@@ -567,7 +567,7 @@ impl Gpu {
     /// Waits for the forces of a pass, though not for the open cells, and adds them to the sums of the cover.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => there.take_loads(cover).map_err(failed),
@@ -579,7 +579,7 @@ impl Gpu {
     /// patch.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn copy(&mut self, before: Parity, factor: impl Fn(usize) -> f64) -> Result<(), String> {
         let mut same = true;
         for (patch, held) in self.held.iter_mut().enumerate() {

@@ -25,7 +25,7 @@ impl Halo {
     /// Sets up the exchange for the slab of `populations` in `domain`; all ranks call it together.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Result<Self, String> {
         let [slow, middle, fast] = populations.order();
         let velocities = populations.velocities();

@@ -119,7 +119,7 @@ impl SlabSurface {
     /// Returns the surface of a slab of gas; all ranks call it together.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         ends: Ends,

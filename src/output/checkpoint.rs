@@ -612,7 +612,7 @@ fn sum_of_ranks(communicator: &Communicator, value: i128) -> i128 {
 /// Velocities at an earlier step of a slab from a checkpoint, as [`RunState::earlier`].
 ///
 /// # Errors
-/// When it holds none.
+/// If it holds none.
 pub fn read_earlier<S: SavedNumber>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f64>, Error> {
     let [_, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
     reader.read(EARLIER, &start, &count).map_err(as_error)
@@ -626,7 +626,7 @@ pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
 /// Sums over time of a slab from a checkpoint; they stay at nothing if it holds none.
 ///
 /// # Errors
-/// When they cannot be read.
+/// If they cannot be read.
 pub fn read_averages<S: SavedNumber>(
     averages: &mut Averages,
     fluid: &Fluid<S>,
@@ -646,7 +646,7 @@ pub fn read_averages<S: SavedNumber>(
 /// Returns the numbers of the seepage in a checkpoint, on every rank; none if there are none.
 ///
 /// # Errors
-/// When they cannot be read.
+/// If they cannot be read.
 pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     match to_usize(reader.attributes()["seepage"].as_u64().unwrap_or(0)) {
         0 => Ok(Vec::new()),
@@ -662,7 +662,7 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
 /// and from there to their owners.
 ///
 /// # Errors
-/// When a column is missing or broken.
+/// If a column is missing or broken.
 pub fn read_tables(reader: &Reader, rank: usize) -> Result<(NamedColumns, Contacts), Error> {
     let attributes = reader.attributes();
     let mut tables = Vec::new();

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Describes a file or folder; `json` for scripts, else text for people. Serial.
 ///
 /// # Errors
-/// [`Error::Io`] where it cannot be read or is of no known kind. A damaged checkpoint is described, not an error.
+/// [`Error::Io`] if it cannot be read or is of no known kind. A damaged checkpoint is described, not an error.
 pub fn info(path: &Path, json: bool) -> Result<String, Error> {
     let value = if path.is_dir() {
         folder(path)?

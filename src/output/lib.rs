@@ -224,7 +224,7 @@ impl Outputs {
     /// series and the last row of each probe. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::write_due`].
+    /// If [`Self::write_due`] fails.
     pub fn write_all_now<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
         for probe in &mut self.probes {

@@ -8,7 +8,7 @@ use decomposition::{Communicator, exchange};
 /// ids, sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
 ///
 /// # Errors
-/// [`Error::Internal`] where a message is no list of rows.
+/// [`Error::Internal`] if a message is no list of rows.
 pub(crate) fn sorted<const N: usize>(
     communicator: &Communicator,
     mut rows: Vec<[u64; N]>,

@@ -131,7 +131,7 @@ impl Plan {
     /// Plans a case that continues from the state of another: choices that both leave out are those of the other plan.
     ///
     /// # Errors
-    /// Those of [`Self::prepare`].
+    /// If [`Self::prepare`] fails.
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
         Self::made(document, Some(like))
     }

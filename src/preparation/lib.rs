@@ -79,7 +79,7 @@ pub struct Engine<S: Space> {
 /// Makes, reads or lists the grains of a scene, saves the sample if the case requests it, and cuts it. One rank.
 ///
 /// # Errors
-/// When the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
+/// If the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
 pub fn prepare<S: Space>(
     plan: &Plan,
     folder: &Path,

@@ -82,7 +82,7 @@ impl Rest {
     /// Bonds the contacts and stops all bodies; none if the case has no bonds. Collective.
     ///
     /// # Errors
-    /// Those of [`Dem::advance`].
+    /// If [`Dem::advance`] fails.
     pub fn begin<S: Space>(
         scene: &Scene,
         dem: &mut Dem<S>,

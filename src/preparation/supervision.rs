@@ -62,7 +62,7 @@ pub trait Supervisor<S: Space> {
     /// Saves the present state, as requested.
     ///
     /// # Errors
-    /// When the state cannot be written and the request is to stop.
+    /// If the state cannot be written and the request is to stop.
     fn save(
         &self,
         particles: &Particles<S>,
@@ -135,7 +135,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     /// Runs a batch of the steps that are `left`, and subtracts it.
     ///
     /// # Errors
-    /// Those of [`Dem::advance_many`].
+    /// If [`Dem::advance_many`] fails.
     pub fn advance(
         &self,
         dem: &mut Dem<S>,
@@ -158,7 +158,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     /// Asks the supervisor for a request where the last one is not recent, and saves the state where it wants so.
     ///
     /// # Errors
-    /// [`Error::Stopped`] when the supervisor stops the work, and the errors of [`Supervisor::save`].
+    /// [`Error::Stopped`] if the supervisor stops the work, and the errors of [`Supervisor::save`].
     pub fn listen(
         &self,
         dem: &Dem<S>,

@@ -161,7 +161,7 @@ impl RunFolder {
     /// Collective; the first rank acts.
     ///
     /// # Errors
-    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
+    /// [`Error::Usage`] if another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
     /// all ranks.
     pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
         let lock = agreement::on_first(communicator, || {

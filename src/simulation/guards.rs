@@ -483,7 +483,7 @@ impl Guards {
     /// Collective.
     ///
     /// # Errors
-    /// Those of [`Self::check`].
+    /// If [`Self::check`] fails.
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -523,7 +523,7 @@ impl Guards {
     /// Runs [`Self::check`] in the warm-up, whose steps are counted separately. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::check`].
+    /// If [`Self::check`] fails.
     pub fn check_warm_up<Sp: Space, S: Stored>(
         &mut self,
         step: u64,

@@ -24,7 +24,7 @@ impl Recorders {
     /// Reads the states from the attributes of a checkpoint.
     ///
     /// # Errors
-    /// [`Error::Io`] where a state is missing or broken.
+    /// [`Error::Io`] if a state is missing or broken.
     pub(super) fn read(attributes: &Value) -> Result<Self, Error> {
         Self::deserialize(attributes)
             .map_err(|error| Error::Io(format!("the saved state of the recorders: {error}")))

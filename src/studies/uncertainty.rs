@@ -83,7 +83,7 @@ impl Members {
     /// Returns the runs of the estimate of a case.
     ///
     /// # Errors
-    /// [`Error::Case`] where no other grid can run.
+    /// [`Error::Case`] if no other grid can run.
     pub fn for_case(
         plan: &Plan,
         finer: bool,

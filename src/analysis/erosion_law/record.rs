@@ -322,7 +322,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
 /// Writes a whole CSV file: header and rows.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be written.
+/// [`Error::Io`] if the file cannot be written.
 pub fn write_rows<R: RecordRow>(path: &Path, rows: &[R]) -> Result<(), Error> {
     let mut text = R::header();
     text.push('\n');

@@ -114,7 +114,7 @@ pub trait BoundaryModel {
     /// Returns the rule on the lattice.
     ///
     /// # Errors
-    /// Where the cells of the patch show that the parameters cannot hold.
+    /// If the cells of the patch show that the parameters cannot hold.
     fn rule<S: Stored>(
         &self,
         place: &Place<'_>,

@@ -32,7 +32,7 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// Starts the pass over all cells on a GPU made for this kernel, after populations of a parity.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
     /// Does the work of a GPU, cell by cell, on the host.

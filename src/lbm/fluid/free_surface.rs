@@ -9,7 +9,7 @@ impl<S: Stored> Fluid<S> {
     /// Gives the fluid a free surface; its cells hold gas until [`Self::fill`]. Collective.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn open_surface(&mut self, domain: &Domain) -> Result<(), String> {
         let split = domain.axis().index();
         let mut mirrored = self.boundaries.mirrored();

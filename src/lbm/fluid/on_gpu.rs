@@ -112,7 +112,7 @@ impl<S: Stored> Fluid<S> {
     /// Sends to a GPU which cells the bodies cover from now on.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn give_cover(&mut self) -> Result<(), String> {
         match (&mut self.gpu, &mut self.cover) {
             (Some(gpu), Some(cover)) if self.populations.are_away() => gpu.give_cover(cover),
@@ -152,7 +152,7 @@ impl<S: Stored> Fluid<S> {
     /// Brings the populations back from a GPU, if they are there.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn fetch(&mut self) -> Result<(), String> {
         if let Some(gpu) = &self.gpu
             && self.populations.are_away()

@@ -610,7 +610,7 @@ impl Field {
     /// Returns the field of the slab of `populations`; all ranks call it together.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         frame: &Frame,

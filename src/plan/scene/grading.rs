@@ -83,7 +83,7 @@ impl Grading {
     /// equal number with one draw in each, so that few large grains do not change the curve.
     ///
     /// # Errors
-    /// Those of [`Self::numbers`].
+    /// If [`Self::numbers`] fails.
     pub fn radii(
         &self,
         number: usize,
@@ -169,7 +169,7 @@ impl Grading {
     /// Returns the area (2-D) or volume (3-D) of `number` grains on average.
     ///
     /// # Errors
-    /// Those of [`Self::numbers`].
+    /// If [`Self::numbers`] fails.
     pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
         let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
         let numbers = self.numbers(number, dimension)?;

@@ -69,7 +69,7 @@ fn solver() -> Result<PathBuf, Error> {
 /// Returns the version that the program of the members prints.
 ///
 /// # Errors
-/// [`Error::Io`] where it cannot be started.
+/// [`Error::Io`] if it cannot be started.
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
     let done = alone(Command::new(&path).arg("-V"))
@@ -132,7 +132,7 @@ impl<'a> Runner<'a> {
     /// Runs the members that are not done, and waits for all of them.
     ///
     /// # Errors
-    /// [`Error::Stopped`] where not all came to an end, [`Error::Io`] for files and processes.
+    /// [`Error::Stopped`] if not all came to an end, [`Error::Io`] for files and processes.
     pub fn run(&self, members: &[Member]) -> Result<(), Error> {
         let mut queue: VecDeque<(usize, &Member)> = self.missing(members).collect();
         let mut planned: f64 = queue.iter().map(|(_, m)| seconds(m)).sum();

@@ -259,7 +259,7 @@ pub fn formal_order(scene: &Scene) -> f64 {
 /// Returns the case with everything stated that the program chose for it, and without fields for ParaView.
 ///
 /// # Errors
-/// [`Error::Internal`] where the plan is not that of a case.
+/// [`Error::Internal`] if the plan is not that of a case.
 pub fn stated(plan: &Plan) -> Result<Value, Error> {
     let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
     let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;

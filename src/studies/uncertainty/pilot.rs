@@ -27,7 +27,7 @@ const NAME: &str = "pilot";
 /// Runs a pilot in `output`; returns what it found, and the case with it.
 ///
 /// # Errors
-/// [`Error::Case`] where no coarser cells can run at this cost, and the failure of the run.
+/// [`Error::Case`] if no coarser cells can run at this cost, and the failure of the run.
 pub fn command(
     plan: &Plan,
     output: &Path,
