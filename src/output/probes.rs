@@ -1,9 +1,9 @@
-//! Values over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
+//! Time series at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
 //!
-//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last step,
-//! so that their `time` is half a step before the end of `step`; the load of the water on a body is the mean over the
-//! last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered from the
-//! ranks that own it, or summed without rounding, so that it does not depend on their number.
+//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last
+//! step, so that their `time` is half a step before the end of `step`; the load of the water on a body is the mean
+//! over the last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered
+//! from the rank that owns it, or summed without rounding, so that it does not depend on the number of ranks.
 //!
 //! | probe | columns |
 //! |---|---|
@@ -27,8 +27,9 @@
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
-//! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
-//! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
+//! values are extrapolated. Covered cells are included with their values. **Planes** are interpolated between the
+//! two adjacent planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill
+//! levels.
 //! **Faces**: see [`wall`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
 
 mod bed;
@@ -66,18 +67,18 @@ use std::path::{Path, PathBuf};
 use wall::Wall;
 use water_table::Columns;
 
-/// A probe with its file.
+/// Probe with its table.
 #[derive(Debug)]
 pub(crate) struct Probe {
     pub(crate) schedule: Schedule,
     at: At,
-    /// The step of the last sample, where it is known.
+    /// Step of the last sample, if known.
     pub(crate) last: Option<u64>,
     path: PathBuf,
     headings: Vec<Heading>,
     /// Table of the probe, on rank 0.
     table: Option<CsvTable>,
-    /// The rows of one sample, on rank 0; reused.
+    /// Rows of one sample, on rank 0; the buffer is reused.
     rows: Vec<Vec<f64>>,
 }
 
@@ -91,7 +92,7 @@ enum At {
     },
     Body(u64),
     Structure(usize, [f64; 3]),
-    /// The surface of a structure in seepage.
+    /// Load on the surface of a structure in seepage.
     SurfaceLoad(SurfaceLoad),
     /// A point in seepage \[m\].
     Pores([f64; 3]),
@@ -113,7 +114,7 @@ enum At {
     Grains(Box<Fabric>),
 }
 
-/// Steps between the force of the water on a body and its row: it is the mean over the last two steps.
+/// Steps by which the force of the water on a body lags behind its row: it is the mean over the last two steps.
 const LOAD_OF_A_BODY: f64 = 1.0;
 
 /// A column and its unit.
@@ -191,7 +192,7 @@ impl Probe {
         })
     }
 
-    /// Drops the sample of `step` where that is none of its interval. Collective.
+    /// Drops the sample of `step` if its schedule has none there. Collective.
     pub(crate) fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<(), Error> {
         if self.last != Some(step) || self.schedule.falls_on(step) {
             return Ok(());
@@ -209,14 +210,14 @@ impl Probe {
         })
     }
 
-    /// Flushes the rows to the disk itself, on rank 0.
+    /// Synchronises the table to disk, on rank 0.
     pub(crate) fn sync(&self) -> io::Result<()> {
         self.table.as_ref().map_or(Ok(()), CsvTable::sync)
     }
 }
 
-/// Opens a new table, or that of an earlier part of the run; returns also `true` if it holds a whole sample of the step
-/// that the run continues from.
+/// Opens a new table, or that of an earlier part of the run; returns also `true` if the table contains a complete
+/// sample of the step at which the run continues.
 fn open(
     path: &Path,
     headings: &[Heading],
@@ -232,11 +233,11 @@ fn open(
     if there == 0 || there == rows {
         return Ok((table, there > 0));
     }
-    // A sample cut short by the end of the run is taken again.
+    // A sample that was cut off at the end of the run is taken again.
     Ok((before(path, headings, step)?, false))
 }
 
-/// Returns the table without its rows from `step` on.
+/// Returns the table without the rows from `step` on.
 fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<CsvTable> {
     match step.checked_sub(1) {
         Some(before) => CsvTable::resume(path, headings, before),
@@ -441,7 +442,7 @@ impl At {
                     *face,
                     flow,
                     &scene.grid,
-                    // A checkpoint holds no fluxes.
+                    // Checkpoints contain no fluxes.
                     resumed_at.or((plan.clock.warm_up_steps == 0).then_some(0)),
                 )))
             }
@@ -457,7 +458,7 @@ impl At {
         })
     }
 
-    /// Takes from the rows of an earlier part of the run what later rows depend on.
+    /// Restores from the rows of an earlier part of the run the values on which later rows depend.
     fn remember(&mut self, path: &Path) -> io::Result<()> {
         if let Self::Bed(bed) = self
             && bed.level.is_none()
@@ -469,7 +470,7 @@ impl At {
         Ok(())
     }
 
-    /// Returns the rows of one sample.
+    /// Returns the number of rows per sample.
     fn rows(&self) -> usize {
         match self {
             Self::Line(points) => points.len(),
@@ -480,8 +481,8 @@ impl At {
         }
     }
 
-    /// Appends this step's values to the rows, which hold the time, on rank 0; whether there is anything to sample.
-    /// Collective.
+    /// Writes the values of this step into `rows`, which already contain the time, on rank 0; returns `true` if
+    /// there is anything to sample. Collective.
     fn sample<S: Space>(
         &mut self,
         view: &StateView<S>,
@@ -622,8 +623,8 @@ impl At {
 }
 
 impl At {
-    /// Returns how many steps before its row a sample holds: what crosses links in a step is the mean force over this
-    /// step.
+    /// Returns the number of steps by which a sample lags behind its row: the exchange at links during a step is
+    /// the mean force over that step.
     fn delay(&self) -> f64 {
         match self {
             Self::Wall(_) | Self::Structure(..) => 0.5,
@@ -640,7 +641,7 @@ pub(super) fn fluid<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a dyn Flu
     view.fluid.ok_or_else(no_fluid)
 }
 
-/// Returns the edge (2-D, m) or face (3-D, m²) of a cell.
+/// Returns the edge length (2-D, m) or face area (3-D, m²) of a cell.
 fn face_area(units: &LatticeUnits) -> f64 {
     if units.dimension == 2 {
         units.spacing
@@ -649,8 +650,8 @@ fn face_area(units: &LatticeUnits) -> f64 {
     }
 }
 
-/// Returns the discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN if there is no
-/// fluid.
+/// Returns the discharge through a plane, means over its fluid cells, largest speed and fluid fraction; NaN if
+/// there is no fluid.
 fn plane<S: Space>(
     view: &StateView<S>,
     fluid: &dyn FluidView,
@@ -715,7 +716,7 @@ fn plane<S: Space>(
     ]
 }
 
-/// Returns the force and torque of the water on a structure in the last step, the torque about a point \[m\].
+/// Returns the force and torque of the water on a structure in the last step, with the torque about a point \[m\].
 fn structure<S: Space>(
     view: &StateView<S>,
     fluid: &dyn FluidView,
@@ -732,7 +733,7 @@ fn structure<S: Space>(
     let [x, y, z, a, b, c] = about_centre([0.0; 3], &load);
     let [x, y, z] = [x, y, z].map(|f| units.force_to_si(f));
     let [a, b, c] = [a, b, c].map(|m| units.torque_to_si(m));
-    // Without a point of its own the bits are those about the corner.
+    // A reference point at the corner of the domain leaves the bits unchanged.
     let [p, q, r] = about;
     [
         x,
@@ -744,7 +745,7 @@ fn structure<S: Space>(
     ]
 }
 
-/// Returns the motion and loads of a body; NaN once it is gone.
+/// Returns the motion and loads of a body; NaN if the body was removed.
 fn body<S: Space>(view: &StateView<S>, id: u64) -> Result<[f64; 21], Error> {
     let particles = view.particles;
     let mut bytes = Vec::new();

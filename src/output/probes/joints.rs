@@ -4,7 +4,7 @@ use super::Heading;
 use coupling::joint_water::JointWater;
 use nalgebra::Vector3;
 
-/// Columns of a block.
+/// Columns of the load on a block.
 pub(super) const BLOCK: [Heading; 9] = [
     ("force_x", "N"),
     ("force_y", "N"),
@@ -17,7 +17,7 @@ pub(super) const BLOCK: [Heading; 9] = [
     ("area", "m2"),
 ];
 
-/// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near ones of the first.
+/// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near cells the first.
 pub(super) fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     let flow = water.flow();
     let network = flow.network();
@@ -37,7 +37,7 @@ pub(super) fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     [flow.pressures()[cell], aperture, x, y, z]
 }
 
-/// Returns the load on a block; no pressures for a block without a joint.
+/// Returns the load on a block; its pressures are NaN if the block has no joint.
 pub(super) fn block(water: &JointWater, block: usize) -> [f64; 9] {
     let load = water.loads().get(block).copied().unwrap_or_default();
     let [low, high] = load

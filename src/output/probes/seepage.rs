@@ -1,4 +1,5 @@
-//! Values of the seepage: the state in the cell that holds a point, and what crosses a section between cells.
+//! Values of the seepage: the state in the cell that contains a point, and the flow through a section between
+//! cells.
 //!
 //! Every rank knows the whole coarse grid, so that nothing is gathered.
 
@@ -21,7 +22,8 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    /// Returns the plane between cells nearest to a position \[m\], limited to the cells whose centres lie in a
+    /// box.
     pub(super) fn new(
         scene: &Scene,
         axis: usize,
@@ -46,7 +48,7 @@ impl Section {
         }
     }
 
-    /// Returns the discharge, open area, mean heads before and behind.
+    /// Returns the discharge, the open area, and the mean heads upstream and downstream.
     pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> [f64; 4] {
         let pressure = seepage.pressure();
         let through = pressure.through(self.axis, self.plane, &self.ranges);
@@ -54,8 +56,9 @@ impl Section {
         [through.discharge, through.area, before, behind]
     }
 
-    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the
-    /// mean pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
+    /// Returns the force of the pressure in the cells before the plane along the axis, its torque about a point,
+    /// the mean pressure and the area. The pressure of a face is that of its cell, extrapolated by the gradient in
+    /// the cell.
     pub(super) fn uplift<S: Space>(&self, seepage: &Seepage<S>, about: [f64; 3]) -> [f64; 6] {
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
         let (axis, area) = (self.axis, grid.area(self.axis));
@@ -72,7 +75,7 @@ impl Section {
             let mut arm = grid.centre(cell);
             arm[axis] += 0.5 * grid.spacing[axis];
             let force = area * (pressure.pressure(index) + 0.5 * grid.spacing[axis] * slope[axis]);
-            // First moments of the linear pressure over the face, then the torque r x F.
+            // Computes first moments of the linear pressure over the face, then the torque r x F.
             let moment: [f64; 3] = std::array::from_fn(|a| {
                 let across = if a == axis || a >= grid.dimension {
                     0.0
@@ -93,8 +96,9 @@ impl Section {
     }
 }
 
-/// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
-/// NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may be between.
+/// Returns the velocity of the cell that contains a point, and pressure and head at the point from the gradient in
+/// this cell; NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may lie
+/// between.
 pub(super) fn values_at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();
@@ -115,7 +119,7 @@ pub(super) fn values_at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64
     }
 }
 
-/// The surface of a structure, divided when it is first sampled.
+/// Load on the surface of a structure, which is divided by the cells at the first sample.
 #[derive(Clone, Debug)]
 pub(super) struct SurfaceLoad {
     solids: Solids,
@@ -125,7 +129,7 @@ pub(super) struct SurfaceLoad {
 }
 
 impl SurfaceLoad {
-    /// Returns the load on the structure of an index about a point \[m\].
+    /// Returns the load on the structure of an index, with the torque about a point \[m\].
     pub(super) fn new(scene: &Scene, index: usize, about: [f64; 3]) -> Self {
         Self {
             solids: scene.solids.clone(),
@@ -145,7 +149,7 @@ impl SurfaceLoad {
     }
 }
 
-/// The corners of cells nearest to two points.
+/// Path along cell edges between the cell corners nearest to two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
     from: [usize; 2],
@@ -153,7 +157,7 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// Returns the corners nearest to two points \[m\].
+    /// Returns the path between two points \[m\].
     pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Self {
         let corner = |point: [f64; 3]| {
             [0, 1].map(|a: usize| {
@@ -167,7 +171,7 @@ impl Crossing {
         }
     }
 
-    /// Returns the discharge from left to right: along x first, then along y.
+    /// Returns the discharge across the path from left to right; the path runs along x first, then along y.
     pub(super) fn sample<S: Space>(&self, seepage: &Seepage<S>) -> f64 {
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
         let mut sum = ExactSum::new();
@@ -186,7 +190,7 @@ impl Crossing {
     }
 }
 
-/// Returns width, excess head, gradient and factor of safety of the prism of each width.
+/// Returns width, excess head, gradient and safety factor of the prism of each width.
 pub(super) fn heave<S: Space>(seepage: &Seepage<S>, prisms: &Prisms) -> Vec<[f64; 4]> {
     let all = seepage.pressure().heave(prisms).into_iter();
     all.map(|h| [h.width, h.excess_head, h.gradient, h.factor_of_safety])
