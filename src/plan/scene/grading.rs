@@ -1,18 +1,18 @@
-//! Gradings: classes of grain sizes, by count or by mass.
+//! Gradings: classes of grain sizes, by number or by mass.
 
 use base::number::{real, whole};
 use base::random::Stream;
 use case::sieve::{Sieve, Span, spans};
 use serde::{Deserialize, Serialize};
 
-/// A range of radii (m), equally likely, and its part of the grains.
+/// Range of radii \[m\] with uniform probability, and its fraction of the grains.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Class {
-    /// Smallest radius (m).
+    /// Smallest radius \[m\].
     pub min: f64,
-    /// Largest radius (m).
+    /// Largest radius \[m\].
     pub max: f64,
-    /// Part of the number or of the mass.
+    /// Fraction of the number or of the mass.
     pub part: f64,
 }
 
@@ -26,7 +26,7 @@ impl Class {
         }
     }
 
-    /// Returns the mean of the square or cube of the radius.
+    /// Returns the mean of a power of the radius.
     fn mean_power(&self, power: i32) -> f64 {
         let (a, b) = (self.min, self.max);
         if b - a > 1e-9 * b {
@@ -37,13 +37,13 @@ impl Class {
     }
 }
 
-/// Classes of sizes, and what their parts are parts of.
+/// Classes of sizes, with fractions of the number or of the mass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grading {
-    /// Parts of the number of grains.
+    /// Fractions of the number of grains.
     ByCount(Vec<Class>),
-    /// Parts of their mass.
+    /// Fractions of the mass.
     ByMass(Vec<Class>),
     /// Parts of their mass between the sieves of a curve ([`case::sieve`]).
     Sieve(Vec<Class>),
