@@ -88,7 +88,7 @@ pub struct OnCores {
 
 /// Quantities on which the costs depend.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Amounts {
+pub struct CostQuantities {
     /// Number of lattice cells.
     cells: f64,
     /// Number of cells of the seepage.
@@ -113,7 +113,7 @@ pub struct Amounts {
     bed_surface: f64,
 }
 
-impl Amounts {
+impl CostQuantities {
     fn new(scene: &Scene) -> Self {
         let dimension = scene.grid.dimension;
         let spacing = scene.grid.spacing;
@@ -185,7 +185,7 @@ fn outputs(every: f64, end: f64) -> f64 {
 
 impl Estimate {
     pub(crate) fn for_scene(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let amounts = Amounts::new(scene);
+        let amounts = CostQuantities::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
@@ -205,7 +205,7 @@ impl Estimate {
         self.seconds = Seconds::for_scene(
             scene,
             clock,
-            &Amounts::new(scene),
+            &CostQuantities::new(scene),
             self.machine,
             self.checkpoint_bytes,
         );
@@ -249,7 +249,7 @@ impl Estimate {
         let cells = &grid.cells[..grid.dimension];
         let mut lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
         // The memory in which an output is gathered grows with the number of cells, too.
-        if self.fluid_output_bytes > disk::tables(&Amounts::new(scene)) {
+        if self.fluid_output_bytes > disk::tables(&CostQuantities::new(scene)) {
             lattice += self.fluid_output_bytes;
         }
         let room = available - (self.memory_bytes - lattice);

@@ -1,6 +1,6 @@
 //! Disk space of a run.
 
-use super::{Amounts, Estimate, outputs};
+use super::{CostQuantities, Estimate, outputs};
 use crate::scene::Scene;
 use crate::scene::observe::ProbeAt;
 use base::number::real;
@@ -59,7 +59,7 @@ fn bytes(precision: Precision) -> f64 {
 }
 
 /// Returns the size of one checkpoint \[bytes\].
-pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
+pub(super) fn checkpoint(scene: &Scene, amounts: &CostQuantities) -> f64 {
     let mut size = CHECKPOINT + tables(amounts);
     if amounts.moving() > 0.0 {
         size += CHECKPOINT_OF_GRAINS;
@@ -75,7 +75,7 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
 }
 
 /// Returns the size of grains, blocks, the seepage and the water in joints in a checkpoint \[bytes\].
-pub(super) fn tables(amounts: &Amounts) -> f64 {
+pub(super) fn tables(amounts: &CostQuantities) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
@@ -83,7 +83,7 @@ pub(super) fn tables(amounts: &Amounts) -> f64 {
 }
 
 /// Adds the sizes of all files to the estimate, whose time and checkpoint size are already known.
-pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
+pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
     let end = scene.time.end;
     let mut disk = TEXTS;
     if let Some(output) = &scene.output.fluid {

@@ -1,6 +1,6 @@
 //! Memory of a run.
 
-use super::{Amounts, Estimate, disk};
+use super::{CostQuantities, Estimate, disk};
 use crate::scene::Scene;
 use base::number::real;
 use case::coupling::Coupling;
@@ -51,7 +51,7 @@ const BLOCK: f64 = 17_000.0;
 const PIECE: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
-pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
+pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
     let solids = amounts.prepared.max(amounts.grains) + amounts.bodies;
     let mut memory = PROGRAM + solids * GRAIN + amounts.blocks * BLOCK;
     if let Some(flow) = &scene.flow {

@@ -4,7 +4,7 @@
 //! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
 //! grains in contact ([`Machine`]).
 
-use super::{Amounts, Machine, outputs};
+use super::{CostQuantities, Machine, outputs};
 use crate::Clock;
 use crate::scene::Scene;
 use crate::scene::grains::GrainSource;
@@ -195,7 +195,7 @@ impl Seconds {
     pub(super) fn for_scene(
         scene: &Scene,
         clock: &Clock,
-        amounts: &Amounts,
+        amounts: &CostQuantities,
         machine: Machine,
         checkpoint: f64,
     ) -> Self {

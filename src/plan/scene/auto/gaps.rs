@@ -343,12 +343,12 @@ fn moving(places: &Places<'_>, solids: &[Solid], near: &[Link]) -> Vec<Gap> {
 }
 
 /// Disjoint sets of joined solids, with the periods between each solid and the root of its set.
-pub(super) struct Sets {
+pub(super) struct JoinedSolids {
     parent: Vec<usize>,
     shift: Vec<[i32; 3]>,
 }
 
-impl Sets {
+impl JoinedSolids {
     pub(super) fn new(count: usize) -> Self {
         Self {
             parent: (0..count).collect(),
@@ -397,7 +397,7 @@ fn narrowest_of_the_widest_way(
 ) -> Option<Gap> {
     let across = 1 - axis;
     let (lower, upper) = (solids.len(), solids.len() + 1);
-    let mut sets = Sets::new(solids.len() + 2);
+    let mut sets = JoinedSolids::new(solids.len() + 2);
     for link in near {
         let ring = match link.other {
             Other::Wall((of, is_upper)) if of == across => {

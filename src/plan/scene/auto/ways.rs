@@ -5,7 +5,7 @@
 //! descending order of clearance; the sample that first joins two openings, or closes a ring around a periodic
 //! axis, is the narrowest place of the widest path. Near this place the search is repeated with finer samples.
 
-use super::gaps::Sets;
+use super::gaps::JoinedSolids;
 use crate::scene::Scene;
 use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::Flow;
@@ -555,7 +555,7 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     let count = samples.clearance.len();
     let (openings, periodic) = (&ground.openings, ground.scene.grid.periodic);
     let wanted = openings.len().saturating_sub(1) + periodic.iter().filter(|p| **p).count();
-    let mut sets = Sets::new(count + openings.len());
+    let mut sets = JoinedSolids::new(count + openings.len());
     let mut there = vec![false; count];
     let mut around = [false; 3];
     let mut has_opening: Vec<bool> = vec![false; count];
@@ -682,7 +682,7 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
 
 /// Returns the narrowest place of the widest path between two samples.
 fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
-    let mut sets = Sets::new(samples.clearance.len());
+    let mut sets = JoinedSolids::new(samples.clearance.len());
     let mut there = vec![false; samples.clearance.len()];
     let mut beside = Vec::new();
     for k in samples.order(&samples.clearance) {
