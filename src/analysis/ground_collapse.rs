@@ -1,4 +1,4 @@
-//! ! Collapse of ground over seepage points: measured quantities, stages, and clusters of loosened grains.
+//! Collapse of ground over seepage points: measured quantities, stages, and clusters of loosened grains.
 //!
 //! Water drags grains out through seepage points. A hole grows, an arch stands over it for a while, the surface sinks,
 //! and the depression extends along the fissure. Each step of the analysis is one file:
@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`measure`] | volume of the voids, height of the moving ground, settlement of the surface |
 //! | [`stages`] | times at which hole, arch, sinkhole and extension begin |
-//! ! | [`clusters`] | clusters of bonded grains that have loosened |
+//! | [`clusters`] | clusters of bonded grains that have loosened |
 //! | [`record`] | records of a run |
 //! | `figures` | figures |
 //!
@@ -62,7 +62,7 @@
 //!
 //! # Reproducibility
 //!
-//! ! All quantities are functions of the list of all grains in ascending order of id. They are evaluated on one
+//! All quantities are functions of the list of all grains in ascending order of id. They are evaluated on one
 //! rank.
 
 pub mod clusters;

@@ -1,14 +1,14 @@
-//! ! Memory in huge pages: large blocks are obtained directly from the operating system and released immediately,
+//! Memory in huge pages: large blocks are obtained directly from the operating system and released immediately,
 //! small ones come from mimalloc (Leijen, Zorn and de Moura 2019, MSR-TR-2019-18), which requests huge pages
 //! itself.
 //!
-//! ! Grains, contacts and maps of bodies are accessed in an irregular order over tens of megabytes, and a sweep
+//! Grains, contacts and maps of bodies are accessed in an irregular order over tens of megabytes, and a sweep
 //! over the lattice reads dozens of rows at the same time. With pages of 4 KiB the processor then waits for address
 //! translations: 100,000 packed spheres take a third longer, the mapping of spheres in water a tenth to a half. An
 //! allocator that retains large blocks for later use would keep the grids of a neighbour search, a fifth of the
 //! memory of a grain.
 //!
-//! ! A program selects the allocator by
+//! A program selects the allocator by
 //!
 //! ```
 //! #[global_allocator]

@@ -1,4 +1,4 @@
-//! ! Environment variables that libraries read at the start of the program.
+//! Environment variables that libraries read at the start of the program.
 //!
 //! A rank of Open MPI polls for messages without pause. On a core shared with another rank or program, the polling
 //! rank uses the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA

@@ -1,4 +1,4 @@
-//! ! Families of models: common parts, and the list macro of the families of the seepage.
+//! Families of models: common parts, and the list macro of the families of the seepage.
 //!
 //! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws,
 //! permeabilities and porosity methods use the macro of this file. Contact laws, collision operators, eddy viscosities,

@@ -1,4 +1,4 @@
-//! ! Values given by a table in time.
+//! Values given by a table in time.
 
 use crate::error::Report;
 

@@ -1,17 +1,17 @@
 //! A pool of threads that start work within a few microseconds.
 //!
-//! ! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several parallel regions
+//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several parallel regions
 //! of that duration. The workers of `rayon` sleep between two regions and take longer to wake than to work. Loops
 //! of this size therefore use this pool, both for pieces of equal work and for pieces that idle threads take
 //! dynamically. Contacts of blocks and work of milliseconds use `rayon`, with the same number of threads. An idle
 //! thread polls for work for tens of microseconds, then yields for some time, then sleeps, so that ranks that share
 //! a core lose little time.
 //!
-//! ! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
+//! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
 //! therefore waits for helpers that have begun a piece, but not for those without a core: on a busy machine the
 //! caller does all pieces itself.
 //!
-//! ! The assignment of pieces to threads does not affect results, because pieces are disjoint. A caller that finds
+//! The assignment of pieces to threads does not affect results, because pieces are disjoint. A caller that finds
 //! the pool in use by another caller does its pieces itself.
 
 mod board;

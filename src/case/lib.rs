@@ -6,7 +6,7 @@
 //! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
 //! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of
-//!   each value is stored.
+//!    each value is stored.
 //! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
 //!
 //! [`plan::scene`] and [`plan`] then check whether the values are consistent.

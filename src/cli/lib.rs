@@ -1,4 +1,4 @@
-//! ! The commands of the program. This module prints to the terminal; during a run [`simulation::progress`] prints
+//! The commands of the program. This module prints to the terminal; during a run [`simulation::progress`] prints
 //! as well.
 //!
 //! The errors of a case are found before MPI starts, by every rank and with the same result. Errors that depend on

@@ -1,4 +1,4 @@
-//! ! Checks of arguments before a file is read, with a suggestion for each error.
+//! Checks of arguments before a file is read, with a suggestion for each error.
 
 use base::error::Error;
 use case::check::nearest;

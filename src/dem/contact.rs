@@ -4,9 +4,9 @@
 //!
 //! 1. the equation and its source;
 //! 2. `Input`: the parameters as written in a case, with the unit, range and default of each, and their resolution
-//!   to parameters for every pair of materials, with findings ([`ContactParameters`]);
+//!    to parameters for every pair of materials, with findings ([`ContactParameters`]);
 //! 3. the resolved law for the plan: a line of description, limits of the time step, springs, bonds
-//!   ([`ContactModel`]);
+//!    ([`ContactModel`]);
 //! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!

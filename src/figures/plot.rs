@@ -1,6 +1,6 @@
 //! Figures as SVG: axes, lines, points with error bars, bands and bounds.
 //!
-//! ! A [`Figure`] contains panels side by side; a [`Panel`] contains two axes and layers drawn in order. The text
+//! A [`Figure`] contains panels side by side; a [`Panel`] contains two axes and layers drawn in order. The text
 //! is the same for the same data on any machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]),
 //! ordered values use viridis ([`sequential`]). Both are distinguishable for colour-blind readers and in grey.
 //!

@@ -1,11 +1,11 @@
-//! ! Preparation of the grains: growth, deposition, reading or listing; then numbering, saving, cutting, bonding
+//! Preparation of the grains: growth, deposition, reading or listing; then numbering, saving, cutting, bonding
 //! and relaxation.
 //!
 //! | step | file |
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! ! | the free space outside structures for falling grains | [`room`] |
+//! | the free space outside structures for falling grains | [`room`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |

@@ -1,4 +1,4 @@
-//! ! Free space for falling grains: outside all structures, and connected with the surface.
+//! Free space for falling grains: outside all structures, and connected with the surface.
 //!
 //! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells
 //! in which a grain of the smallest size fits at the centre are filled from the top of the region downwards, or

@@ -18,7 +18,7 @@
 //! The output folder holds a numbered folder for each run; the first is the case itself. A finished run is not
 //! repeated. Settings of models are compared on the next coarser grid, if there is one.
 //!
-//! ! An estimate is a command and not a field of a case, because a case describes one run, possibly on many ranks,
+//! An estimate is a command and not a field of a case, because a case describes one run, possibly on many ranks,
 //! and an estimate consists of several runs. `accuracy` remains the target of the automatic choices.
 
 pub mod answers;

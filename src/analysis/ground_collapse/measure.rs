@@ -1,6 +1,6 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! ! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding; grains
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding; grains
 //! are passed in ascending order of id.
 
 use base::number::real;

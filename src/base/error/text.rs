@@ -1,4 +1,4 @@
-//! ! Printable texts: without control characters, and with numbers of four significant digits.
+//! Printable texts: without control characters, and with numbers of four significant digits.
 
 use std::borrow::Cow;
 

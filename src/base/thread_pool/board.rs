@@ -1,11 +1,11 @@
 //! Protocol between a caller that posts jobs and the helpers that join them.
 //!
-//! ! One atomic word contains the state of a job: open or closed, its number, and the number of helpers that have
+//! One atomic word contains the state of a job: open or closed, its number, and the number of helpers that have
 //! joined. A helper joins by adding one to the word of an open job, so that it cannot join a job that is closed or
 //! replaced. The caller closes the job when all pieces are begun and waits until the last helper has left; only
 //! then may it post the next one.
 //!
-//! ! A thread without work for some time sleeps. It first sets a flag, then checks for work once more. A thread
+//! A thread without work for some time sleeps. It first sets a flag, then checks for work once more. A thread
 //! with new work first writes the work, then reads the flag. A fence between the two steps on both sides ensures
 //! that at least one of them sees the other's write. The model at the end of this file runs through all orders of
 //! these events:

@@ -2,8 +2,8 @@
 //!
 //! 1. The plane that separated the pair in the last step is tested first: two passes over the vertices.
 //! 2. The linear program (`linear_program.rs`) starts from its last basis. A separating plane that it finds is
-//!   confirmed by the vertices and stored. A test of all separating axes decides the cases that rounding leaves
-//!   undecided. No contact is missed, and there are no false contacts.
+//!    confirmed by the vertices and stored. A test of all separating axes decides the cases that rounding leaves
+//!    undecided. No contact is missed, and there are no false contacts.
 //! 3. The contact is reduced to one point, normal and depth by one of three models.
 //!
 //! [`BlockContactModel::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of

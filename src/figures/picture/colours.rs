@@ -1,4 +1,4 @@
-//! ! Colours of water and grains as functions of the position on their scales.
+//! Colours of water and grains as functions of the position on their scales.
 
 use base::number::{real, whole};
 

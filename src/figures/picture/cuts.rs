@@ -1,6 +1,6 @@
-//! ! Outlines of blocks, structures and walls in a section.
+//! Outlines of blocks, structures and walls in a section.
 //!
-//! ! A plane intersects a convex face in one line, directed by the orientation of the face. Solids are filled at
+//! A plane intersects a convex face in one line, directed by the orientation of the face. Solids are filled at
 //! pixels with a nonzero winding number of the lines of all their faces, so that overlapping solids form one area.
 //! Walls, which need not be closed, are drawn as lines.
 

@@ -1,4 +1,4 @@
-//! ! Faces of blocks in a picture: plane convex polygons with their edges, with hidden surfaces removed.
+//! Faces of blocks in a picture: plane convex polygons with their edges, with hidden surfaces removed.
 
 use super::section::Line;
 use super::{Frame, Raster, Section, dot, failed, magnitudes, real};

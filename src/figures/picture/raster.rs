@@ -1,4 +1,4 @@
-//! ! Frame of a panel and its pixels.
+//! Frame of a panel and its pixels.
 
 use super::{PAPER, Scene, ViewDirection, Water, fraction_of_range, water_colour};
 use base::error::Error;

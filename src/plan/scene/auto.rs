@@ -7,8 +7,8 @@
 //! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require
 //!    finer cells; the scene is then resolved once more.
 //! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling
-//!   interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
-//!   with resolved flow ([`resistance`]).
+//!    interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
+//!    with resolved flow ([`resistance`]).
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
 //! step.

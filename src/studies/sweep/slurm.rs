@@ -1,4 +1,4 @@
-//! ! A job array for Slurm: one task for each member, requeued from its checkpoint until it has finished.
+//! A job array for Slurm: one task for each member, requeued from its checkpoint until it has finished.
 
 use super::study::Study;
 use std::path::Path;

@@ -6,7 +6,7 @@
 //! | probe along a line | velocity and pressure at each point: last values, means over the second half of the run |
 //! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse |
 //!
-//! ! An answer has settled if its means over the last two tenths of the run differ by less than 0.1 %.
+//! An answer has settled if its means over the last two tenths of the run differ by less than 0.1 %.
 
 use base::number::real;
 use io::csv::Reader;

@@ -22,7 +22,7 @@
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
 //!
-//! ! The least-squares fit is the better one of order 1 and 2; the uncertainty is 3 times its error, plus its
+//! The least-squares fit is the better one of order 1 and 2; the uncertainty is 3 times its error, plus its
 //! standard deviation and its distance from the value.
 //!
 //! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,

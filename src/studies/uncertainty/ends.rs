@@ -1,4 +1,4 @@
-//! ! The case with the closed ends of its seepage moved outwards.
+//! The case with the closed ends of its seepage moved outwards.
 //!
 //! The ends move to three leakage lengths from the imposed heads ([`plan::ends`]), and at least to twice
 //! their distance. Everything that has a position moves with the lower end: patches, zones, planes, structures

@@ -4,9 +4,9 @@
 //! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step
 //! changes by one of two rules, the same for all grids:
 //!
-//! ! - **diffusive**: the relaxation time is kept, the time step scales with h² and the lattice velocity with h.
-//! All errors of the method, including that of compressibility, then decrease with h², and the estimate contains
-//! them.
+//! - **diffusive**: the relaxation time is kept, the time step scales with h² and the lattice velocity with h. All
+//!   errors of the method, including that of compressibility, then decrease with h², and the estimate contains
+//!   them.
 //! - **acoustic**: the lattice velocity is kept and the time step scales with h. It is used where a coarser grid
 //!   would exceed the limits of the lattice velocity or of the compression. The error of compressibility is then
 //!   the same on all grids: the estimate does not contain it, and a run with half the lattice velocity measures it.

@@ -1,4 +1,4 @@
-//! ! A pilot: a run of the case on coarse cells, which measures speed and pressure of the water where formulas do
+//! A pilot: a run of the case on coarse cells, which measures speed and pressure of the water where formulas do
 //! not apply.
 //!
 //! Speeds and pressures of flow between structures, in turbulence and between openings of several kinds are not known

@@ -1,13 +1,13 @@
-//! ! Settings of models that are independent of the cells: one run for each, with the next more accurate value.
+//! Settings of models that are independent of the cells: one run for each, with the next more accurate value.
 //!
-//! ! The change of an answer measures its sensitivity to the model. It is not part of the uncertainty of the cells.
+//! The change of an answer measures its sensitivity to the model. It is not part of the uncertainty of the cells.
 //!
-//! ! | setting | applies to | more accurate value |
+//! | setting | applies to | more accurate value |
 //! |---|---|---|
 //! | contact stiffness | springs as given or chosen, between moving bodies | four times |
 //! | solid time step | grains without a lattice | half |
 //! | coupling interval | seepage through grains | half |
-//! ! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
+//! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
 //! | resistance | seepage through grains | the law of another source |
 //! | steps in time | seepage that changes with time | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
