@@ -118,7 +118,7 @@ const CUBE_SECOND_ORDER_EDDIES: &[ReynoldsBounds] = &[
 ];
 
 impl MrtParameters {
-    /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
+    /// Returns the given rates of the moments above second order: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
     fn higher_rates(&self) -> [Option<f64>; 8] {
         [
             self.q,
@@ -151,7 +151,7 @@ impl MrtParameters {
         }
     }
 
-    /// Returns `true` if the moments above the second relax to their equilibrium at once.
+    /// Returns `true` if the moments above second order are set to their equilibrium in one step.
     fn second_order(&self) -> bool {
         self.rates().second_order()
     }
@@ -182,7 +182,7 @@ impl CollisionModel for MrtParameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// Returns the border; with eddies only flows under a lid are judged.
+    /// Returns the border; with an eddy viscosity only flows under a lid are covered.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.eddies && !situation.lid_meets_wall {
             return None;
@@ -239,7 +239,7 @@ impl Kernels for Rates {
     }
 }
 
-/// Rates of which those above the second moments are 1: the cheaper kernel, but where solids may cover cells.
+/// Kernels with rates of 1 above the second moments: the cheaper kernel, except if solids may cover cells.
 #[derive(Clone, Copy)]
 struct OfSecondOrder(Rates);
 
