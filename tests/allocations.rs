@@ -1,8 +1,8 @@
-//! The step allocates nothing in the steady state: counted by the allocator of this very binary.
+//! The step allocates nothing in the steady state, as counted by the allocator of this binary.
 //!
-//! What may allocate is an event: lists made anew (counted by the engine; a bounded number of times each), grains that
-//! leave, bonds that break, outputs. The eroding case is stepped with its outputs out of the way; every step without
-//! such an event has to do without the allocator.
+//! Only events may allocate: renewed lists (counted by the engine; a bounded number of times each), grains that
+//! leave, bonds that break, outputs. The eroding case is run without its outputs; every step without such an event
+//! must not allocate.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
@@ -23,12 +23,12 @@ use solver::plan::Plan;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The system's allocator with a counter.
+/// System allocator with a counter.
 struct Counting;
 
 static CALLS: AtomicU64 = AtomicU64::new(0);
 
-// SAFETY: every call is handed to the system's allocator as it came.
+// SAFETY: every call is passed to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         CALLS.fetch_add(1, Ordering::Relaxed);
@@ -49,7 +49,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Returns a heap of loose and bonded discs in a stream, small enough to step in an instant.
+/// Returns the plan of loose and bonded discs in a stream, with few cells and grains.
 fn plan() -> Plan {
     let text = solver::case::examples::find("piping").unwrap().text;
     let mut grains = Vec::new();
@@ -79,10 +79,10 @@ fn plan() -> Plan {
         "analysis.erosion_law.every=10".into(),
         "time.warm_up=null".into(),
         "time.end=10".into(),
-        // The bed rests on the water in its pores until that has gone out: a third of its density more.
+        // The bed rests on the water in its pores until this has drained, which raises its density by a third.
         "guards.max_compression=1".into(),
         "fluid.lattice_boltzmann.boundaries[0].condition.pressure.value=1".into(),
-        // Grains that break loose squeeze the water between them.
+        // Loosened grains compress the water between them.
         "guards.max_compression=1".into(),
     ];
     Document::read(text, &set, std::path::Path::new(""))
@@ -90,7 +90,7 @@ fn plan() -> Plan {
         .unwrap()
 }
 
-/// Returns a layer of boxes on a floor, some of them leaning on a sphere.
+/// Returns a layer of boxes on a floor, some of which lean on a sphere.
 fn blocks() -> (Dem<Volume>, Particles<Volume>) {
     let shape = Polyhedron::cuboid(Vector3::new(0.1, 0.08, 0.05)).unwrap();
     let law = polyhedron::BlockPairLaw {
@@ -140,7 +140,7 @@ fn blocks() -> (Dem<Volume>, Particles<Volume>) {
 fn steps_of_blocks_allocate_nothing() {
     let (mut dem, mut particles) = blocks();
     let domain = alone();
-    // Lists find their sizes as the boxes come to rest.
+    // Lists reach their final sizes while the boxes settle.
     dem.advance_many(&mut particles, &domain, 6000).unwrap();
     let (mut quiet, mut contacts) = (0, 0);
     for _ in 0..1000 {
@@ -172,7 +172,7 @@ fn a_step_without_an_event_allocates_nothing() {
         let now = view.dem.unwrap().statistics(view.particles);
         (now.rebuilds, now.bonds, now.owned)
     };
-    // Buffers find their sizes.
+    // Buffers reach their final sizes.
     for _ in 0..300 {
         simulation.step().unwrap();
     }
@@ -191,7 +191,7 @@ fn a_step_without_an_event_allocates_nothing() {
             most = most.max(calls);
         }
     }
-    // Grains moved, lists were made anew, and most steps were quiet.
+    // Grains have moved, lists were renewed, and most steps allocated nothing.
     let moved = simulation.view().particles.motion[0].position - start;
     println!(
         "{quiet} quiet steps, {eventful} with events of at most {most} allocations; moved {moved:?}"
@@ -200,7 +200,7 @@ fn a_step_without_an_event_allocates_nothing() {
     assert!(eventful > 0);
     assert!(most <= 100, "{most} allocations in one step");
     steps_of_blocks_allocate_nothing();
-    // The counter counts.
+    // The counter works.
     let calls = CALLS.load(Ordering::Relaxed);
     drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));
     assert_eq!(CALLS.load(Ordering::Relaxed), calls + 1);

@@ -1,4 +1,4 @@
-//! The grains under a real `mpirun`: the same bits on 1 to 4 ranks, split along x and along y.
+//! Grains under a real `mpirun`: the same bits on 1 to 4 ranks, split along x and along y.
 
 #![cfg_attr(
     test,
@@ -14,7 +14,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Returns the path of the example. Cargo builds examples along with the tests, except if only one test is built.
+/// Returns the path of the example. Cargo builds examples together with the tests, unless only one test is built.
 fn example() -> PathBuf {
     let mut path = std::env::current_exe().expect("a running test has a path");
     path.pop();
@@ -33,7 +33,7 @@ fn example() -> PathBuf {
 
 const SCENES: [&str; 5] = ["colliding", "periodic", "bonded", "giant", "blocks"];
 
-/// Returns the hash of each scene; all scenes in one job, for a start takes longer than a scene.
+/// Returns the hash of each scene. One job runs all scenes, because its start takes longer than a scene.
 fn hashes(ranks: usize, axis: &str) -> Vec<String> {
     let output = Command::new("timeout")
         .args(["--kill-after=5", "100", "mpirun", "--oversubscribe", "-n"])
@@ -44,14 +44,14 @@ fn hashes(ranks: usize, axis: &str) -> Vec<String> {
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_btl_vader_single_copy_mechanism", "none")
-        // A Munge socket without a server costs two seconds at every start.
+        // A Munge socket without a server delays every start by two seconds.
         .env("PMIX_MCA_psec", "native")
-        // Looking for the hardware of clusters takes most of a start; bound ranks of all jobs would share the first
-        // cores.
+        // The search for cluster hardware would take most of a start; with binding, ranks of all jobs would share
+        // the first cores.
         .env("OMPI_MCA_pml", "ob1")
         .env("OMPI_MCA_btl", "self,vader")
         .env("OMPI_MCA_hwloc_base_binding_policy", "none")
-        // A rank that waits lets another run.
+        // A waiting rank yields its core.
         .env("OMPI_MCA_mpi_yield_when_idle", "1")
         .env("RAYON_NUM_THREADS", "1")
         .output()

@@ -1,9 +1,8 @@
 //! Start of MPI, and the collective calls.
 //!
-//! All ranks must make every collective call in the same order. Sums are sums of integers: they do not
-//! depend on the order of the ranks. Floats are only compared. The error handler of MPI stays "errors
-//! are fatal": when errors are returned instead, Open MPI 4.1 delivers a truncated message without
-//! reporting it.
+//! All ranks must make every collective call in the same order. Sums are sums of integers: they do not depend on
+//! the order of the ranks. Floats are only compared. The error handler of MPI remains "errors are fatal", because
+//! Open MPI 4.1 otherwise delivers a truncated message without an error.
 
 use crate::post::Post;
 use crate::waiting::{Wait, called_together, sent, timed, until};
@@ -21,35 +20,35 @@ use std::ptr;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Exit code of a job that a panic ended, the code of a panicking Rust program.
+/// Exit code of a job ended by a panic, equal to that of a panicking Rust program.
 const PANIC_EXIT_CODE: c_int = 101;
 
-/// Largest message in bytes handed to MPI in one piece; its counts are 32-bit.
+/// Maximum length in bytes of a message passed to MPI in one piece; its counts have 32 bits.
 const MESSAGE_LIMIT: usize = 1 << 30;
 
-/// Values reduced in one call through a buffer on the stack.
+/// Number of values reduced in one call with a buffer on the stack.
 const REDUCTION_CHUNK: usize = 512;
 
 /// Tag of the messages of [`crate::exchange()`] and of gathering; halos and fixed exchanges use
 /// tags whose remainder by 4 is 0, 1 or 2.
 const TAG_SPARSE: c_int = 3;
 
-/// MPI's own handle of a communicator, as the parallel HDF5 bindings take it.
+/// MPI's own handle of a communicator, as used by the parallel HDF5 bindings.
 pub type RawCommunicator = MPI_Comm;
 
-/// MPI could not be started as the program needs it.
+/// Reason why MPI cannot be started.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StartError {
-    /// MPI was started before in this process; it can be started once only.
+    /// MPI was already started in this process; it can be started only once.
     #[error("MPI was already started in this process; it can be started only once")]
     AlreadyStarted,
-    /// MPI would not allow worker threads in addition to the thread that calls it.
+    /// MPI does not support worker threads in addition to the thread that calls it.
     #[error(
         "MPI granted thread level {granted}, but worker threads need at least Funneled: \
          use an MPI library built with thread support"
     )]
     Threads {
-        /// The level that was granted.
+        /// Thread level that MPI granted.
         granted: String,
     },
 }
@@ -58,13 +57,13 @@ pub enum StartError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("rank {rank}: {message}")]
 pub struct Disagreement {
-    /// The lowest rank that failed.
+    /// Lowest rank that failed.
     pub rank: usize,
-    /// Error, as text.
+    /// Error as text.
     pub message: String,
 }
 
-/// The running MPI library: start it once, in `main`, before anything that communicates.
+/// Running MPI library: it is started once, in `main`, before any communication.
 ///
 /// MPI is finalised when the `World` and every [`Communicator`] made from it are gone, so the order
 /// in which they are dropped does not matter.
@@ -74,11 +73,11 @@ pub struct World {
 }
 
 impl World {
-    /// Starts MPI for one calling thread among many (level Funneled), and installs a panic hook
-    /// that names the rank and ends the whole job with exit code 101.
+    /// Starts MPI for one calling thread among several (level Funneled), and installs a panic hook that prints the
+    /// rank and ends the whole job with exit code 101.
     ///
-    /// Without the hook the panicking rank would wait in `MPI_Finalize` for the others, and they
-    /// for its messages, for ever. The hook acts on every panic, also one that would be caught.
+    /// Without the hook the panicking rank would wait forever in `MPI_Finalize` for the others, and they for its
+    /// messages. The hook acts on every panic, including one that would be caught.
     ///
     /// # Errors
     /// [`StartError`] if MPI was started before or cannot bear threads.
@@ -95,11 +94,12 @@ impl World {
         let size = index(world.size());
         install_panic_hook(rank, size);
         let mut raw = world.as_raw();
-        // SAFETY: MPI runs; `raw` is overwritten by a new communicator with the same ranks, whose
-        // messages cannot meet those of a library that uses the world itself.
+        // SAFETY: MPI runs; `raw` is overwritten by a new communicator with the same ranks, whose messages cannot
+        // be confused with those of a library that uses the world itself.
         unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut raw) };
         let mut farewell = world.as_raw();
-        // SAFETY: as above; only `all_arrive` uses it, so that it cannot meet a collective call that others wait in.
+        // SAFETY: as above; only `all_arrive` uses it, so that it cannot interfere with a collective call of other
+        // ranks.
         unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut farewell) };
         let context = Context {
             raw,
@@ -116,7 +116,7 @@ impl World {
         })
     }
 
-    /// Returns a handle to all ranks of the job.
+    /// Returns a communicator of all ranks of the job.
     #[must_use]
     pub fn communicator(&self) -> Communicator {
         self.communicator.clone()
@@ -149,7 +149,7 @@ fn install_panic_hook(rank: usize, size: usize) {
         if trace.status() == BacktraceStatus::Captured {
             text = format!("{text}{trace}\n");
         }
-        // One write, so that the lines of several ranks do not mix; nothing is left to do if it fails.
+        // The text is written in one call, so that the lines of several ranks do not mix; a failure is ignored.
         let mut stderr = std::io::stderr().lock();
         let _ = stderr.write_all(text.as_bytes());
         let _ = stderr.flush();
@@ -160,7 +160,7 @@ fn install_panic_hook(rank: usize, size: usize) {
     }));
 }
 
-/// The duplicated world communicator and, last to go, MPI itself.
+/// Duplicated world communicator and, dropped last, MPI itself.
 struct Context {
     raw: MPI_Comm,
     farewell: MPI_Comm,
@@ -187,8 +187,8 @@ enum Kind {
     Mpi(Rc<Context>),
 }
 
-/// A group of ranks: all ranks of an MPI job, this process alone without MPI, or threads of this process
-/// ([`crate::on_threads`]). A cheap handle, to be cloned freely.
+/// Group of ranks: all ranks of an MPI job, this process alone without MPI, or threads of this process
+/// ([`crate::on_threads`]). Cloning is cheap.
 #[derive(Clone)]
 pub struct Communicator {
     kind: Kind,
@@ -211,7 +211,7 @@ impl fmt::Debug for Communicator {
     }
 }
 
-/// The order in which reductions join values.
+/// Operation of a reduction.
 #[derive(Clone, Copy)]
 enum Reduction {
     Min,
@@ -264,7 +264,7 @@ unsafe impl Reducible for u64 {
 }
 
 impl Communicator {
-    /// This process alone; needs no MPI.
+    /// Returns a communicator of this process alone, without MPI.
     #[must_use]
     pub fn serial() -> Self {
         Self {
@@ -273,11 +273,11 @@ impl Communicator {
         }
     }
 
-    /// Returns a communicator of the same ranks that cuts messages into pieces of at most `bytes` (at least 1, at most
-    /// 1 GiB).
+    /// Returns a communicator of the same ranks that divides messages into pieces of at most `bytes` (at least 1,
+    /// at most 1 GiB).
     ///
-    /// MPI counts in 32 bits, so longer messages are always cut; a smaller limit suits networks
-    /// that fail on large messages. All ranks must set the same limit.
+    /// MPI counts in 32 bits, so that longer messages are always divided; a smaller limit is for networks that fail
+    /// on large messages. All ranks must set the same limit.
     #[must_use]
     pub fn with_message_limit(&self, bytes: usize) -> Self {
         Self {
@@ -306,7 +306,7 @@ impl Communicator {
         }
     }
 
-    /// Returns MPI's handle for libraries that speak MPI themselves; `None` without MPI.
+    /// Returns MPI's handle for libraries that use MPI themselves; `None` without MPI.
     #[must_use]
     pub fn raw(&self) -> Option<RawCommunicator> {
         match &self.kind {
@@ -340,7 +340,7 @@ impl Communicator {
         mpi_library()
     }
 
-    /// Returns when all ranks have called it.
+    /// Waits until all ranks have called this function.
     pub fn barrier(&self) {
         if let Some(post) = self.post() {
             post.all_gather(&[]);
@@ -351,9 +351,9 @@ impl Communicator {
         }
     }
 
-    /// Returns `true` if every rank calls this within `patience` of this rank. Call it before an error exit: if all
-    /// ranks leave, they may finalize MPI; a rank that leaves alone has to [`Self::abort`]. After `false` no other call
-    /// is allowed.
+    /// Returns `true` if every rank calls this within `patience` of this rank. It precedes an exit on error: if all
+    /// ranks end, they may finalise MPI; a rank that ends alone must call [`Self::abort`]. After `false` no other
+    /// call is allowed.
     #[must_use]
     pub fn all_arrive(&self, patience: Duration) -> bool {
         let Kind::Mpi(context) = &self.kind else {
@@ -378,8 +378,8 @@ impl Communicator {
         }
     }
 
-    /// Ends the job on all ranks at once with exit code `code`. For emergencies: an ordinary error
-    /// is agreed on with [`Self::agree`] and returned.
+    /// Ends the job on all ranks immediately with exit code `code`. This is for emergencies: ranks agree on an
+    /// ordinary error with [`Self::agree`] and return it.
     pub fn abort(&self, code: i32) -> ! {
         if let Some(raw) = self.raw() {
             // SAFETY: a live communicator.
@@ -388,10 +388,10 @@ impl Communicator {
         std::process::exit(code)
     }
 
-    /// Makes a call that waits for other ranks, and takes its time where there are any.
+    /// Makes a call that waits for other ranks, and measures its time if there are any.
     fn waits<T>(&self, wait: Wait, call: impl FnOnce() -> T) -> T {
         if self.size() > 1 {
-            // The lengths of unannounced messages also cross in a call of all ranks.
+            // The lengths of unannounced messages are also exchanged in a collective call.
             called_together();
             timed(wait, call)
         } else {
@@ -407,8 +407,8 @@ impl Communicator {
             return;
         }
         let Some(raw) = self.raw() else { return };
-        // MPI_IN_PLACE is out of reach of the bindings, so the result lands in a second buffer: on
-        // the stack, so that nothing is allocated.
+        // The bindings do not provide MPI_IN_PLACE, so that the result needs a second buffer: on the stack, to
+        // avoid an allocation.
         let mut result = [T::default(); REDUCTION_CHUNK];
         for chunk in values.chunks_mut(REDUCTION_CHUNK) {
             self.waits(Wait::Collectives, || {
@@ -483,7 +483,7 @@ impl Communicator {
     /// Returns the sum over all ranks, modulo 2^64.
     #[must_use]
     pub fn all_reduce_sum_i64(&self, value: i64) -> i64 {
-        // Through unsigned numbers, whose overflow is defined in C as well.
+        // Unsigned numbers are used, because their overflow is also defined in C.
         self.all_reduce_sum_u64(value.cast_unsigned()).cast_signed()
     }
 
@@ -505,7 +505,7 @@ impl Communicator {
         self.reduce_one(value, Reduction::Sum)
     }
 
-    /// Sums over all ranks of each entry in its place, modulo 2^64. The length must be the same on all ranks.
+    /// Sums each entry over all ranks, modulo 2^64. The length must be the same on all ranks.
     pub fn all_reduce_sum_i64s(&self, values: &mut [i64]) {
         self.reduce(bytemuck::cast_slice_mut::<i64, u64>(values), Reduction::Sum);
     }
@@ -518,7 +518,7 @@ impl Communicator {
         values[0]
     }
 
-    /// Sums over all ranks of each entry in its place, modulo 2^128. The length must be the same on all ranks.
+    /// Sums each entry over all ranks, modulo 2^128. The length must be the same on all ranks.
     pub fn all_reduce_sum_u128s(&self, values: &mut [u128]) {
         const DIGITS: usize = 4;
         if self.size() == 1 {
@@ -548,8 +548,8 @@ impl Communicator {
         self.all_reduce_min_i64(i64::from(value)) == 1
     }
 
-    /// Returns the sum of `value` over the lower ranks, and over all ranks: where this rank's items start in a global
-    /// list, and how long that list is.
+    /// Returns the sum of `value` over the lower ranks and the sum over all ranks: the start of this rank's items
+    /// in a global list, and the length of that list.
     #[must_use]
     pub fn exclusive_scan_u64(&self, value: u64) -> (u64, u64) {
         if self.post().is_some() {
@@ -572,7 +572,7 @@ impl Communicator {
             )
         });
         if self.rank() == 0 {
-            // MPI leaves the first rank's result undefined.
+            // MPI does not define the first rank's result.
             offset = 0;
         }
         (offset, self.all_reduce_sum_u64(value))
@@ -580,8 +580,8 @@ impl Communicator {
 
     // ---- agreement --------------------------------------------------------------------------
 
-    /// Makes all ranks leave together: `Ok` with each rank's own value if every rank has `Ok`, and
-    /// else on every rank the message of the lowest failing rank.
+    /// Makes all ranks continue or fail together: returns `Ok` with each rank's own value if every rank has `Ok`,
+    /// otherwise the message of the lowest failing rank on every rank.
     ///
     /// A rank that returned its error alone would leave the others waiting for its messages.
     ///
@@ -607,7 +607,7 @@ impl Communicator {
         })
     }
 
-    /// Returns the error of a case that cannot arise: no rank failed, so this rank has a value.
+    /// Returns the error of an impossible state: no rank failed, so that this rank has a value.
     fn no_value(&self) -> Disagreement {
         Disagreement {
             rank: self.rank(),
@@ -617,7 +617,7 @@ impl Communicator {
 
     // ---- bytes ------------------------------------------------------------------------------
 
-    /// Gives every rank the bytes of rank `root`; other ranks' contents are replaced.
+    /// Sends the bytes of rank `root` to every rank; they replace the contents on other ranks.
     pub fn broadcast_bytes(&self, root: usize, bytes: &mut Vec<u8>) {
         if self.size() == 1 {
             return;
@@ -720,8 +720,8 @@ impl Communicator {
         values
     }
 
-    /// Sends `outgoing[r]` to each rank r and returns what each rank sent here. Empty entries send
-    /// no message. The lengths cross first, so receivers need not know who sends.
+    /// Sends `outgoing[r]` to each rank r and returns the bytes received from each rank. Empty entries send no
+    /// message. The lengths are exchanged first, so that receivers need not know the senders.
     pub(crate) fn all_to_all_bytes(&self, mut outgoing: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
         if let Some(post) = self.post() {
             return post.all_to_all(&outgoing);
@@ -760,7 +760,7 @@ impl Communicator {
         incoming
     }
 
-    /// Starts sending; `bytes` must stay in place until the requests are done.
+    /// Starts sending; `bytes` must not be moved or changed until the requests are complete.
     fn post_send(&self, bytes: &[u8], to: usize, requests: &mut Vec<MPI_Request>) {
         let Some(raw) = self.raw() else { return };
         for piece in bytes.chunks(self.message_limit) {
@@ -783,13 +783,13 @@ impl Communicator {
         }
     }
 
-    /// Starts receiving; `bytes` must stay in place, unread, until the requests are done.
+    /// Starts receiving; `bytes` must not be moved or read until the requests are complete.
     fn post_receive(&self, bytes: &mut [u8], from: usize, requests: &mut Vec<MPI_Request>) {
         let Some(raw) = self.raw() else { return };
         for piece in bytes.chunks_mut(self.message_limit) {
             // SAFETY: the null request is a constant of the library.
             let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
-            // SAFETY: the callers in this file wait for the requests before they touch `bytes`.
+            // SAFETY: the callers in this file wait for the requests before they access `bytes`.
             unsafe {
                 ffi::MPI_Irecv(
                     piece.as_mut_ptr().cast(),
@@ -807,8 +807,8 @@ impl Communicator {
 
     // ---- persistent requests ----------------------------------------------------------------
 
-    /// Makes the persistent requests of one message of `bytes` bytes at `buffer`, cut to the
-    /// message limit, and appends them.
+    /// Makes the persistent requests of one message of `bytes` bytes at `buffer`, divided according to the message
+    /// limit, and appends them.
     ///
     /// # Safety
     /// The buffer must stay allocated until the requests are freed, must not be touched while they
@@ -872,7 +872,7 @@ pub(crate) enum Direction {
     Receive,
 }
 
-/// Waits for all requests and forgets them.
+/// Waits for all requests and clears the list.
 fn wait_all(requests: &mut Vec<MPI_Request>) {
     if !requests.is_empty() {
         let all = count(requests.len());
@@ -888,7 +888,7 @@ fn wait_all(requests: &mut Vec<MPI_Request>) {
     }
 }
 
-/// Pieces of at most `limit` bytes that make up `bytes` bytes.
+/// Returns the ranges of pieces of at most `limit` bytes that cover `bytes` bytes.
 fn pieces(bytes: usize, limit: usize) -> impl Iterator<Item = Range<usize>> {
     (0..bytes)
         .step_by(limit)
@@ -901,7 +901,7 @@ fn ordered(value: f64) -> i64 {
     bits ^ ((bits >> 63).cast_unsigned() >> 1).cast_signed()
 }
 
-/// Returns the float that [`ordered`] made into `key`.
+/// Returns the float from which [`ordered`] made `key`.
 fn unordered(key: i64) -> f64 {
     let bits = key ^ ((key >> 63).cast_unsigned() >> 1).cast_signed();
     f64::from_bits(bits.cast_unsigned())

@@ -1,5 +1,4 @@
-//! Sums that do not depend on the order of their terms, and therefore not on the number of ranks and
-//! threads.
+//! Sums that are independent of the order of their terms, and therefore of the number of ranks and threads.
 //!
 //! - [`ExactSum`] adds any floats without rounding in an integer of 2240 bits and rounds once, at the
 //!   end (U. Kulisch, Computer Arithmetic and Validity, 2nd ed., 2013, chapter 8). Digits of 32 bits
@@ -10,25 +9,25 @@
 
 use crate::comm::Communicator;
 
-/// Digits of the exact sum. The largest double has 2098 bits above the smallest, the other 142 bits
-/// take the sum of 2^140 such numbers.
+/// Number of digits of the exact sum. The largest double is 2098 bits above the smallest; the other 142 bits allow
+/// the sum of 2^140 such numbers.
 const DIGITS: usize = 70;
-/// Bits of a digit.
+/// Number of bits of a digit.
 const DIGIT_BITS: u32 = 32;
 const DIGIT_MASK: i64 = 0xffff_ffff;
-/// Additions after which the carries are passed on: each adds less than 2^32 to a digit.
+/// Number of additions after which carries are propagated: each adds less than 2^32 to a digit.
 const ADDITIONS_BEFORE_CARRY: u32 = 1 << 30;
 
-/// The exact sum of floats, rounded once: any order, any grouping, the same bits.
+/// Exact sum of floats, rounded once: the bits are independent of order and grouping.
 ///
 /// The value is the correctly rounded sum (to nearest, ties to even), 0.0 for no terms and for
 /// terms that cancel. NaN, or infinities of both signs, give NaN; infinities of one sign give that
 /// infinity.
 #[derive(Debug, Clone)]
 pub struct ExactSum {
-    /// The sum is Σ digits\[i\] · 2^(32 i - 1074).
+    /// Digits of the sum Σ digits\[i\] · 2^(32 i - 1074).
     digits: [i64; DIGITS],
-    /// Additions since the last carry.
+    /// Number of additions since the last carry.
     additions: u32,
     nans: i64,
     positive_infinities: i64,
@@ -42,7 +41,7 @@ impl Default for ExactSum {
 }
 
 impl PartialEq for ExactSum {
-    /// Returns `true` if the exact sums are equal, including digits that a float cannot hold.
+    /// Returns `true` if the exact sums are equal, including digits that a float cannot represent.
     fn eq(&self, other: &Self) -> bool {
         let (mut one, mut two) = (self.clone(), other.clone());
         one.carry();
@@ -74,13 +73,13 @@ impl ExactSum {
             self.add_special(value);
             return;
         }
-        // value = ± mantissa · 2^(place - 1074); subnormal numbers lack the leading one.
+        // The value is ± mantissa · 2^(place - 1074); subnormal numbers have no leading one.
         let normal = exponent.min(1);
         let mantissa = (bits & MANTISSA) | (normal << 52);
         let place = exponent - normal;
         let first = digit_index(place);
         let shifted = u128::from(mantissa) << (place % u64::from(DIGIT_BITS));
-        // 0 or -1: x ^ sign - sign negates without a branch.
+        // With sign 0 or -1, x ^ sign - sign negates without a branch.
         let sign = bits.cast_signed() >> 63;
         for (place, digit) in self.digits[first..first + 3].iter_mut().enumerate() {
             *digit += (digit_of(shifted, place) ^ sign) - sign;
@@ -153,8 +152,8 @@ impl ExactSum {
         self.carry();
     }
 
-    /// Passes on carries: afterwards all digits but the last are in 0..2^32 and the last has the
-    /// sign, which makes equal sums equal digits.
+    /// Propagates carries: afterwards all digits but the last are in 0..2^32 and the last has the sign, so that
+    /// equal sums have equal digits.
     fn carry(&mut self) {
         let mut carry = 0;
         for digit in &mut self.digits[..DIGITS - 1] {
@@ -163,7 +162,7 @@ impl ExactSum {
             carry = sum >> DIGIT_BITS;
         }
         self.digits[DIGITS - 1] += carry;
-        // What is left counts as one addition: each digit is below 2^32.
+        // The remainder counts as one addition: each digit is below 2^32.
         self.additions = 1;
     }
 
@@ -201,7 +200,7 @@ impl ExactSum {
         if negative { -magnitude } else { magnitude }
     }
 
-    /// Rounds digits that are not negative, all but the last below 2^32.
+    /// Returns the rounded sum of nonnegative digits, of which all but the last are below 2^32.
     fn round(&self) -> f64 {
         let Some(top) = self.digits.iter().rposition(|&digit| digit != 0) else {
             return 0.0;
@@ -232,9 +231,9 @@ impl ExactSum {
     }
 }
 
-/// One step of [`Fixed`], as a factor: 2^62 steps are 1.
+/// Number of steps of [`Fixed`] in 1: 2^62.
 const STEPS: f64 = 4_611_686_018_427_387_904.0;
-/// Twice 2^62: magnitudes from here on do not fit.
+/// Twice 2^62: the smallest magnitude that is out of range.
 const STEPS_LIMIT: f64 = 2.0 * STEPS;
 
 /// Returns `value` in steps of 2^-62, rounded towards zero: 1.0 is 2^62. For |value| < 2.
@@ -245,7 +244,7 @@ const STEPS_LIMIT: f64 = 2.0 * STEPS;
 #[must_use]
 pub fn quantise(value: f64) -> i64 {
     let steps = value * STEPS;
-    // False for NaN.
+    // The comparison is false for NaN.
     if steps.abs() < STEPS_LIMIT {
         // SAFETY: finite, and its magnitude is below 2^63.
         unsafe { steps.to_int_unchecked() }
@@ -265,8 +264,8 @@ fn out_of_range(value: f64) -> i64 {
     }
 }
 
-/// A sum in fixed point, in steps of 2^-62: any order, any grouping, the same bits. Holds 2^62
-/// terms below 2 in magnitude; a term out of range or NaN makes the sum invalid for good.
+/// Sum in fixed point, in steps of 2^-62: the bits are independent of order and grouping. It has capacity for 2^62
+/// terms below 2 in magnitude; a term out of range or NaN makes the sum permanently invalid.
 ///
 /// Plain data of 16 bytes, to be packed into messages and added with [`Fixed::merge`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -274,9 +273,9 @@ fn out_of_range(value: f64) -> i64 {
 pub struct Fixed(i128);
 
 impl Fixed {
-    /// The sum of nothing.
+    /// Empty sum.
     pub const ZERO: Self = Self(0);
-    /// A sum with a term that was out of range; beyond what valid terms can reach.
+    /// Sum with a term out of range; a value that valid terms cannot reach.
     pub const INVALID: Self = Self(i128::MIN);
 
     /// Adds one number below 2 in magnitude, rounded towards zero to 2^-62.
@@ -285,7 +284,7 @@ impl Fixed {
         self.add_quantised(quantise(value));
     }
 
-    /// Adds what [`quantise`] made of a number.
+    /// Adds a number that [`quantise`] has converted to steps.
     #[inline]
     pub fn add_quantised(&mut self, steps: i64) {
         if steps.unsigned_abs() >= i64::MAX.unsigned_abs() {
@@ -385,7 +384,7 @@ fn nearest(value: i128) -> f64 {
     value as f64
 }
 
-/// Bits up to the highest one that is set.
+/// Returns the position of the highest set bit, counted from 1; 0 for zero.
 fn bit_length(value: i64) -> usize {
     (i64::BITS - value.leading_zeros()) as usize
 }
@@ -409,8 +408,8 @@ mod tests {
         );
     }
 
-    /// Returns the exact sum by another way: a list of floats without overlap (Shewchuk, Discrete Comput Geom 18, 305
-    /// (1997)), rounded as in Python's `math.fsum`.
+    /// Returns the exact sum by another method: a list of nonoverlapping floats (Shewchuk, Discrete Comput Geom 18,
+    /// 305 (1997)), rounded as in Python's `math.fsum`.
     fn expansion_sum(values: &[f64]) -> f64 {
         let mut parts: Vec<f64> = Vec::new();
         for &value in values {
@@ -444,7 +443,7 @@ mod tests {
         if let Some(&next) = parts.last()
             && ((low < 0.0 && next < 0.0) || (low > 0.0 && next > 0.0))
         {
-            // The rest breaks a tie.
+            // The remainder decides a tie.
             let twice = 2.0 * low;
             let x = high + twice;
             #[expect(clippy::float_cmp, reason = "asks whether the addition was exact")]
@@ -464,17 +463,17 @@ mod tests {
         assert_bits(sum(&[f64::MAX, f64::MAX]), f64::INFINITY);
         assert_bits(sum(&[-f64::MAX, -f64::MAX]), f64::NEG_INFINITY);
         assert_bits(sum(&[f64::MAX, -f64::MAX, 5e-324]), 5e-324);
-        // Ties go to even, and the smallest number breaks a tie.
+        // Ties are rounded to even, and the smallest number decides a tie.
         assert_bits(sum(&[two_53, 1.0]), two_53);
         assert_bits(sum(&[two_53 + 2.0, 1.0]), two_53 + 4.0);
         assert_bits(sum(&[two_53, 1.0, 5e-324]), two_53 + 2.0);
         assert_bits(sum(&[two_53, 1.0, -5e-324]), two_53);
         assert_bits(sum(&[-two_53, -1.0, -5e-324]), -two_53 - 2.0);
-        // Half a unit above the largest float rounds to infinity, less does not.
+        // Half a unit above the largest float rounds to infinity; a smaller excess does not.
         let half = f64::MAX * f64::EPSILON / 4.0;
         assert_bits(sum(&[f64::MAX, half * (1.0 - f64::EPSILON)]), f64::MAX);
         assert_bits(sum(&[f64::MAX, 2.0_f64.powi(970)]), f64::INFINITY);
-        // Subnormal numbers, up to the border.
+        // Subnormal numbers, up to their upper limit.
         assert_bits(sum(&[5e-324; 7]), f64::from_bits(7));
         let subnormal = f64::MIN_POSITIVE.next_down();
         assert_bits(sum(&[subnormal, 5e-324]), f64::MIN_POSITIVE);
@@ -503,7 +502,7 @@ mod tests {
 
     #[test]
     fn carries_come_in_time() {
-        // As after many additions of the largest digit; the next addition must pass them on.
+        // State after many additions of the largest digit; the next addition must propagate the carries.
         let mut total = ExactSum::new();
         total.add(1.0);
         let before = total.clone();
@@ -521,7 +520,7 @@ mod tests {
         // Σ = (2^32 - 1) (2^30 - 1) units of 2^-1074.
         let units = 4_294_967_295.0 * 1_073_741_823.0;
         assert_bits(total.value(), units * f64::from_bits(1));
-        // Merging without adding keeps the digits small as well.
+        // Merging without adding also keeps the digits small.
         for _ in 0..200 {
             let copy = total.clone();
             total.merge(&copy);
@@ -597,7 +596,7 @@ mod tests {
 
         #[test]
         fn agrees_with_expansions(values in prop::collection::vec(any_finite(), 0..40)) {
-            // Expansions overflow on the way where the exact sum does not.
+            // Expansions overflow in intermediate results where the exact sum does not.
             let values: Vec<f64> = values.iter().map(|value| value / 64.0).collect();
             prop_assert_eq!(sum(&values).to_bits(), expansion_sum(&values).to_bits());
         }

@@ -1,19 +1,19 @@
 //! Messages between any ranks: once, with sizes unknown to the receiver, or repeatedly, with fixed
 //! sizes.
 //!
-//! [`exchange()`] serves migration and the making of ghosts. [`FixedExchange`] carries the motion of
-//! the ghosts in every solid step until ghosts are made again.
+//! [`exchange()`] is used for migration and the creation of ghosts. [`FixedExchange`] transfers the motion of the
+//! ghosts in every solid step until ghosts are created again.
 
 use crate::comm::Communicator;
 use crate::persistent::{Message, PatternError, Persistent};
 use bytemuck::Pod;
 use std::ffi::c_int;
 
-/// Sends each `(rank, bytes)` and returns what came, `(rank, bytes)` in order of the source rank;
-/// collective, also for ranks that send nothing. The own rank may be among the receivers.
+/// Sends each `(rank, bytes)` and returns the received `(rank, bytes)` in order of the source rank. Collective,
+/// also for ranks that send nothing. A rank may send to itself.
 ///
-/// Several messages to one rank arrive joined, in the order given; an empty message does not
-/// arrive. One number for each pair of ranks crosses first, so receivers need not know who sends.
+/// Several messages to one rank are joined in the given order; an empty message is not delivered. One number for
+/// each pair of ranks is exchanged first, so that receivers need not know the senders.
 ///
 /// # Panics
 /// If a rank is not below the communicator's size.
@@ -45,11 +45,11 @@ pub struct FixedExchange {
 }
 
 impl FixedExchange {
-    /// Makes the buffers and requests for messages of known sizes; not collective.
+    /// Returns an exchange with the buffers and requests for messages of known sizes; not collective.
     ///
-    /// `sends` and `receives` list `(rank, bytes)`; every send must have its receive of the same
-    /// size on the other rank, in the same order if there are several between two ranks. Exchanges
-    /// that may be under way at the same time need different `tag`s.
+    /// `sends` and `receives` list `(rank, bytes)`; every send must have its receive of the same size on the other
+    /// rank, in the same order if there are several between two ranks. Simultaneous exchanges need different
+    /// `tag`s.
     ///
     /// # Errors
     /// [`PatternError`] if a rank does not exist or the messages to the own rank do not match.
@@ -59,7 +59,7 @@ impl FixedExchange {
         sends: &[(usize, usize)],
         receives: &[(usize, usize)],
     ) -> Result<Self, PatternError> {
-        // Remainders 0 and 1 by 4 belong to halos, 3 to sparse exchanges.
+        // Remainders 0 and 1 modulo 4 belong to halos, 3 to sparse exchanges.
         let tag = 4 * c_int::from(tag) + 2;
         let messages = |list: &[(usize, usize)]| -> Vec<Message> {
             list.iter()
@@ -74,8 +74,8 @@ impl FixedExchange {
         Ok(Self { pattern })
     }
 
-    /// Makes an exchange like [`Self::new`], but learns from the senders what to receive; collective. Returns also the
-    /// receives, `(rank, bytes)` in order of the source rank.
+    /// Returns an exchange like [`Self::new`], but the receives are learned from the senders. Collective. Also
+    /// returns the receives, `(rank, bytes)` in order of the source rank.
     ///
     /// # Errors
     /// [`PatternError`] if a rank does not exist. That rank alone fails, before anything is sent:
@@ -87,7 +87,7 @@ impl FixedExchange {
     ) -> Result<(Self, Vec<(usize, usize)>), PatternError> {
         let size = communicator.size();
         let stranger = sends.iter().find(|send| send.0 >= size);
-        // The other ranks wait in the exchange, so take part before failing.
+        // The other ranks wait in the exchange, so that this rank takes part before failing.
         let announced = sends
             .iter()
             .filter(|send| send.0 < size)
@@ -112,13 +112,13 @@ impl FixedExchange {
         self.pattern.lengths()
     }
 
-    /// Returns the buffers to fill, in the order of `sends`, as whole items of `T`. Waits if an exchange is still under
-    /// way.
+    /// Returns the buffers to fill, in the order of `sends`, as whole items of `T`. Waits for an unfinished
+    /// exchange.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> impl Iterator<Item = &mut [T]> {
         self.pattern.sends_mut()
     }
 
-    /// Returns the buffer of send number `index`, as whole items of `T`. Waits if an exchange is still under way.
+    /// Returns the buffer of send number `index`, as whole items of `T`. Waits for an unfinished exchange.
     ///
     /// # Panics
     /// If there is no such send.
@@ -126,18 +126,17 @@ impl FixedExchange {
         self.pattern.send_mut(index)
     }
 
-    /// Starts the messages and returns at once. The buffers belong to MPI until [`Self::finish`].
+    /// Starts the messages and returns immediately. MPI uses the buffers until [`Self::finish`].
     pub fn start(&mut self) {
         self.pattern.start();
     }
 
-    /// Waits until the messages started last have left and arrived.
+    /// Waits until the last started messages have been sent and received.
     pub fn finish(&mut self) {
         self.pattern.finish();
     }
 
-    /// Returns the latest data of receive number `index`, as whole items of `T`. Waits if an exchange is still under
-    /// way.
+    /// Returns the latest data of receive number `index`, as whole items of `T`. Waits for an unfinished exchange.
     ///
     /// # Panics
     /// If there is no such receive.

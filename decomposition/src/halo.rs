@@ -1,8 +1,8 @@
 //! Exchange of the faces of a slab with its lower and its upper neighbour.
 //!
-//! In a step: fill the send buffers from the outermost planes, `start`, compute the planes that need no
-//! neighbour, `finish`, read what arrived and compute the faces. The caller packs the bytes. Only the
-//! populations that leave on a side are needed (3 of the 9 of D2Q9, 9 of the 27 of D3Q27).
+//! In a step, the caller fills the send buffers from the outermost planes, calls `start`, computes the planes that
+//! need no neighbour, calls `finish`, reads the received data and computes the faces. The caller packs the bytes.
+//! Only the populations that leave on a side are needed (3 of the 9 of D2Q9, 9 of the 27 of D3Q27).
 //!
 //! ```text
 //!   lower neighbour        this slab         upper neighbour
@@ -21,18 +21,18 @@ use std::ffi::c_int;
 /// Sizes in bytes of the four messages of a slab.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HaloBytes {
-    /// Sent to the lower neighbour; its `from_upper`.
+    /// Bytes sent to the lower neighbour: its `from_upper`.
     pub to_lower: usize,
-    /// Sent to the upper neighbour; its `from_lower`.
+    /// Bytes sent to the upper neighbour: its `from_lower`.
     pub to_upper: usize,
-    /// Received from the lower neighbour; its `to_upper`.
+    /// Bytes received from the lower neighbour: its `to_upper`.
     pub from_lower: usize,
-    /// Received from the upper neighbour; its `to_lower`.
+    /// Bytes received from the upper neighbour: its `to_lower`.
     pub from_upper: usize,
 }
 
 impl HaloBytes {
-    /// Returns equal sizes for both directions and both sides.
+    /// Returns the same size for both directions and both sides.
     #[must_use]
     pub fn symmetric(bytes: usize) -> Self {
         Self::crossing(bytes, bytes)
@@ -52,9 +52,9 @@ impl HaloBytes {
 
 /// Persistent messages to and from the neighbours of a slab, with their buffers.
 ///
-/// Without a neighbour on a side (a closed end, an empty slab) that side is `None` everywhere. A
-/// slab that is its own neighbour (periodic, alone) gets its own message back, and of two slabs
-/// that are each other's neighbour on both sides the two messages stay apart.
+/// Without a neighbour on a side (a closed end, an empty slab) the data of that side are `None`. A slab that is its
+/// own neighbour (periodic, single) receives its own message, and two slabs that are neighbours on both sides
+/// exchange two separate messages.
 pub struct HaloExchange {
     pattern: Persistent,
     has_lower: bool,
@@ -62,16 +62,15 @@ pub struct HaloExchange {
 }
 
 impl HaloExchange {
-    /// Makes the buffers and requests for the neighbours of my slab; collective.
+    /// Returns an exchange with the buffers and requests for the neighbours of this rank's slab. Collective.
     ///
-    /// Exchanges that may be under way at the same time need different `tag`s. The communication
-    /// buffers start as zeros.
+    /// Simultaneous exchanges need different `tag`s. The communication buffers are initially zero.
     ///
     /// # Errors
     /// [`Disagreement`] on all ranks if the sizes of two neighbours do not fit together.
     pub fn new(domain: &Domain, tag: u8, sizes: HaloBytes) -> Result<Self, Disagreement> {
         let communicator = domain.communicator();
-        // Tags are by direction of travel; a remainder of 2 or 3 by 4 belongs to other exchanges.
+        // Tags depend on the direction of the message; remainders 2 and 3 modulo 4 belong to other exchanges.
         let downwards = 4 * c_int::from(tag);
         let upwards = downwards + 1;
         let message = |partner: Option<usize>, tag, bytes| {
@@ -107,8 +106,8 @@ impl HaloExchange {
         })
     }
 
-    /// Returns the buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits if an exchange
-    /// is still under way.
+    /// Returns the buffers to fill for the lower and the upper neighbour, as whole items of `T`. Waits for an
+    /// unfinished exchange.
     pub fn send_buffers_mut<T: Pod>(&mut self) -> (Option<&mut [T]>, Option<&mut [T]>) {
         let (has_lower, has_upper) = (self.has_lower, self.has_upper);
         let mut buffers = self.pattern.sends_mut();
@@ -117,18 +116,18 @@ impl HaloExchange {
         (lower, upper)
     }
 
-    /// Starts the messages and returns at once. The buffers belong to MPI until [`Self::finish`].
+    /// Starts the messages and returns immediately. MPI uses the buffers until [`Self::finish`].
     pub fn start(&mut self) {
         self.pattern.start();
     }
 
-    /// Waits until the messages started last have left and arrived.
+    /// Waits until the last started messages have been sent and received.
     pub fn finish(&mut self) {
         self.pattern.finish();
     }
 
-    /// Returns the latest data from the lower and from the upper neighbour, as whole items of `T`. Waits if an exchange
-    /// is still under way.
+    /// Returns the latest data from the lower and from the upper neighbour, as whole items of `T`. Waits for an
+    /// unfinished exchange.
     #[must_use]
     pub fn received<T: Pod>(&self) -> (Option<&[T]>, Option<&[T]>) {
         let lower = self.has_lower.then(|| self.pattern.received(0));
@@ -138,8 +137,8 @@ impl HaloExchange {
     }
 }
 
-/// Compares what I expect with what my neighbours say they will send. MPI would end the job at a
-/// message that is too long and say nothing at one that is too short.
+/// Compares the expected sizes with those that the neighbours announce. MPI would end the job at a message that is
+/// too long and not report one that is too short.
 fn check_sizes(
     communicator: &Communicator,
     sends: &[Message],

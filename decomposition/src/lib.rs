@@ -9,15 +9,16 @@
 //!
 //! The crate guarantees:
 //!
-//! - **One owner.** A plane, and with it all that a caller places in it, belongs to exactly one rank.
-//!   Integers decide: [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
+//! - **One owner.** A plane, and all that a caller places in it, belongs to exactly one rank. Integers decide:
+//!   [`Slabs::owner_of_plane`]. Slabs may be unequal or empty.
 //! - **The same bits on any number of ranks and threads.** [`ExactSum`] and [`Fixed`] add without
 //!   rounding; their results do not depend on the order. [`StateHash`] compares whole states.
 //! - **No deadlock on errors.** Ranks agree on errors before any of them leaves
 //!   ([`Communicator::agree`]). A panic ends the whole job with exit code 101 ([`World::start`]).
 //!   Every exchange posts its receives before its sends.
-//! - **No allocation in the step.** [`HaloExchange`] and [`FixedExchange`] own their buffers and their
-//!   persistent requests. The caller fills, starts, computes, finishes and reads.
+//! - **No allocation in the step.** [`HaloExchange`] and [`FixedExchange`] own their buffers and their persistent
+//!   requests. In a step the caller fills buffers, starts the exchange, computes, finishes the exchange and reads
+//!   buffers.
 //! - **No MPI for one rank.** [`Communicator::serial`] and [`Domain::serial`] accept the same calls and
 //!   do not start MPI. [`on_threads`] runs several ranks as threads, for tests.
 //!
@@ -38,8 +39,8 @@
 //! # Ok::<(), decomposition::Disagreement>(())
 //! ```
 //!
-//! A [`Communicator`], and everything that holds one, is neither `Send` nor `Sync`: only one thread of a
-//! rank may call MPI, and the compiler enforces it. Pass `&Slabs` to worker threads, not `&Domain`.
+//! A [`Communicator`], and every type that contains one, is neither `Send` nor `Sync`: only one thread of a rank
+//! may call MPI, and the compiler enforces it. Pass `&Slabs` to worker threads, not `&Domain`.
 
 #![cfg_attr(
     test,

@@ -1,9 +1,9 @@
 //! Messages of fixed size that are sent repeatedly: owned buffers and persistent requests.
 //!
-//! [`crate::HaloExchange`] and [`crate::FixedExchange`] are built on this. Requests are made once
-//! (`MPI_Send_init`, `MPI_Recv_init`; MPI 3.1, section 3.9) and started together, receives first. A
-//! message to the own rank is a copy. While messages are under way the buffers belong to MPI. Every
-//! access to a buffer waits first: no order of calls can race with the network.
+//! [`crate::HaloExchange`] and [`crate::FixedExchange`] are built on this. Requests are made once (`MPI_Send_init`,
+//! `MPI_Recv_init`; MPI 3.1, section 3.9) and started together, receives first. A message to the own rank is a
+//! copy. MPI uses the buffers until the messages are complete. Every access to a buffer waits first, so that no
+//! order of calls causes a data race with the network.
 
 use crate::comm::{Communicator, Direction, count};
 use crate::waiting::{Wait, sent, timed, until};
@@ -14,18 +14,18 @@ use std::cell::Cell;
 use std::ffi::c_int;
 use std::ptr::NonNull;
 
-/// A list of messages that cannot be sent.
+/// Fault in a list of messages.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
-    /// A partner that does not exist.
+    /// A partner does not exist.
     #[error("there is no rank {rank} among {size} ranks")]
     NoSuchRank {
-        /// The partner asked for.
+        /// Requested partner.
         rank: usize,
-        /// Ranks there are.
+        /// Number of ranks.
         size: usize,
     },
-    /// A rank expects from itself other data than it sends to itself.
+    /// A rank expects different data from itself than it sends to itself.
     #[error("rank {rank} sends itself {sent:?} bytes but expects {expected:?}")]
     SelfMismatch {
         /// Number of this rank.
@@ -35,22 +35,22 @@ pub enum PatternError {
         /// Sizes of the messages expected, in bytes.
         expected: Vec<usize>,
     },
-    /// This rank expects other data than the other rank sends.
+    /// A rank expects different data than the other rank sends.
     #[error("rank {from} sends {sent} bytes to rank {to}, which expects {expected}")]
     Mismatch {
-        /// The sender.
+        /// Sending rank.
         from: usize,
-        /// The receiver.
+        /// Receiving rank.
         to: usize,
-        /// Bytes the sender sends.
+        /// Number of bytes sent.
         sent: u64,
-        /// Bytes the receiver expects.
+        /// Number of bytes expected.
         expected: u64,
     },
 }
 
-/// Bytes on a cache line boundary that MPI may read and write behind the compiler's back: reached
-/// by a raw pointer, lent out as slices only while no message is under way.
+/// Bytes aligned to a cache line, which MPI may read and write independently of the compiler: they are accessed
+/// through a raw pointer, and borrowed as slices only while no message is active.
 struct Buffer {
     start: NonNull<u8>,
     bytes: usize,
@@ -80,17 +80,17 @@ impl Buffer {
     }
 
     fn slice(&self) -> &[u8] {
-        // SAFETY: `bytes` initialised bytes, which MPI does not use: the owner waited.
+        // SAFETY: `bytes` initialised bytes, which MPI does not use, because the owner has waited.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.bytes) }
     }
 
     fn slice_mut(&mut self) -> &mut [u8] {
-        // SAFETY: as above, and `&mut self` makes it the only slice.
+        // SAFETY: as above, and `&mut self` makes it the only reference.
         unsafe { std::slice::from_raw_parts_mut(self.start.as_ptr(), self.bytes) }
     }
 }
 
-/// Gives the pointer of an empty buffer the alignment of the others.
+/// Alignment of the pointer of an empty buffer, equal to that of the others.
 #[repr(align(64))]
 struct Line;
 
@@ -105,7 +105,7 @@ impl Drop for Buffer {
     }
 }
 
-/// One message: who is at the other end, under which tag, how long.
+/// Message with its partner, tag and length.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Message {
     pub(crate) partner: usize,
@@ -113,7 +113,7 @@ pub(crate) struct Message {
     pub(crate) bytes: usize,
 }
 
-/// A fixed set of messages with their buffers. Nothing is allocated after construction.
+/// Fixed set of messages with their buffers. Nothing is allocated after construction.
 pub(crate) struct Persistent {
     sends: Vec<Buffer>,
     receives: Vec<Buffer>,
@@ -121,17 +121,17 @@ pub(crate) struct Persistent {
     copies: Vec<(usize, usize)>,
     requests: Box<[Cell<MPI_Request>]>,
     under_way: Cell<bool>,
-    /// Messages sent and received, used where ranks are threads.
+    /// Messages sent and received, used if ranks are threads.
     messages: [Vec<Message>; 2],
-    /// Messages to other ranks, and their bytes.
+    /// Number of messages to other ranks, and of their bytes.
     sent: (u64, u64),
     /// Keeps MPI running until the requests are freed.
     communicator: Communicator,
 }
 
 impl Persistent {
-    /// Makes buffers and requests; not collective. Messages between the same two ranks with the
-    /// same tag are matched in the order of the lists.
+    /// Returns a set of messages with buffers and requests; not collective. Messages between the same two ranks
+    /// with the same tag are matched in the order of the lists.
     pub(crate) fn new(
         communicator: &Communicator,
         sends: &[Message],
@@ -189,7 +189,7 @@ impl Persistent {
         })
     }
 
-    /// Returns the requests as MPI takes them.
+    /// Returns the requests in the form that MPI takes.
     fn raw_requests(&self) -> *mut MPI_Request {
         // `Cell<T>` has the layout of `T` and may be written through a shared reference.
         self.requests.as_ptr().cast::<MPI_Request>().cast_mut()
@@ -220,7 +220,7 @@ impl Persistent {
         }
     }
 
-    /// Waits until all messages have left and arrived; returns at once if none is under way.
+    /// Waits until all messages have been sent and received; returns immediately if none is active.
     pub(crate) fn finish(&self) {
         if !self.under_way.replace(false) {
             return;
@@ -230,8 +230,8 @@ impl Persistent {
                 if message.partner != post.rank() {
                     let bytes = post.receive(message.partner, message.tag);
                     let count = bytes.len().min(buffer.bytes);
-                    // SAFETY: the buffer holds that many bytes, and no borrow of it exists while messages are under
-                    // way.
+                    // SAFETY: the buffer has this number of bytes, and it is not borrowed while messages are
+                    // active.
                     unsafe { buffer.start.as_ptr().copy_from(bytes.as_ptr(), count) };
                 }
             }
@@ -281,7 +281,7 @@ impl Persistent {
 
 impl Drop for Persistent {
     fn drop(&mut self) {
-        // The partners have started the same messages or will, so this wait ends.
+        // The partners have started the same messages or will start them, so that this wait ends.
         self.finish();
         for request in &mut self.requests {
             // SAFETY: made once, inactive, freed once; the communicator's handle is still held.
@@ -296,7 +296,7 @@ fn match_own(
     sends: &[Message],
     receives: &[Message],
 ) -> Result<Vec<(usize, usize)>, PatternError> {
-    // Stable sort by tag: the k-th message with a tag meets the k-th receive with that tag.
+    // The sort by tag is stable: the k-th message with a tag matches the k-th receive with that tag.
     let own = |list: &[Message]| -> Vec<(c_int, usize, usize)> {
         let mut own: Vec<_> = list
             .iter()
@@ -326,13 +326,13 @@ fn match_own(
         .collect())
 }
 
-/// Returns `bytes` as whole items of `T`; bytes of an incomplete last item are left out.
+/// Returns `bytes` as whole items of `T`; bytes of an incomplete last item are omitted.
 fn typed<T: Pod>(bytes: &[u8]) -> &[T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice(&bytes[..items * size_of::<T>()]).unwrap_or(&[])
 }
 
-/// Returns `bytes` as whole items of `T` that can be changed; bytes of an incomplete last item are left out.
+/// Returns `bytes` as mutable whole items of `T`; bytes of an incomplete last item are omitted.
 fn typed_mut<T: Pod>(bytes: &mut [u8]) -> &mut [T] {
     let items = bytes.len().checked_div(size_of::<T>()).unwrap_or(0);
     bytemuck::try_cast_slice_mut(&mut bytes[..items * size_of::<T>()]).unwrap_or(&mut [])

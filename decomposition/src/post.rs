@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::ffi::c_int;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// The tag of collective calls; patterns use tags from 0.
+/// Tag of collective calls; exchanges use tags from 0.
 const COLLECTIVE: c_int = -1;
 
 struct Letter {
@@ -14,17 +14,17 @@ struct Letter {
     bytes: Vec<u8>,
 }
 
-/// The ends of a rank's channels, by the other rank.
+/// Ends of a rank's channels, by the other rank.
 pub(crate) struct Post {
     rank: usize,
     to: Vec<Sender<Letter>>,
     from: Vec<Receiver<Letter>>,
-    /// Letters that arrived before they were asked for, by sender.
+    /// Messages that arrived before they were requested, by sender.
     early: RefCell<Vec<Vec<Letter>>>,
 }
 
 impl Post {
-    /// Returns one for each of `size` ranks.
+    /// Returns the channel ends of each of `size` ranks.
     pub(crate) fn offices(size: usize) -> Vec<Self> {
         let mut to: Vec<Vec<Sender<Letter>>> = (0..size).map(|_| Vec::new()).collect();
         let mut from: Vec<Vec<Receiver<Letter>>> = (0..size).map(|_| Vec::new()).collect();
@@ -56,7 +56,7 @@ impl Post {
         self.to.len()
     }
 
-    /// Sends without waiting. A rank that has ended gets nothing.
+    /// Sends without waiting. A message to a rank that has ended is dropped.
     pub(crate) fn send(&self, to: usize, tag: c_int, bytes: &[u8]) {
         let letter = Letter {
             tag,

@@ -7,14 +7,14 @@
 use crate::comm::Communicator;
 use std::ops::Range;
 
-/// A direction of space.
+/// Axis of space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SplitAxis {
-    /// The first coordinate.
+    /// First coordinate.
     X,
-    /// The second coordinate.
+    /// Second coordinate.
     Y,
-    /// The third coordinate.
+    /// Third coordinate.
     Z,
 }
 
@@ -29,7 +29,8 @@ impl SplitAxis {
         }
     }
 
-    /// Returns the axis with most cells, the first one of equals: the default direction of the split.
+    /// Returns the axis with the largest number of cells (the first of equals), which is the default direction of
+    /// the split.
     #[must_use]
     pub fn longest(cells: [usize; 3]) -> Self {
         if cells[0] >= cells[1] && cells[0] >= cells[2] {
@@ -42,37 +43,37 @@ impl SplitAxis {
     }
 }
 
-/// A split that cannot be used.
+/// Invalid split of the domain.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SlabError {
-    /// The list of bounds does not start at 0, falls somewhere, or has no slab.
+    /// The list of bounds does not start at 0, decreases, or contains no slab.
     #[error("slab bounds must start at 0, never fall and name at least one slab, not {bounds:?}")]
     Bounds {
-        /// The bounds given.
+        /// Given bounds.
         bounds: Vec<usize>,
     },
-    /// The split is for another number of ranks.
+    /// The number of slabs differs from the number of ranks.
     #[error("the domain is split into {slabs} slabs, but there are {ranks} ranks")]
     Ranks {
-        /// Slabs of the split.
+        /// Number of slabs.
         slabs: usize,
-        /// Ranks of the communicator.
+        /// Number of ranks of the communicator.
         ranks: usize,
     },
 }
 
-/// The split of `planes` planes along one axis; the same on every rank. Slab r belongs to rank r.
+/// Split of `planes` planes along one axis, equal on every rank. Slab r belongs to rank r.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Slabs {
     axis: SplitAxis,
-    /// `bounds[r]..bounds[r + 1]` are the planes of rank r; never falling, the first is 0.
+    /// The planes of rank r are `bounds[r]..bounds[r + 1]`; bounds do not decrease, and the first is 0.
     bounds: Vec<usize>,
     periodic: bool,
 }
 
 impl Slabs {
-    /// Slabs whose thickness differs by at most one plane, the thicker ones first. With more ranks
-    /// than planes the last slabs are empty. A `size` of 0 counts as 1.
+    /// Returns slabs whose thickness differs by at most one plane, the thicker ones first. With more ranks than
+    /// planes the last slabs are empty. A `size` of 0 counts as 1.
     #[must_use]
     pub fn even(axis: SplitAxis, planes: usize, size: usize, periodic: bool) -> Self {
         let size = size.max(1);
@@ -87,7 +88,7 @@ impl Slabs {
         }
     }
 
-    /// Slabs `bounds[r]..bounds[r + 1]`; equal neighbours in the list make an empty slab.
+    /// Returns the slabs `bounds[r]..bounds[r + 1]`; two equal bounds in the list give an empty slab.
     ///
     /// # Errors
     /// [`SlabError::Bounds`] if the list does not start at 0, falls, or is shorter than two.
@@ -112,7 +113,7 @@ impl Slabs {
         self.axis
     }
 
-    /// Planes of the whole domain.
+    /// Returns the number of planes of the whole domain.
     #[must_use]
     pub fn planes(&self) -> usize {
         self.bounds[self.bounds.len() - 1]
@@ -130,7 +131,7 @@ impl Slabs {
         self.periodic
     }
 
-    /// Returns the bounds, one more than slabs.
+    /// Returns the bounds of the slabs, one more than slabs.
     #[must_use]
     pub fn bounds(&self) -> &[usize] {
         &self.bounds
@@ -148,13 +149,13 @@ impl Slabs {
     /// Returns the rank that owns a plane; `None` beyond the last plane.
     #[must_use]
     pub fn owner_of_plane(&self, plane: usize) -> Option<usize> {
-        // Of several slabs that start at the same plane the last is the one with planes.
+        // Of several slabs with the same start, the last one has planes.
         let after = self.bounds.partition_point(|&bound| bound <= plane);
         (plane < self.planes()).then(|| after - 1)
     }
 
-    /// Returns the rank that owns the plane below a rank's first: itself if it is alone and periodic, `None` at a
-    /// closed end and for an empty slab.
+    /// Returns the rank that owns the plane below a rank's first: the rank itself if it is alone and periodic,
+    /// `None` at a closed end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -172,8 +173,8 @@ impl Slabs {
         }
     }
 
-    /// Returns the rank that owns the plane above a rank's last: itself if it is alone and periodic, `None` at a closed
-    /// end and for an empty slab.
+    /// Returns the rank that owns the plane above a rank's last: the rank itself if it is alone and periodic,
+    /// `None` at a closed end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -192,7 +193,7 @@ impl Slabs {
     }
 }
 
-/// The split, and my place in it.
+/// Split of the domain, and this rank's slab.
 #[derive(Debug, Clone)]
 pub struct Domain {
     communicator: Communicator,
@@ -200,7 +201,7 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// Gives each rank of the communicator its slab.
+    /// Returns the domain in which each rank of the communicator has its slab.
     ///
     /// # Errors
     /// [`SlabError::Ranks`] if there are not as many slabs as ranks.

@@ -1,13 +1,13 @@
 //! A hash that compares two global states bit by bit, independent of the split.
 //!
 //! Every entry (field, global index, bits) passes a mixer, and the results are added modulo 2^128.
-//! Addition has no order: any ranks, threads and partitions give the same sum. The mixer is a Feistel
-//! network (M. Luby, C. Rackoff, SIAM J. Comput. 17 (1988) 373) on (index, bits) with keys from the
-//! field. It is a permutation: no two entries of a field collide.
+//! Addition is commutative, so that the sum is independent of ranks, threads and partitions. The mixer is a Feistel
+//! network (M. Luby, C. Rackoff, SIAM J. Comput. 17 (1988) 373) on (index, bits) with keys from the field. It is a
+//! permutation: no two entries of a field collide.
 
 use crate::comm::Communicator;
 
-/// Rounds of the network; from the fourth on each bit of the input reaches each of the output.
+/// Number of rounds of the network; from the fourth on, each bit of the input affects each bit of the output.
 const ROUNDS: usize = 5;
 
 /// Odd constants: 2^64 divided by the golden ratio, and the multipliers of SplitMix64 (Steele et
@@ -16,7 +16,7 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 const MIX_1: u64 = 0xbf58_476d_1ce4_e5b9;
 const MIX_2: u64 = 0x94d0_49bb_1331_11eb;
 
-/// Order-free hash of a global state. It guards against errors, not against an adversary.
+/// Order-independent hash of a global state. It detects errors, but does not protect against an adversary.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StateHash {
     sum: u128,
@@ -29,8 +29,8 @@ impl StateHash {
         Self::default()
     }
 
-    /// Adds the `bits` of entry `global_index` of a field; for `field` see [`field_key`]. Each
-    /// entry must be added once, by its owner.
+    /// Adds the `bits` of entry `global_index` of a field; see [`field_key`] for `field`. Each entry must be added
+    /// once, by its owner.
     #[inline]
     pub fn add(&mut self, field: u64, global_index: u64, bits: u64) {
         let keys = round_keys(field);
@@ -87,14 +87,14 @@ impl StateHash {
         self.sum
     }
 
-    /// Returns the hash as 32 hexadecimal digits.
+    /// Returns the hash as text of 32 hexadecimal digits.
     #[must_use]
     pub fn hex(self) -> String {
         format!("{:032x}", self.sum)
     }
 }
 
-/// Returns a key for a field from its name (FNV-1a, 64 bits), at compile time if wanted.
+/// Returns a key for a field from its name (FNV-1a, 64 bits); it can be evaluated at compile time.
 #[must_use]
 pub const fn field_key(name: &str) -> u64 {
     let bytes = name.as_bytes();
@@ -130,7 +130,8 @@ fn mix(keys: &[u64; ROUNDS], index: u64, bits: u64) -> u128 {
     (u128::from(left) << 64) | u128::from(right)
 }
 
-/// Returns the high and low half of a product of 64 by 64 bits, joined; shifts feed its high bits downwards.
+/// Returns the exclusive-or of the high and low halves of a product of 64 by 64 bits; shifts move its high bits
+/// downwards.
 #[inline]
 fn fold(word: u64) -> u64 {
     let word = word ^ (word >> 32);
@@ -228,7 +229,7 @@ mod tests {
         assert_eq!(hash.hex(), KNOWN);
     }
 
-    /// The hash of the state in the test above; changing it makes recorded hashes worthless.
+    /// Hash of the state in the test above; a change would invalidate recorded hashes.
     const KNOWN: &str = "ff4ea927c4d5ca14529bea2a10831a05";
 
     proptest! {

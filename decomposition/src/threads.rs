@@ -86,7 +86,7 @@ mod tests {
                 }
                 fixed.start();
                 halo.start();
-                // A collective call between start and finish meets none of the messages.
+                // A collective call between start and finish does not interfere with the messages.
                 assert_eq!(domain.communicator().all_reduce_sum_u64(1), 3);
                 halo.finish();
                 fixed.finish();

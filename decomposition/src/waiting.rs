@@ -1,24 +1,25 @@
-//! Time that this process has spent in MPI calls that wait for other ranks, and what it has sent.
+//! Time that this process has spent in MPI calls that wait for other ranks, and amount of data sent.
 //!
-//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of microseconds,
-//! and nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not measured.
+//! A clock is read before and after each blocking call. This costs some tens of nanoseconds for a call of
+//! microseconds, and nothing on a single rank. The sums are those of the process. MPI calls inside HDF5 are not
+//! measured.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Polls before the clock is read: some tens of microseconds.
+/// Number of polls before the clock is read, which take some tens of microseconds.
 const POLLS: u32 = 200;
-/// Time of polls and yields before a wait sleeps \[ns\]: at least, at most, and its growth by a wait that did not
-/// sleep.
+/// Duration of polling and yielding before a wait sleeps \[ns\]: minimum, maximum, and increase by a wait that did
+/// not sleep.
 const PATIENCE: [u64; 3] = [50_000, 1_000_000, 5_000];
-/// Length of a sleep.
+/// Duration of a sleep.
 const NAP: Duration = Duration::from_micros(50);
 
-/// Time of polls and yields before a wait sleeps \[ns\]. Waits that sleep halve it: on a machine with other work, the
-/// rank that is waited for may need the core.
+/// Current duration of polling and yielding before a wait sleeps \[ns\]. A wait that sleeps halves it, because on a
+/// busy machine the awaited rank may need the core.
 static PATIENT: AtomicU64 = AtomicU64::new(PATIENCE[1]);
 
-/// Polls until something is done: first without pause, then yielding the core, at last sleeping between polls.
+/// Polls until a condition is met: first without pause, then yielding the core, finally sleeping between polls.
 pub(crate) fn until(mut done: impl FnMut() -> bool) {
     for _ in 0..POLLS {
         if done() {
@@ -57,7 +58,7 @@ static CALLS: AtomicU64 = AtomicU64::new(0);
 pub(crate) enum Wait {
     /// Messages from one rank to another: halos, ghosts, migration.
     Messages,
-    /// Calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    /// Collective calls: reductions, broadcasts, gatherings, barriers.
     Collectives,
 }
 
@@ -66,7 +67,7 @@ pub(crate) enum Wait {
 pub struct Waited {
     /// Time of messages from one rank to another: halos, ghosts, migration.
     pub messages: Duration,
-    /// Time of calls in which all ranks take part: reductions, broadcasts, gatherings, barriers.
+    /// Time of collective calls: reductions, broadcasts, gatherings, barriers.
     pub collectives: Duration,
 }
 
@@ -107,11 +108,11 @@ pub fn waited() -> Waited {
 /// Messages, bytes and collective calls of this process since it started.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Messages from one rank to another.
+    /// Number of messages from one rank to another.
     pub messages: u64,
-    /// Bytes of the messages.
+    /// Number of bytes of the messages.
     pub bytes: u64,
-    /// Calls in which all ranks take part.
+    /// Number of collective calls.
     pub collectives: u64,
 }
 
@@ -127,7 +128,7 @@ impl Traffic {
     }
 }
 
-/// Returns what this process has sent to other ranks so far.
+/// Returns the amount of data that this process has sent to other ranks so far.
 #[must_use]
 pub fn traffic() -> Traffic {
     Traffic {
@@ -143,7 +144,7 @@ pub(crate) fn sent(messages: u64, bytes: u64) {
     SENT_BYTES.fetch_add(bytes, Ordering::Relaxed);
 }
 
-/// Counts a call in which all ranks take part.
+/// Counts a collective call.
 pub(crate) fn called_together() {
     CALLS.fetch_add(1, Ordering::Relaxed);
 }

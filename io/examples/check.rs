@@ -1,8 +1,8 @@
-//! Writes every kind of file on as many ranks as it is started with; `tests/mpi.rs` compares what comes out.
+//! Writes every kind of file on the given number of ranks; `tests/mpi.rs` compares the results.
 //!
-//! `check write DIR collective|gather x|y|z` writes, and reads the checkpoint back in other boxes;
-//! `check fail DIR collective|gather all|RANK N` lets the disk fail on some ranks after N agreements of the second
-//! checkpoint. Exit status 0, 5 after a failed write as `solver` does, 1 where something is wrong.
+//! `check write DIR collective|gather x|y|z` writes, and reads the checkpoint back in other boxes; `check fail DIR
+//! collective|gather all|RANK N` makes the disk fail on some ranks after N agreements of the second checkpoint. The
+//! exit status is 0, 5 after a failed write like that of `solver`, or 1 on another error.
 #![allow(
     clippy::print_stderr,
     reason = "a program started by a test: its words are the test's report"
@@ -23,7 +23,7 @@ use mpi::traits::*;
 /// All ranks of the job.
 struct Ranks {
     world: SimpleCommunicator,
-    /// Agreements still to come before this rank's disk fails; none for a sound disk.
+    /// Number of agreements until this rank's disk fails; none for a sound disk.
     fails_in: Cell<Option<u32>>,
 }
 
@@ -90,7 +90,7 @@ impl Group for Ranks {
     }
 }
 
-/// Returns rank `rank`'s share of `n` items: all but rank 1 take part, so that one rank is empty if there are several.
+/// Returns rank `rank`'s part of `n` items: all ranks but rank 1 take part, so that one of several is empty.
 fn part_of_rank(n: usize, group: &dyn Group) -> (usize, usize) {
     let (rank, size) = (group.rank(), group.size());
     if size < 2 {
@@ -105,7 +105,7 @@ fn part_of_rank(n: usize, group: &dyn Group) -> (usize, usize) {
     }
 }
 
-/// Returns a number that differs between any two positions and is not round.
+/// Returns a number that is unique for each position and not round.
 fn value(i: usize) -> f64 {
     let mut x = 0.1_f64;
     for bit in 0..40 {
@@ -199,7 +199,7 @@ fn meshes(
     };
     series[0].write_mesh(when, &particles, &provenance, group, mode)?;
 
-    // One contact per grain, with points of its own: f32 here.
+    // One contact per grain, with separate points in f32.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "positions of contacts are written as f32"
@@ -300,7 +300,8 @@ fn read_checkpoint(
     };
     let found = io::newest(folder, group)?;
     let reader = Reader::open_together(&found, group, mode)?;
-    // Columns along y instead of planes, other cuts than at writing, an empty box on the last rank of several.
+    // Columns along y instead of planes, with other bounds than at writing, and an empty box on the last of several
+    // ranks.
     let (rank, size) = (group.rank(), group.size());
     let (from, mut to) = (64 * rank / size, 64 * (rank + 1) / size);
     if size > 1 && rank + 1 == size {
@@ -314,7 +315,7 @@ fn read_checkpoint(
             .zip(&numbers)
             .all(|((z, y, x), v)| v.to_bits() == value(4096 * z + 64 * y + x).to_bits());
     let ids: Vec<u64> = reader.read_all("id")?;
-    // A box that is wrong on one rank is an error of all ranks, and no rank waits.
+    // An invalid box on one rank is an error on all ranks, and no rank waits.
     let beyond = if rank + 1 == size { planes } else { 0 };
     let refused = reader.read::<u64>("id", &[beyond], &[1]).is_err();
     reader.close()?;
@@ -359,7 +360,7 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
         Series::create(folder, "contacts", group)?,
         Series::create(folder, "blocks", group)?,
     ];
-    // No grains, many, fewer than ranks, none again.
+    // No grains, many, fewer than ranks, and again none.
     for (i, grains) in (0_u32..).zip([0, 23, 1, 0]) {
         let when = OutputTime {
             step: u64::from(i) * 100,
@@ -389,7 +390,7 @@ fn limit_files(bytes: u64) {
     }
 }
 
-/// Lets the disk fail on the chosen ranks after some agreements of the second checkpoint; the first must still be
+/// Makes the disk fail on the chosen ranks after some agreements of the second checkpoint; the first must still be
 /// found.
 fn fail(folder: &Path, mode: Mode, who: &str, when: u32, group: &Ranks) -> Result<(), Error> {
     checkpoint(folder, 1, 64, group, mode)?;

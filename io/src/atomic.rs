@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all: write to `.part`, flush to the disk, rename, flush the folder.
+//! Files that appear complete or not at all: written to `.part`, flushed to the disk, renamed, folder flushed.
 
 use std::ffi::CString;
 use std::fs::{self, File, OpenOptions};
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Returns the name that a file has until it is complete: the same with `.part` at the end.
+/// Returns the name of a file until it is complete: its name with `.part` at the end.
 #[must_use]
 pub fn part_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -31,7 +31,8 @@ fn folder_of(path: &Path) -> &Path {
 /// Flag with which the system refuses to open a link for writing.
 pub const NO_LINKS: i32 = libc::O_NOFOLLOW;
 
-/// Creates a file that is not complete yet. What has its name is removed first, a link rather than its target.
+/// Creates an incomplete file. An existing file of its name is removed first; a link is removed rather than its
+/// target.
 fn create_part(part: &Path) -> Result<File> {
     remove_if_there(part)?;
     OpenOptions::new()
@@ -41,7 +42,7 @@ fn create_part(part: &Path) -> Result<File> {
         .map_err(|e| Error::io("create", part, &e))
 }
 
-/// Opens a file to append to it, unless it is a link.
+/// Opens a file to append to it; a link is refused.
 ///
 /// # Errors
 /// The system's error.
@@ -53,7 +54,8 @@ pub fn append(path: &Path) -> Result<File> {
         .map_err(|e| Error::io("open", path, &e))
 }
 
-/// Writes a small file so that `path` holds either what it held before or all of `bytes`, even across a power cut.
+/// Writes a small file so that `path` contains either its previous contents or all of `bytes`, even after a power
+/// failure.
 ///
 /// # Errors
 /// The system's error; `path` is then untouched and no `.part` is left.
@@ -66,13 +68,13 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         })
         .and_then(|()| publish(&part, path));
     if written.is_err() {
-        // The first error is the one to report; a leftover is cleaned up at the next start at the latest.
+        // The first error is reported; a leftover file is removed at the next start at the latest.
         let _ = fs::remove_file(&part);
     }
     written
 }
 
-/// Writes a value as indented JSON with a final newline, as [`write()`] does.
+/// Writes a value as indented JSON with a final newline, like [`write()`].
 ///
 /// # Errors
 /// The system's error, or [`Error::Invalid`] where the value has no JSON form.
@@ -83,7 +85,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     write(path, text.as_bytes())
 }
 
-/// Flushes a complete, closed `.part` file to the disk and gives it its name.
+/// Flushes a complete, closed `.part` file to the disk and gives it its final name.
 ///
 /// # Errors
 /// The system's error.
@@ -99,21 +101,22 @@ pub fn publish(part: &Path, path: &Path) -> Result<()> {
     sync_folder(path)
 }
 
-/// Flushes the folder that holds `path`, so that a rename or removal in it is on the disk.
+/// Flushes the folder that contains `path`, so that a rename or removal in it is on the disk.
 ///
 /// # Errors
 /// The system's error.
 pub fn sync_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     match File::open(folder).and_then(|file| file.sync_all()) {
-        // Some network file systems cannot flush a folder; the rename itself is done.
+        // Some network file systems cannot flush a folder; the rename itself is complete.
         Err(e) if e.kind() != io::ErrorKind::InvalidInput => Err(Error::io("flush", folder, &e)),
         _ => Ok(()),
     }
 }
 
-/// Finds out on one rank, before all open it together, whether `part` can be created and given `bytes` bytes: a missing
-/// right, a quota and a full disk show here, where turning back is safe. An old `part` is replaced; none is left.
+/// Checks on one rank, before all open it together, if `part` can be created with `bytes` bytes. Missing
+/// permissions, a quota and a full disk are detected here, where the write can still be cancelled. An old `part` is
+/// replaced; none remains.
 pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     let file = create_part(part)?;
     let reserved = reserve(&file, bytes);
@@ -133,7 +136,7 @@ pub(crate) fn probe(part: &Path, bytes: u64) -> Result<()> {
     }
 }
 
-/// Allocates the disk space of an existing file, so that writing into it cannot run out of space.
+/// Allocates the disk space of an existing file, so that writing to it cannot run out of space.
 pub(crate) fn hold(part: &Path, bytes: u64) -> Result<()> {
     OpenOptions::new()
         .write(true)
@@ -152,7 +155,7 @@ fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     }
     let error = io::Error::last_os_error();
     match error.raw_os_error() {
-        // The file system cannot promise space: then writing has to show.
+        // The file system cannot reserve space, so that an error would appear at writing.
         Some(libc::EOPNOTSUPP | libc::ENOSYS | libc::EINVAL) => Ok(()),
         _ => Err(error),
     }
@@ -170,7 +173,8 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// Returns the bytes that this user may still write on the disk that holds `path` (a file or folder that exists).
+/// Returns the number of bytes that this user can still write on the disk that contains `path` (an existing file or
+/// folder).
 ///
 /// # Errors
 /// The system's error.
@@ -192,7 +196,7 @@ pub fn free_bytes(path: &Path) -> Result<u64> {
     Ok(room.f_bavail.saturating_mul(room.f_frsize))
 }
 
-/// Refuses a write of `needed` bytes to the folder of `path` where they do not fit.
+/// Refuses a write of `needed` bytes to the folder of `path` if they do not fit.
 pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
     let folder = folder_of(path);
     let free = free_bytes(folder)?;
@@ -206,7 +210,7 @@ pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
     Ok(())
 }
 
-/// Removes what interrupted writes left in a folder: every file whose name ends in `.part`. Returns what was removed.
+/// Removes the files of interrupted writes in a folder, whose names end in `.part`. Returns their paths.
 ///
 /// # Errors
 /// The system's error.
@@ -254,7 +258,7 @@ mod tests {
         let missing = dir.path().join("no").join("a.txt");
         let error = write(&missing, b"x").unwrap_err();
         assert!(error.to_string().contains("no/a.txt"), "{error}");
-        // A folder in the way: the rename fails, the .part goes.
+        // A folder of this name exists: the rename fails, and the .part file is removed.
         let folder = dir.path().join("b");
         fs::create_dir(&folder).unwrap();
         fs::write(folder.join("x"), b"x").unwrap();

@@ -1,4 +1,4 @@
-//! Checkpoints: the whole state as named arrays, accepted again only if every bit is as written.
+//! Checkpoints: the whole state as named arrays, accepted only if every bit is as written.
 //!
 //! Order of a write:
 //!
@@ -10,9 +10,10 @@
 //!    checkpoint comes into existence.
 //! 6. Older checkpoints are removed.
 //!
-//! A manifest holds the size and BLAKE3 hash of the file, the place and CRC-32 of each block, the attributes of the
-//! caller (case hash, version), and a hash of itself. Its `serial` grows by one with every checkpoint of a folder:
-//! after a restart from an older checkpoint the newest is the one written last, not the one with the highest step.
+//! A manifest contains the size and BLAKE3 hash of the file, the position and CRC-32 of each block, the attributes
+//! of the caller (case hash, version), and a hash of itself. Its `serial` increases by one with every checkpoint of
+//! a folder: after a restart from an older checkpoint the newest is the last one written, not the one with the
+//! highest step.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -33,15 +34,15 @@ use crate::plain;
 /// One rank's box of a named array of the state.
 #[derive(Clone, Debug)]
 pub struct Array<'a> {
-    /// lower_snake, with `/` between parts: `particles/position`.
+    /// Name in lower_snake, with `/` between parts: `particles/position`.
     pub name: &'a str,
     /// Shape of the whole array, the same on all ranks.
     pub shape: Vec<usize>,
-    /// First index of my box along each axis.
+    /// First index of this rank's box along each axis.
     pub start: Vec<usize>,
-    /// Size of my box; any zero means nothing.
+    /// Size of this rank's box; a box with a zero is empty.
     pub count: Vec<usize>,
-    /// My box, C order.
+    /// Numbers of this rank's box in C order.
     pub data: Numbers<'a>,
 }
 
@@ -60,7 +61,7 @@ pub struct Manifest {
     pub file: String,
     /// Size in bytes.
     pub bytes: u64,
-    /// BLAKE3 hash.
+    /// BLAKE3 hash of the HDF5 file.
     pub blake3: String,
     /// Arrays.
     pub arrays: Vec<ArrayInfo>,
@@ -68,7 +69,7 @@ pub struct Manifest {
     pub attributes: Value,
 }
 
-/// One array of a checkpoint.
+/// Description of one array of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayInfo {
     /// Name.
@@ -77,7 +78,7 @@ pub struct ArrayInfo {
     pub kind: Kind,
     /// Shape.
     pub shape: Vec<usize>,
-    /// The boxes the ranks wrote, empty ones left out.
+    /// Boxes written by the ranks, without empty ones.
     pub blocks: Vec<ArrayBlock>,
 }
 
@@ -92,7 +93,7 @@ pub struct ArrayBlock {
     pub crc32: u32,
 }
 
-/// A manifest with the hash of its own text.
+/// Manifest with the hash of its own text.
 #[derive(Serialize, Deserialize)]
 struct Signed {
     checkpoint: Manifest,
@@ -100,13 +101,13 @@ struct Signed {
 }
 
 const FORMAT: u32 = 1;
-/// Longest manifest \[bytes\]: reading one takes some seconds.
+/// Maximum length of a manifest \[bytes\], which takes some seconds to read.
 const LONGEST: u64 = 64 << 20;
-/// Axes of an array at most.
+/// Maximum number of axes of an array.
 const DIMENSIONS: usize = 8;
 /// Space for the headers that describe the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
-/// Fewer than this many are never kept: the last may be the damaged one.
+/// Minimum number of checkpoints kept, because the last one may be damaged.
 const FEWEST: usize = 2;
 
 impl Manifest {
@@ -124,14 +125,14 @@ impl Manifest {
         Ok(all)
     }
 
-    /// Reads a manifest and makes sure that it is, byte for byte, the one that was written.
+    /// Reads a manifest and verifies that it is identical, byte for byte, to the written one.
     fn read(path: &Path) -> Result<Self> {
         let bytes = plain::bytes(path, LONGEST)?;
         let signed: Signed = serde_json::from_slice(&bytes).map_err(|e| {
-            // Another format may have other fields.
+            // A manifest of another format may have other fields.
             other_format(path, &bytes).unwrap_or_else(|| Error::corrupt(path, e.to_string()))
         })?;
-        // The rendering holds the hash, so one comparison covers the content and every byte between.
+        // The rendered text contains the hash, so that one comparison covers all content.
         if signed.checkpoint.render()?.as_bytes() != bytes {
             return Err(Error::corrupt(path, "it does not match its own hash"));
         }
@@ -142,8 +143,8 @@ impl Manifest {
         Ok(signed.checkpoint)
     }
 
-    /// Validates the manifest. A matching hash only excludes accidental damage, because anyone can compute it. The
-    /// caller checks that the contents fit the case.
+    /// Validates the manifest. A matching hash excludes accidental damage only, because the hash can be computed by
+    /// any program. The caller checks that the contents fit the case.
     fn sound(&self, path: &Path, length: u64) -> Result<()> {
         let wrong = |what: String| Err(Error::corrupt(path, what));
         let file = Path::new(&self.file);
@@ -189,7 +190,7 @@ impl Manifest {
                 ));
             }
         }
-        // In addition to the arrays the file holds their headers and the caller's attributes.
+        // In addition to the arrays the file contains their headers and the caller's attributes.
         let most = all.saturating_add(HEADERS).saturating_add(4 * length);
         if self.bytes > most {
             return wrong(format!(
@@ -342,7 +343,7 @@ pub fn write(
         let text = new.render()?;
         atomic::publish(&part, &path)?;
         atomic::write(&manifest, text.as_bytes())?;
-        // What is on the disk now, not what was meant.
+        // The contents of the disk are verified, not those of memory.
         Manifest::read(&manifest)?.verify_file(&manifest)?;
         log::debug!(
             "{} and its {bytes} bytes read back as they were written",
@@ -357,7 +358,7 @@ fn as_text(step: u64) -> Attribute {
     Attribute::Text(step.to_string())
 }
 
-/// Checks that an array name is a path of names.
+/// Checks that the name of an array consists of valid names.
 fn check_name(name: &str) -> Result<()> {
     if name.split('/').next() == Some("checkpoint") {
         return Err(Error::invalid(name, "this name belongs to the format"));
@@ -365,8 +366,8 @@ fn check_name(name: &str) -> Result<()> {
     name.split('/').try_for_each(crate::data::check_name)
 }
 
-/// Returns the next serial number, and a file name that no manifest uses: where the step is written again, its present
-/// checkpoint stays whole until the manifest is replaced.
+/// Returns the next serial number, and a file name that no manifest uses: if a step is written again, its present
+/// checkpoint remains complete until the manifest is replaced.
 fn name_and_serial(folder: &Path, step: u64) -> Result<(u64, String)> {
     let known = intact(folder)?;
     let serial = known.iter().map(|k| k.1.serial).max().map_or(1, |n| n + 1);
@@ -398,7 +399,7 @@ fn manifests(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// Returns every rank's boxes and checksums: for each array, one block per rank.
+/// Returns the boxes and checksums of all ranks: for each array, one block per rank.
 fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<ArrayBlock>>> {
     let mine: Vec<ArrayBlock> = arrays
         .iter()
@@ -422,7 +423,7 @@ fn gather_blocks(arrays: &[Array], group: &dyn Group) -> Result<Vec<Vec<ArrayBlo
     Ok(by_array)
 }
 
-/// Returns the checksum of this rank's numbers, in pieces where they are made.
+/// Returns the checksum of this rank's numbers, in pieces if they are generated.
 fn crc_of_numbers(array: &Array) -> u32 {
     let mut sum = crc32fast::Hasher::new();
     let pieces = hdf::Pieces::new(&array.start, &array.count, array.data.kind().size());
@@ -451,8 +452,8 @@ fn describe(arrays: &[Array], blocks: &[Vec<ArrayBlock>]) -> Vec<ArrayInfo> {
         .collect()
 }
 
-/// Compares what is in the closed file with what was in memory: each rank its own blocks, or rank 0 all of them where
-/// it wrote for all. MPI-IO layers have written wrong files without an error.
+/// Compares the closed file with memory: each rank compares its own blocks, or rank 0 all of them if it wrote for
+/// all. Some MPI-IO layers have written wrong files without an error.
 fn read_back(
     part: &Path,
     arrays: &[Array],
@@ -469,7 +470,8 @@ fn read_back(
         Some(_) => agree(group, opened).map_err(|e| e.broken(part))?,
         None => opened?,
     };
-    // No early return: opening a dataset is a joint act under the MPI driver, so every rank goes through all of them.
+    // There is no early return: opening a dataset is collective with the MPI driver, so that every rank opens all
+    // of them.
     let compare = |array: &Array, blocks: &[ArrayBlock]| -> Result<()> {
         let name = format!("/{}", array.name);
         let dataset = file
@@ -497,7 +499,7 @@ fn read_back(
 }
 
 fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &ArrayBlock) -> Result<u32> {
-    // In pieces, so that reading back needs no memory of the size of the state.
+    // The block is read in pieces, so that no memory of the size of the state is needed.
     fn crc<T: Element>(dataset: &hdf5::Dataset, block: &ArrayBlock) -> hdf5::Result<u32> {
         let mut sum = crc32fast::Hasher::new();
         let mut numbers = Vec::new();
@@ -524,7 +526,7 @@ fn crc_of(path: &Path, dataset: &hdf5::Dataset, kind: Kind, block: &ArrayBlock) 
     .map_err(|e| Error::hdf(path, "read a block back", &e))
 }
 
-/// Keeps the last `keep` checkpoints; removes older ones, manifest first, and HDF5 files that nothing names.
+/// Keeps the last `keep` checkpoints; removes older ones, manifest first, and HDF5 files without a manifest.
 fn remove_old(folder: &Path, keep: usize) -> Result<()> {
     let mut known = intact(folder)?;
     known.sort_by_key(|k| std::cmp::Reverse(k.1.serial));
@@ -534,7 +536,7 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
         }
     }
     if known.len() < keep {
-        // While there are few, keep even damaged checkpoints for inspection.
+        // While there are few checkpoints, even damaged ones are kept for inspection.
         return Ok(());
     }
     let named = |path: &Path| known.iter().any(|k| k.0 == path || k.1.heavy(&k.0) == path);
@@ -549,14 +551,14 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
     atomic::sync_folder(&folder.join("."))
 }
 
-/// A checkpoint that verifies.
+/// Verified checkpoint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Found {
-    /// The manifest's file.
+    /// Path of the manifest.
     pub path: PathBuf,
     /// Contents of the manifest.
     pub manifest: Manifest,
-    /// Newer ones that were passed over, each with what was wrong.
+    /// Newer checkpoints that were skipped, each with its fault.
     pub passed_over: Vec<String>,
 }
 
@@ -569,7 +571,7 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
 }
 
 /// Returns the newest checkpoint, like [`newest`], whose manifest also `fits` the caller's case. `fits` is called
-/// before a byte of the file is read.
+/// before any byte of the file is read.
 ///
 /// # Errors
 /// Those of [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
@@ -656,19 +658,19 @@ pub struct Reader<'g> {
     file: hdf5::File,
     path: PathBuf,
     manifest: Manifest,
-    /// The ranks that read together.
+    /// Ranks that read together.
     group: Option<&'g dyn Group>,
     transfer: Transfer,
 }
 
-/// Checks that a file holds the arrays of its manifest in itself: as they were written, not as links or references to
-/// other files, which could be anything.
+/// Checks that a file contains the arrays of its manifest itself, and not as links or references to other files of
+/// unknown content.
 fn holds(file: &hdf5::File, manifest: &Manifest) -> hdf5::Result<()> {
     within(file, "", 0, &mut 0)?;
     for array in &manifest.arrays {
         let dataset = file.dataset(&format!("/{}", array.name))?;
         let described = dataset.dcpl()?;
-        // What holds nothing has no place in the file.
+        // An empty array has no storage in the file.
         let whole =
             described.layout() == hdf5::dataset::Layout::Contiguous || array.shape.contains(&0);
         if !whole || !described.external().is_empty() {
@@ -687,7 +689,7 @@ fn holds(file: &hdf5::File, manifest: &Manifest) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Refuses links that are no plain names of objects in the same file.
+/// Refuses links other than plain names of objects in the same file.
 fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hdf5::Result<()> {
     let mut names = Vec::new();
     group.iter_visit_default(|name, info| {
@@ -711,11 +713,11 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
     Ok(())
 }
 
-/// Names in the file of a checkpoint at most.
+/// Maximum number of names in the file of a checkpoint.
 const MOST_NAMES: usize = 10_000;
 
 impl<'g> Reader<'g> {
-    /// Opens a checkpoint for this rank alone, which then reads independently of others.
+    /// Opens a checkpoint for this rank alone, which then reads independently of other ranks.
     ///
     /// # Errors
     /// [`Error::Hdf`].
@@ -732,8 +734,9 @@ impl<'g> Reader<'g> {
         })
     }
 
-    /// Opens a checkpoint together: every rank then makes the same calls in the same order, each with its own box, gets
-    /// the same error as the others, and ends with [`Reader::close`]. Collective where the group has a communicator.
+    /// Opens a checkpoint together: every rank then makes the same calls in the same order, each with its own box,
+    /// receives the same error as the others, and ends with [`Reader::close`]. Collective where the group has a
+    /// communicator.
     ///
     /// # Errors
     /// [`Error::Hdf`] or [`Error::Broken`], on all ranks.
@@ -746,7 +749,7 @@ impl<'g> Reader<'g> {
             });
         };
         let path = found.manifest.heavy(&found.path);
-        // What the file holds is looked at by each rank for itself, before they open it together.
+        // Each rank inspects the contents of the file itself, before all open it together.
         agree(group, Self::open(found).and_then(Self::close))?;
         let opened = hdf::open(&path, Some(communicator));
         Ok(Self {
@@ -773,7 +776,7 @@ impl<'g> Reader<'g> {
     /// Returns an array's shape.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where there is no such array.
+    /// [`Error::Invalid`] if there is no such array.
     pub fn shape(&self, name: &str) -> Result<&[usize]> {
         Ok(&self.info(name)?.shape)
     }
@@ -791,7 +794,7 @@ impl<'g> Reader<'g> {
     /// Reads a box into a slice of the array's own number type.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the array is missing, has another number type, or the box or the slice does not
+    /// [`Error::Invalid`] if the array is missing, has another number type, or the box or the slice does not
     /// fit; [`Error::Hdf`] where the file cannot be read. The same on all ranks where they read together.
     pub fn read_into<T: Element>(
         &self,
@@ -800,7 +803,7 @@ impl<'g> Reader<'g> {
         count: &[usize],
         into: &mut [T],
     ) -> Result<()> {
-        // A rank that leaves here would keep the others waiting in the joint read.
+        // A rank that returned here would make the others wait in the joint read.
         self.together(self.fits::<T>(name, start, count, into.len()))?;
         if product(self.shape(name)?) == 0 {
             return Ok(());
@@ -856,9 +859,9 @@ impl<'g> Reader<'g> {
     /// Reads a box.
     ///
     /// # Errors
-    /// Those of [`Reader::read_into`].
+    /// If [`Reader::read_into`] fails.
     pub fn read<T: Element>(&self, name: &str, start: &[usize], count: &[usize]) -> Result<Vec<T>> {
-        // A box outside the array gets no capacity here, and its error below.
+        // A box outside the array has no capacity here; it causes an error below.
         let room = match self.shape(name) {
             Ok(shape) if hdf::is_inside(start, count, shape) => product(count),
             _ => 0,
@@ -868,8 +871,8 @@ impl<'g> Reader<'g> {
         Ok(numbers)
     }
 
-    /// Reads a box in pieces of some megabytes, in C order: `take` gets the place of each piece in the box, and its
-    /// numbers.
+    /// Reads a box in pieces of some megabytes, in C order: `take` receives the range of each piece in the box, and
+    /// its numbers.
     ///
     /// # Errors
     /// Those of [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
@@ -901,13 +904,13 @@ impl<'g> Reader<'g> {
     /// Reads a whole array.
     ///
     /// # Errors
-    /// Those of [`Reader::read_into`].
+    /// If [`Reader::read_into`] fails.
     pub fn read_all<T: Element>(&self, name: &str) -> Result<Vec<T>> {
         let shape = self.shape(name)?.to_vec();
         self.read(name, &vec![0; shape.len()], &shape)
     }
 
-    /// Closes the file; needed where it was opened together.
+    /// Closes the file; required if it was opened together.
     ///
     /// # Errors
     /// [`Error::Hdf`].
@@ -1006,12 +1009,12 @@ mod tests {
         );
     }
 
-    /// Numbers that are made while they are written give the same file as numbers in memory, and come back in pieces.
+    /// Numbers generated during writing give the same file as numbers in memory, and are read back in pieces.
     #[test]
     fn numbers_are_made_in_pieces() {
         let dir = tempfile::tempdir().unwrap();
         let of = |n: usize| f64::from(u32::try_from(n).unwrap()).sqrt();
-        // Twelve megabytes, cut between rows of the first axis.
+        // Twelve megabytes, divided between rows of the first axis.
         let shape = vec![40, 13, 3001];
         let count = product(&shape);
         let all: Vec<f64> = (0..count).map(of).collect();
@@ -1074,7 +1077,7 @@ mod tests {
                 "checkpoint_000000004.json"
             ]
         );
-        // A run that restarted from step 3: what it writes is newer than step 4.
+        // After a restart from step 3, a checkpoint written again is newer than that of step 4.
         let again = save(dir.path(), 3, 2).unwrap();
         let found = newest(dir.path(), &Alone).unwrap();
         assert_eq!((found.manifest.step, &found.path), (3, &again));
@@ -1129,7 +1132,7 @@ mod tests {
         check_name("fluid/population_0").unwrap();
     }
 
-    /// A small generator with a fixed seed (Knuth's constants), enough to scatter damage.
+    /// Small generator with a fixed seed (Knuth's constants), sufficient to distribute damage.
     struct Dice(u64);
 
     impl Dice {
@@ -1142,8 +1145,8 @@ mod tests {
         }
     }
 
-    /// C1: flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found, and the previous
-    /// checkpoint is taken.
+    /// Criterion C1: flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found,
+    /// and the previous checkpoint is used.
     #[test]
     fn every_damage_is_found() {
         let dir = tempfile::tempdir().unwrap();
@@ -1192,7 +1195,7 @@ mod tests {
             fs::write(path, &whole).unwrap();
             assert_eq!(step_found(dir.path()), 2);
         }
-        // Two files exchanged: both manifests refuse.
+        // Two files are exchanged: both manifests are refused.
         let first = dir.path().join("checkpoint_000000001.h5");
         fs::rename(&heavy, dir.path().join("x")).unwrap();
         fs::rename(&first, &heavy).unwrap();

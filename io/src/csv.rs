@@ -1,13 +1,13 @@
-//! Tables as CSV text: one way to read them and one to write them, by the crate `csv`.
+//! Reading and writing of tables as CSV text, with the crate `csv`.
 //!
-//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line below
-//! the names holds the units. Where numbers follow a `#` line at once, that line holds the names. White space around a
-//! cell does not count. Cells in quotes may hold commas.
+//! The first line names the columns. Lines that begin with `#` and blank lines are skipped; the first `#` line
+//! below the names contains the units. If numbers follow a `#` line directly, that line contains the names. White
+//! space around a cell is ignored. Cells in quotes may contain commas.
 
 use ::csv::{QuoteStyle, ReaderBuilder, StringRecord, Terminator, WriterBuilder};
 use serde::de::DeserializeOwned;
 
-/// The rows of a text, one after the other.
+/// Reader of the rows of a text, one after the other.
 #[derive(Debug)]
 pub struct Reader<'t> {
     text: &'t str,
@@ -20,7 +20,7 @@ pub struct Reader<'t> {
 }
 
 impl<'t> Reader<'t> {
-    /// Returns a reader of a text; none if there is no line of names.
+    /// Returns a reader of a text; `None` if there is no line of names.
     #[must_use]
     pub fn new(text: &'t str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}');
@@ -65,7 +65,7 @@ impl<'t> Reader<'t> {
         self.names.iter().position(|known| known == name)
     }
 
-    /// Returns the units, where a line gave them above the rows read so far.
+    /// Returns the units, if a line contained them above the rows read so far.
     #[must_use]
     pub fn units(&self) -> Vec<&str> {
         self.units.iter().flatten().map(uncommented).collect()
@@ -81,8 +81,8 @@ impl<'t> Reader<'t> {
         })
     }
 
-    /// Reads the next row that is no comment and not blank; returns `true` if there is one. Text in memory whose rows
-    /// may differ in length cannot fail to be read.
+    /// Reads the next row that is neither a comment nor blank; returns `true` if there is one. Reading text in
+    /// memory cannot fail if rows may differ in length.
     fn advance(&mut self) -> bool {
         while matches!(self.rows.read_record(&mut self.row), Ok(true)) {
             let first = self.row.get(0).unwrap_or_default().trim_start();
@@ -100,18 +100,18 @@ fn uncommented(cell: &str) -> &str {
     cell.trim().trim_start_matches('#').trim_start()
 }
 
-/// Returns the line of a text in which a record stands, from 1; 0 for a record that was not read from it.
+/// Returns the line number of a record in a text, from 1; 0 for a record from another text.
 pub(crate) fn line(record: &StringRecord, text: &str) -> u64 {
     let Some(found) = record.position() else {
         return 0;
     };
-    // The crate names the position at which it began to search: blank lines may lie between it and the row.
+    // The crate returns the position at which it began to search: blank lines may precede the row.
     let rest = usize::try_from(found.byte()).map_or("", |at| text.get(at..).unwrap_or(""));
     let blank = rest.bytes().take_while(|b| matches!(b, b'\r' | b'\n'));
     found.line() + blank.filter(|b| *b == b'\n').map(|_| 1).sum::<u64>()
 }
 
-/// A row below the names.
+/// Row below the names.
 #[derive(Clone, Copy, Debug)]
 pub struct CsvRow<'r> {
     text: &'r str,
@@ -120,18 +120,18 @@ pub struct CsvRow<'r> {
 }
 
 impl CsvRow<'_> {
-    /// Returns the line of the text, from 1.
+    /// Returns the line number in the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
         line(self.cells, self.text)
     }
 
-    /// Returns the cells.
+    /// Returns the texts of the cells.
     pub fn cells(&self) -> impl Iterator<Item = &str> {
         self.cells.iter().map(str::trim)
     }
 
-    /// Returns the text of a cell; none if the row is shorter.
+    /// Returns the text of a cell; `None` if the row is shorter.
     #[must_use]
     pub fn text(&self, column: usize) -> Option<&str> {
         self.cells.get(column).map(str::trim)
@@ -186,13 +186,13 @@ impl CsvRow<'_> {
     }
 }
 
-/// Appends a line of cells to a text. A cell with a comma, a quote or a line break stands in quotes.
+/// Appends a line of cells to a text. A cell with a comma, a quote or a line break is quoted.
 pub fn push_line<C: AsRef<str>>(text: &mut String, cells: impl IntoIterator<Item = C>) {
     let mut writer = WriterBuilder::new()
         .quote_style(QuoteStyle::Necessary)
         .terminator(Terminator::Any(b'\n'))
         .from_writer(Vec::new());
-    // Writing to memory cannot fail, and text stays text.
+    // Writing to memory cannot fail, and the result is valid UTF-8.
     let written = writer.write_record(cells.into_iter().map(|cell| cell.as_ref().to_owned()));
     if written.is_ok()
         && let Ok(line) = writer.into_inner()
@@ -201,7 +201,7 @@ pub fn push_line<C: AsRef<str>>(text: &mut String, cells: impl IntoIterator<Item
     }
 }
 
-/// Returns the step with which a line begins.
+/// Returns the step at the beginning of a line.
 #[must_use]
 pub fn step_of(line: &str) -> Option<u64> {
     line.split(',').next()?.trim_end().parse().ok()

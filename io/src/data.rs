@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use crate::error::{Error, Result};
 
-/// The number types files hold.
+/// Types of the numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -60,7 +60,7 @@ impl Kind {
         .find(|kind| kind.descriptor() == *descriptor)
     }
 
-    /// Returns `NumberType` and `Precision` in XDMF; none for the one type that not every reader takes.
+    /// Returns `NumberType` and `Precision` in XDMF; `None` for the type that some readers do not support.
     pub(crate) fn xdmf(self) -> Option<(&'static str, usize)> {
         match self {
             Self::F32 | Self::F64 => Some(("Float", self.size())),
@@ -75,9 +75,9 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// A number type that files hold: f32, f64, u8, i32, i64, u64. For all of them every bit pattern is a value.
+/// Type of numbers in files: f32, f64, u8, i32, i64, u64. For all of them every bit pattern is a valid value.
 pub trait Element: sealed::Sealed + Copy + Default + 'static {
-    /// Which.
+    /// Kind of the type.
     const KIND: Kind;
     /// Returns the slice as typed data.
     fn data(slice: &[Self]) -> Data<'_>;
@@ -151,7 +151,7 @@ impl<'a> Data<'a> {
         self.bytes().is_empty()
     }
 
-    /// Returns the numbers as they lie in memory.
+    /// Returns the bytes of the numbers in memory order.
     #[must_use]
     pub fn bytes(&self) -> &'a [u8] {
         match self {
@@ -165,17 +165,17 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Numbers that are made while they are written, a piece at a time, so that nothing holds all of them.
+/// Numbers generated during writing, a piece at a time, so that they are never all in memory.
 pub trait Make {
     /// Returns the number type.
     fn kind(&self) -> Kind;
     /// Returns the number of values.
     fn count(&self) -> usize;
-    /// Makes the numbers of a range, in C order, and shows them.
+    /// Generates the numbers of a range in C order and passes them to `show`.
     fn show(&self, range: Range<usize>, show: &mut dyn FnMut(Data<'_>));
 }
 
-/// A function that appends the numbers of a range to a list.
+/// Generator of numbers by a function that appends a range to a list.
 pub struct Maker<T, F> {
     count: usize,
     append: F,
@@ -183,8 +183,8 @@ pub struct Maker<T, F> {
 }
 
 impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
-    /// Makes `count` numbers; `append` is called with ranges below `count`, with the same numbers for the same range
-    /// each time.
+    /// Returns a generator of `count` numbers; `append` is called with ranges below `count`, and must give the same
+    /// numbers for the same range each time.
     pub fn new(count: usize, append: F) -> Self {
         Self {
             count,
@@ -210,12 +210,12 @@ impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
     }
 }
 
-/// One rank's part of an array in C order: numbers in memory, or numbers made while they are written.
+/// One rank's part of an array in C order: numbers in memory, or numbers generated during writing.
 #[derive(Clone, Copy)]
 pub enum Numbers<'a> {
     /// Numbers in memory.
     Held(Data<'a>),
-    /// Made in pieces.
+    /// Numbers generated in pieces.
     Made(&'a dyn Make),
 }
 
@@ -256,7 +256,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// Shows the bytes of a range of numbers.
+    /// Passes the bytes of a range of numbers to `show`.
     pub(crate) fn show<R>(&self, range: Range<usize>, show: impl FnOnce(&[u8]) -> R) -> Option<R> {
         let (mut show, mut shown) = (Some(show), None);
         match self {
@@ -282,22 +282,22 @@ fn bytes_of<T: Element>(slice: &[T]) -> &[u8] {
     unsafe { std::slice::from_raw_parts(slice.as_ptr().cast(), size_of_val(slice)) }
 }
 
-/// One named quantity on the cells of a lattice or on the points or cells of a mesh.
+/// Named quantity on the cells of a lattice or on the points or cells of a mesh.
 #[derive(Clone, Debug)]
 pub struct Column<'a> {
-    /// lower_snake: `velocity`.
+    /// Name in lower_snake: `velocity`.
     pub name: &'a str,
-    /// SI: `m/s`; `-` for a pure number.
+    /// Unit in SI: `m/s`; `-` for a pure number.
     pub units: &'a str,
-    /// 1, 3 (vector) or 9 (tensor, row by row).
+    /// Number of components: 1, 3 (vector) or 9 (tensor, row by row).
     pub components: usize,
-    /// Part of this rank, the component fastest.
+    /// Numbers of this rank, with the component as the fastest index.
     pub data: Data<'a>,
 }
 
 impl Column<'_> {
-    /// Checks that name, type and component count are such that every reader takes them, and there is a value for each
-    /// of this rank's `places`.
+    /// Checks that every reader supports the name, type and number of components, and that there is a value for
+    /// each of this rank's `places`.
     pub(crate) fn check(&self, places: usize) -> Result<()> {
         check_name(self.name)?;
         if !matches!(self.components, 1 | 3 | 9) {
@@ -325,7 +325,7 @@ impl Column<'_> {
         Ok(())
     }
 
-    /// Returns the shape of an array over places of shape `places`, with the component last where there are several.
+    /// Returns the shape of an array over places of shape `places`, with the component last if there are several.
     pub(crate) fn shaped(&self, places: &[usize]) -> Vec<usize> {
         let mut shape = places.to_vec();
         if self.components > 1 {
@@ -343,7 +343,7 @@ impl Column<'_> {
     }
 }
 
-/// Checks that a name needs no quoting anywhere: lower case letters, digits, underscores, a letter first.
+/// Checks that a name needs no quoting: lower case letters, digits, underscores, and a letter first.
 pub(crate) fn check_name(name: &str) -> Result<()> {
     let fine = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name
@@ -359,12 +359,12 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
     }
 }
 
-/// Returns a count from a group, as an index.
+/// Returns a count from a group as an index.
 pub(crate) fn index(n: u64) -> Result<usize> {
     usize::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }
 
-/// Returns an index, as files hold it.
+/// Returns an index in the type used in files.
 pub(crate) fn signed(n: usize) -> Result<i64> {
     i64::try_from(n).map_err(|e| Error::invalid("an array", e.to_string()))
 }

@@ -10,74 +10,76 @@ use serde::{Deserialize, Serialize};
 /// Result of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Error of a file, in words that can be sent to every rank.
+/// Error of a file, with texts that can be sent to every rank.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 pub enum Error {
-    /// The operating system refused.
+    /// The operating system refused an operation.
     #[error("cannot {action} {path}: {reason}")]
     Io {
-        /// Action that failed, as a verb.
+        /// Failed action, as a verb.
         action: String,
-        /// The file or folder.
+        /// File or folder.
         path: String,
-        /// The system's words.
+        /// Message of the system.
         reason: String,
     },
     /// HDF5 refused to open or read a file.
     #[error("{path}: {reason}")]
     Hdf {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// HDF5's words.
+        /// Message of HDF5.
         reason: String,
     },
-    /// A write failed halfway inside HDF5. The file is left open under its `.part` name: closing it could wait for ever
-    /// on the rank that failed, and shutting HDF5 down over it crashes. The caller reports this and calls `MPI_Abort`.
+    /// A write failed halfway inside HDF5. The file is left open under its `.part` name: closing it could wait
+    /// forever on the rank that failed, and HDF5 crashes at its shutdown with this file open. The caller reports
+    /// the error and calls `MPI_Abort`.
     #[error("{path} is half written: {reason}")]
     Broken {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// The first failing rank's words.
+        /// Message of the first failing rank.
         reason: String,
     },
-    /// The disk is too small for what is to be written; nothing was written.
+    /// There is not enough disk space; nothing was written.
     #[error("{path}: {needed} bytes needed, {free} bytes free")]
     Space {
-        /// Bytes to be written.
+        /// Number of bytes to write.
         needed: u64,
-        /// Bytes free for this user.
+        /// Number of bytes available to this user.
         free: u64,
-        /// The folder.
+        /// Path of the folder.
         path: String,
     },
-    /// The caller's arrays do not fit together.
+    /// The caller's arrays do not match.
     #[error("{what}: {reason}")]
     Invalid {
-        /// The array or name.
+        /// Name of the array, or another name.
         what: String,
         /// Reason of the failure.
         reason: String,
     },
-    /// A file is there but is not what was written.
+    /// An existing file differs from the written one.
     #[error("{path} is damaged: {reason}")]
     Corrupt {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// Reason why it does not fit.
+        /// Description of the difference.
         reason: String,
     },
-    /// A folder holds no checkpoint that verifies.
+    /// A folder contains no checkpoint that can be verified.
     #[error("{path} holds no usable checkpoint{reason}")]
     NoCheckpoint {
-        /// The folder.
+        /// Path of the folder.
         path: String,
-        /// Faults of each one, or empty.
+        /// Fault of each checkpoint; empty if there is none.
         reason: String,
     },
 }
 
 impl Error {
-    /// Returns `true` if leaving quietly could hang the other ranks or crash HDF5: call `MPI_Abort`.
+    /// Returns `true` if an ordinary exit could hang the other ranks or crash HDF5, so that `MPI_Abort` is
+    /// necessary.
     #[must_use]
     pub fn must_abort(&self) -> bool {
         matches!(self, Self::Broken { .. })
@@ -120,7 +122,7 @@ impl Error {
         }
     }
 
-    /// Returns the error as part of a write that cannot be undone.
+    /// Returns the error for a write that cannot be undone.
     pub(crate) fn broken(self, path: &Path) -> Self {
         let reason = match self {
             Self::Io { action, reason, .. } => format!("cannot {action} it: {reason}"),
@@ -133,7 +135,7 @@ impl Error {
         }
     }
 
-    /// Returns the error with the rank that it arose on.
+    /// Returns the error with the rank on which it arose.
     pub(crate) fn on_rank(mut self, rank: usize) -> Self {
         match &mut self {
             Self::Io { reason, .. }

@@ -1,6 +1,6 @@
-//! Reading files back: their contents, and any box of any dataset.
+//! Reading of files: their contents, and any box of any dataset.
 //!
-//! The module serves `info`, initial states from a file, and tests. Every rank reads for itself.
+//! The module is used by `info`, initial states from a file, and tests. Every rank reads independently.
 
 use std::ffi::c_void;
 use std::path::Path;
@@ -15,18 +15,18 @@ use crate::data::Kind;
 use crate::error::{Error, Result};
 use crate::hdf::{self, Transfer, product};
 
-/// One dataset.
+/// Description of one dataset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DatasetInfo {
     /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
     /// Shape.
     pub shape: Vec<usize>,
-    /// Number type; none for a type this crate does not write.
+    /// Number type; none for a type that this crate does not write.
     pub kind: Option<Kind>,
     /// Unit, if it has one.
     pub units: Option<String>,
-    /// All its attributes.
+    /// All attributes of the dataset.
     pub attributes: Vec<(String, Value)>,
 }
 
@@ -65,7 +65,7 @@ impl FileInfo {
 /// Lists groups, datasets and attributes.
 ///
 /// # Errors
-/// [`Error::Hdf`] where the file cannot be read.
+/// [`Error::Hdf`] if the file cannot be read.
 pub fn inspect(path: &Path) -> Result<FileInfo> {
     let file = hdf::open(path, None)?;
     let mut info = FileInfo {
@@ -79,7 +79,7 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
     walked.and(closed).map(|()| info)
 }
 
-/// Groups within each other, and objects of a file, at most: links may lead round in a circle.
+/// Maximum nesting of groups, and maximum number of objects of a file: links may form a cycle.
 const DEEPEST: usize = 32;
 const MOST_OBJECTS: usize = 100_000;
 
@@ -167,7 +167,7 @@ fn one_or_many<T: Into<Value> + Copy>(scalar: bool, values: Vec<T>) -> Value {
 /// Reads one box of a dataset of any number type as f64.
 ///
 /// # Errors
-/// [`Error::Hdf`] where there is no such dataset or the box is not in it.
+/// [`Error::Hdf`] if there is no such dataset or the box is not in it.
 pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) -> Result<Vec<f64>> {
     let file = hdf::open(path, None)?;
     let read = || -> hdf5::Result<Vec<f64>> {
@@ -190,7 +190,7 @@ pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) ->
     values.and_then(|values| closed.map(|()| values))
 }
 
-/// A whole column.
+/// Whole column of numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values {
     /// Shape, slowest axis first.
@@ -216,15 +216,15 @@ fn places(name: &str) -> Vec<String> {
     }
 }
 
-/// Returns the shape of a column, found as by [`find_column`]; of the file only what describes it is read.
+/// Returns the shape of a column found as by [`find_column`]; only metadata are read from the file.
 ///
 /// # Errors
-/// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column of numbers.
+/// [`Error::Hdf`] if the file cannot be read, [`Error::Invalid`] where it has no such column of numbers.
 pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
     let file = hdf::open(path, None)?;
     let mut found = None;
     for place in places(name) {
-        // A place without a dataset is none: the next one is asked.
+        // Without a dataset at this path, the next one is tried.
         if let Ok(dataset) = file.dataset(&place) {
             found = Some((dataset.shape(), hdf::kind_of(&dataset)));
             break;
@@ -246,10 +246,10 @@ pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
     }
 }
 
-/// Finds a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
+/// Returns a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
 ///
 /// # Errors
-/// [`Error::Invalid`] where there is none; it lists the names there are.
+/// [`Error::Invalid`] if there is none; it lists the names there are.
 pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetInfo> {
     places(name)
         .iter()
@@ -267,7 +267,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
 /// Reads a whole column as f64.
 ///
 /// # Errors
-/// [`Error::Hdf`] where the file cannot be read, [`Error::Invalid`] where it has no such column.
+/// [`Error::Hdf`] if the file cannot be read, [`Error::Invalid`] where it has no such column.
 pub fn read_column(path: &Path, name: &str) -> Result<Values> {
     let found = find_column(&inspect(path)?, path, name)?;
     let values = read_f64(path, &found.path, &vec![0; found.shape.len()], &found.shape)?;

@@ -1,13 +1,13 @@
-//! The ranks that write one file together, and their agreement.
+//! Ranks that write one file together, and their agreement.
 //!
-//! A rank that leaves a joint write alone would leave the others waiting for ever. Every step of a write therefore ends
+//! A rank that leaves a joint write alone would make the others wait forever. Every step of a write therefore ends
 //! in [`agree`]: all continue, or all return the error of the first failing rank.
 
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::error::{Error, Result};
 
-/// The ranks that write one file together. Every method but the first three is called by all of them together.
+/// Ranks that write one file together. Every method except the first three is collective.
 pub trait Group {
     /// Returns the number of this rank, from 0.
     fn rank(&self) -> usize;
@@ -21,15 +21,15 @@ pub trait Group {
     fn offset_and_total(&self, n: u64) -> (u64, u64);
     /// Returns the bytes of all ranks, in order of rank, on every rank.
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>>;
-    /// Waits for all.
+    /// Waits for all ranks.
     fn barrier(&self);
-    /// Called on a rank whose part of a joint HDF5 call failed, before it tries to agree with the others: these may be
-    /// waiting for it inside that call, where no agreement reaches them. An MPI program reports the error and calls
-    /// `MPI_Abort` here; to do nothing is right only without MPI.
+    /// Handles a failure of this rank's part of a joint HDF5 call, before it tries to agree with the others: these
+    /// may be waiting for it inside that call, where they receive no agreement. An MPI program reports the error
+    /// and calls `MPI_Abort` here; doing nothing is correct only without MPI.
     fn give_up(&self, _error: &Error) {}
 }
 
-/// One process without MPI.
+/// Group of one process without MPI.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Alone;
 
@@ -55,7 +55,8 @@ impl Group for Alone {
     fn barrier(&self) {}
 }
 
-/// Returns the result of this rank if all ranks succeeded, else the first failing rank's error, the same on all.
+/// Returns the result of this rank if all ranks succeeded, otherwise the first failing rank's error, which is the
+/// same on all.
 ///
 /// # Errors
 /// The first failing rank's error.
@@ -77,11 +78,11 @@ pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
             });
         }
     }
-    // Unreachable for a sound group; still an error everywhere rather than a disagreement.
+    // A sound group cannot reach this point; the error is still the same on all ranks.
     Err(Error::invalid("a rank", "failed without a message"))
 }
 
-/// Runs `work` on rank 0 and gives its result to every rank.
+/// Runs `work` on rank 0 and returns its result on every rank.
 ///
 /// # Errors
 /// Rank 0's error, on every rank.

@@ -1,8 +1,8 @@
-//! One HDF5 file written by many ranks. Each rank holds a box of every dataset.
+//! One HDF5 file written by several ranks, each of which has a box of every dataset.
 //!
-//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything piece
-//! by piece to rank 0, which writes with the serial driver; use it where a parallel file system or an MPI-IO layer
-//! misbehaves. Both give the same datasets, byte for byte.
+//! [`Mode::Collective`] uses the MPI driver of HDF5 with collective transfers. [`Mode::Gather`] sends everything
+//! piece by piece to rank 0, which writes with the serial driver; it is for parallel file systems or MPI-IO layers
+//! with faults. Both give the same datasets, byte for byte.
 //!
 //! A file is built as [`Content`], data first. [`write()`] writes it in a sequence of agreed steps: space, create,
 //! groups, datasets, flush, close, flush to disk, rename. The MPI driver refuses to close a file while a handle to an
@@ -32,10 +32,10 @@ use crate::plain;
 /// Method by which several ranks write one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Mode {
-    /// Together, through MPI-IO.
+    /// All ranks write together through MPI-IO.
     #[default]
     Collective,
-    /// Through rank 0 and the serial driver.
+    /// Rank 0 writes with the serial driver.
     Gather,
 }
 
@@ -58,8 +58,8 @@ pub fn features() -> Vec<&'static str> {
 }
 
 impl Mode {
-    /// Returns the communicator for the MPI driver where this mode and this group use it. One rank alone writes
-    /// serially: the same bytes, and closing after an error cannot hang.
+    /// Returns the communicator for the MPI driver if this mode and this group use it. A single rank writes
+    /// serially: the bytes are the same, and closing after an error cannot hang.
     fn communicator(self, group: &dyn Group) -> Option<mpi_sys::MPI_Comm> {
         match self {
             Self::Collective if group.size() > 1 => group.raw(),
@@ -68,7 +68,7 @@ impl Mode {
     }
 }
 
-/// An attribute of a group or dataset.
+/// Attribute of a group or dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Attribute {
     /// Text, UTF-8, at most [`LONGEST_TEXT`] bytes.
@@ -83,10 +83,11 @@ pub enum Attribute {
     Floats(Vec<f64>),
 }
 
-/// An attribute must fit its object's header (64 KiB); longer texts become byte datasets.
+/// Maximum length of a text attribute, which must fit into its object's header (64 KiB); longer texts become byte
+/// datasets.
 pub const LONGEST_TEXT: usize = 32_000;
 
-/// A group with its attributes.
+/// Group with its attributes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Folder {
     /// Path from the root: `/VTKHDF/CellData`.
@@ -95,24 +96,24 @@ pub struct Folder {
     pub attributes: Vec<(String, Attribute)>,
 }
 
-/// A dataset, and the box of it that this rank holds.
+/// Dataset with this rank's box of it.
 #[derive(Clone, Debug)]
 pub struct DatasetPart<'a> {
     /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
     /// Shape of the whole dataset, the same on all ranks.
     pub shape: Vec<usize>,
-    /// First index of my box along each axis.
+    /// First index of this rank's box along each axis.
     pub start: Vec<usize>,
-    /// Size of my box along each axis; any zero means that I hold nothing.
+    /// Size of this rank's box along each axis; a box with a zero is empty.
     pub count: Vec<usize>,
-    /// My box, C order.
+    /// Numbers of this rank's box in C order.
     pub data: Numbers<'a>,
     /// Attributes, the same on all ranks.
     pub attributes: Vec<(String, Attribute)>,
 }
 
-/// Everything in one file. Groups that only lie on the way to a dataset need no entry.
+/// Contents of one file. Intermediate groups on the path to a dataset need no entry.
 #[derive(Clone, Debug, Default)]
 pub struct Content<'a> {
     /// Groups, parents first.
@@ -157,7 +158,7 @@ impl<'a> Content<'a> {
         }
     }
 
-    /// Returns the bytes of all datasets together and a generous allowance for what describes them.
+    /// Returns the number of bytes of all datasets plus an upper bound of the metadata.
     fn bytes(&self) -> u64 {
         let data: u64 = self
             .parts
@@ -208,7 +209,7 @@ impl<'a> Content<'a> {
 }
 
 impl DatasetPart<'_> {
-    /// Returns the pieces in which it is written: numbers in memory at once, others one by one.
+    /// Returns the pieces for writing: numbers in memory as a whole, generated ones piece by piece.
     fn pieces(&self) -> Pieces {
         match self.data {
             Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
@@ -243,7 +244,7 @@ impl DatasetPart<'_> {
     }
 }
 
-/// Returns `true` if a box lies in a shape; an empty box lies in every shape.
+/// Returns `true` if a box is inside a shape; an empty box is inside every shape.
 pub(crate) fn is_inside(start: &[usize], count: &[usize], shape: &[usize]) -> bool {
     start.len() == shape.len()
         && count.len() == shape.len()
@@ -256,7 +257,7 @@ pub(crate) fn is_inside(start: &[usize], count: &[usize], shape: &[usize]) -> bo
 }
 
 pub(crate) fn product(shape: &[usize]) -> usize {
-    // Saturating, so that a senseless shape is refused by comparison instead of by an overflow.
+    // The product saturates, so that an absurd shape is refused by comparison instead of an overflow.
     shape.iter().fold(1, |n, &m| n.saturating_mul(m))
 }
 
@@ -271,7 +272,7 @@ pub fn write(path: &Path, content: &Content, group: &dyn Group, mode: Mode) -> R
     publish(path, group)
 }
 
-/// Writes everything up to the closed, complete `.part` file.
+/// Writes all data up to the closed, complete `.part` file.
 pub(crate) fn write_part(
     path: &Path,
     content: &Content,
@@ -281,7 +282,7 @@ pub(crate) fn write_part(
     let begun = std::time::Instant::now();
     content.check(group)?;
     let part = atomic::part_of(path);
-    // One rank finds a full disk, a missing folder or a missing right, before all open the file together.
+    // One rank checks for a full disk, a missing folder or missing permissions, before all open the file together.
     on_root(group, || {
         atomic::remove_if_there(&part)?;
         atomic::require_space(path, content.bytes())?;
@@ -290,7 +291,7 @@ pub(crate) fn write_part(
     match mode.communicator(group) {
         Some(communicator) => {
             let written = write_together(&part, content, group, communicator);
-            // MPI tests locks with a file of its own and may leave it.
+            // MPI tests locks with a separate file and may not remove it.
             let test = part.with_extension("part.locktest");
             on_root(group, || atomic::remove_if_there(&test))?;
             written
@@ -310,7 +311,7 @@ pub(crate) fn write_part(
     Ok(())
 }
 
-/// Gives a complete `.part` file its name.
+/// Gives a complete `.part` file its final name.
 pub(crate) fn publish(path: &Path, group: &dyn Group) -> Result<()> {
     on_root(group, || atomic::publish(&atomic::part_of(path), path))
 }
@@ -321,8 +322,8 @@ fn write_together(
     group: &dyn Group,
     communicator: mpi_sys::MPI_Comm,
 ) -> Result<()> {
-    // From here on a failure on one rank leaves handles that cannot be closed without the others: they are leaked
-    // (ManuallyDrop) and the caller has to abort, at once if it passed the means.
+    // From here on a failure on one rank leaves handles that cannot be closed without the others. They are leaked
+    // (ManuallyDrop) and the caller must abort, immediately if the group can do so.
     let together = |done: Result<()>| {
         let done = done.map_err(|e| e.broken(part));
         if let Err(error) = &done {
@@ -357,8 +358,8 @@ fn write_together(
                 .map_err(|e| Error::hdf(part, &format!("create {}", piece.path), &e)),
         )?;
     }
-    // An MPI-IO layer may swallow the error of a disk that fills up while it writes (Open MPI's OMPIO 4.1 does), so the
-    // disk space is allocated first.
+    // An MPI-IO layer may suppress the error of a disk that becomes full during writing (Open MPI's OMPIO 4.1), so
+    // that the disk space is allocated first.
     agree(
         group,
         match group.rank() {
@@ -416,8 +417,8 @@ fn write_through_root(part: &Path, content: &Content, group: &dyn Group) -> Resu
     }
     agree(group, made)?;
     for piece in &content.parts {
-        // A file that could not be written is not closed but leaked: HDF5 cannot flush it, and 1.10 crashes at its end
-        // after such a close.
+        // A file after a failed write is not closed but leaked: HDF5 cannot flush it, and version 1.10 crashes at
+        // its shutdown after such a close.
         agree(group, gather_dataset(part, file.as_deref(), piece, group))?;
     }
     let closed = match file {
@@ -450,7 +451,7 @@ fn write_piece(
         .map_err(|e| Error::hdf(path, &format!("write {}", part.path), &e))
 }
 
-/// Returns the largest of the ranks' numbers.
+/// Returns the maximum of a number over the ranks.
 pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
@@ -461,10 +462,10 @@ pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
     Ok(largest)
 }
 
-/// Bytes of one message to rank 0: bounds its memory to this times the number of ranks.
+/// Size of one message to rank 0 in bytes: it limits the memory of rank 0 to this times the number of ranks.
 const PIECE: usize = 4 << 20;
 
-/// Sends one dataset, in pieces, to rank 0. After an error there, the messages continue so that no rank waits.
+/// Sends one dataset in pieces to rank 0. After an error on rank 0 the messages continue, so that no rank waits.
 fn gather_dataset(
     path: &Path,
     file: Option<&File>,
@@ -489,7 +490,7 @@ fn gather_dataset(
     written
 }
 
-/// Sends the numbers of one dataset; rank 0 without a dataset takes part and drops them.
+/// Sends the numbers of one dataset; rank 0 without a dataset receives and discards them.
 fn gather_numbers(
     path: &Path,
     dataset: Option<&Dataset>,
@@ -543,19 +544,19 @@ fn gather_numbers(
     first
 }
 
-/// A box cut along its first axis longer than one, so that each piece is one run of bytes.
+/// Box divided along its first axis longer than one, so that each piece is contiguous.
 pub(crate) struct Pieces {
     start: Vec<usize>,
     count: Vec<usize>,
     axis: usize,
-    /// Numbers of a row, and rows of a piece.
+    /// Number of numbers of a row, and number of rows of a piece.
     row: usize,
     rows: usize,
     rounds: usize,
 }
 
 impl Pieces {
-    /// Returns the pieces of a box, given the bytes of each number.
+    /// Returns the pieces of a box, given the size of a number in bytes.
     pub(crate) fn new(start: &[usize], count: &[usize], size: usize) -> Self {
         let axis = count.iter().position(|&n| n != 1).unwrap_or(0);
         let row = product(&count[axis + 1..]);
@@ -599,13 +600,13 @@ impl Pieces {
         (from, (from + self.rows).min(self.count[self.axis]))
     }
 
-    /// Returns the range of numbers of the box that a piece has.
+    /// Returns the range of numbers of the box in a piece.
     pub(crate) fn range(&self, round: usize) -> Range<usize> {
         let (from, to) = self.span(round);
         from * self.row..to * self.row
     }
 
-    /// Returns start and count of a piece.
+    /// Returns start and size of a piece.
     pub(crate) fn start_and_count(&self, round: usize) -> (Vec<usize>, Vec<usize>) {
         let (from, to) = self.span(round);
         let (mut start, mut count) = (self.start.clone(), self.count.clone());
@@ -654,8 +655,8 @@ fn set_attributes(place: &Location, attributes: &[(String, Attribute)]) -> hdf5:
     Ok(())
 }
 
-/// Writes a string of fixed length: texts of variable length live in HDF5's global heap, which several ranks cannot
-/// share.
+/// Writes a string of fixed length: strings of variable length are stored in HDF5's global heap, which several
+/// ranks cannot share.
 fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     if text.len() > LONGEST_TEXT {
         return Err(format!("the text {name} has {} bytes", text.len()).into());
@@ -679,20 +680,20 @@ fn set_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Transfer mode of the MPI driver; the serial driver takes only the independent one.
+/// Transfer mode of the MPI driver; the serial driver supports only the independent one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transfer {
     Independent,
     Collective,
 }
 
-/// A list of transfer properties that closes itself.
+/// List of transfer properties that closes itself.
 struct TransferList(hid_t);
 
 impl TransferList {
     fn new(transfer: Transfer) -> hdf5::Result<Self> {
         let class = *hdf5::globals::H5P_DATASET_XFER;
-        // SAFETY: the class is one of the library's own, valid once the library is open, which `sync` sees to.
+        // SAFETY: the class is one of the library's own, valid once the library is open, which `sync` ensures.
         let list = Self(hdf5::h5check(sync(|| unsafe { H5Pcreate(class) }))?);
         if transfer == Transfer::Collective {
             // SAFETY: the list was just created as a list of transfer properties.
@@ -711,7 +712,7 @@ impl Drop for TransferList {
     }
 }
 
-/// Returns the file's and the memory's dataspace with one box selected, or nothing if the box is empty.
+/// Returns the dataspaces of file and memory with one box selected, or with an empty selection for an empty box.
 fn select(
     dataset: &Dataset,
     start: &[usize],
@@ -808,14 +809,14 @@ pub(crate) fn read_box<T: crate::Element>(
     hdf5::h5check(code).map(|_| ())
 }
 
-/// Opens a complete file to read: together through the MPI driver, or each rank for itself.
+/// Opens a complete file for reading: together through the MPI driver, or on each rank separately.
 pub(crate) fn open(path: &Path, communicator: Option<mpi_sys::MPI_Comm>) -> Result<File> {
     let opened = match communicator {
         Some(communicator) => File::with_options()
             .with_fapl(|access| access.mpio(communicator, None).all_coll_metadata_ops(true))
             .open(path),
-        // Semi: a handle left open is an error at closing, as it is with the MPI driver, instead of a file that stays
-        // open.
+        // Mode Semi: an open handle is an error at closing, like with the MPI driver, instead of a file that
+        // remains open.
         None => {
             plain::open(path, u64::MAX)?;
             File::with_options()
@@ -830,9 +831,9 @@ pub(crate) fn communicator(group: &dyn Group, mode: Mode) -> Option<mpi_sys::MPI
     mode.communicator(group)
 }
 
-/// Returns the dataset's number type, where it is one of ours.
+/// Returns the dataset's number type, if it is one of this crate's.
 pub(crate) fn kind_of(dataset: &Dataset) -> hdf5::Result<Option<Kind>> {
-    // A type this crate does not know (a compound, say) has no descriptor: none, not an error.
+    // A type unknown to this crate (for example a compound) has no descriptor, which is not an error.
     Ok(dataset
         .dtype()?
         .to_descriptor()

@@ -1,4 +1,4 @@
-//! A lattice in one file for each output: static VTKHDF ImageData with cell data.
+//! Output of a lattice in one file per output time: static VTKHDF ImageData with cell data.
 //!
 //! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is
 //! the lower corner of the first cell. A lattice in two dimensions has one cell in z.
@@ -11,18 +11,18 @@ use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, product};
 use crate::moment::OutputTime;
 
-/// One rank's box of a lattice and the columns on it. A rank may hold no cells.
+/// One rank's box of a lattice with its columns. A rank may have no cells.
 #[derive(Clone, Debug)]
 pub struct Image<'a> {
     /// Lower corner of the first cell, x y z, m.
     pub origin: [f64; 3],
     /// Edges of a cell, x y z, m.
     pub spacing: [f64; 3],
-    /// Cells of the whole lattice, x y z.
+    /// Number of cells of the whole lattice, x y z.
     pub cells: [usize; 3],
     /// First cell of this rank's box, x y z.
     pub start: [usize; 3],
-    /// Cells of this rank's box, x y z.
+    /// Number of cells of this rank's box, x y z.
     pub count: [usize; 3],
     /// Columns of this rank's box, `[z][y][x][component]`.
     pub fields: Vec<Column<'a>>,
@@ -31,7 +31,7 @@ pub struct Image<'a> {
 /// Writes one output of a lattice. Called by all ranks.
 ///
 /// # Errors
-/// Those of [`hdf::write`].
+/// If [`hdf::write`] fails.
 pub fn write(
     path: &Path,
     when: OutputTime,
@@ -90,7 +90,7 @@ impl Image<'_> {
                 format!("cells {:?}", self.cells),
             ));
         }
-        // Also proves that the extents fit the file's integers.
+        // This also checks that the extents fit the file's integers.
         self.cells.iter().try_for_each(|&n| signed(n).map(|_| ()))?;
         self.fields
             .iter()
@@ -107,16 +107,16 @@ pub struct ImageInfo {
     pub origin: [f64; 3],
     /// Edges of a cell, x y z, m.
     pub spacing: [f64; 3],
-    /// Cells, x y z.
+    /// Number of cells, x y z.
     pub cells: [usize; 3],
-    /// The columns.
+    /// Columns of the file.
     pub columns: Vec<crate::fields::DatasetInfo>,
 }
 
 /// Reads the description of a lattice file; [`crate::fields::read_column`] reads the numbers.
 ///
 /// # Errors
-/// [`Error::Hdf`] where it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
+/// [`Error::Hdf`] if it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
 pub fn open(path: &Path) -> Result<ImageInfo> {
     let info = crate::fields::inspect(path)?;
     let wrong = |what: &str| Error::corrupt(path, format!("no {what} in /VTKHDF"));

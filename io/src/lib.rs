@@ -1,27 +1,27 @@
-//! HDF5, XDMF, series, atomic files and manifests: names and bytes, no physics, no MPI calls.
+//! HDF5, XDMF, series of outputs, atomic files and manifests: names and bytes, without physics or MPI calls.
 //!
 //! | task | module |
 //! |---|---|
 //! | ranks that write together, and their agreement | [`group`] |
-//! | small files that appear whole or not at all | [`atomic`] |
-//! | one HDF5 file, filled by many ranks | [`hdf`] |
+//! | small files that appear complete or not at all | [`atomic`] |
+//! | one HDF5 file, written by several ranks | [`hdf`] |
 //! | output of a lattice | [`image`] |
 //! | output of grains, contacts and blocks | [`mesh`] |
-//! | the index by which ParaView finds the steps | [`series`] |
+//! | the index from which ParaView reads the steps | [`series`] |
 //! | checkpoints of the whole state, written and read | [`checkpoint`] |
 //! | tables as text | [`csv`] |
 //! | tables that users write: names, units, separators | [`sheet`] |
-//! | numbers over time | [`table`] |
-//! | tables as a checkpoint knows them, for restarts | [`marks`] |
-//! | contents and columns of the HDF5 files of outputs, for each rank by itself | [`fields`] |
+//! | numbers as functions of time | [`table`] |
+//! | tables as recorded in a checkpoint, for restarts | [`marks`] |
+//! | contents and columns of the HDF5 files of outputs, read by each rank separately | [`fields`] |
 //! | reading files of unknown origin | [`plain`] |
 //!
 //! The crate guarantees:
 //!
 //! - **Complete files.** A file whose name does not end in `.part` is complete: it was written under
 //!   another name, closed, flushed to the disk and renamed.
-//! - **Agreement.** Every function that takes a [`Group`] returns the same `Ok` or the same error on every
-//!   rank. No rank waits for one that has left.
+//! - **Agreement.** Every function with a [`Group`] returns the same `Ok` or the same error on every rank. No rank
+//!   waits for one that has left.
 //!
 //! A checkpoint by one process without MPI, written and read back:
 //!

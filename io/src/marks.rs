@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::plain;
 
-/// A table at the moment of a checkpoint.
+/// Table at the time of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
     /// Length in bytes.
@@ -25,14 +25,14 @@ pub struct Mark {
 /// Marks by the names of their files, all in one folder.
 pub type Marks = BTreeMap<String, Mark>;
 
-/// Marks tables that grow: what was hashed for one checkpoint is not read again for the next.
+/// Recorder of marks of growing tables: bytes hashed for one checkpoint are not read again for the next.
 #[derive(Clone, Debug, Default)]
 pub struct Marker {
     known: BTreeMap<String, (u64, blake3::Hasher)>,
 }
 
 impl Marker {
-    /// Returns the marks of those of the named files that are there.
+    /// Returns the marks of the named files that exist.
     ///
     /// # Errors
     /// The system's error; [`Error::Corrupt`] where a table has become shorter.
@@ -85,10 +85,11 @@ fn hash(path: &Path, mut from: impl Read, hasher: &mut blake3::Hasher) -> Result
     }
 }
 
-/// Cuts tables back to their marks. Every table is checked before the first is cut; those that are gone are returned.
+/// Truncates tables to their marks. Every table is checked before the first is truncated; missing ones are
+/// returned.
 ///
 /// # Errors
-/// Those of [`check`].
+/// If [`check`] fails.
 pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     let (gone, longer) = compare(folder, marks)?;
     for (path, bytes) in longer {
@@ -104,7 +105,7 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(gone)
 }
 
-/// Compares tables with their marks and leaves what came after them; those that are gone are returned.
+/// Compares tables with their marks without changing later rows; missing ones are returned.
 ///
 /// # Errors
 /// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
@@ -112,14 +113,14 @@ pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(compare(folder, marks)?.0)
 }
 
-/// Tables that are gone, and those that are longer than their marks with the bytes up to there.
+/// Missing tables, and tables that are longer than their marks with the marked length.
 type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
 
 fn compare(folder: &Path, marks: &Marks) -> Result<Looked> {
     let mut gone = Vec::new();
     let mut longer = Vec::new();
     for (name, mark) in marks {
-        // Names come from a file: one that leads out of the folder is none of a table.
+        // Names come from a file: a path that leads out of the folder is not the name of a table.
         if Path::new(name).file_name() != Some(name.as_ref()) {
             return Err(Error::invalid(name, "is not the name of a table"));
         }
@@ -172,7 +173,7 @@ mod tests {
         assert_eq!(second["a.csv"].bytes, 15);
         assert_eq!(check(dir.path(), &first).unwrap(), Vec::<String>::new());
         assert_eq!(fs::read_to_string(&path).unwrap().len(), 15, "not cut");
-        // What was added step by step is hashed as what is there at once.
+        // The hash of rows added step by step equals that of the whole table.
         assert_eq!(
             second,
             Marker::default().mark(dir.path(), ["a.csv"]).unwrap()
@@ -187,7 +188,7 @@ mod tests {
         says(&second, "it has 11 bytes; it had 15 at the checkpoint");
         fs::write(&path, "step,x\n1,3\n2,3\n").unwrap();
         says(&first, "its first 11 bytes");
-        // Nothing was cut.
+        // The table was not truncated.
         assert_eq!(fs::read_to_string(&path).unwrap().len(), 15);
         fs::write(&path, [0xff; 15]).unwrap();
         says(&second, "move it away");

@@ -1,8 +1,8 @@
 //! Grains, contacts and blocks in one file for each output: static VTKHDF PolyData.
 //!
-//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or bonds,
-//! polygons are the faces of blocks. Each rank passes its own points and cells with its own indices from 0; in the file
-//! they stand in the order of the ranks. Any rank, or all of them, may have none.
+//! The layout follows Kitware's VTKHDF specification 2.0. Points with vertices are grains, lines are contacts or
+//! bonds, polygons are the faces of blocks. Each rank passes its own points and cells with its own indices from 0;
+//! in the file they are in the order of the ranks. Any rank, or all of them, may have none.
 
 use std::path::Path;
 
@@ -12,36 +12,36 @@ use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, DatasetPart, Mode};
 use crate::moment::OutputTime;
 
-/// Cells that join the points.
+/// Cells that connect the points.
 #[derive(Clone, Copy, Debug)]
 pub enum Cells<'a> {
-    /// Each point is its own cell: grains.
+    /// Each point is a cell: grains.
     Vertices,
-    /// Two points each, this rank's indices: contacts, bonds.
+    /// Two points each, with this rank's indices: contacts, bonds.
     Lines(&'a [[usize; 2]]),
-    /// Faces: corners of each, and all corners in turn, this rank's indices.
+    /// Faces: number of corners of each, and the corners of all faces, with this rank's indices.
     Polygons {
-        /// Corners of each face, at least 3.
+        /// Number of corners of each face, at least 3.
         sizes: &'a [usize],
         /// The corners of all faces, one face after the other.
         corners: &'a [usize],
     },
 }
 
-/// One rank's points and cells and the columns on them.
+/// One rank's points and cells with their columns.
 #[derive(Clone, Debug)]
 pub struct MeshData<'a> {
     /// Positions `[n][3]`, f32 or f64, m.
     pub points: Data<'a>,
-    /// Cells that join the points.
+    /// Cells that connect the points.
     pub cells: Cells<'a>,
-    /// One row per point.
+    /// Columns with one row per point.
     pub point_columns: Vec<Column<'a>>,
-    /// One row per line or polygon; with vertices, use the points.
+    /// Columns with one row per line or polygon; for vertices, columns of the points are used.
     pub cell_columns: Vec<Column<'a>>,
 }
 
-/// The four lists of cells that PolyData has, whether used or not.
+/// Names of the four lists of cells of PolyData, including unused ones.
 const LISTS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
 
 impl Cells<'_> {
@@ -57,7 +57,7 @@ impl Cells<'_> {
 /// Writes one output of a mesh. Called by all ranks.
 ///
 /// # Errors
-/// Those of [`hdf::write`].
+/// If [`hdf::write`] fails.
 pub fn write(
     path: &Path,
     when: OutputTime,
@@ -154,11 +154,11 @@ pub fn write(
     hdf::write(path, &content, group, mode)
 }
 
-/// Path of a second copy of the polygons in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the file:
-/// the two formats share everything else.
+/// Path of a second copy of the polygons in XDMF's own order (3, corners, ids …), outside VTKHDF's part of the
+/// file: the two formats share all other data.
 pub(crate) const MIXED: &str = "/XDMF/Polygons";
 
-/// Returns a dataset of one integer, held by rank 0.
+/// Returns a dataset of a few integers, written by rank 0.
 fn single(path: String, value: &[i64], root: bool) -> DatasetPart<'_> {
     let held = usize::from(root);
     DatasetPart {
@@ -207,7 +207,7 @@ impl Span {
     }
 }
 
-/// The cells with the file's indices.
+/// Cells with the indices of the file.
 struct Joined {
     points: Span,
     cells: Span,
@@ -254,7 +254,7 @@ impl Joined {
             }
             next += size;
         }
-        // The end of the last cell of all belongs to the last rank.
+        // The end of the last of all cells belongs to the last rank.
         if group.rank() + 1 == group.size() {
             starts.push(signed(connectivity.total)?);
         }

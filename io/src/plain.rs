@@ -10,11 +10,11 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Longest text of a case or a study \[bytes\].
+/// Maximum length of the text of a case or a study \[bytes\].
 pub const LONGEST_CASE: u64 = 256 << 20;
-/// Longest list that a case names: samples, blocks, meshes, profiles \[bytes\].
+/// Maximum length of a list named in a case: samples, blocks, meshes, profiles \[bytes\].
 pub const LONGEST_INPUT: u64 = 2 << 30;
-/// Longest table or summary that a run wrote and that is read back \[bytes\].
+/// Maximum length of a table or summary of a run that is read back \[bytes\].
 pub const LONGEST_TABLE: u64 = 8 << 30;
 
 fn refused(path: &Path, reason: &str) -> Error {
@@ -25,7 +25,7 @@ fn refused(path: &Path, reason: &str) -> Error {
     }
 }
 
-/// Returns a message that names the kind of a file that is not a plain one.
+/// Returns a message that names the kind of a special file.
 fn kind(kind: fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     if kind.is_dir() {
@@ -39,7 +39,7 @@ fn kind(kind: fs::FileType) -> &'static str {
     }
 }
 
-/// Opens a plain file of at most `limit` bytes to read it; also its length.
+/// Opens a plain file of at most `limit` bytes for reading; returns the file and its length.
 ///
 /// # Errors
 /// The system's error, or [`Error::Io`] with the reason where the file is not plain or too long.
@@ -64,7 +64,7 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
         .custom_flags(libc::O_NONBLOCK)
         .open(path)
         .map_err(|e| Error::io("read", path, &e))?;
-    // Another file may have taken the place meanwhile.
+    // Another file may have replaced it since the first check.
     let length = look(&file.metadata().map_err(|e| Error::io("read", path, &e))?)?;
     Ok((file, length))
 }
@@ -72,11 +72,11 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
 /// Returns all bytes of a plain file of at most `limit` bytes.
 ///
 /// # Errors
-/// Those of [`open`].
+/// If [`open`] fails.
 pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path, limit)?;
     let mut all = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
-    // A file that grows while it is read stays within the limit.
+    // A file that grows during reading remains within the limit.
     file.take(limit.saturating_add(1))
         .read_to_end(&mut all)
         .map_err(|e| Error::io("read", path, &e))?;

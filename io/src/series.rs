@@ -1,8 +1,8 @@
 //! A series of outputs: data files `fluid_000000100.vtkhdf` and one index `fluid.xmf`.
 //!
-//! A data file is complete and in place before an index names it. The index is rewritten as a whole and renamed into
-//! place at every output: a viewer may reload at any moment. Steps without cells are omitted from the index. There is
-//! no index before the first step with cells.
+//! A data file is complete before an index names it. The index is rewritten and renamed into place as a whole at
+//! every output, so that a viewer may reload it at any time. Steps without cells are omitted from the index. There
+//! is no index before the first step with cells.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use crate::moment::OutputTime;
 use crate::plain;
 use crate::xdmf;
 
-/// The steps of one kind of output. Rank 0 keeps them; the other ranks only take part.
+/// Steps of one kind of output. Rank 0 stores them; the other ranks only take part in collective calls.
 #[derive(Clone, Debug)]
 pub struct Series {
     folder: PathBuf,
@@ -30,7 +30,7 @@ pub struct Series {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Step {
     when: OutputTime,
-    /// The `<Grid>`; empty for a step without cells.
+    /// The `<Grid>` element; empty for a step without cells.
     grid: String,
 }
 
@@ -38,7 +38,7 @@ const HEAD: &str = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<Xdmf Version=\"
 const TAIL: &str = " </Grid>\n</Domain></Xdmf>\n";
 
 impl Series {
-    /// Starts a series from nothing: an index and heavy files that an earlier run left under this name are removed.
+    /// Starts an empty series: an index and data files of an earlier run with this name are removed.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -56,7 +56,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Continues a series: its index is read back, or rebuilt from the heavy files where it does not fit them.
+    /// Continues a series: its index is read, or rebuilt from the data files if they do not match.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -73,7 +73,7 @@ impl Series {
         Ok(series)
     }
 
-    /// Makes the index anew from the heavy files in the folder. Files that cannot be read are left out with a warning.
+    /// Rebuilds the index from the data files in the folder. Unreadable files are omitted with a warning.
     ///
     /// # Errors
     /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
@@ -101,13 +101,13 @@ impl Series {
         self.folder.join(format!("{}.xmf", self.name))
     }
 
-    /// Returns the heavy file of a step.
+    /// Returns the path of the data file of a step.
     #[must_use]
     pub fn heavy(&self, step: u64) -> PathBuf {
         self.folder.join(format!("{}_{step:09}.vtkhdf", self.name))
     }
 
-    /// Returns the steps written so far that hold cells, in order; only rank 0 knows them.
+    /// Returns the steps written so far that contain cells, in order; only rank 0 knows them.
     pub fn moments(&self) -> impl Iterator<Item = OutputTime> + '_ {
         self.steps
             .iter()
@@ -115,7 +115,7 @@ impl Series {
             .map(|s| s.when)
     }
 
-    /// Writes one output of a lattice and the index. Called by all ranks; returns the heavy file.
+    /// Writes one output of a lattice and the index. Called by all ranks; returns the path of the data file.
     ///
     /// # Errors
     /// Those of [`crate::hdf::write`]; the index is then as it was.
@@ -132,7 +132,7 @@ impl Series {
         self.add(path, group)
     }
 
-    /// Writes one output of a mesh and the index. Called by all ranks; returns the heavy file.
+    /// Writes one output of a mesh and the index. Called by all ranks; returns the path of the data file.
     ///
     /// # Errors
     /// Those of [`crate::hdf::write`]; the index is then as it was.
@@ -163,14 +163,15 @@ impl Series {
         Ok(path)
     }
 
-    /// Forgets every step after `step` and removes its heavy files: a restart writes them again. Called by all ranks.
+    /// Removes every step after `step` with its data files, before a restart writes them again. Called by all
+    /// ranks.
     ///
     /// # Errors
     /// The system's error.
     pub fn truncate_after(&mut self, step: u64, group: &dyn Group) -> Result<()> {
         on_root(group, || {
             self.steps.retain(|s| s.when.step <= step);
-            // The index first: at no moment does it name a file that is gone.
+            // The index is written first, so that it never names a removed file.
             self.write_index()?;
             for (late, path) in self.heavy_files()? {
                 if late > step {
@@ -201,7 +202,7 @@ impl Series {
         )
     }
 
-    /// Returns the steps of the index, or nothing if it is missing, not of this form, or not in step with the heavy
+    /// Returns the steps of the index, or nothing if it is missing, has another form, or does not match the data
     /// files.
     fn read_index(&self) -> Option<Vec<Step>> {
         let text = plain::text(&self.index(), plain::LONGEST_TABLE).ok()?;
@@ -325,7 +326,7 @@ mod tests {
         let rebuilt = Series::rebuild(dir.path(), "particles", &Alone).unwrap();
         assert_eq!(std::fs::read_to_string(rebuilt.index()).unwrap(), kept);
 
-        // A step written twice is there once.
+        // A step that is written twice occurs once.
         put(&mut again, 200, &[1.0, 1.0, 1.0]);
         assert_eq!(steps(&again), vec![100, 200]);
         again.truncate_after(50, &Alone).unwrap();

@@ -1,10 +1,10 @@
 //! Tables that users write or export: samples, profiles, rasters, sieve curves.
 //!
-//! The first line names the columns, in any order; capitals do not count. Cells are separated by commas, semicolons,
-//! tabs or spaces. A unit in brackets behind a name, or in a line of units below the names, is converted to SI. The
-//! names may stand in a comment line above the numbers (`#x y z r`, `#format x_y_z_r`). Byte order marks, blank lines,
-//! comments (`#`, `%`), a line `sep=;` and empty cells at the end of a line do not count. Rows of another length,
-//! decimal commas and a missing line of names are refused.
+//! The first line names the columns, in any order and independent of upper and lower case. Cells are separated by
+//! commas, semicolons, tabs or spaces. A unit in brackets after a name, or in a line of units below the names, is
+//! converted to SI. The names may be in a comment line above the numbers (`#x y z r`, `#format x_y_z_r`). Byte
+//! order marks, blank lines, comments (`#`, `%`), a line `sep=;` and empty cells at the end of a line are ignored.
+//! Rows of another length, decimal commas and a missing line of names are refused.
 
 use crate::csv;
 use ::csv::{ReaderBuilder, StringRecord};
@@ -52,7 +52,7 @@ fn length(text: &str) -> Option<f64> {
 }
 
 impl Unit {
-    /// Returns the unit that numbers have without one.
+    /// Returns the SI unit of numbers without a stated unit.
     const fn name(self) -> &'static str {
         match self {
             Self::Length => "m",
@@ -65,7 +65,7 @@ impl Unit {
         }
     }
 
-    /// Returns the divisor that converts numbers of a unit to SI; none for a unit of another dimension.
+    /// Returns the divisor that converts numbers of a unit to SI; `None` for a unit of another dimension.
     fn divisor(self, written: &str) -> Option<f64> {
         let text: String = written
             .chars()
@@ -113,17 +113,17 @@ impl Unit {
     }
 }
 
-/// A column that a table may have.
+/// Possible column of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
     /// Name in messages and in tables of this program.
     pub name: &'static str,
-    /// Other names, in small letters with `_` between words, and the divisor of their numbers: 2 where a diameter
-    /// stands for a radius.
+    /// Alternative names, in small letters with `_` between words, and the divisor of their numbers: 2 for a
+    /// diameter instead of a radius.
     pub others: &'static [(&'static str, f64)],
-    /// Dimension of its numbers.
+    /// Dimension of the column's numbers.
     pub unit: Unit,
-    /// `true` if every table has it.
+    /// `true` if every table must have it.
     pub needed: bool,
 }
 
@@ -136,7 +136,7 @@ fn plain(name: &str) -> String {
     name.trim().to_lowercase().chars().map(word).collect()
 }
 
-/// Splits a name of a column from the unit behind it: `x [mm]`, `x (mm)`, `x / mm`.
+/// Splits a name of a column from the unit after it: `x [mm]`, `x (mm)`, `x / mm`.
 fn split_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
     for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
@@ -152,7 +152,7 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Returns the sign between the cells of a line.
+/// Returns the separator of the cells of a line.
 fn separator(line: &str) -> u8 {
     match line.trim() {
         line if line.contains(';') => b';',
@@ -172,7 +172,7 @@ fn called(separator: u8) -> &'static str {
     }
 }
 
-/// Returns a line whose cells are separated by spaces with tabs between them; a unit in brackets stays with its name.
+/// Returns a line with the separating spaces replaced by tabs; a unit in brackets remains with its name.
 fn tabbed(line: &str) -> String {
     let mut tabbed = String::with_capacity(line.len());
     for word in line.split_whitespace() {
@@ -193,7 +193,7 @@ fn cells(line: &str, separator: u8) -> Vec<String> {
     };
     let mut record = StringRecord::new();
     let mut reader = reader(&line, separator);
-    // A text in memory whose rows may differ in length cannot fail to be read.
+    // Reading text in memory cannot fail if rows may differ in length.
     let _ = reader.read_record(&mut record);
     let mut cells: Vec<String> = record.iter().map(|cell| cell.trim().to_owned()).collect();
     while cells.last().is_some_and(String::is_empty) {
@@ -210,7 +210,8 @@ fn reader(text: &str, separator: u8) -> ::csv::Reader<&[u8]> {
         .from_reader(text.as_bytes())
 }
 
-/// Returns a name for a message. A file that is no table may hold secrets: text that is not like a name is not quoted.
+/// Returns a name for a message. A file that is not a table may contain secrets, so that only text like a name is
+/// quoted.
 fn quotable(name: &str, at: usize) -> String {
     let plain =
         |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | ' ' | '[' | ']' | '.' | '^');
@@ -231,7 +232,7 @@ fn uncommented(line: &str) -> &str {
     line.trim().trim_start_matches(['#', '%']).trim_start()
 }
 
-/// Returns `true` if all cells are numbers, also with decimal commas.
+/// Returns `true` if all cells are numbers, including those with decimal commas.
 fn numeric(cells: &[String]) -> bool {
     let number = |cell: &String| cell.is_empty() || cell.replace(',', ".").parse::<f64>().is_ok();
     !cells.is_empty() && cells.iter().all(number)
@@ -254,29 +255,29 @@ fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<Stri
     (told >= 2).then_some(names)
 }
 
-/// Names of the columns of a text, and the rows below them.
+/// Names of the columns of a text, and the rows below.
 #[derive(Debug)]
 pub struct Header<'t> {
     /// Names, with their units in brackets.
     pub names: Vec<String>,
-    /// Units of a line of its own.
+    /// Units from a separate line.
     pub units: Vec<String>,
     /// Text of the rows.
     pub rows: Cow<'t, str>,
     /// Number of lines above the rows.
     pub above: u64,
-    /// Sign between the cells of a row; a space for any white space.
+    /// Separator of the cells of a row; a space represents any white space.
     pub separator: u8,
 }
 
 impl<'t> Header<'t> {
-    /// Finds the names of a text that may have these columns.
+    /// Finds the names of the columns in a text, given the possible columns.
     ///
     /// # Errors
     /// A sentence about a text without names or without any line.
     pub fn find(text: &'t str, columns: &[Column]) -> Result<Self, String> {
         let text = text.trim_start_matches('\u{feff}');
-        // Old Macintoshes end lines in this way.
+        // Line ends of old Macintosh systems.
         if text.contains('\r') && !text.contains('\n') {
             let text = text.replace('\r', "\n");
             let found = Header::find_in(&text, columns)?;
@@ -340,7 +341,7 @@ impl<'t> Header<'t> {
         Err("the file is empty".into())
     }
 
-    /// Takes a line of units below the names, with or without a comment sign, out of the rows.
+    /// Removes a line of units below the names, with or without a comment sign, from the rows.
     fn with_units(self) -> Self {
         let Cow::Borrowed(rows) = self.rows else {
             return self;
@@ -373,17 +374,17 @@ impl<'t> Header<'t> {
     }
 }
 
-/// Returns a unit without the brackets round it.
+/// Returns a unit without its brackets.
 fn bare(unit: &str) -> &str {
     unit.trim().trim_matches(['[', ']', '(', ')']).trim()
 }
 
-/// Reason why a table cannot be read.
+/// Reason for which a table cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// A sentence that names the line or the column.
+    /// Sentence that names the line or the column.
     Sentence(String),
-    /// The header has a column of another name.
+    /// The header contains an unknown column of this name.
     Unknown(String),
 }
 
@@ -414,7 +415,7 @@ impl<'t> Sheet<'t> {
         Self::below(Header::find(text, known)?, known, true)
     }
 
-    /// Finds the known columns below a header. `all`: a column that is not known is refused, otherwise it is not read.
+    /// Finds the known columns below a header. `all`: an unknown column is refused, otherwise it is ignored.
     ///
     /// # Errors
     /// A sentence that names the line or the column, or the column that is not known.
@@ -487,13 +488,13 @@ impl<'t> Sheet<'t> {
         })
     }
 
-    /// Returns `true` if the table has this column of the known ones.
+    /// Returns `true` if the table contains this known column.
     #[must_use]
     pub fn has(&self, column: usize) -> bool {
         self.found[column].is_some()
     }
 
-    /// Passes each row to a function, which stops with the first error.
+    /// Calls a function with each row until the first error.
     ///
     /// # Errors
     /// That of the function; a row of another length than the line of names.
@@ -532,13 +533,13 @@ pub struct SheetRow<'r> {
 }
 
 impl SheetRow<'_> {
-    /// Returns the line of the text, from 1.
+    /// Returns the line number in the text, from 1.
     #[must_use]
     pub fn line(&self) -> u64 {
         self.sheet.above + csv::line(self.cells, &self.sheet.rows_text)
     }
 
-    /// Checks that the row has a cell for each name; empty cells at its end do not count.
+    /// Checks that the row has a cell for each name; empty cells at its end are ignored.
     fn check_length(&self) -> Result<(), String> {
         let (names, mut length) = (self.sheet.names.len(), self.cells.len());
         while length > names
@@ -567,14 +568,14 @@ impl SheetRow<'_> {
         ))
     }
 
-    /// Returns the text of a known column; empty if the table does not have it.
+    /// Returns the text of a known column; empty if the table does not contain it.
     #[must_use]
     pub fn text(&self, column: usize) -> &str {
         let cell = self.sheet.found[column].and_then(|(at, _)| self.cells.get(at));
         cell.unwrap_or_default().trim()
     }
 
-    /// Returns the finite number in a known column, in SI.
+    /// Returns the finite number in a known column in SI units.
     ///
     /// # Errors
     /// The line, the column and the value.

@@ -1,7 +1,8 @@
-//! Numbers over time as CSV. Each row is written completely before the next step.
+//! Time series as CSV. Each row is written completely before the next step.
 //!
-//! The first column is the step. The line after the header may give units as a comment (`# -,s,kg`); readers that know
-//! comments skip it. Numbers have the fewest digits that read back to the same bits.
+//! The first column is the step. The line after the header may contain units as a comment (`# -,s,kg`), which
+//! readers with support for comments skip. Numbers have the smallest number of digits that reproduces the same
+//! bits.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -13,7 +14,7 @@ use crate::csv;
 use crate::error::{Error, Result};
 use crate::plain;
 
-/// A CSV file that grows. Only one rank writes it.
+/// Growing CSV file, written by one rank only.
 #[derive(Debug)]
 pub struct CsvTable {
     path: PathBuf,
@@ -22,7 +23,7 @@ pub struct CsvTable {
     line: String,
 }
 
-/// A column's name and unit; an empty unit is left out where all are empty.
+/// Name and unit of a column; if all units are empty, the line of units is omitted.
 pub type Heading<'a> = (&'a str, &'a str);
 
 fn header(columns: &[Heading]) -> String {
@@ -56,7 +57,7 @@ fn check(columns: &[Heading]) -> Result<()> {
 }
 
 impl CsvTable {
-    /// Starts a table anew, with `step` and the given columns.
+    /// Starts a new table with `step` and the given columns.
     ///
     /// # Errors
     /// The system's error; [`Error::Invalid`] for a heading that would need quoting.
@@ -66,8 +67,8 @@ impl CsvTable {
         Self::append(path, columns.len())
     }
 
-    /// Continues a table after a restart: rows with a step after `step`, and a last row cut short by a crash, are
-    /// dropped. A table that is not there is started.
+    /// Continues a table after a restart: rows with a step after `step`, and an incomplete last row after a crash,
+    /// are dropped. A missing table is created.
     ///
     /// # Errors
     /// The system's error; [`Error::Corrupt`] where the columns differ or a row is no row.
@@ -111,7 +112,7 @@ impl CsvTable {
         })
     }
 
-    /// Adds a row in one write. Allocates nothing once a longest row has been written.
+    /// Adds a row in one write. It allocates only for a row longer than all earlier ones.
     ///
     /// # Errors
     /// The system's error; [`Error::Invalid`] where the number of values differs from that of the columns.
@@ -134,7 +135,7 @@ impl CsvTable {
             .map_err(|e| Error::io("write", &self.path, &e))
     }
 
-    /// Flushes the rows to the disk itself, as before a checkpoint.
+    /// Flushes the rows to the disk, for example before a checkpoint.
     ///
     /// # Errors
     /// The system's error.
@@ -145,21 +146,21 @@ impl CsvTable {
     }
 }
 
-/// A table read back.
+/// Contents of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
-    /// Names, `step` first.
+    /// Names of the columns, `step` first.
     pub columns: Vec<String>,
-    /// Units in the same order; empty where the file gives none.
+    /// Units in the same order; empty if the file contains none.
     pub units: Vec<String>,
-    /// The rows' steps.
+    /// Steps of the rows.
     pub steps: Vec<u64>,
-    /// The rows' values, without the step.
+    /// Values of the rows, without the step.
     pub values: Vec<Vec<f64>>,
 }
 
 impl Rows {
-    /// Returns one column by name.
+    /// Returns the values of one column by name.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<Vec<f64>> {
         let at = self.columns.iter().skip(1).position(|c| c == name)?;

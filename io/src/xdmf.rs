@@ -1,8 +1,8 @@
 //! XDMF: the text file that refers to the arrays of a data file.
 //!
-//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field and
-//! step, counts in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors. The text
-//! is made from the data file itself, so that types and shapes agree.
+//! Only forms that both generations of ParaView's XDMF readers accept are used: whole datasets, one for each field
+//! and step, counts in the order z y x, vertices with an explicit list, scalars, vectors and 9-component tensors.
+//! The text is generated from the data file, so that types and shapes agree.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,8 +13,8 @@ use crate::image;
 use crate::mesh::MIXED;
 use crate::moment::OutputTime;
 
-/// Returns the `<Grid>` of one heavy file and when it was written. The text is empty if the file holds no cells:
-/// readers complain about empty grids, so the index leaves them out.
+/// Returns the `<Grid>` of one data file, and its step and time. The text is empty if the file contains no cells:
+/// readers report empty grids as errors, so that the index omits them.
 pub(crate) fn grid(path: &Path) -> Result<(OutputTime, String)> {
     let info = inspect(path)?;
     let when = OutputTime::read(&info, path)?;
@@ -109,7 +109,7 @@ fn mesh_grid(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
     Ok(text)
 }
 
-/// Writes one field; `axes` are those of its places, one more is the component.
+/// Writes one field; `axes` are those of its places, and an additional one is the component.
 fn attribute(
     text: &mut String,
     path: &Path,

@@ -1,10 +1,10 @@
-//! `fissure_studies RUNS RESULTS`: tables and figures of error against cost from the members that
-//! `jobs/ground_fissure/studies.sh` has run.
+//! `fissure_studies RUNS RESULTS`: tables and figures of error against cost, from the members run by
+//! `jobs/ground_fissure/studies.sh`.
 //!
-//! Per study one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the reference
-//! of its soil (the stiffest contact, one solid step per coupling, exact porosity): of the times of the stages, the
-//! largest of those that both reached; of the eroded mass at the end. The cost is processor time. Members that are
-//! missing or gave up are left out.
+//! Each study gives one `study_NAME.csv` and one `study_NAME.svg`. The error of a member is its difference from the
+//! reference of its soil (the stiffest contact, one solid step per coupling, exact porosity): the largest error of
+//! the stage times reached by both, and the error of the eroded mass at the end. The cost is processor time.
+//! Missing or failed members are omitted.
 
 #![expect(
     clippy::print_stderr,
@@ -27,8 +27,8 @@ use std::process::ExitCode;
 
 const SOILS: [&str; 2] = ["sand", "clay"];
 
-/// A study, and its members from the cheapest to the reference. One that comes after the reference is compared with it
-/// as well.
+/// Study with its members from the cheapest to the reference. A member after the reference is compared with it as
+/// well.
 struct Study {
     name: &'static str,
     knob: &'static str,
@@ -62,9 +62,9 @@ struct Member {
     value: &'static str,
     /// Processor time [s].
     seconds: f64,
-    /// t1 ... t4 [s].
+    /// Stage times t1 ... t4 [s].
     stages: [Option<f64>; 4],
-    /// Part of the mass that has left at the end.
+    /// Fraction of the mass that has left at the end.
     eroded: f64,
     /// Percentile of the settlement at the end [m].
     settlement: f64,
@@ -73,7 +73,7 @@ struct Member {
     commit: String,
 }
 
-/// Differences from the reference, as parts of it.
+/// Relative differences from the reference.
 struct Deviation {
     stages: f64,
     eroded: f64,
@@ -153,7 +153,7 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
     save(&results.join(format!("study_{}.svg", study.name)), &svg)
 }
 
-/// Returns a finished run; none if there is none.
+/// Returns a finished run; `None` if there is none.
 fn read(folder: &Path, value: &'static str) -> Option<Member> {
     let summary = json(&folder.join("summary.json"))?;
     if summary["outcome"] != "done" {

@@ -1,9 +1,10 @@
-//! Runs of the solver compared with published and analytic numbers: the contents of `expected.json` and the comparison.
+//! Runs of the solver compared with published and analytical numbers: the contents of `expected.json` and the
+//! comparison.
 //!
-//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is one
-//! run or several of the same case under other `--set` values, so that an order of convergence is a quantity like any
-//! other. Quantities are read from the files that every run writes (probes, ledgers, `summary.json`), combined by
-//! formulas, and held against a reference under a tolerance that states its reason.
+//! A case is a folder with `case.json` and `expected.json`. It has a short form, a long form, or both; a form is
+//! one run or several of the same case under other `--set` values, so that an order of convergence is a quantity
+//! like any other. Quantities are read from the files that every run writes (probes, ledgers, `summary.json`),
+//! combined by formulas, and compared with a reference within a tolerance with a stated reason.
 
 use serde::Deserialize;
 use solver::analysis::expression::evaluate;
@@ -13,29 +14,29 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// Quantities that a case must show.
+/// Required quantities of a case.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
-    /// The problem and its equations, for a reader.
+    /// Description of the problem and its equations.
     #[serde(rename = "about")]
     _about: String,
-    /// Reason for a run although the verdict is `unstable`.
+    /// Reason for running in spite of the verdict `unstable`.
     #[serde(default)]
     allow_unstable: Option<String>,
-    /// Quantities of every form.
+    /// Quantities of all forms.
     #[serde(default)]
     values: Vec<Value>,
-    /// Checks of every form.
+    /// Checks of all forms.
     #[serde(default)]
     checks: Vec<Check>,
-    /// Seconds.
+    /// Form that takes seconds.
     short: Option<Form>,
-    /// Minutes; the short form is run where there is none.
+    /// Form that takes minutes; if there is none, the short form is run.
     long: Option<Form>,
 }
 
-/// Runs of a case, with quantities and checks of their own.
+/// Runs of a case with their quantities and checks.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Form {
@@ -47,29 +48,29 @@ struct Form {
     checks: Vec<Check>,
 }
 
-/// A named number.
+/// Named number.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Value {
     name: String,
-    /// A formula of numbers named before.
+    /// Formula of numbers named before.
     #[serde(default)]
     is: Option<String>,
-    /// The run it is read from; may be left out where there is one.
+    /// Run from which it is read; optional for a single run.
     #[serde(default)]
     run: Option<String>,
     #[serde(flatten)]
     measure: Measure,
 }
 
-/// A number held against a reference.
+/// Comparison of a number with a reference.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Check {
     quantity: String,
     /// Formula of the named numbers.
     value: String,
-    /// Formula as well.
+    /// Formula of the reference.
     reference: String,
     source: String,
     tolerance: Tolerance,
@@ -80,26 +81,26 @@ struct Check {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Tolerance {
-    /// |value - reference| <= this |reference|
+    /// |value - reference| <= tolerance |reference|
     Relative(f64),
-    /// |value - reference| <= this
+    /// |value - reference| <= tolerance
     Absolute(f64),
-    /// reference - this <= value
+    /// reference - tolerance <= value
     Below(f64),
 }
 
-/// A check done.
+/// Result of a check.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
     pub(crate) case: String,
     pub(crate) quantity: String,
     pub(crate) reference: f64,
     pub(crate) result: f64,
-    /// Relative or absolute, as the tolerance is.
+    /// Relative or absolute error, like the tolerance.
     pub(crate) error: f64,
     pub(crate) tolerance: f64,
     pub(crate) pass: bool,
-    /// Wall clock of the form's runs.
+    /// Wall time of the runs of the form.
     pub(crate) seconds: f64,
 }
 
@@ -120,7 +121,7 @@ impl std::fmt::Display for Outcome {
     }
 }
 
-/// Folders below `root` that hold an `expected.json`, in order.
+/// Returns the folders below `root` that contain an `expected.json`, in order.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -134,8 +135,8 @@ pub(crate) fn cases(root: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(folders)
 }
 
-/// Runs a form of a case, `short` or `long`, and compares; a case without a long form runs its short one for it, a case
-/// without a short form has nothing to show there.
+/// Runs a form of a case, `short` or `long`, and compares the results. A case without a long form runs its short
+/// one instead; a case without a short form has no result for it.
 ///
 /// # Errors
 /// A file that cannot be read, a run that fails, a quantity that cannot be had.
@@ -204,7 +205,7 @@ pub(crate) fn check(
                     result,
                     error,
                     tolerance,
-                    // Not a number is not within any tolerance.
+                    // NaN is not within any tolerance.
                     pass: error <= tolerance,
                     seconds,
                 })
@@ -218,7 +219,7 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Makes one run of the binary into an empty folder.
+/// Runs the binary once into an empty folder.
 fn run(
     folder: &Path,
     set: &[String],
@@ -238,9 +239,9 @@ fn run(
     for assignment in set {
         command.arg("--set").arg(assignment);
     }
-    // One process needs no daemon of Open MPI and none of the hardware of clusters, and starts sooner without. Without
-    // a daemon all such processes share one session folder, and one that ends removes it under another that starts:
-    // each has its own.
+    // A single process needs neither the daemon of Open MPI nor cluster hardware, and starts faster without them.
+    // Without a daemon all such processes share one session folder, and the first that ends would remove it while
+    // another starts: each has its own.
     let session = tempfile::tempdir().map_err(|e| format!("session folder: {e}"))?;
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", session.path());

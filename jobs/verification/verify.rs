@@ -1,7 +1,8 @@
-//! `verify short|long SOLVER WORK RESULTS [NAME…]`: the cases under `jobs/verification`, with a table of results.
+//! `verify short|long SOLVER WORK RESULTS [NAME…]`: runs the cases under `jobs/verification` and writes a table of
+//! results.
 //!
-//! `RESULTS` gets one row per quantity; the status is 1 where one misses its reference. `jobs/verification/run.sh`
-//! calls this; the tests run the short forms through the same [`suite`].
+//! `RESULTS` receives one row per quantity; the status is 1 if a quantity deviates from its reference.
+//! `jobs/verification/run.sh` calls this program; the tests run the short forms with the same [`suite`].
 
 #![expect(
     clippy::print_stdout,
@@ -65,7 +66,7 @@ fn verify(
                 good = false;
             }
         }
-        // After every case: a long run that is stopped leaves what it had.
+        // The table is written after every case, so that a stopped long run leaves its results.
         std::fs::write(results, &text).map_err(|e| format!("{}: {e}", results.display()))?;
     }
     println!(
@@ -89,7 +90,7 @@ fn row(text: &mut String, o: &Outcome, commit: &str, machine: &str) {
     );
 }
 
-/// Returns the commit of the sources, with a mark where they differ from it.
+/// Returns the commit of the sources, with a mark if the sources differ from it.
 fn commit() -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git")

@@ -5,9 +5,9 @@
 //! path of a case: `bodies[0].shape.disc.radius`. An expression has at most 10,000 bytes; brackets, signs and powers
 //! nest at most 100 deep.
 
-/// Bytes of a formula at most.
+/// Maximum length of a formula in bytes.
 pub const LONGEST: usize = 10_000;
-/// Brackets, signs and powers within each other at most.
+/// Maximum nesting of brackets, signs and powers.
 pub const DEEPEST: usize = 100;
 
 /// Returns the value of an expression; `lookup` gives the values of names.
@@ -53,7 +53,7 @@ pub fn excerpt(text: &str) -> String {
 struct Reader<'a> {
     rest: &'a str,
     lookup: &'a dyn Fn(&str) -> Option<f64>,
-    /// Signs, powers and brackets round the place that is read.
+    /// Number of signs, powers and brackets that enclose the current position.
     depth: usize,
 }
 

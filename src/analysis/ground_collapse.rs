@@ -1,5 +1,4 @@
-//! Collapse of ground over seepage points: measured quantities, the stages, and the clusters in which grains come
-//! loose.
+//! Collapse of ground over seepage points: measured quantities, stages, and clusters of loosened grains.
 //!
 //! Water drags grains out through seepage points. A hole grows, an arch stands over it for a while, the surface sinks,
 //! and the depression extends along the fissure. Each step of the analysis is one file:
@@ -8,7 +7,7 @@
 //! |---|---|
 //! | [`measure`] | volume of the voids, height of the moving ground, settlement of the surface |
 //! | [`stages`] | times at which hole, arch, sinkhole and extension begin |
-//! | [`clusters`] | clusters of bonded grains that come loose |
+//! | [`clusters`] | clusters of bonded grains that have loosened |
 //! | [`record`] | records of a run |
 //! | `figures` | figures |
 //!
@@ -18,8 +17,8 @@
 //! third points up. The box is divided into cells with edges of about two mean diameters. A smaller cell would count
 //! pores as voids, a larger one would miss a hole of a few grains.
 //!
-//! - **Ground** is every cell with a solid fraction of at least [`measure::GROUND`] at time 0. Air above, rock at the
-//!   sides and the opening below never count.
+//! - **Ground** is every cell with a solid fraction of at least [`measure::GROUND`] at time 0. Air above, rock at
+//!   the sides and the opening below are not ground.
 //! - **Void** is a cell of the ground with less than `void_below` of its initial solid. The void of a point is the set
 //!   of void cells that are connected through faces to the cells at its box. Its volume is the volume of the missing
 //!   soil: lost solid over the packing, the median solid fraction of the ground at time 0, so that a cell half in rock
@@ -30,9 +29,10 @@
 //!   fraction of the cover. Its *shape* is the moving length of the long section in the upper half below the front over
 //!   that in the lower half, each part of the length by the moving part of its width: 1/3 for a triangle with its apex
 //!   up, 1 for a rectangle, in a slot and in a V alike.
-//! - **Surface**: the elevation of a column is the top of the highest grain with its centre in the column that has two
-//!   others within half a mean diameter. A grain in flight therefore does not count, soil that falls together does. If
-//!   no grain is left, the elevation is that of the lowest ground the column had.
+//! - **Surface**: the elevation of a column is the top of the highest grain with its centre in the column that has
+//!   two other grains within half a mean diameter. A single grain in flight is therefore ignored, while soil that
+//!   falls as a mass is included. If no grain remains, the elevation is that of the lowest ground of the column at
+//!   time 0.
 //! - **Settlement** of a column is the smaller of two values: the decrease of its elevation, and the downward
 //!   displacement of the grains that formed its surface at time 0 (the median of the three highest). A large grain that
 //!   rolls off its column lowers the elevation but does not displace its neighbours; grains that sink with the ground
@@ -55,14 +55,15 @@
 //! - **t4 extension** begins when the longest depression is 1.5 times the length or width of the sinkhole at t3, and
 //!   the adjacent soil moves in. The depression grows along the fissure and not around the hole.
 //!
-//! A stage begins at the first of three consecutive samples that meet its criterion, and only once. t1 and t3 do not
-//! depend on each other. t2 asks for a void and for a surface at rest: ground that sinks as a whole has no arch. t4
-//! needs t3, because it compares lengths. The shapes of the front at t2 and t3 are written with the times. All
-//! thresholds are fields of the case.
+//! A stage begins at the first of three consecutive samples that meet its criterion, and only once. t1 and t3 do
+//! not depend on each other. t2 requires a void and a stationary surface: ground that sinks as a whole has no arch.
+//! t4 requires t3, because it compares lengths. The shapes of the front at t2 and t3 are written with the times.
+//! All thresholds are fields of the case.
 //!
 //! # Reproducibility
 //!
-//! All quantities are functions of the list of all grains in rising order of id. They are evaluated on one rank.
+//! All quantities are functions of the list of all grains in ascending order of id. They are evaluated on one
+//! rank.
 
 pub mod clusters;
 pub mod measure;

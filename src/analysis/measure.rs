@@ -98,12 +98,12 @@ impl Norm {
     }
 }
 
-/// Values over a coordinate, in growing order of the coordinate.
+/// Values as a function of a coordinate, in ascending order of the coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// The coordinate.
     pub x: Vec<f64>,
-    /// The values there.
+    /// Values at these coordinates.
     pub y: Vec<f64>,
 }
 
@@ -188,7 +188,7 @@ impl Measure {
         }
     }
 
-    /// Returns the values of the last time over a coordinate.
+    /// Returns the values at the last time as a function of a coordinate.
     ///
     /// # Errors
     /// What cannot be read or is not there.
@@ -252,7 +252,7 @@ impl Table {
         let text = read(path)?;
         let mut reader =
             Reader::new(&text).ok_or_else(|| format!("{} is empty", path.display()))?;
-        // A unit may stand behind a name: `time [s]`.
+        // A unit may follow a name: `time [s]`.
         let names = reader.names().into_iter();
         let columns = names
             .map(|name| name.split(' ').next().unwrap_or_default().to_owned())
@@ -270,7 +270,7 @@ impl Table {
     }
 }
 
-/// Rows of a table that count, with the numbers that formulas may name in addition to its columns.
+/// Selected rows of a table, with the numbers that formulas may use in addition to its columns.
 struct Rows<'a> {
     table: Table,
     kept: Vec<usize>,
@@ -304,7 +304,7 @@ fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
     2.0 * sum / real(values.len())
 }
 
-/// Returns the cubic through the four points nearest to `at`; `x` grows.
+/// Returns the cubic interpolation through the four points nearest to `at`; `x` is ascending.
 fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
         return Err("a profile needs four or more points in rising order".into());

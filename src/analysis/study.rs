@@ -1,8 +1,8 @@
 //! The erosion law across runs: reads run folders and fits the law of each cohesion.
 //!
-//! A run folder holds `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]); `removed.csv` is
-//! used if it exists. A run that has not finished has no summary yet. Its pressure, cohesion and hole are then read
-//! from its `case.json`, and its masses from the record.
+//! A run folder contains `erosion.csv` and `summary.json` with the key `erosion` ([`ErosionSummary`]);
+//! `removed.csv` is used if it exists. A run that has not finished has no summary yet. Its pressure, cohesion and
+//! hole are then read from its `case.json`, and its masses from the record.
 //!
 //! The law is fitted to one point per run and to the stress from the velocity gradient. With fewer than three runs it
 //! is fitted to the windows of the runs. The report also contains the fits with the other definitions; their
@@ -17,32 +17,34 @@ use base::error::Error;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Displacement in mean diameters above which a bulk has failed; next to faces that erode, it stands.
+/// Displacement in mean diameters above which the bulk counts as failed; a bulk next to eroding faces is
+/// stationary.
 const MOVED: f64 = 1.0;
 
-/// One run as read.
+/// Data of one run.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
     /// Folder.
     pub folder: PathBuf,
-    /// `outcome` of its summary; `unfinished` without one.
+    /// `outcome` of the summary; `unfinished` without a summary.
     pub outcome: String,
     /// Pressure difference \[Pa\].
     pub pressure_difference: f64,
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Time reached \[s\].
+    /// Last time of the records \[s\].
     pub end: f64,
     /// M_e / M_0 at the end.
     pub eroded_fraction: f64,
-    /// Grains that left.
+    /// Number of grains that left.
     pub eroded_grains: u64,
-    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
-    /// broke.
+    /// Fraction of the bonds broken before a tenth of the mass had left that broke at the wall of the hole; none if
+    /// no bond broke.
     pub face_share: Option<f64>,
-    /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters.
+    /// Mean displacement of the bulk at the time at which a tenth of the mass had left, or at the end if less has
+    /// left, in mean diameters.
     pub bulk_displacement: Option<f64>,
-    /// The windows.
+    /// Windows of the run.
     pub windows: Vec<RateWindow>,
     /// The run as one hole erosion test.
     pub whole: Option<RateWindow>,
@@ -56,13 +58,13 @@ pub struct RunReport {
 pub struct CohesionReport {
     /// C/d [N/m].
     pub cohesion: f64,
-    /// Runs, by pressure.
+    /// Runs in order of pressure.
     pub runs: Vec<RunReport>,
-    /// Points that the law is fitted to.
+    /// Kind of points to which the law is fitted.
     pub points: Points,
-    /// The law; `None` where no run has a point.
+    /// Fitted law; `None` if no run has a point.
     pub law: Option<FittedErosionLaw>,
-    /// All readings, the law's own among them.
+    /// Fits with all kinds of points and stresses, including the law's own.
     pub readings: Vec<Reading>,
 }
 
@@ -80,22 +82,22 @@ pub enum Points {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stress {
-    /// Stress from the gradient of the velocity at the faces (the paper's equation 10).
+    /// Velocity gradient at the faces (the paper's equation 10).
     Gradient,
-    /// Stress from the balance of forces on the hole.
+    /// Balance of forces on the hole.
     Balance,
-    /// Stress from the summed traction on the grains of the faces.
+    /// Summed traction on the grains of the faces.
     Traction,
 }
 
-/// The law by one choice of points and stress.
+/// Law fitted with one kind of points and one kind of stress.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Reading {
-    /// The points.
+    /// Kind of points.
     pub points: Points,
-    /// The stress.
+    /// Kind of stress.
     pub stress: Stress,
-    /// The law; `None` without points.
+    /// Fitted law; `None` without points.
     pub law: Option<FittedErosionLaw>,
 }
 
@@ -106,7 +108,7 @@ pub struct ErosionLawReport {
     pub cohesions: Vec<CohesionReport>,
     /// Trend over the cohesions; `None` for fewer than two fits.
     pub trend: Option<CohesionTrend>,
-    /// Files written.
+    /// Files that were written.
     pub files: Vec<PathBuf>,
     /// Warnings for the reader, such as runs that ended early.
     pub warnings: Vec<String>,
@@ -115,7 +117,7 @@ pub struct ErosionLawReport {
 /// Reads the runs and fits their laws.
 ///
 /// # Errors
-/// [`Error::Io`] when a run cannot be read, or holds no pressure or cohesion.
+/// [`Error::Io`] if a run cannot be read, or holds no pressure or cohesion.
 pub fn fit(runs: &[PathBuf]) -> Result<ErosionLawReport, Error> {
     if runs.is_empty() {
         return Err(Error::Io(
@@ -176,19 +178,19 @@ pub fn fit(runs: &[PathBuf]) -> Result<ErosionLawReport, Error> {
     })
 }
 
-/// Returns `true` if the numbers are equal but for rounding in text.
+/// Returns `true` if the numbers are equal within the rounding of their text.
 #[must_use]
 pub fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
-/// Returns the points that the law is fitted to.
+/// Returns the points to which the law is fitted.
 #[must_use]
 pub fn points(cohesion: &CohesionReport) -> Vec<RatePoint> {
     points_of(cohesion, cohesion.points, Stress::Gradient)
 }
 
-/// Returns the windows, or the whole, of a run.
+/// Returns the windows of a run, or the whole run as one window.
 #[must_use]
 pub fn measured(run: &RunReport, points: Points) -> Vec<RateWindow> {
     match points {
@@ -247,14 +249,14 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         ));
     }
     let options = WindowOptions::default();
-    // Without a grain gone, the mean grain is unknown; one ten-thousandth of the sample stands in.
+    // If no grain has left, the mean mass of a grain is unknown and is taken as 1e-4 of the sample.
     let jump = mean_jump(&removed, &records).unwrap_or(1e-4 * about.initial_mass);
     let mut windows = erosion_windows(&records, jump, about.ramp_end, options);
     let mut whole = run_point(&records, jump, about.ramp_end, options);
     let left = records.last().map_or(0, |record| record.eroded_grains);
     if about.cohesion > 0.0 && left > 0 && records.iter().all(|r| r.bonds_broken == 0) {
-        // Cutting a hole frees some grains of all their bonds. The water carries them away at any cohesion; the soil is
-        // whole.
+        // Cutting a hole frees some grains from all their bonds. The water removes them at any cohesion, although
+        // the soil is intact.
         for window in windows.iter_mut().chain(whole.as_mut()) {
             window.eroding = false;
             window.rate = 0.0;
@@ -307,7 +309,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
     })
 }
 
-/// Returns the file as JSON; `None` where there is none.
+/// Returns the contents of a JSON file; `None` if it does not exist.
 fn read_json(path: &Path) -> Result<Option<Value>, Error> {
     if !path.exists() {
         return Ok(None);
@@ -319,7 +321,7 @@ fn read_json(path: &Path) -> Result<Option<Value>, Error> {
         .map_err(|error| Error::Io(format!("{}: {error}", path.display())))
 }
 
-/// Returns the contents of the summary, from the case as written.
+/// Returns the contents of the summary, computed from the case file.
 fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<ErosionSummary, Error> {
     let path = folder.join("case.json");
     let missing = |what: &str| Error::Io(format!("{}: {what}", path.display()));
@@ -367,7 +369,7 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     })
 }
 
-/// Returns the value itself where it is written with its source.
+/// Returns the value itself if it is written with its source.
 fn bare(value: &Value) -> &Value {
     match value {
         Value::Object(map)

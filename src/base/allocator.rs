@@ -1,13 +1,14 @@
-//! Memory in huge pages: large blocks straight from the operating system and given back at once, small ones from
-//! mimalloc (Leijen, Zorn and de Moura 2019, MSR-TR-2019-18), which asks for huge pages itself.
+//! Memory in huge pages: large blocks are obtained directly from the operating system and released immediately,
+//! small ones come from mimalloc (Leijen, Zorn and de Moura 2019, MSR-TR-2019-18), which requests huge pages
+//! itself.
 //!
-//! Grains, contacts and maps of bodies are read in an order that jumps about in tens of megabytes, and a pass of the
-//! lattice walks dozens of rows at the same time. In pages of 4 KiB the processor then waits for the translation of
-//! addresses: 100,000 packed spheres take a third longer, the mapping of spheres in water a tenth to a half. An
-//! allocator that keeps large blocks for later use would hold the grids of a search for neighbours, a fifth of the
+//! Grains, contacts and maps of bodies are accessed in an irregular order over tens of megabytes, and a sweep
+//! over the lattice reads dozens of rows at the same time. With pages of 4 KiB the processor then waits for address
+//! translations: 100,000 packed spheres take a third longer, the mapping of spheres in water a tenth to a half. An
+//! allocator that retains large blocks for later use would keep the grids of a neighbour search, a fifth of the
 //! memory of a grain.
 //!
-//! A program takes it by
+//! A program selects the allocator by
 //!
 //! ```
 //! #[global_allocator]
@@ -18,28 +19,29 @@ use mimalloc::MiMalloc;
 use std::alloc::{GlobalAlloc, Layout};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The pages of the operating system for blocks of at least [`LARGE`] bytes, mimalloc for the rest.
+/// Allocator with pages of the operating system for blocks of at least [`LARGE`] bytes, and mimalloc for smaller
+/// ones.
 #[derive(Debug)]
 pub struct Allocator;
 
-/// The smallest block that gets pages of its own \[B\].
+/// Minimum size of a block with pages of its own \[B\].
 pub const LARGE: usize = 1 << 20;
 
-/// A huge page of x86 and of most others \[B\].
+/// Size of a huge page on x86 and most other processors \[B\].
 const HUGE: usize = 2 << 20;
 
-/// Cache lines by which the starts of blocks differ from one to the next, of [`COLOURS`]: the golden section spreads
-/// any number of them evenly.
+/// Offset in cache lines between the starts of successive blocks, modulo [`COLOURS`]: the golden ratio distributes
+/// any number of blocks evenly.
 const STRIDE: usize = 1265;
-/// Sets of a second-level cache: so many cache lines later the same set is meant.
+/// Number of sets of a second-level cache: addresses this many cache lines apart map to the same set.
 const COLOURS: usize = 2048;
 const LINE: usize = 64;
 
-/// Number of blocks taken.
+/// Number of large blocks allocated so far.
 static TAKEN: AtomicUsize = AtomicUsize::new(0);
 
-/// Returns a block that starts anywhere in a huge page. Arrays that start at the same place would meet in the same sets
-/// of the caches wherever they are read side by side.
+/// Returns a block with a varying start in a huge page. Arrays with the same start would compete for the same cache
+/// sets when they are read together.
 fn take(layout: &Layout) -> *mut u8 {
     let before = if layout.align() > LINE {
         0
@@ -53,30 +55,30 @@ fn take(layout: &Layout) -> *mut u8 {
     if start.is_null() {
         return start;
     }
-    // SAFETY: the mapping is that much longer.
+    // SAFETY: the mapping is longer by this offset.
     unsafe { start.add(before) }
 }
 
-/// Returns the offset of the start of a block in its huge page \[bytes\].
+/// Returns the offset of the start of a block from the start of its huge page \[bytes\].
 fn before(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
 
-/// Returns zeroed memory of a whole number of huge pages, at least `bytes`; null if there is none. Pages come when they
-/// are first touched, near the thread that touches them.
+/// Returns zeroed memory of a whole number of huge pages, at least `bytes`; null if there is none. A page is
+/// allocated when a thread first accesses it, in the memory closest to that thread.
 pub fn map(bytes: usize) -> *mut u8 {
     let Some(room) = bytes.max(1).checked_next_multiple_of(HUGE) else {
         return std::ptr::null_mut();
     };
     let mut start = anonymous(room);
-    // Kernels before 6.7 put it anywhere.
+    // Kernels before 6.7 do not align the mapping.
     if !start.is_null() && !start.addr().is_multiple_of(HUGE) {
-        // SAFETY: the mapping made above, which no other code has seen.
+        // SAFETY: this mapping was made above and no other code uses it.
         unsafe { release(start, room) };
         start = anonymous(room.saturating_add(HUGE));
         if !start.is_null() {
             let before = start.addr().next_multiple_of(HUGE) - start.addr();
-            // SAFETY: both pieces lie in the mapping made above, which is `HUGE` longer than what is kept.
+            // SAFETY: both pieces lie in the mapping made above, which is longer than the retained part by `HUGE`.
             unsafe {
                 release(start, before);
                 start = start.add(before);
@@ -86,7 +88,7 @@ pub fn map(bytes: usize) -> *mut u8 {
     }
     #[cfg(target_os = "linux")]
     if !start.is_null() {
-        // SAFETY: advice on our own mapping; failing is harmless.
+        // SAFETY: this is advice on our own mapping; a failure is harmless.
         unsafe {
             libc::madvise(start.cast(), room, libc::MADV_HUGEPAGE);
         }
@@ -136,9 +138,9 @@ fn is_large(layout: &Layout) -> bool {
     layout.size() >= LARGE && layout.align() <= HUGE
 }
 
-// SAFETY: a block is large by its layout alone, so that it is released to its source. `map` gives memory that no other
-// block has, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that would break the
-// alignment; everything else is the promise of `MiMalloc`.
+// SAFETY: the layout alone decides if a block is large, so that it is released to its source. `map` returns memory
+// that no other block uses, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that
+// would break the alignment; everything else is the promise of `MiMalloc`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {
@@ -159,7 +161,7 @@ unsafe impl GlobalAlloc for Allocator {
     }
 
     unsafe fn dealloc(&self, start: *mut u8, layout: Layout) {
-        // SAFETY: promised by the caller; the layout says where the block came from.
+        // SAFETY: promised by the caller; the layout determines the source of the block.
         unsafe {
             if is_large(&layout) {
                 let before = before(start);
@@ -268,7 +270,7 @@ mod tests {
     #[test]
     fn more_than_there_is_gives_null() {
         let impossible = layout(isize::MAX as usize - HUGE, 8);
-        // SAFETY: nothing is used.
+        // SAFETY: nothing is used after this.
         unsafe {
             assert!(Allocator.alloc(impossible).is_null());
         }

@@ -1,17 +1,17 @@
-//! Environment that libraries read when the program starts them.
+//! Environment variables that libraries read at the start of the program.
 //!
-//! A rank of Open MPI polls for messages without pause. On a core that it shares with another rank or program, it takes
-//! the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA parameters)
-//! an idle rank yields its core at each poll, which costs nothing on a core of its own.
+//! A rank of Open MPI polls for messages without pause. On a core shared with another rank or program, the polling
+//! rank uses the time that its partner needs to answer. With `mpi_yield_when_idle` (Open MPI manual, section on MCA
+//! parameters) an idle rank yields its core at each poll, which costs nothing on a core of its own.
 
 use std::ffi::OsString;
 
-/// Variable of Open MPI by which a rank that waits yields its core.
+/// Variable of Open MPI that makes a waiting rank yield its core.
 const YIELD: &str = "OMPI_MCA_mpi_yield_when_idle";
-/// Number of ranks of the job, as Open MPI sets it.
+/// Variable with the number of ranks of the job, set by Open MPI.
 const RANKS: &str = "OMPI_COMM_WORLD_SIZE";
 
-/// Asks Open MPI to yield the core of a rank that waits, where a job has several ranks and
+/// Requests that waiting ranks of Open MPI yield their cores, if the job has several ranks and
 /// `OMPI_MCA_mpi_yield_when_idle` is not set.
 ///
 /// # Safety
@@ -23,7 +23,7 @@ pub unsafe fn yield_when_idle() {
     }
 }
 
-/// Returns `true` if the ranks of a job do not know whether to yield.
+/// Returns `true` if the job has several ranks and the variable is not set.
 fn yields(ranks: Option<OsString>, now: Option<OsString>) -> bool {
     ranks.is_some_and(|ranks| ranks != "1") && now.is_none()
 }

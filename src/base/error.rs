@@ -32,9 +32,9 @@ pub enum Severity {
 /// A finding about a case: path, value, reason, allowed range and remedy.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Problem {
-    /// JSON path of the value, such as `fluid.lattice_boltzmann.relaxation_time`.
+    /// JSON path of the value, for example `fluid.lattice_boltzmann.relaxation_time`.
     pub path: String,
-    /// The value found, as JSON text (`missing` where there is none).
+    /// Value found, as JSON text (`missing` if there is none).
     pub value: String,
     /// Reason, and the allowed range or choice.
     pub reason: String,
@@ -45,7 +45,7 @@ pub struct Problem {
     pub severity: Severity,
 }
 
-/// Finding of a model about its parameters: a [`Problem`] before its value is found in the case.
+/// Finding of a model about its parameters, before the value in the case is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// JSON path of the field.
@@ -54,11 +54,11 @@ pub struct Finding {
     pub reason: String,
     /// The smallest change that would pass.
     pub remedy: Remedy,
-    /// Refused, unstable, or a warning.
+    /// Severity.
     pub severity: Severity,
 }
 
-/// Remedy of a [`Problem`]: a sentence, and values to set where it names any.
+/// Remedy of a [`Problem`]: a sentence, and the values to set if the sentence names any.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Remedy {
     #[serde(rename = "remedy")]
@@ -67,23 +67,23 @@ pub struct Remedy {
     proposal: Vec<Assignment>,
 }
 
-/// A value to set at a path of the case, as `--set` takes it.
+/// Value to set at a path of the case, as in `--set`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Assignment {
     /// JSON path.
     pub path: String,
-    /// The value; null takes the field out.
+    /// Value; null removes the field.
     pub value: serde_json::Value,
 }
 
 impl Remedy {
-    /// Takes out the optional field at a path.
+    /// Returns the remedy that removes the optional field at a path.
     #[must_use]
     pub fn take_out(text: impl Into<Self>, path: &str) -> Self {
         text.into().set(path, serde_json::Value::Null)
     }
 
-    /// Proposes a value. The problem is gone once all values that are proposed for it are set.
+    /// Adds a proposed value. The problem is solved once all proposed values are set.
     #[must_use]
     pub fn set(mut self, path: impl Into<String>, value: impl Into<serde_json::Value>) -> Self {
         self.proposal.push(Assignment {
@@ -93,20 +93,19 @@ impl Remedy {
         self
     }
 
-    /// Returns the values that are proposed; empty if the sentence names none.
+    /// Returns the proposed values; empty if the sentence names none.
     #[must_use]
     pub fn proposal(&self) -> &[Assignment] {
         &self.proposal
     }
 }
 
-/// Collects findings about the parameters of a model while it is resolved: models do not depend on the case that
-/// contains them.
+/// Receiver of findings about the parameters of a model: models do not depend on the case that contains them.
 pub trait Report {
     /// Adds an error: the case is refused.
     fn error(&mut self, path: &str, reason: String, remedy: Remedy);
 
-    /// Adds an error: the case names a material that is none of `known`.
+    /// Adds an error: the case names a material that is not in `known`.
     fn unknown_material(&mut self, path: &str, name: &str, known: &[&str]);
 }
 
@@ -170,16 +169,16 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Reason why a run ended before its end.
+/// Reason for an early end of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The case cannot be run; every problem found is listed.
+    /// The case cannot be run; the list contains every problem found.
     #[error("the case is {}", Verdict::sentence(.0))]
     Case(Vec<Problem>),
-    /// The numbers failed: not finite, out of the envelope, a particle lost.
+    /// Numerical failure: values not finite, values out of the envelope, or a lost particle.
     #[error("numerical failure: {0}")]
     Numerical(String),
-    /// Wrong usage: a folder in use, a run that is already finished.
+    /// Wrong usage: a folder in use, or a run that is already finished.
     #[error("{0}")]
     Usage(String),
     /// A file could not be read or written.
@@ -188,13 +187,13 @@ pub enum Error {
     /// An error inside the program, or of MPI.
     #[error("internal error: {0}")]
     Internal(String),
-    /// Stopped on request with a checkpoint written.
+    /// The run stopped on request after writing a checkpoint.
     #[error("stopped early with a checkpoint: {0}")]
     Stopped(String),
 }
 
 impl Error {
-    /// Returns the exit code of the process that ends with this error.
+    /// Returns the exit code of a process that ends with this error.
     #[must_use]
     pub fn exit_code(&self) -> i32 {
         match self {

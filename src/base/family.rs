@@ -1,4 +1,4 @@
-//! Families of models: what they share, and the list macro of the families of the seepage.
+//! Families of models: common parts, and the list macro of the families of the seepage.
 //!
 //! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws,
 //! permeabilities and porosity methods use the macro of this file. Contact laws, collision operators, eddy viscosities,
@@ -6,8 +6,8 @@
 //! [`Description`] and `describe_choices` are shared by the families of the lattice and of structures.
 //!
 //! A model in the macro of this file is a type that implements the trait of its family, such as
-//! `darcy::drag::DragFormula`. A model without parameters is a unit struct and stands in a case as its name; a model
-//! with parameters is a struct of the same name, whose fields stand in the case below the name.
+//! `darcy::drag::DragFormula`. A model without parameters is a unit struct and appears in a case as its name; a
+//! model with parameters is a struct of the same name, whose fields appear in the case below the name.
 //!
 //! ```text
 //! family! {
@@ -27,17 +27,17 @@
 use schemars::Schema;
 use serde_json::Value;
 
-/// A model and why it is there, as `plan` prints them.
+/// Model and the reason for its choice, as `plan` prints them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Description {
-    /// The model with its parameters.
+    /// Name of the model with its parameters.
     pub model: String,
-    /// Reason for this model, or its effect.
+    /// Reason for the choice of this model, or its effect.
     pub reason: String,
 }
 
 impl Description {
-    /// Returns a description of two texts.
+    /// Returns a description from two texts.
     pub fn new(model: impl Into<String>, reason: impl Into<String>) -> Self {
         Self {
             model: model.into(),
@@ -46,7 +46,7 @@ impl Description {
     }
 }
 
-/// Makes the enum of a family of models from its list; see the module.
+/// Defines the enum of a family of models from its list; see the module.
 #[macro_export]
 macro_rules! model_family {
     (
@@ -69,7 +69,7 @@ macro_rules! model_family {
         }
 
         impl $family {
-            /// The model that is chosen.
+            /// Returns the selected model.
             #[must_use]
             $visibility fn model(&self) -> &dyn $law {
                 match self {
@@ -87,8 +87,8 @@ macro_rules! model_family {
 
 pub use model_family as family;
 
-/// Describes each choice of a schema by the documentation of its model: an object with one field takes the description
-/// of that field.
+/// Sets the description of each choice of a schema to the documentation of its model: an object with one field
+/// takes the description of that field.
 pub fn describe_choices(schema: &mut Schema) {
     let choices = schema.get_mut("oneOf").and_then(Value::as_array_mut);
     for choice in choices.into_iter().flatten() {

@@ -22,7 +22,7 @@ impl Vector {
         array
     }
 
-    /// Returns the three components; a finding where their number is not that of the dimensions.
+    /// Returns the three components; reports a finding if their number differs from the dimension.
     pub fn resolve(&self, dimension: usize, path: &str, report: &mut dyn Report) -> [f64; 3] {
         let have = self.0.len();
         if have != dimension {
@@ -92,7 +92,7 @@ impl Default for Rotation {
 }
 
 impl Rotation {
-    /// Returns the vector of rotation; in 2-D only its third component.
+    /// Returns the angular velocity vector; in 2-D only its third component is nonzero.
     #[must_use]
     pub fn to_array(&self) -> [f64; 3] {
         match self {
@@ -170,7 +170,7 @@ pub enum Axis {
 }
 
 impl Axis {
-    /// Returns 0, 1 or 2.
+    /// Returns the index 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -180,7 +180,7 @@ impl Axis {
         }
     }
 
-    /// Returns `x`, `y` or `z`.
+    /// Returns the name `x`, `y` or `z`.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x", "y", "z"][self.index()]
@@ -217,7 +217,7 @@ impl Face {
         Self::ZMax,
     ];
 
-    /// Returns the position in [`Face::ALL`].
+    /// Returns the index of the face in [`Face::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
         match self {
@@ -250,7 +250,7 @@ impl Face {
         normal
     }
 
-    /// Returns the name in a case: `x_min` and so on.
+    /// Returns the name of the face in a case: `x_min` and so on.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"][self.index()]

@@ -1,14 +1,14 @@
-//! Values that follow a table in time.
+//! Values given by a table in time.
 
 use crate::error::Report;
 
-/// Table of times and values: linear between its rows, constant before and after them; two values at one time are a
-/// jump.
+/// Table of times and values: linear between its rows, constant before and after them. Two values at the same time
+/// form a jump.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeTable(Vec<[f64; 2]>);
 
 impl TimeTable {
-    /// Returns the history of a table by rising time, or of one value where there is no table.
+    /// Returns the history given by a table in ascending order of time, or by one value without a table.
     #[must_use]
     pub fn new(table: Option<&[[f64; 2]]>, value: f64) -> Self {
         match table {
@@ -17,7 +17,7 @@ impl TimeTable {
         }
     }
 
-    /// Returns the value at a time, that before a jump at the time of the jump.
+    /// Returns the value at a time; at the time of a jump, the value before the jump.
     #[must_use]
     pub fn value(&self, time: f64) -> f64 {
         let after = self.0.partition_point(|[t, _]| *t < time);
@@ -30,14 +30,14 @@ impl TimeTable {
         v0 + (v1 - v0) * (time - t0) / (t1 - t0)
     }
 
-    /// Returns the first time of the table after a time.
+    /// Returns the first time in the table after `time`.
     #[must_use]
     pub fn next(&self, time: f64) -> Option<f64> {
         let after = self.0.partition_point(|[t, _]| *t <= time);
         self.0.get(after).map(|[t, _]| *t)
     }
 
-    /// Returns the last time of the table; 0 for one value.
+    /// Returns the last time of the table; 0 for a single value.
     #[must_use]
     pub fn end(&self) -> f64 {
         match self.0.as_slice() {
@@ -63,7 +63,7 @@ impl TimeTable {
     }
 }
 
-/// Reports a table whose rows are missing, not finite or not sorted by time; returns `true` if it is sound.
+/// Reports a table whose rows are missing, not finite or not sorted by time; returns `true` if the table is valid.
 pub fn check(table: &[[f64; 2]], path: &str, report: &mut dyn Report) -> bool {
     let falls = |pair: &[[f64; 2]]| pair[1][0] < pair[0][0];
     let (reason, remedy) = if table.is_empty() || table.iter().flatten().any(|x| !x.is_finite()) {

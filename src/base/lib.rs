@@ -1,7 +1,7 @@
 //! The models: lattice Boltzmann, discrete elements, Darcy seepage, structures, and the coupling between them.
 //!
-//! The models know nothing of cases, files and runs. They take numbers, fields and grains, and a communicator. The
-//! library `solver` above them reads a case, makes its plan, runs the models and writes the results.
+//! The models do not use cases, files or runs. They take numbers, fields, grains and a communicator. The library
+//! `solver` above them reads a case, makes its plan, runs the models and writes the results.
 
 #![cfg_attr(
     test,

@@ -15,7 +15,7 @@ pub fn declare(commit: &'static str, profile: &'static str) {
     let _ = BUILD.set([commit, profile]);
 }
 
-/// Returns `git describe` of the sources, `-dirty` where they were changed.
+/// Returns `git describe` of the sources, with `-dirty` if they were changed.
 #[must_use]
 pub fn commit() -> &'static str {
     BUILD.get().map_or("unknown", |[commit, _]| commit)

@@ -1,9 +1,9 @@
 //! Random numbers.
 //!
-//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id, use,
-//! index), so that it is the same on any rank, in any order, and after a restart. Source: J. K. Salmon, M. A. Moraes,
-//! R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11, doi:10.1145/2063384.2063405; checked
-//! against the known-answer vectors of their Random123 library.
+//! The numbers of a run come from the counter-based generator Philox4x32-10. A draw is a function of (seed, id,
+//! purpose, index), so that it is the same on any rank, in any order, and after a restart. Source: J. K. Salmon, M.
+//! A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11,
+//! doi:10.1145/2063384.2063405; checked against the known-answer vectors of their Random123 library.
 
 /// Returns the block function: ten rounds over a counter of four words with a key of two.
 #[must_use]
@@ -24,7 +24,7 @@ pub fn philox4x32_10(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
-/// Returns the high and the low word.
+/// Returns the high and the low word of a product.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the two halves of 64 bits are 32 bits each"
@@ -33,7 +33,7 @@ const fn halves(value: u64) -> [u32; 2] {
     [(value >> 32) as u32, value as u32]
 }
 
-/// The draws of one thing (`id`) for one purpose (`purpose`) under one seed.
+/// Sequence of random draws for one object (`id`) and one purpose (`purpose`) under one seed.
 #[derive(Clone, Debug)]
 pub struct Stream {
     key: [u32; 2],
@@ -81,7 +81,8 @@ impl Stream {
     }
 }
 
-/// SplitMix64: a counter put through a mixer, for draws that only have to follow from a seed, as in a bootstrap.
+/// SplitMix64: a counter with a mixing function, for draws that only have to be reproducible from a seed, as in a
+/// bootstrap.
 ///
 /// Source: G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014.
 #[derive(Clone, Debug)]
@@ -90,7 +91,7 @@ pub struct SplitMix {
 }
 
 impl SplitMix {
-    /// Returns the generator of a seed, at its beginning.
+    /// Returns the generator of a seed, at its start.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
@@ -121,12 +122,12 @@ impl SplitMix {
     }
 }
 
-/// Random numbers of some distributions.
+/// Random numbers of several distributions.
 #[derive(Clone, Debug)]
 pub struct Draws(SplitMix);
 
 impl Draws {
-    /// Begins a sequence.
+    /// Returns the sequence of a seed, at its start.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(SplitMix::new(seed))
@@ -143,7 +144,7 @@ impl Draws {
         (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
     }
 
-    /// Draws from the exponential distribution of a rate.
+    /// Draws from the exponential distribution with the given rate.
     pub fn exponential(&mut self, rate: f64) -> f64 {
         -self.uniform().ln() / rate
     }
@@ -153,7 +154,7 @@ impl Draws {
 mod tests {
     use super::*;
 
-    /// The vectors of `kat_vectors` in Random123 for philox 4x32, 10 rounds.
+    /// Known answers: the vectors of `kat_vectors` in Random123 for philox 4x32, 10 rounds.
     #[test]
     fn known_answers() {
         assert_eq!(

@@ -1,17 +1,18 @@
 //! A pool of threads that start work within a few microseconds.
 //!
-//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several regions of that size.
-//! The workers of `rayon` fall asleep between two of them and take longer to wake than to work. Loops over such pieces
-//! therefore use this pool, for even pieces and for those that threads take when they are free; contacts of blocks and
-//! work of milliseconds use `rayon`, with the same number of threads. An idle thread polls for work for tens of
-//! microseconds, then yields for some time, then sleeps, so that ranks that share a core lose little.
+//! A solid step of some thousand grains takes tens of microseconds, and a fluid step has several parallel regions
+//! of that duration. The workers of `rayon` sleep between two regions and take longer to wake than to work. Loops
+//! of this size therefore use this pool, both for pieces of equal work and for pieces that idle threads take
+//! dynamically. Contacts of blocks and work of milliseconds use `rayon`, with the same number of threads. An idle
+//! thread polls for work for tens of microseconds, then yields for some time, then sleeps, so that ranks that share
+//! a core lose little time.
 //!
 //! Each thread begins with the pieces of its own number and then takes those that no thread has begun. A caller
-//! therefore waits for helpers that have begun a piece, and not for those that the system has not given a core: on a
-//! machine with other work it does all pieces itself.
+//! therefore waits for helpers that have begun a piece, but not for those without a core: on a busy machine the
+//! caller does all pieces itself.
 //!
-//! The assignment of pieces to threads does not affect results: pieces are disjoint. A caller that finds the pool busy
-//! with another caller's work processes its pieces itself.
+//! The assignment of pieces to threads does not affect results, because pieces are disjoint. A caller that finds
+//! the pool in use by another caller does its pieces itself.
 
 mod board;
 mod sync;
@@ -32,16 +33,16 @@ struct Pool {
 
 static POOL: Mutex<Option<Pool>> = Mutex::new(None);
 
-/// The most threads that work is shared out to.
+/// Maximum number of threads that share work.
 pub const MOST: usize = 64;
 
-/// Returns the best number of pieces for an even loop: the threads of this rank.
+/// Returns the number of threads of this rank: the best number of pieces for a loop of equal work.
 #[must_use]
 pub fn threads() -> usize {
     rayon::current_num_threads().min(MOST)
 }
 
-/// Calls `work` with each number below `pieces`, by as many threads; returns when all are done.
+/// Calls `work` with each number below `pieces` on up to this many threads; returns when all calls have ended.
 ///
 /// # Panics
 /// If `work` does.
@@ -49,7 +50,7 @@ pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     if pieces > 1 {
         let pool = match POOL.try_lock() {
             Ok(pool) => Some(pool),
-            // A panic comes through only after all have finished.
+            // A panic is propagated only after all threads have finished.
             Err(TryLockError::Poisoned(pool)) => Some(pool.into_inner()),
             Err(TryLockError::WouldBlock) => None,
         };
@@ -60,26 +61,26 @@ pub fn each(pieces: usize, work: impl Fn(usize) + Sync) {
     (0..pieces).for_each(work);
 }
 
-/// Data that are divided among pieces: slices that were cut, one or several.
+/// Data divided among pieces of work: one or several slices cut into parts.
 pub trait Shared: Sync {
-    /// Data of one piece.
+    /// Part of the data that belongs to one piece.
     type Share;
 
-    /// Returns the share of a piece.
+    /// Returns the part of a piece.
     ///
     /// # Safety
     /// Each piece calls this once.
     unsafe fn take_share(&self, piece: usize) -> Self::Share;
 }
 
-/// A slice that was cut into consecutive parts.
+/// Slice cut into consecutive parts.
 pub struct Cut<'a, T> {
     start: *mut T,
     bounds: [usize; MOST + 1],
     slice: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: parts do not overlap, and each is handed out once.
+// SAFETY: parts do not overlap, and each is given to one piece once.
 unsafe impl<T: Send> Sync for Cut<'_, T> {}
 
 impl<T> Cut<'_, T> {
@@ -99,7 +100,7 @@ pub fn cut<T>(slice: &mut [T], pieces: usize, bound: impl Fn(usize) -> usize) ->
         *at = bound(piece);
     }
     assert!(bounds[..=pieces].is_sorted() && bounds[pieces] <= slice.len());
-    // Of what is beyond the last piece there is nothing to get.
+    // Nothing beyond the last piece can be accessed.
     let end = bounds[pieces];
     bounds[pieces..].fill(end);
     Cut {
@@ -109,7 +110,7 @@ pub fn cut<T>(slice: &mut [T], pieces: usize, bound: impl Fn(usize) -> usize) ->
     }
 }
 
-/// Cuts a slice into parts of about one length.
+/// Cuts a slice into parts of about equal length.
 pub fn evenly<T>(slice: &mut [T], pieces: usize) -> Cut<'_, T> {
     let count = slice.len();
     cut(slice, pieces, |piece| count * piece / pieces)
@@ -143,18 +144,18 @@ several!(A, B);
 several!(A, B, C);
 several!(A, B, C, D);
 
-/// Does [`each`], with the data of each piece.
+/// Calls `work` like [`each`], with the data of each piece.
 pub fn each_of<W: Shared>(pieces: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     each(pieces, |piece| {
-        // SAFETY: each piece is done once, and no other code accesses the shared data.
+        // SAFETY: each piece is done once, and no other code accesses the data.
         let share = unsafe { shared.take_share(piece) };
         work(piece, share);
     });
     drop(shared);
 }
 
-/// Calls `work` with each item and its place, the items shared out evenly over the threads in pieces of at least
-/// `least`.
+/// Calls `work` with each item and its index. The items are divided evenly among the threads in pieces of at least
+/// `least` items.
 pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &mut T) + Sync) {
     let count = items.len();
     let pieces = threads().min(count / least.max(1)).max(1);
@@ -165,8 +166,8 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
     });
 }
 
-/// Runs of consecutive items for [`each_run_of`]: for each thread about as many as there can be, or one in all where
-/// there are fewer than `2 least` items.
+/// Returns the number of runs of consecutive items for [`each_run_of`]: about the maximum for each thread, or a
+/// single run for fewer than `2 least` items.
 #[must_use]
 pub fn runs(items: usize, least: usize) -> usize {
     match threads().min(items / least.max(1)) {
@@ -175,13 +176,13 @@ pub fn runs(items: usize, least: usize) -> usize {
     }
 }
 
-/// Number of its runs that a thread has begun, on a cache line of its own.
+/// Number of runs of a thread that have been begun, on a separate cache line.
 #[derive(Default)]
 #[repr(align(128))]
 struct Begun(AtomicUsize);
 
-/// Does [`each_of`] for pieces of uneven work: a thread does those of its own even part, equal in each call, and then
-/// helps others with theirs. Most data that it reads are those that it wrote before.
+/// Calls `work` like [`each_of`] for runs of unequal work: a thread first does the runs of its own part, which is
+/// the same in each call, and then runs of other threads. It therefore mostly reads data that it wrote before.
 pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Share) + Sync) {
     let threads = threads().min(runs);
     if threads <= 1 {
@@ -205,7 +206,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
     drop(shared);
 }
 
-/// Does [`each_item`] for items of uneven work: see [`each_run_of`].
+/// Calls `work` like [`each_item`] for items of unequal work: see [`each_run_of`].
 pub fn each_item_in_runs<T: Send>(
     items: &mut [T],
     least: usize,
@@ -220,8 +221,8 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// Does [`each_item_in_runs`] for items of very uneven work, in runs of `some` of them. `rooms` has one buffer for each
-/// thread.
+/// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. `rooms`
+/// contains one buffer for each thread.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
@@ -250,7 +251,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
                     break;
                 }
                 for n in first..(first + some).min(share.end) {
-                    // SAFETY: within the slice, and no other thread has taken this number.
+                    // SAFETY: the index is within the slice, and no other thread has taken it.
                     work(room, unsafe { &mut *all.item(n) });
                 }
             }
@@ -258,7 +259,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     });
 }
 
-/// Buffer for new items of a list: the part of one piece of the work.
+/// Buffer for new items of a list, filled by one piece of the work.
 pub struct Room<'a, T> {
     slice: &'a mut [MaybeUninit<T>],
     count: usize,
@@ -276,7 +277,7 @@ impl<T> Room<'_, T> {
     }
 }
 
-/// Adds to a list what pieces of the work give, in the order of the pieces: piece p gives at most
+/// Appends the items from all pieces of the work to a list, in the order of the pieces: piece p adds at most
 /// `bound(p + 1) - bound(p)` items.
 pub fn extend<T: Copy + Send>(
     list: &mut Vec<T>,
@@ -296,7 +297,7 @@ pub fn extend<T: Copy + Send>(
         work(piece, &mut room);
         count[0] = room.count;
     });
-    // Closes the gaps behind pieces that gave less.
+    // Closes the gaps after pieces that added fewer items.
     let mut end = 0;
     for (piece, &count) in counts[..pieces].iter().enumerate() {
         let from = bound(piece);
@@ -306,7 +307,7 @@ pub fn extend<T: Copy + Send>(
         end += count;
     }
     let length = list.len() + end;
-    // SAFETY: each piece has written as many items as it counted, and they follow each other now.
+    // SAFETY: each piece has written as many items as it counted, and they are now contiguous.
     unsafe { list.set_len(length) };
 }
 
@@ -329,7 +330,8 @@ impl Pool {
     }
 }
 
-/// Starts a helper, which waits for jobs for as long as the program lives; none if the system gives no more threads.
+/// Starts a helper thread, which waits for jobs until the program ends; returns `None` if the system has no more
+/// threads.
 #[cfg(not(loom))]
 fn start(board: &Arc<Board>, thread: usize) -> Option<Helper> {
     let sleeps = Arc::new(AtomicBool::new(false));
@@ -350,7 +352,7 @@ fn start(board: &Arc<Board>, thread: usize) -> Option<Helper> {
         })
 }
 
-/// Starts no helper: threads of a model belong to the model.
+/// Starts no helper: threads of a loom model belong to the model.
 #[cfg(loom)]
 fn start(_: &Arc<Board>, _: usize) -> Option<Helper> {
     None
@@ -366,7 +368,7 @@ mod tests {
     #[test]
     fn each_piece_is_done_once_and_all_before_the_call_returns() {
         for pieces in [0, 1, 2, 3, 5] {
-            // Busy, giving way and asleep.
+            // Polling, yielding and sleeping threads.
             for pause in [0, 1, 20] {
                 for _ in 0..50 / (1 + pause) {
                     let done: Vec<_> = (0..pieces).map(|_| AtomicU32::new(0)).collect();
@@ -446,7 +448,7 @@ mod tests {
                 4,
                 |p| bounds[p],
                 |piece, room| {
-                    // A piece takes the part of its buffer that it needs.
+                    // A piece uses as much of its buffer as it needs.
                     for n in bounds[piece]..bounds[piece + 1] {
                         if n % 3 > 0 {
                             room.push(n);

@@ -7,7 +7,7 @@
 
 use serde::Serialize;
 
-/// The scales of a lattice.
+/// Scales of the conversion between SI and lattice units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LatticeUnits {
     /// Edge of a cell h \[m\].
@@ -16,15 +16,15 @@ pub struct LatticeUnits {
     pub time_step: f64,
     /// Density at rest rho_0 [kg/m3].
     pub density: f64,
-    /// 2 or 3: forces and torques are per metre of depth in 2-D.
+    /// Number of dimensions, 2 or 3: forces and torques are per metre of depth in 2-D.
     pub dimension: usize,
 }
 
 impl LatticeUnits {
-    /// Speed of sound squared on the lattice.
+    /// Square of the speed of sound in lattice units.
     pub const SOUND_SPEED_SQUARED: f64 = 1.0 / 3.0;
 
-    /// Returns C = h/dt [m/s]: the scale of velocity.
+    /// Returns the velocity scale C = h/dt [m/s].
     #[must_use]
     pub fn velocity_scale(&self) -> f64 {
         self.spacing / self.time_step
@@ -84,7 +84,7 @@ impl LatticeUnits {
         viscosity * (self.spacing * self.velocity_scale())
     }
 
-    /// Returns the relaxation time tau = 3 nu + 1/2 of a kinematic viscosity [m2/s].
+    /// Returns the relaxation time tau = 3 nu + 1/2 for a kinematic viscosity [m2/s].
     #[must_use]
     pub fn relaxation_time(&self, viscosity: f64) -> f64 {
         self.viscosity_to_lattice(viscosity) / Self::SOUND_SPEED_SQUARED + 0.5
@@ -96,7 +96,7 @@ impl LatticeUnits {
         (tau - 0.5) * Self::SOUND_SPEED_SQUARED * spacing * spacing / viscosity
     }
 
-    /// Returns rho_0 C² \[Pa\]: the scale of pressure and stress.
+    /// Returns the scale of pressure and stress, rho_0 C² \[Pa\].
     #[must_use]
     pub fn pressure_scale(&self) -> f64 {
         self.density * self.velocity_scale().powi(2)
@@ -115,13 +115,13 @@ impl LatticeUnits {
         deviation * self.pressure_scale() * Self::SOUND_SPEED_SQUARED
     }
 
-    /// Returns the density [kg/m3] of a deviation rho/rho_0 - 1.
+    /// Returns the density [kg/m3] for a deviation rho/rho_0 - 1.
     #[must_use]
     pub fn density_deviation_to_density(&self, deviation: f64) -> f64 {
         self.density * (1.0 + deviation)
     }
 
-    /// Stress on the lattice to Pa.
+    /// Converts the stress on the lattice to Pa.
     #[must_use]
     pub fn stress_to_si(&self, stress: f64) -> f64 {
         stress * self.pressure_scale()
@@ -139,7 +139,7 @@ impl LatticeUnits {
         acceleration * self.time_step / self.velocity_scale()
     }
 
-    /// Converts the force per volume [N/m3] to the lattice: h³ of fluid of unit mass feels this force.
+    /// Converts the force per volume [N/m3] to the lattice, where it acts on a cell of unit volume and mass.
     #[must_use]
     pub fn force_density_to_lattice(&self, force: f64) -> f64 {
         self.acceleration_to_lattice(force / self.density)
@@ -175,13 +175,13 @@ impl LatticeUnits {
         torque / (self.force_scale() * self.spacing)
     }
 
-    /// Mass of a cell of fluid at rest \[kg\] (2-D: per metre of depth).
+    /// Returns the mass of a cell of fluid at the reference density \[kg\] (2-D: per metre of depth).
     #[must_use]
     pub fn mass_scale(&self) -> f64 {
         self.density * self.area_scale() * self.spacing
     }
 
-    /// Returns h² in 3-D, h in 2-D.
+    /// Returns the area of a cell face: h² in 3-D, h in 2-D.
     fn area_scale(&self) -> f64 {
         if self.dimension == 2 {
             self.spacing

@@ -1,19 +1,19 @@
 //! Values with a note of their source.
 //!
 //! Every value may be replaced by `{"value": 0.2, "source": "assumed", "note": "the paper is silent"}`. `source` is
-//! `assumed`, `paper` or any text. [`strip`] leaves the value in place and returns the rest in a table.
+//! `assumed`, `paper` or any text. [`strip`] replaces the object by the value and returns the sources in a table.
 
 use super::text::join;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// The source of a value.
+/// Source of a value.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
     /// `assumed`, `paper`, or any text.
     pub source: String,
-    /// A reason or an exact reference; may be empty.
+    /// Reason or exact reference; may be empty.
     pub note: String,
 }
 
@@ -37,7 +37,7 @@ pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     sources
 }
 
-/// Returns `true` if any part of the tree may be annotated. Paths are written only in that case.
+/// Returns `true` if any part of the tree may be annotated; paths are built only in that case.
 fn any(node: &Value) -> bool {
     match node {
         Value::Object(map) => {
@@ -74,7 +74,8 @@ fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
     }
 }
 
-/// Returns `value` and the annotation of an object with `value`, `source` or `note` and nothing else.
+/// Splits an object that has only `value`, `source` and `note` into the value and its source; none for other
+/// objects.
 fn split(map: &Map<String, Value>) -> Option<(Value, Source)> {
     let text = |key| match map.get(key) {
         None => Some(String::new()),

@@ -38,7 +38,7 @@ pub enum BlockSource {
     List(Vec<Block>),
 }
 
-/// A convex rock mass that joint sets cut into blocks, one set after another. A seed gives the same blocks on any
+/// A convex rock mass that joint sets cut into blocks, one set after another. Equal seeds give equal blocks on any
 /// number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

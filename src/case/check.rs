@@ -18,8 +18,8 @@ use serde_json::{Map, Value};
 use std::sync::OnceLock;
 use template::Template;
 
-/// Names of earlier versions of the case and the names that replace them. An old name is refused wherever the new one
-/// is known.
+/// Names in earlier versions of the case, with the names that replace them. An old name is refused wherever the new
+/// one is a valid field.
 const RENAMED: [(&str, &str); 5] = [
     ("mach", "lattice_velocity"),
     ("max_mach", "max_lattice_velocity"),
@@ -28,13 +28,13 @@ const RENAMED: [(&str, &str); 5] = [
     ("rain", "deposition"),
 ];
 
-/// Maximum of any quantity of a case, in any unit of the SI.
+/// Maximum magnitude of any quantity of a case, in SI units.
 const LARGEST: f64 = 1e30;
 
-/// Minimum of any quantity that must be above 0, in any unit of the SI.
+/// Minimum of any quantity that must be above 0, in SI units.
 const SMALLEST: f64 = 1e-30;
 
-/// Returns the schema as it comes from the structs.
+/// Returns the schema as generated from the structs.
 pub(crate) fn bare_schema() -> Value {
     schema_of::<super::Case>()
 }
@@ -48,14 +48,15 @@ pub fn schema_of<T: JsonSchema>() -> Value {
 
 /// Findings of a walk over a tree.
 pub(crate) struct Checked {
-    /// The first [`MOST_PROBLEMS`] problems, and how many more there are.
+    /// The first [`MOST_PROBLEMS`] problems, and the number of further ones.
     pub(crate) problems: Vec<Problem>,
-    /// `true` if a list has another number of values than the reader expects: its values cannot be interpreted
+    /// `true` if a list does not have the expected number of values, so that its values cannot be interpreted
     /// together.
     pub(crate) misshapen: bool,
 }
 
-/// Returns all problems of the tree of a case; unknown fields are taken out so that the rest can be looked at further.
+/// Returns all problems in the tree of a case; removes unknown fields, so that the remaining ones can be checked
+/// further.
 pub(crate) fn against_schema(tree: &mut Value) -> Checked {
     static ROOT: OnceLock<Value> = OnceLock::new();
     walk(ROOT.get_or_init(bare_schema), tree)
@@ -86,13 +87,13 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     }
 }
 
-/// Number of values of a list from which on they are first compared with a template of their schema.
+/// Minimum number of values of a list for which values are first compared with a template of their schema.
 const MANY: usize = 16;
 
-/// Keywords by which a schema restricts a value; without one of them any value is valid.
+/// Keywords by which a schema restricts a value; without any of them every value is valid.
 const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
 
-/// Returns the reason and remedy for a name that is not known.
+/// Returns the reason and remedy for an unknown name.
 fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
     let clipped = clipped(name);
     if let Some((feature, field)) = absent::elsewhere(name) {
@@ -119,14 +120,14 @@ fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
 struct Walk<'a> {
     root: &'a Value,
     problems: Vec<Problem>,
-    /// Problems beyond those listed.
+    /// Number of problems beyond those listed.
     more: usize,
     misshapen: bool,
 }
 
 impl<'a> Walk<'a> {
-    /// Counts a further problem once the list is full; returns `true` if it did. Called before the sentences of the
-    /// problem are made.
+    /// Counts a further problem if the list is full; returns `true` if it did. It is called before the texts of the
+    /// problem are built.
     fn only_counted(&mut self) -> bool {
         let full = self.problems.len() >= MOST_PROBLEMS;
         self.more += usize::from(full);
@@ -147,7 +148,7 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// Follows `$ref`.
+    /// Resolves `$ref`.
     fn resolve(&self, schema: &'a Value) -> &'a Value {
         let mut schema = schema;
         while let Some(name) = schema
@@ -264,8 +265,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports fields and choices under an old name, and continues as if the new one had been written: one mistake, one
-    /// problem.
+    /// Reports fields and choices under an old name, and continues as if the new one had been written, so that one
+    /// mistake gives one problem.
     fn rename(&mut self, map: &mut Map<String, Value>, known: &[&str], path: &str) {
         for (old, new) in RENAMED {
             if known.contains(&old) || !known.contains(&new) {
@@ -345,7 +346,7 @@ impl<'a> Walk<'a> {
         let allowed: Vec<String> = [lower, upper].into_iter().flatten().collect();
         let allowed = allowed.join(" and ");
         let mut remedy = Remedy::from(format!("write a number {allowed}{}", about(schema)));
-        // The nearest value of a range whose bound belongs to it.
+        // Nearest value of a range whose bound is included.
         let bound = match (least, most) {
             (Some(least), _) if number < least => Some("minimum"),
             (_, Some(most)) if number > most => Some("maximum"),
@@ -427,9 +428,9 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks optional values and untagged enums: the option of the value's own type decides what is reported.
+    /// Checks optional values and untagged enums: problems are reported for the option with the type of the value.
     fn any_of(&mut self, value: &mut Value, options: &'a [Value], path: &str) {
-        // Something optional: a copy for an attempt could be one of a million grains.
+        // An optional value is checked in place: a copy for a trial could be one of a million grains.
         if let [option, null] = options
             && null.get("type").is_some_and(|t| t == "null")
         {
@@ -477,7 +478,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Returns the words a schema of strings allows; empty if any text is allowed.
+/// Returns the words that a schema of strings allows; empty if any text is allowed.
 fn words(schema: &Value) -> Vec<&str> {
     let listed = schema.get("enum").and_then(Value::as_array);
     let single = schema.get("const");
@@ -539,7 +540,7 @@ fn about(schema: &Value) -> String {
         .and_then(Value::as_str)
         .unwrap_or_default()
         .replace('\n', " ");
-    // A full stop within a number or a formula ends no sentence.
+    // A full stop within a number or a formula does not end a sentence.
     let first = text.split(". ").next().unwrap_or_default();
     let first = first.split(';').next().unwrap_or_default();
     let first = first.trim_end_matches('.');

@@ -40,7 +40,7 @@ pub struct GroundCollapse {
     pub stages: StageThresholds,
 }
 
-/// A place through which grains leave the ground.
+/// A point through which grains leave the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeepagePoint {
@@ -57,8 +57,8 @@ pub struct SeepagePoint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct StageThresholds {
-    /// Number of consecutive samples that must show a stage; it begins with the first of them. A single sample may be
-    /// noise.
+    /// Number of consecutive samples that must show a stage; the stage begins with the first of them. A single
+    /// sample may be noise.
     #[schemars(range(min = 1, max = 1000))]
     pub samples: u32,
     /// Stage t1, hidden hole: number of grains that have left through one point. It must exceed the few that initially

@@ -1,3 +1,3 @@
-//! The contact law of a case: its parameters are defined with its formula in [`dem::contact`].
+//! Contact law of a case; its parameters are defined with its formula in [`dem::contact`].
 
 pub use dem::contact::Contact;

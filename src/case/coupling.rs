@@ -15,7 +15,7 @@ pub enum Coupling {
 }
 
 impl Coupling {
-    /// Returns the hydraulic radius of grains over their contact radius.
+    /// Returns the ratio of the hydraulic radius of grains to their contact radius.
     #[must_use]
     pub fn hydraulic_radius_factor(&self) -> f64 {
         match self {
@@ -34,18 +34,20 @@ pub struct BounceBack {
     pub scheme: Scheme,
     /// `true` if forces are averaged over the last two time steps, which removes an oscillation of period 2 dt.
     pub force_average: bool,
-    /// Hydraulic radius of a grain over its contact radius [1]. A value below 1 makes a dense 2-D packing permeable.
+    /// Hydraulic radius of a grain over its contact radius [1]. A value below 1 makes a dense 2-D packing
+    /// permeable.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub hydraulic_radius_factor: f64,
-    /// Fluid nodes with at least this many solid neighbours treat the surface as at rest, which stabilises narrow gaps;
-    /// 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone accounts for 5
-    /// of 18 or 9 of 26.
+    /// Fluid nodes with at least this many solid neighbours treat the surface as stationary, which stabilises
+    /// narrow gaps; 0 turns this off. Default: 5 of the 8 neighbours in 2-D; off in 3-D, where a flat surface alone
+    /// accounts for 5 of 18 or 9 of 26.
     #[schemars(range(min = 0, max = 26))]
     pub drop_wall_velocity_at_solid_neighbours: Option<u32>,
 }
 
 impl BounceBack {
-    /// Returns the solid neighbours from which a node drops the velocity of the surface; none if no node does.
+    /// Returns the minimum number of solid neighbours with which a node ignores the velocity of the surface; none
+    /// if no node does.
     #[must_use]
     pub fn isolated(&self, dimension: usize) -> Option<u32> {
         let usual = if dimension == 2 { 5 } else { 0 };

@@ -67,9 +67,9 @@ pub struct Darcy {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub roughness: Option<f64>,
-    /// `true` if moving grains displace the water. Otherwise the bed counts as at rest in the mass balance of the water
-    /// and in the mean drag, and a bed that moves as a whole is stopped. Default: true; false with the equations of the
-    /// paper.
+    /// `true` if moving grains displace the water. Otherwise the bed is treated as stationary in the mass balance
+    /// of the water and in the mean drag, and a bed that moves as a whole is stopped. Default: true; false with the
+    /// equations of the paper.
     #[serde(default)]
     pub transient_porosity: Option<bool>,
     /// Drag law. Any other law than `reaction` is independent of the resistance: the forces on the grains then differ
@@ -83,7 +83,7 @@ pub struct Darcy {
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those
     /// that `accuracy` allows, or 100
-    /// without `accuracy`. A longer interval than they allow is unstable.
+    /// without `accuracy`. A longer interval than contacts, drag and bed allow is unstable.
     #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]
     pub coupling_interval: Option<u32>,
@@ -91,7 +91,7 @@ pub struct Darcy {
     #[serde(default = "default_tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.01))]
     pub tolerance: f64,
-    /// Largest number of iterations of the pressure solver. More end the run with an error.
+    /// Largest number of iterations of the pressure solver. If more are needed, the run ends with an error.
     #[serde(default = "default_iterations")]
     #[schemars(range(min = 1, max = 100_000))]
     pub max_iterations: u32,
@@ -117,7 +117,7 @@ impl Darcy {
     }
 
     /// Returns the largest porosity in the permeability [1]. Cells without grains have the permeability at this
-    /// porosity: nearly no resistance.
+    /// porosity: almost no resistance.
     #[must_use]
     pub fn porosity_cap(&self) -> f64 {
         self.porosity_cap.unwrap_or(match self.equations {
@@ -162,8 +162,9 @@ pub struct Unsaturated {
     pub transient: Option<TransientFlow>,
 }
 
-/// Flow of ground that drains as it changes with time, by the mixed form of Richards' equation. Water is stored where
-/// content and pressure rise. The steps are chosen by their error; the results are written at the steps of the clock.
+/// Transient flow in unsaturated ground, by the mixed form of Richards' equation. Water is stored where water
+/// content and pressure rise. The steps are chosen by their error; the results are written at the steps of the
+/// clock.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransientFlow {
@@ -185,14 +186,14 @@ fn default_content_error() -> f64 {
     2e-3
 }
 
-/// State of ground that drains at time 0.
+/// State of unsaturated ground at time 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum InitialState {
     /// Steady flow under the conditions at time 0.
     #[default]
     Steady,
-    /// Water at rest with this water level above the origin [m], under suction above it.
+    /// Stationary water with this water level above the origin [m], under suction above it.
     Head(f64),
     /// One pressure head everywhere [m]; negative under suction.
     PressureHead(f64),
@@ -272,9 +273,9 @@ pub struct Zone {
     /// Values that vary within the region.
     #[serde(default)]
     pub raster: Option<RasterFile>,
-    /// `true` if the zone also holds in cells without grains, as a porous body at rest that the case does not resolve.
-    /// Otherwise cells with a porosity of the grains of 0.95 or more are open water. In a case without grains all zones
-    /// hold.
+    /// `true` if the zone also applies in cells without grains, as a stationary porous body that the case does not
+    /// resolve. Otherwise cells with a porosity of the grains of 0.95 or more are open water. In a case without
+    /// grains all zones apply.
     #[serde(default)]
     pub without_grains: bool,
 }
@@ -308,9 +309,9 @@ pub enum ZonePermeability {
 #[serde(deny_unknown_fields)]
 pub struct RasterFile {
     /// Table, relative to the case, with one row per node. Columns: `x`, `y` and, in 3-D, `z` [m]; one of
-    /// `permeability` [m2], `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes are
-    /// all combinations of the coordinates in the file, in any order. A node stands for the points that are closest to
-    /// it along each axis.
+    /// `permeability` [m2], `hydraulic_conductivity` [m/s] and `factor` [1], or `porosity` [1], or both. The nodes
+    /// are all combinations of the coordinates in the file, in any order. The values of a node apply to the points
+    /// that are closest to it along each axis.
     pub path: PathBuf,
 }
 
@@ -328,17 +329,17 @@ pub struct SeepageBoundary {
     /// The condition.
     pub condition: Condition,
     /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
-    /// rate): linear between, constant before and after; two values at one time are a jump. Needs
+    /// rate): linear between them, constant before and after; two values at one time give a jump. Needs
     /// `unsaturated.transient`.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }
 
-/// A drain, a well or a cavity inside the ground. The cells whose centres lie in its box are taken out of the ground,
-/// and its condition holds on their faces. A box thinner than a cell along an axis that holds no centre is a sheet: the
-/// condition holds on both sides of the plane between cells nearest to it. The cells of a `discharge` stay in the
-/// ground; it is shared among them by volume, and has to be one that the ground delivers. A drain on a face of the grid
-/// is a boundary.
+/// A drain, a well or a cavity inside the ground. The cells whose centres lie in its box are removed from the
+/// ground, and its condition applies to their faces. A box thinner than a cell along an axis that contains no
+/// centre is a sheet: the condition applies to both sides of the plane between cells nearest to it. The cells of a
+/// `discharge` stay in the ground; it is divided among them by volume, and must be one that the ground can deliver.
+/// A drain on a face of the grid is a boundary.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drain {

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 pub struct Domain {
     /// Edge lengths [m]. Two numbers make the problem 2-D (per metre of depth), three make it 3-D.
     pub size: Vector,
-    /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h, so
-    /// that half-way walls coincide with the faces of the domain. Default: enough cells across the smallest body,
-    /// grain, gap or opening to meet `accuracy`; where no such spacing divides all edges, it divides the shortest one,
-    /// the others grow to whole cells, and a warning states by how much.
+    /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h,
+    /// so that half-way walls coincide with the faces of the domain. Default: enough cells across the smallest
+    /// body, grain, gap or opening to meet `accuracy`; if no such spacing divides all edges, it divides the
+    /// shortest one, the others are lengthened to whole cells, and a warning states by how much.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: Option<f64>,
@@ -24,8 +24,8 @@ pub struct Domain {
     #[serde(default)]
     pub split: Split,
     /// Index of the first cell plane of every slab but the first, along the split axis. The list has one entry less
-    /// than there are ranks. Default: slabs of equal cost, by the cells and solids in them; a run cuts anew at a
-    /// checkpoint where that saves a tenth.
+    /// than there are ranks. Default: slabs of equal cost, by the cells and solids in them; a run changes its slabs
+    /// at a checkpoint if that saves a tenth of the time.
     #[serde(default)]
     pub slab_bounds: Option<Vec<u32>>,
 }

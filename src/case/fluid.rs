@@ -92,16 +92,16 @@ pub struct LatticeBoltzmann {
     /// Boundary conditions on faces or parts of faces. All other faces that are not periodic are no-slip walls.
     #[serde(default)]
     pub boundaries: Vec<Boundary>,
-    /// Zones in which the water meets a resistance: screens, racks, filters, rockfill.
+    /// Zones that resist the flow: screens, racks, filters, rockfill.
     #[serde(default)]
     pub porous_zones: Vec<PorousZone>,
-    /// Speed and pressure that a run on coarse cells found, for the automatic choices; `solver plan --pilot` writes
-    /// it. Default: the estimates of the plan.
+    /// Speed and pressure in a run on coarse cells, for the automatic choices; `solver plan --pilot` writes it.
+    /// Default: the estimates of the plan.
     #[serde(default)]
     pub pilot: Option<Box<Pilot>>,
 }
 
-/// A zone in which the water meets a resistance. Grains and blocks pass through it. Zones that overlap add up.
+/// A zone that resists the flow. Grains and blocks pass through it. Resistances of overlapping zones add up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PorousZone {
@@ -123,7 +123,7 @@ pub struct Pilot {
     /// Largest pressure above or below the reference [Pa].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub pressure: f64,
-    /// Hash of the case that the pilot ran, without this field.
+    /// Hash of the case of the pilot run, without this field.
     pub of: String,
 }
 
@@ -144,7 +144,7 @@ impl Default for GravityOnFluid {
     }
 }
 
-/// Along which axes gravity acts on the fluid, in a word.
+/// Choice of the axes along which gravity acts on the fluid, as a word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -239,7 +239,7 @@ pub enum BodyForce {
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
     /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the
-    /// openings with a pressure, without such openings zero on the mean.
+    /// openings with a pressure, or with a mean of zero without such openings.
     Rest {},
     /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity`
     /// and `pressure`.
@@ -252,7 +252,8 @@ pub enum Initial {
         /// Number of waves along x and y.
         #[serde(default = "one_wave")]
         waves: [u32; 2],
-        /// Number of waves along z; any above zero lets the vortices stretch each other (Taylor and Green 1937).
+        /// Number of waves along z; any value above zero makes the vortices stretch each other (Taylor and Green
+        /// 1937).
         #[serde(default)]
         waves_along_z: u32,
     },
@@ -269,7 +270,7 @@ pub enum Initial {
         #[serde(default = "one_twentieth")]
         perturbation: f64,
     },
-    /// Developed flow between two walls: a parabolic profile, at rest beyond them.
+    /// Developed flow between two walls: a parabolic profile, zero velocity beyond them.
     Channel {
         /// Axis of the flow.
         flow: super::geometry::Axis,
@@ -294,7 +295,7 @@ pub enum Initial {
     },
 }
 
-/// Uniform velocity and pressure. The list of the components stands for the velocity alone.
+/// Uniform velocity and pressure. A list of components gives the velocity alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(from = "WrittenFlow")]
 #[schemars(inline)]

@@ -6,13 +6,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of
-/// all pressures; air that water encloses is not compressed but lost, and counted. Walls, faces of free slip
-/// and structures bound the water; it enters and leaves through faces with `velocity`, `discharge`, `level` and
+/// all pressures; enclosed air is not compressed but lost, and the loss is reported. Walls, faces of free slip and
+/// structures bound the water; it enters and leaves through faces with `velocity`, `discharge`, `level` and
 /// `outfall`. Bodies float, sink and move in it by partially saturated cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeSurface {
-    /// Water at the start. Where parts overlap, the fuller one counts.
+    /// Water at the start. Where parts overlap, the larger fill level counts.
     pub water: Vec<Water>,
 }
 
@@ -20,16 +20,16 @@ pub struct FreeSurface {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Water {
-    /// All that lies below this height [m] along the axis of gravity, measured from the lower corner of the domain.
+    /// Water below this height [m] along the axis of gravity, measured from the lower corner of the domain.
     Level(f64),
     /// A solid full of water, such as a reservoir behind a gate or a drop.
     Shape(Shape),
-    /// All that lies below a wave.
+    /// Water below a wave.
     Wave(Wave),
 }
 
-/// A wave: the surface at rest lies at level + amplitude · cos(2 pi waves s/L), with s along `axis` and L the
-/// size of the domain.
+/// A wave: the undisturbed surface is at `level`, the wave at level + amplitude · cos(2 pi waves s/L), with s along
+/// `axis` and L the size of the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wave {

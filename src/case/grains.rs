@@ -34,7 +34,8 @@ pub struct Grains {
     pub bond_at_start: bool,
 }
 
-/// A region whose grains have a material of their own. It needs a `region` or a `shape`; with both, grains are in both.
+/// A region whose grains have a material of their own. It needs a `region` or a `shape`; with both, a grain must be
+/// in both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GrainZone {
@@ -67,9 +68,9 @@ pub enum GrainSource {
         /// [m]; optionally `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`,
         /// `angular_velocity_y`, `angular_velocity_z` [rad/s] and `id`, which gives the order of the grains. In 2-D
         /// without `z`, `velocity_z` and the rotations about x and y. Cells are separated by commas, semicolons, tabs
-        /// or spaces, and numbers have decimal points. Other units stand in brackets: `x [mm]`. Dumps of LAMMPS and
-        /// LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
-        /// as well, without types, groups and forces.
+        /// or spaces, and numbers have decimal points. Other units are written in brackets: `x [mm]`. Dumps of
+        /// LAMMPS and LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands
+        /// of PFC are read as well, without types, groups and forces.
         path: PathBuf,
     },
     /// A list of grains.
@@ -77,8 +78,8 @@ pub enum GrainSource {
 }
 
 /// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional
-/// walls, also where the domain is open; grains that then lie in structures are taken out. A seed gives the same sample
-/// on any number of ranks.
+/// walls, also where the domain is open; grains that then lie in structures are removed. Equal seeds give equal
+/// samples on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {
@@ -104,7 +105,7 @@ pub struct Growth {
 
 /// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and
 /// `box_walls`, and is trimmed. No grain starts in a structure, or in a closed hollow of one that has no connection
-/// with the surface. A seed gives the same sample on any number of ranks.
+/// with the surface. Equal seeds give equal samples on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposition {
@@ -127,8 +128,7 @@ pub struct Deposition {
     #[serde(default)]
     pub trim_above: Option<f64>,
     /// Normal stiffness during the fall [N/m]. A value below that of the contact law allows larger time steps. The
-    /// settled sample then comes to rest at ten times this stiffness, and so on, until it reaches the stiffness of the
-    /// law.
+    /// settled sample is then relaxed at ten times this stiffness, and so on, up to the stiffness of the law.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub falling_stiffness: Option<f64>,
@@ -203,8 +203,8 @@ pub enum Grading {
     ByCount(Vec<SizeClass>),
     /// Fractions of the mass.
     ByMass(Vec<SizeClass>),
-    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with
-    /// the logarithm of the diameter between two sieves. In 2-D it is that of discs.
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of ascending diameter [m]. The passing mass
+    /// rises with the logarithm of the diameter between two sieves. In 2-D it is that of discs.
     Sieve(Vec<Sieve>),
 }
 
@@ -267,8 +267,8 @@ pub enum Radii {
     },
     /// Values drawn with equal probability [m].
     List(Vec<f64>),
-    /// Sieve curve: the fraction of the mass [1] that passes sieves of rising diameter [m]. The passing mass rises with
-    /// the logarithm of the diameter between two sieves. In 2-D it is that of discs.
+    /// Sieve curve: the fraction of the mass [1] that passes sieves of ascending diameter [m]. The passing mass
+    /// rises with the logarithm of the diameter between two sieves. In 2-D it is that of discs.
     Sieve(Vec<Sieve>),
 }
 

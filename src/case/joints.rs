@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
-/// Pressures in front of mouths drive it. All blocks must be fixed: they do not move under the pressure, which probes
-/// measure. No `coupling` is needed.
+/// Pressures in front of mouths drive it. All blocks must be fixed: they do not move under the pressure. Probes
+/// measure the loads. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -17,7 +17,7 @@ pub struct JointNetwork {
     /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
-    /// Time step [s]. No step is unstable; a wave needs some twenty steps of its period.
+    /// Time step [s]. Any time step is stable; a wave needs some twenty steps per period.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
@@ -46,7 +46,7 @@ pub struct JointNetwork {
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
     pub air_exponent: f64,
-    /// Atmospheric pressure [Pa]. All other pressures count from it.
+    /// Atmospheric pressure [Pa]. All other pressures are relative to it.
     #[serde(default = "atmosphere")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub atmospheric_pressure: f64,
@@ -55,26 +55,26 @@ pub struct JointNetwork {
     #[serde(default = "vapour")]
     #[schemars(extend("minimum" = 0))]
     pub vapour_pressure: f64,
-    /// Height of the roughness of the walls [m] for turbulent friction; 0 for smooth walls. Default: the flow stays
+    /// Roughness height of the walls [m] for turbulent friction; 0 for smooth walls. Default: the flow stays
     /// laminar.
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub roughness: Option<f64>,
-    /// `true` if the inertia of the water counts, with the friction of a laminar layer at each frequency.
+    /// `true` if the inertia of the water is included, with the friction of a laminar layer at each frequency.
     #[serde(default = "yes")]
     pub inertia: bool,
-    /// Water in front of the joints, at least one. All other edges that meet no other joint are closed. An edge in two
-    /// boxes belongs to the first.
+    /// Water outside the joints, at least one mouth. All other edges that meet no other joint are closed. An edge
+    /// in two boxes belongs to the first.
     pub mouths: Vec<Mouth>,
 }
 
-/// Water in front of open edges of joints.
+/// Water outside open edges of joints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mouth {
     /// Name of the mouth.
     pub name: String,
-    /// Box [m]: edges of joints whose middle lies in it are open.
+    /// Box [m]: edges of joints with their midpoint in it are open.
     #[serde(rename = "box")]
     pub region: Extent,
     /// Pressure above atmospheric pressure [Pa] at the centre of the box; with gravity hydrostatic from there. The run

@@ -5,8 +5,8 @@
 //!
 //! 1. [`text`]: JSON text to a tree; duplicate keys are refused.
 //! 2. [`set`]: `--set path=value` changes the tree.
-//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of each
-//!    value is kept.
+//! 3. [`annotation`]: `{"value": 0.2, "source": "assumed", "note": ".."}` is replaced by its value; the source of
+//!    each value is stored.
 //! 4. [`check`]: the tree is compared with the schema: unknown and missing fields, wrong types, values out of range.
 //!
 //! [`plan::scene`] and [`plan`] then check whether the values are consistent.
@@ -105,17 +105,17 @@ pub struct Case {
     /// % of a diameter.
     #[serde(default)]
     pub contact: Option<contact::Contact>,
-    /// Solids at rest that water and grains meet: sheet piles, weirs, steps, piers.
+    /// Stationary solids that act on water and grains: sheet piles, weirs, steps, piers.
     #[serde(default)]
     pub structures: Vec<structures::Structure>,
-    /// Walls for grains and blocks, anywhere in the domain. Water does not meet them: see `structures`.
+    /// Walls for grains and blocks, anywhere in the domain. They do not act on water: see `structures`.
     #[serde(default)]
     pub walls: Vec<solids::Wall>,
     /// Faces of the domain that act as walls for grains and blocks.
     #[serde(default)]
     pub box_walls: Vec<Face>,
-    /// Material of the `box_walls`. Default: the material of the grains, else of the blocks, else of the first free
-    /// body.
+    /// Material of the `box_walls`. Default: the material of the grains, otherwise of the blocks, otherwise of the
+    /// first free body.
     #[serde(default)]
     pub box_wall_material: Option<String>,
     /// Named solids in the fluid.
@@ -150,27 +150,27 @@ pub struct Case {
     pub directory: PathBuf,
 }
 
-/// A case with the sources of its values.
+/// Case with the sources of its values.
 #[derive(Clone, Debug)]
 pub struct Document {
-    /// The case.
+    /// Values of the case.
     pub case: Case,
-    /// Problems of single fields (wrong range, unknown name) found so far; the case is nevertheless complete.
+    /// Problems of single fields (out of range, unknown name) found so far; the case is complete nevertheless.
     pub problems: Vec<Problem>,
     /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
-    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied, paths of input files absolute, so that
-    /// it means the same in any folder.
+    /// Case as compact JSON: keys sorted, annotations removed, `--set` applied, paths of input files absolute, so
+    /// that it has the same meaning in any folder.
     pub canonical: String,
 }
 
 impl Document {
     /// Reads the text of a case.
     ///
-    /// `set` holds the arguments of `--set`; `directory` is where relative paths start.
+    /// `set` contains the arguments of `--set`; relative paths start in `directory`.
     ///
     /// # Errors
-    /// All problems that keep the text from being a case.
+    /// If the text is not a valid case; all problems are returned.
     pub fn read(text: &str, set: &[String], directory: &Path) -> Result<Self, Vec<Problem>> {
         let (tree, mut problems) = text::parse(text);
         let Some(mut tree) = tree else {
@@ -197,13 +197,14 @@ impl Document {
         let checked = check::against_schema(&mut tree);
         problems.extend(checked.problems);
         if cut_short {
-            // What seems to be missing may stand among the keys that were not read.
+            // Fields that seem to be missing may be among the keys that were not read.
             problems.retain(|problem| problem.value != "missing");
         }
         if cut_short || checked.misshapen {
             return Err(problems);
         }
-        // The schema has found what is wrong, with its path; what is left is an error of the schema.
+        // The walk over the schema has reported all problems with their paths; a remaining one is an error of the
+        // schema.
         match Case::deserialize(&tree) {
             Ok(mut case) => {
                 case.directory = directory.to_path_buf();
@@ -230,8 +231,8 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`,
-/// `{"raster": {"path": ..}}`, `{"polygon": {"path": ..}}`. `written` gets them as they were.
+/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`, `{"raster":
+/// {"path": ..}}`, `{"polygon": {"path": ..}}`. The original paths are appended to `written`.
 fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     each_path(tree, &mut |path| {
         written.push(path.clone());
@@ -243,7 +244,7 @@ fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     });
 }
 
-/// Undoes [`anchor`].
+/// Restores the paths changed by [`anchor`].
 fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
     each_path(tree, &mut |path| {
         if let Some(old) = written.next() {
@@ -252,7 +253,7 @@ fn put_back(tree: &mut Value, written: &mut impl Iterator<Item = String>) {
     });
 }
 
-/// Calls a function with the paths of all input files, in an order that does not depend on them.
+/// Calls a function with the paths of all input files, in an order that does not depend on the paths.
 fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
@@ -270,7 +271,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     }
 }
 
-/// Returns the JSON schema of a case, for editors: every value may also be written with its source.
+/// Returns the JSON schema of a case, for editors: every value may also be annotated with its source.
 #[must_use]
 pub fn schema() -> Value {
     restart::mark(annotation::allow(check::bare_schema()))

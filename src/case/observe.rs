@@ -76,16 +76,16 @@ pub struct Probe {
     /// Time between samples [s]. Samples are taken at the steps nearest to its multiples, and at the end of the run.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub every: f64,
-    /// Place of the samples.
+    /// Location of the samples.
     pub at: ProbeAt,
 }
 
-/// Place of the samples.
+/// Location of the samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ProbeAt {
     /// Velocity and pressure at a point. In seepage also the hydraulic head; the velocity is that of the cell that
-    /// holds the point, and pressure and head follow from the gradient in this cell.
+    /// contains the point, and pressure and head follow from the gradient in this cell.
     Point {
         /// The point [m].
         position: Vector,
@@ -113,21 +113,21 @@ pub enum ProbeAt {
         /// Name of the body.
         name: String,
     },
-    /// Force [N] and torque [N m] of the fluid on a structure (2-D: per metre of depth). On a lattice the pressure is
-    /// that of the lattice: without gravity on the fluid it is the excess over hydrostatic. The force is the mean over
-    /// the last step, and `time` the middle of this step. In seepage the pressure of the pores acts on all of its
+    /// Force [N] and torque [N m] of the fluid on a structure (2-D: per metre of depth). On a lattice the pressure
+    /// is that of the lattice: without gravity on the fluid it is the excess over hydrostatic. The force is the
+    /// mean over the last step, and `time` the middle of this step. In seepage the pore pressure acts on all of its
     /// surface in the ground: uplift, and the thrust on piles and walls. Water above the ground is not included.
     Structure {
         /// Name of the structure.
         name: String,
-        /// Point of the torque [m]. Default: the lower corner of the domain.
+        /// Reference point of the torque [m]. Default: the lower corner of the domain.
         #[serde(default)]
         about: Option<Vector>,
     },
-    /// Discharge of seepage in 2-D between two points, such as the tip of a cut-off and the impervious base, along the
-    /// edges of cells between the corners nearest to the points. Water that crosses from left to right on the way from
-    /// the first to the last point is positive. Without storage and wells all ways between the points have the same
-    /// discharge.
+    /// Discharge of seepage in 2-D between two points, such as the tip of a cut-off and the impervious base, along
+    /// the edges of cells between the corners nearest to the points. Discharge from left to right of the path from
+    /// the first to the last point is positive. Without storage and wells all paths between the points have the
+    /// same discharge.
     Crossing {
         /// First point [m].
         from: Vector,
@@ -142,7 +142,7 @@ pub enum ProbeAt {
     Heave {
         /// Box of the widest prism [m]: its lower face at the tip of the structure, its upper one at the surface.
         prism: Extent,
-        /// Face of the box at the structure, from which widths count.
+        /// Face of the box at the structure, from which widths are measured.
         at: Face,
         /// Unit weight of the submerged ground [N/m3]: 8000 to 11000 for sand.
         #[schemars(extend("exclusiveMinimum" = 0))]
@@ -157,18 +157,18 @@ pub enum ProbeAt {
         /// Coordinate of the plane [m]; the nearest plane between cells is taken.
         position: f64,
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has
-        /// no effect. The column `open_area` shows the part that was taken. Default: the whole plane.
+        /// no effect. The column `open_area` shows the part that was used. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
     },
-    /// Water table of ground that drains: one row for each column of cells along gravity with the point of zero
+    /// Water table of unsaturated ground: one row for each column of cells along gravity with the point of zero
     /// pressure [m] above its lowest saturated cell. Needs `fluid.darcy.unsaturated` and gravity along an axis.
     WaterTable {},
-    /// Water balance of seepage that changes with time: water in the ground, water that entered and left since time 0
-    /// [m3; in 2-D m2], and the present inflow and outflow. Needs `fluid.darcy.unsaturated.transient`.
+    /// Water balance of transient seepage: water in the ground, water that entered and left since time 0 [m3; in
+    /// 2-D m2], and the present inflow and outflow. Needs `fluid.darcy.unsaturated.transient`.
     WaterBalance {},
-    /// Force of the water of a seepage on the base of a structure [N; in 2-D N/m]: pressure over a plane between cells,
-    /// integrated from the cells below it, and its torque about a point.
+    /// Force of seepage water on the base of a structure [N; in 2-D N/m]: pressure over a plane between cells,
+    /// extrapolated from the cells below it and integrated, and its torque about a point.
     Uplift {
         /// Axis normal to the base; the water is on its lower side and pushes along the axis.
         axis: Axis,
@@ -177,12 +177,12 @@ pub enum ProbeAt {
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it. Default: the whole plane.
         #[serde(default)]
         part: Option<Extent>,
-        /// Point of the torque [m]. Default: the lower corner of the domain.
+        /// Reference point of the torque [m]. Default: the lower corner of the domain.
         #[serde(default)]
         about: Option<Vector>,
     },
     /// Elevation of the free surface [m] along the axis of gravity, from the lower corner of the domain, and depth of
-    /// water [m] in the column of cells that holds a point.
+    /// water [m] in the column of cells that contains a point.
     Gauge {
         /// The point [m]; its coordinate along the axis of gravity has no effect.
         position: Vector,
@@ -193,7 +193,7 @@ pub enum ProbeAt {
         /// The point [m].
         position: Vector,
     },
-    /// Discharge of a mouth into the joints [m3/s] and mean pressure in front of it [Pa]. Needs `fluid.joints`.
+    /// Discharge of a mouth into the joints [m3/s] and mean pressure outside it [Pa]. Needs `fluid.joints`.
     Mouth {
         /// Name of the mouth.
         name: String,
@@ -243,21 +243,21 @@ pub struct Fabric {
 }
 
 /// A bed of grains below a stream on a lattice. Gravity on the grains points to the lower face of its axis; the bed
-/// lies there. The shear stress by the balance of forces, and the Shields number of it, hold where the stream is steady
-/// in the mean: choose `mean_from` so.
+/// lies there. The shear stress by the balance of forces, and the Shields number from it, are valid if the stream
+/// is statistically steady: choose `mean_from` accordingly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bed {
     /// Axis of the stream.
     #[serde(default = "along_x")]
     pub flow_axis: Axis,
-    /// Part of the domain that is measured [m]. Vertically, the surface of the bed is looked for within it; the stream
+    /// Part of the domain that is measured [m]. The surface of the bed is searched within its height; the stream
     /// above the bed is measured up to the top of the domain. Default: the whole domain.
     #[serde(default)]
     pub part: Option<Extent>,
-    /// Solid fraction at the surface of the bed, of a mean over two diameters along the bed and one across it [1].
-    /// Solids are grains, bodies and structures; lines of cells that are solid up to the top of the part, as in a pier,
-    /// do not count. Default: 0.4 in 2-D and 0.3 in 3-D, half of that inside a bed.
+    /// Solid fraction at the surface of the bed, averaged over two diameters along the bed and one across it [1].
+    /// Solids are grains, bodies and structures; lines of cells that are solid up to the top of the part, as in a
+    /// pier, do not count. Default: 0.4 in 2-D and 0.3 in 3-D, half of that inside a bed.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
     pub threshold: Option<f64>,
@@ -353,15 +353,15 @@ pub enum FieldName {
     EddyViscosity,
     /// 1 in cells covered by a solid, 0 in the fluid.
     Solid,
-    /// Part of a cell that is water [1], between 0 and 1: its contour 0.5 is the free surface. 1 everywhere without
-    /// one.
+    /// Fill level of a cell [1], between 0 and 1: its contour 0.5 is the free surface. 1 everywhere without a free
+    /// surface.
     Fill,
     /// Hydraulic head of seepage: p/(rho g) + elevation above the origin [m]; NaN in cells without water.
     Head,
     /// Stream function of plane steady seepage [m2/s]: the discharge between two points is its difference, its contours
     /// are streamlines, and `picture --flow-net` draws them.
     StreamFunction,
-    /// Degree of saturation of ground that drains: volume of water over volume of pores [1]; 0 in cells without
+    /// Degree of saturation of unsaturated ground: volume of water over volume of pores [1]; 0 in cells without
     /// water. Needs `fluid.darcy.unsaturated`.
     Saturation,
 }

@@ -14,10 +14,11 @@ use std::collections::BTreeMap;
 /// Name of the page with the fields that have no page of their own; it is the front page.
 pub const FRONT: &str = "index";
 
-/// A key of an object whose keys the user chooses, as in `materials.NAME.density`.
+/// Placeholder for a key that the user chooses, as in `materials.NAME.density`.
 const ANY_KEY: &str = "NAME";
 
-/// Longest example of a single parameter [characters]; a longer one shows in the example of its page.
+/// Maximum length of the example of a single parameter [characters]; a longer one is only in the example of its
+/// page.
 const LONGEST_EXAMPLE: usize = 100;
 
 /// A file of the reference.
@@ -29,27 +30,27 @@ pub struct File {
     pub text: String,
 }
 
-/// A page: one section of the case.
+/// Page of the reference: one section of the case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
     /// Name of the section, or [`FRONT`].
     pub name: String,
     /// Parameters in the order of the page.
     pub parameters: Vec<Parameter>,
-    /// The section as it may be written.
+    /// Example of the section.
     pub example: Option<Example>,
 }
 
-/// An example of a section.
+/// Example of a section.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
-    /// Name of the ready case that writes it; none where no case does and the defaults are shown.
+    /// Name of the example case that contains it; none if no case does and the defaults are shown.
     pub case: Option<&'static str>,
-    /// The section in an object of its own, without annotations.
+    /// The section as the only member of an object, without annotations.
     pub value: Value,
 }
 
-/// A field, or a variant of a choice.
+/// Field, or variant of a choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Path as in messages and `--set`; `[]` stands for any item of a list, `NAME` for any name.
@@ -66,7 +67,7 @@ pub struct Parameter {
     pub default: Option<Value>,
     /// Allowed range.
     pub range: Option<String>,
-    /// Words that may be written here, with their meanings.
+    /// Allowed words, with their meanings.
     pub words: Vec<(String, String)>,
     /// Effect of a change at a restart, where a change is allowed.
     pub restart: Option<String>,
@@ -134,7 +135,7 @@ pub fn pages() -> Vec<Page> {
         example: None,
     }];
     for section in parameters.chunk_by(|a, b| section_of(&a.path) == section_of(&b.path)) {
-        // A section of one line needs no page.
+        // A section of one line gets no page.
         let name = match section {
             [only] => {
                 pages[0].parameters.push(only.clone());
@@ -157,10 +158,10 @@ fn section_of(path: &str) -> &str {
     path.split(['.', '[']).next().unwrap_or(path)
 }
 
-/// The longest example of a section that a page shows, as compact JSON [characters].
+/// Maximum length of the example of a section on a page, as compact JSON [characters].
 const LONGEST_SECTION: usize = 900;
 
-/// Returns the section in the case that uses it most, within a page; without one the shortest.
+/// Returns the section from the case that uses it most, if it fits on a page; otherwise the shortest.
 fn instructive(cases: &[(&'static str, Value)], section: &str) -> Option<Example> {
     cases
         .iter()
@@ -213,7 +214,7 @@ fn collect(value: &Value, path: &str, known: &[String], seen: &mut BTreeMap<Stri
     }
 }
 
-/// Walks the schema and lists what it finds. Places in the schema are JSON pointers.
+/// Walk over the schema that lists the parameters. Positions in the schema are JSON pointers.
 struct Reader<'a> {
     root: &'a Value,
     found: Vec<Parameter>,
@@ -224,7 +225,7 @@ impl<'a> Reader<'a> {
         self.root.pointer(pointer).unwrap_or(&Value::Null)
     }
 
-    /// Returns the schemas among which a value may choose: references resolved, `null` left out.
+    /// Returns the alternative schemas of a value: references resolved, `null` excluded.
     fn alternatives(&self, pointer: &str) -> Vec<String> {
         let node = self.node(pointer);
         if let Some(target) = node.get("$ref").and_then(Value::as_str) {
@@ -239,7 +240,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Lists a field or variant and all below it.
+    /// Lists a field or variant and everything below it.
     fn parameter(&mut self, path: String, pointer: &str, about: Option<&str>, required: bool) {
         let node = self.node(pointer);
         let alternatives = self.alternatives(pointer);
@@ -249,7 +250,7 @@ impl<'a> Reader<'a> {
             let items = format!("{one}/items");
             let inner = (self.alternatives(&items).into_iter()).filter(|at| !at.starts_with(one));
             meaning.extend(
-                // The comment of an alternative that is written in place does not describe the field.
+                // The comment of an alternative that is written inline does not describe the field.
                 std::iter::once(one.clone())
                     .filter(|at| !at.starts_with(pointer))
                     .chain(inner)
@@ -285,7 +286,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Lists what lies below a resolved schema: required fields first.
+    /// Lists the parameters below a resolved schema: required fields first.
     fn children(&mut self, path: &str, pointer: &str) {
         let node = self.node(pointer);
         if let Some(properties) = node.get("properties").and_then(Value::as_object) {
@@ -327,7 +328,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Words that a schema allows, with their meanings.
+    /// Returns the words that a schema allows, with their meanings.
     fn words(&self, pointer: &str) -> Vec<(String, String)> {
         let node = self.node(pointer);
         let word = |option: &Value| {
@@ -397,7 +398,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Returns the unit in a description: the first brackets that hold one.
+/// Returns the unit in a description: the content of the first brackets that contain one.
 fn unit(meaning: &str) -> Option<&str> {
     let in_brackets = meaning.match_indices('[').find_map(|(at, _)| {
         let rest = &meaning[at + 1..];
@@ -417,8 +418,8 @@ fn range(node: &Value) -> Option<String> {
     (!both.is_empty()).then(|| both.join(", "))
 }
 
-/// Returns the parameter that a name in a description means: a neighbour, else one further up, else the only one of
-/// that name.
+/// Returns the parameter to which a name in a description refers: a neighbour, otherwise one further up, otherwise
+/// the only one of that name.
 fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {
@@ -443,14 +444,14 @@ fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a
     (all.next().is_none() && only.1.path != from).then_some(only)
 }
 
-/// Returns a description in parts: text, and names in backticks.
+/// Splits a description into text and names in backticks.
 fn parts(text: &str) -> impl Iterator<Item = (bool, &str)> {
     text.split('`')
         .enumerate()
         .map(|(n, part)| (n % 2 == 1, part))
 }
 
-/// Facts about a parameter in the order of the page, without the meaning.
+/// Returns facts about a parameter in the order of the page, without the meaning.
 fn facts(parameter: &Parameter) -> Vec<(&'static str, String)> {
     let mut facts = vec![("Type", parameter.kind.clone())];
     let mut add = |name, value: Option<String>| facts.extend(value.map(|value| (name, value)));

@@ -1,4 +1,4 @@
-//! The changes of a case that a restart allows and refuses, each with its reason.
+//! Changes of a case that a restart allows or refuses, each with its reason.
 //!
 //! `solver schema` contains the list as `x-restart`: the whole list on the case itself, and its entries on the fields
 //! concerned.
@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 /// A field, or all fields below it, that a restart may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Changeable {
-    /// Path as in messages; `[*]` is any item of a list. Everything below the path is meant too.
+    /// Path as in messages; `[*]` is any item of a list. The path includes everything below it.
     pub path: &'static str,
     /// Consequence of a change.
     pub effect: &'static str,
@@ -147,7 +147,7 @@ pub const CHANGEABLE: [Changeable; 41] = [
     may("accuracy", "has no effect: the choices at the start remain"),
 ];
 
-/// Reason why the other fields may not change, by the first part of the path that fits.
+/// Reasons why the other fields may not change, by the first matching beginning of the path.
 const KEPT: [(&str, &str); 12] = [
     ("domain", "the saved state has the cells of this domain"),
     (
@@ -178,8 +178,8 @@ const KEPT: [(&str, &str); 12] = [
     ("analysis", "its records start with the run"),
 ];
 
-/// Finds the differences of two trees: path and both values. Lists of another length differ as a whole, and so do
-/// numbers that are not equal as numbers.
+/// Finds the differences of two trees: path and both values. Lists of different lengths differ as a whole; numbers
+/// are compared by value.
 fn differences<'a>(
     old: &'a Value,
     new: &'a Value,
@@ -229,8 +229,8 @@ fn fits(pattern: &str, path: &str) -> bool {
     rest.is_empty() || rest.starts_with('.') || rest.starts_with('[')
 }
 
-/// Returns the differences of two cases, as serialised with all their defaults: paths that may change, and a problem
-/// for each that may not.
+/// Compares two cases, serialised with all their defaults: returns the changed paths that are allowed, and a
+/// problem for each change that is not.
 #[must_use]
 pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     let mut found = Vec::new();
@@ -250,7 +250,7 @@ pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     (changed, refused)
 }
 
-/// Changes within changeable fields that the saved state cannot follow.
+/// Returns why a change within a changeable field is not possible with the saved state; none if it is.
 fn forbidden(path: &str, new: &Value) -> Option<&'static str> {
     let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
     let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
@@ -309,7 +309,7 @@ fn locate(root: &Value, path: &str) -> Option<String> {
     Some(at)
 }
 
-/// Returns the schema that a pointer means, `$ref`, optional fields and annotated values looked through.
+/// Returns the pointer of the schema after resolving `$ref`, optional fields and annotated values.
 fn follow(root: &Value, at: &str) -> Option<String> {
     let node = root.pointer(at)?;
     if let Some(name) = node.get("$ref").and_then(Value::as_str) {

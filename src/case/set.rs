@@ -7,18 +7,17 @@ use super::text::brief;
 use base::error::{Problem, Severity};
 use serde_json::{Map, Value};
 
-/// A step of a path.
+/// Step of a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Step {
     Key(String),
     Index(usize),
 }
 
-/// Carries out one assignment; returns its path.
+/// Applies one assignment; returns its path.
 ///
 /// # Errors
-/// A problem that names the path, if the assignment cannot be read or the path leads through a value that has no
-/// fields.
+/// If the assignment cannot be parsed or the path leads through a value without fields; the problem names the path.
 pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>> {
     let problem = |path: &str, value: &str, reason: &str, remedy: &str| {
         Box::new(Problem {
@@ -94,7 +93,7 @@ pub fn covers(path: &str, known: &str) -> bool {
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.') || rest.starts_with('['))
 }
 
-/// Maximum number of steps of a path; a tree that is deeper could not be walked.
+/// Maximum number of steps of a path, which limits the depth of a tree.
 const MOST_STEPS: usize = 64;
 
 fn parse(path: &str) -> Option<Vec<Step>> {

@@ -1,7 +1,8 @@
-//! A grading by a sieve curve: the fraction of the mass that passes each sieve.
+//! Grading by a sieve curve: the fraction of the mass that passes each sieve.
 //!
-//! Between two sieves of openings a < b the passing mass rises in proportion to the logarithm of the diameter, as drawn
-//! on paper. With the fraction m of the mass between them, the mass and the number of grains per diameter are
+//! Between two sieves of openings a < b the passing mass rises linearly with the logarithm of the diameter, as in
+//! the usual diagram. With the fraction m of the mass between them, the mass and the number of grains per diameter
+//! are
 //!
 //! ```text
 //! dm/dd = m/[d ln(b/a)]        dn/dd = m/[d^(D+1) ln(b/a)]        D = 3 for spheres, 2 for discs of the plane
@@ -9,7 +10,7 @@
 //! d(u) = [a^-D - u (a^-D - b^-D)]^(-1/D)                          diameter below which the part u of the number lies
 //! ```
 //!
-//! because the mass of a grain grows as d^D at one density. Percentile diameters and the coefficients of uniformity and
+//! because the mass of a grain is proportional to d^D. Percentile diameters and the coefficients of uniformity and
 //! curvature are those of ISO 14688-2: C_u = d60/d10, C_c = d30^2/(d10 d60).
 
 use schemars::JsonSchema;
@@ -39,7 +40,8 @@ pub struct Span {
 }
 
 impl Span {
-    /// Returns the number of grains over their mass in units of one of diameter 1, in 2 or 3 dimensions.
+    /// Returns the ratio of the number of grains to their mass, in units of a grain of diameter 1, in 2 or 3
+    /// dimensions.
     #[must_use]
     pub fn number(&self, dimension: usize) -> f64 {
         self.mass * self.moment(0, dimension)
@@ -53,11 +55,11 @@ impl Span {
         if rest == 0 {
             return 1.0;
         }
-        // Near sieves: the difference of two powers would lose digits.
+        // For nearly equal sieves the difference of two powers would lose digits.
         self.from.powi(rest) * (f64::from(rest) * log).exp_m1() / (f64::from(rest) * log)
     }
 
-    /// Returns the diameter below which this part of the number of grains lies \[m\].
+    /// Returns the diameter below which this fraction of the number of grains lies \[m\].
     #[must_use]
     pub fn diameter(&self, part: f64, dimension: usize) -> f64 {
         let power = exponent(dimension);
@@ -71,7 +73,7 @@ fn exponent(dimension: usize) -> i32 {
     if dimension == 2 { 2 } else { 3 }
 }
 
-/// Returns the parts of a curve that hold grains.
+/// Returns the intervals of a curve that contain grains.
 pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
     let pairs = curve.windows(2).map(|pair| Span {
         from: pair[0].diameter,
@@ -84,7 +86,7 @@ pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
 /// Checks a sieve curve.
 ///
 /// # Errors
-/// A sentence that names the sieve at fault.
+/// If the curve is invalid; the text names the sieve.
 pub fn check(curve: &[Sieve]) -> Result<(), String> {
     if curve.len() < 2 {
         return Err("a sieve curve needs two sieves at least".into());
@@ -154,7 +156,7 @@ pub fn mean_power(curve: &[Sieve], power: i32, dimension: usize) -> f64 {
     sum / number
 }
 
-/// Returns the diameter below which this part of the number of grains lies \[m\].
+/// Returns the diameter below which this fraction of the number of grains lies \[m\].
 #[must_use]
 pub fn diameter(curve: &[Sieve], part: f64, dimension: usize) -> f64 {
     let all: f64 = spans(curve).map(|span| span.number(dimension)).sum();
@@ -171,7 +173,7 @@ pub fn diameter(curve: &[Sieve], part: f64, dimension: usize) -> f64 {
     last
 }
 
-/// Diameters that 10, 30, 50 and 60 % of the mass of grains pass, and what follows from them.
+/// Diameters that 10, 30, 50 and 60 % of the mass of grains pass, and coefficients derived from them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// d10 \[m\].
@@ -189,8 +191,8 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Returns those of grains of these radii \[m\] and one density; none without grains. A percentile is the diameter
-    /// of the grain with which the mass of all smaller ones reaches it.
+    /// Returns the percentiles of grains with these radii \[m\] and equal density; none without grains. A
+    /// percentile is the diameter of the grain at which the cumulative mass in ascending order of size reaches it.
     #[must_use]
     pub fn from_radii(radii: impl Iterator<Item = f64>, dimension: usize) -> Option<Self> {
         let mut diameters: Vec<f64> = radii.map(|r| 2.0 * r).collect();
@@ -255,7 +257,7 @@ mod tests {
                     let n = 200_000;
                     let log = (span.to / span.from).ln();
                     for k in 0..n {
-                        // Equal masses: equal steps of the logarithm.
+                        // Equal steps of the logarithm contain equal masses.
                         let d = span.from * (log * (f64::from(k) + 0.5) / f64::from(n)).exp();
                         let grains = span.mass / f64::from(n) / d.powi(exponent(dimension));
                         sum += grains * d.powi(power);
@@ -296,7 +298,7 @@ mod tests {
                     assert!(number > sieve.passing + 0.3, "{number} {sieve:?}");
                 }
             }
-            // Half way between two sieves on the logarithmic axis.
+            // Half way between two sieves on the logarithmic axis half of their mass passes.
             let (mass, _) = below((0.5e-3_f64 * 1e-3).sqrt());
             assert!((mass - 0.275).abs() < 1e-4);
             let found =

@@ -159,7 +159,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Returns `true` if it is a disc or a sphere.
+    /// Returns `true` for a disc or a sphere.
     #[must_use]
     pub fn round(&self) -> bool {
         matches!(self, Self::Disc { .. } | Self::Sphere { .. })

@@ -1,11 +1,11 @@
-//! Structures: solids at rest that water and grains meet.
+//! Structures: stationary solids that act on water and grains.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use structure::Shape;
 
-/// A solid at rest, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one another,
-/// leave the domain and cross its periodic faces.
+/// A stationary solid, such as a sheet pile, a cut-off wall, a weir, a step or a pier. Structures may overlap one
+/// another, leave the domain and cross its periodic faces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Structure {
@@ -13,7 +13,8 @@ pub struct Structure {
     pub name: String,
     /// Shape and position.
     pub shape: Shape,
-    /// Material in contacts. Default: the material of the grains, else of the blocks, else of the first free body.
+    /// Material in contacts. Default: the material of the grains, otherwise of the blocks, otherwise of the first
+    /// free body.
     #[serde(default)]
     pub material: Option<String>,
     /// Materials that the structure stops.

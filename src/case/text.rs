@@ -1,6 +1,6 @@
-//! JSON text to a tree, at a bounded cost. Duplicate keys are refused, because either value might be meant. Objects
-//! with more keys than [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused. Brackets nest at most
-//! 127 deep.
+//! Parsing of JSON text into a tree, at a bounded cost. Duplicate keys are refused, because either value might be
+//! intended. Objects with more keys than [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused.
+//! Brackets nest at most 127 deep.
 
 mod plain;
 
@@ -10,11 +10,11 @@ use serde_json::{Map, Value};
 use std::cell::{Cell, RefCell};
 use std::fmt;
 
-/// Keys of one object at most.
+/// Maximum number of keys of one object.
 pub const MOST_KEYS: usize = 10_000;
-/// Values of a text at most, those of lists and objects counted one by one.
+/// Maximum number of values of a text, including each value of lists and objects.
 pub const MOST_VALUES: usize = 20_000_000;
-/// Problems of one text that are listed; the rest is counted.
+/// Maximum number of problems listed for one text; further ones are only counted.
 pub const MOST_PROBLEMS: usize = 50;
 
 /// Returns the message about problems that are not listed.
@@ -29,11 +29,11 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     })
 }
 
-/// Returns the tree, as far as the text is valid, and its problems.
+/// Returns the tree, as far as the text is valid, and the problems of the text.
 #[must_use]
 pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     let text = text.trim_start_matches('\u{feff}');
-    // A text with which nothing is wrong needs no paths, which cost more than all else.
+    // A text without problems needs no paths, whose construction would take most of the time.
     if let Some(tree) = plain::parse(text) {
         return (Some(tree), Vec::new());
     }
@@ -70,7 +70,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
 /// Beginning of the message about an object whose last keys were not read.
 const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
 
-/// Returns `true` if an object of the text was read in part.
+/// Returns `true` if an object of the text was only partly read.
 #[must_use]
 pub(crate) fn cut_short(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.reason.starts_with(TOO_MANY))
@@ -79,9 +79,9 @@ pub(crate) fn cut_short(problems: &[Problem]) -> bool {
 struct Node<'a> {
     path: String,
     problems: &'a RefCell<Vec<Problem>>,
-    /// Values read so far.
+    /// Number of values read so far.
     values: &'a Cell<usize>,
-    /// Problems beyond those listed.
+    /// Number of problems beyond those listed.
     more: &'a Cell<usize>,
 }
 
@@ -212,7 +212,7 @@ pub fn join(path: &str, key: &str) -> String {
 #[must_use]
 pub fn brief(value: &Value) -> String {
     let mut head = Head(Vec::new());
-    // The end of a long text is not made at all; that is no failure.
+    // The end of a long text is not written, which is not a failure.
     let _ = serde_json::to_writer(&mut head, value);
     let text = String::from_utf8_lossy(&head.0);
     if text.chars().count() <= 60 {
@@ -223,11 +223,11 @@ pub fn brief(value: &Value) -> String {
     short
 }
 
-/// Takes the first bytes of a text and refuses the others.
+/// Writer that accepts the first bytes of a text and refuses the others.
 struct Head(Vec<u8>);
 
 impl Head {
-    /// Enough for 61 characters.
+    /// Maximum number of bytes: enough for 61 characters.
     const MOST: usize = 256;
 }
 

@@ -34,13 +34,13 @@ pub struct Time {
     pub warm_up: Option<WarmUp>,
 }
 
-// Of 0.003 to 2, on spheres at rest and in a fast flow (benches/accuracy/neighbour-skin): at rest 0.2 to 1 cost the
-// same.
+// Among values from 0.003 to 2, for stationary spheres and in a fast flow (benches/accuracy/neighbour-skin): for
+// stationary spheres 0.2 to 1 cost the same.
 fn default_skin() -> f64 {
     0.5
 }
 
-/// Largest solid time step over the critical one where a case does not state it.
+/// Default of the largest solid time step over the critical one.
 pub const USUAL_SAFETY: f64 = 0.1;
 
 fn default_safety() -> f64 {
@@ -124,8 +124,8 @@ pub struct Guards {
     /// Largest velocity in lattice units, |u| dt/h [1]. The Mach number is √3 times this value.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.5))]
     pub max_lattice_velocity: f64,
-    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns [1]. The errors of pressure and mass
-    /// conservation of an incompressible flow are of this size.
+    /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run warns [1]. The errors in pressure and
+    /// mass conservation, relative to incompressible flow, are of this size.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub warn_compression: f64,
     /// Compression |rho/rho_0 - 1| of the lattice fluid above which the run ends (exit code 4) and the plan is refused
@@ -134,8 +134,8 @@ pub struct Guards {
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
     /// Overlap of a contact over the radius of the smaller body above which the run ends (exit code 4) [1]; of a
-    /// polyhedron the radius is that from its centroid to the nearest face. Every solid step counts. At 1 the centre of
-    /// a body has come to the surface of the other: a thin wall is passed through.
+    /// polyhedron the radius is that from its centroid to the nearest face. Every solid step counts. At 1 the
+    /// centre of a body has reached the surface of the other: it passes through a thin wall.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_overlap: f64,
     /// Memory of all nodes of the run together [GiB]. Default: the memory of this node.

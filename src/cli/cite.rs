@@ -6,7 +6,7 @@ use plan::citations::{citations, publications};
 /// Format of the references.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(super) enum Format {
-    /// The models with the keys of their papers, then the papers.
+    /// Models with the keys of their papers, followed by the papers.
     Text,
     /// Entries of BibTeX, in UTF-8.
     Bibtex,

@@ -92,7 +92,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
     };
     let report = |line: &str| {
         if !case.json {
-            // A reader that has gone away is no reason to stop.
+            // A reader that has closed the output is no reason to stop.
             drop(print(line));
         }
     };
@@ -105,7 +105,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
     judged(outcome, &case.case)
 }
 
-/// Threads of each rank: as asked for, or the share of the cores of this machine.
+/// Returns the number of threads of each rank: as given, otherwise the rank's share of the cores of this machine.
 fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let cores = u32::try_from(cores).unwrap_or(1);
@@ -113,7 +113,7 @@ fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
     asked.map_or_else(share, u32::from)
 }
 
-/// Returns the cost of an estimate of a plan, or why there is none.
+/// Returns the cost of an estimate of a plan, or the reason why an estimate is not possible.
 pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     match Members::for_case(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_lines(),

@@ -1,8 +1,9 @@
-//! The commands. This module prints to the terminal; during a run the progress ([`simulation::progress`]) is printed as
-//! well.
+//! The commands of the program. This module prints to the terminal; during a run [`simulation::progress`] prints
+//! as well.
 //!
-//! The errors of a case are found before MPI starts, by every rank and with the same result. Those that depend on the
-//! number of ranks are found when MPI has started, before the verdict is printed. Only the first rank reports them.
+//! The errors of a case are found before MPI starts, by every rank and with the same result. Errors that depend on
+//! the number of ranks are found after the start of MPI, before the verdict is printed. Only the first rank reports
+//! errors.
 
 #![cfg_attr(
     test,
@@ -365,8 +366,8 @@ struct Stability {
 /// Parses the arguments (the first is the program's name), carries out the command, returns the exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
-    // A write beyond the limit of `ulimit -f` then fails with a reason, instead of ending the process without a word.
-    // The flag itself is never looked at.
+    // A write beyond the limit of `ulimit -f` then fails with an error instead of killing the process silently. The
+    // flag itself is not used.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let begun = Instant::now();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
@@ -382,7 +383,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Ok(cli) => cli,
         Err(error) => {
             if first_rank() {
-                // Nothing can be done if the terminal is gone.
+                // If the terminal is closed, the message is lost.
                 let _ = error.print();
             }
             return error.exit_code();
@@ -497,7 +498,8 @@ fn ended(result: Result<(), Error>) -> i32 {
                 report_error(&format!("solver: {error}"));
             }
             if !first_rank() {
-                // mpirun ends all ranks as soon as one ends with an error: the first one reports before that.
+                // mpirun ends all ranks as soon as one ends with an error. The first rank therefore reports before
+                // that.
                 std::thread::sleep(SILENT_RANKS_WAIT);
             }
             error.exit_code()
@@ -511,7 +513,7 @@ const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 /// Adds the default command: `solver case.json` is `solver run case.json`.
 ///
 /// # Errors
-/// [`Error::Usage`] where the first word is neither a command nor a file.
+/// [`Error::Usage`] if the first word is neither a command nor a file.
 fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, Error> {
     let command = Cli::command();
     let known = |word: &str| {
@@ -549,8 +551,8 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
     if !Verdict::from_findings(&plan.warnings).runs(stability.allow_unstable) {
         return accept(&plan);
     }
-    // The number of ranks may still refuse the case, and a case has one verdict: it is printed once the ranks are
-    // known.
+    // The number of ranks may still refuse the case, and a case has a single verdict: it is printed when the number
+    // of ranks is known.
     let mut accepted = false;
     let outcome = simulation::run::run(plan, options, |plan| {
         accepted = true;
@@ -567,16 +569,16 @@ fn sweep(sweep: &Sweep) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
-    // A reader that has gone away is no reason to stop.
+    // A reader that has closed the output is no reason to stop.
     report_problems(sweep::command(sweep, &|line| drop(print(line))))
 }
 
-/// Returns the folder of a case where none is named.
+/// Returns the default output folder of a case.
 fn folder_of(case: &Path) -> PathBuf {
     Path::new("results").join(case.file_stem().unwrap_or(case.as_os_str()))
 }
 
-/// Returns a part of a whole, above 0 and below 1.
+/// Parses a fraction above 0 and below 1.
 fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
@@ -592,7 +594,7 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Lists problems that only the work itself can find.
+/// Lists problems that are found only during the work.
 fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     if let Err(Error::Case(problems)) = &outcome {
         list(problems);
@@ -687,11 +689,11 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     judge(&plan.warnings, case, stability)
 }
 
-/// Returns the plan of the case with its pilot, which is run and written to the folder of the case.
+/// Runs the pilot of a case, writes it to the folder of the case, and returns the plan with its results.
 fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     let report = |line: &str| {
         if !case.json {
-            // A reader that has gone away is no reason to stop.
+            // A reader that has closed the output is no reason to stop.
             drop(print(line));
         }
     };
@@ -747,7 +749,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
 /// Prints the verdict unless the JSON contains it.
 ///
 /// # Errors
-/// [`Error::Case`] where the case is not run.
+/// [`Error::Case`] if the case is not run.
 fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let accepted = Verdict::from_findings(findings).runs(stability.allow_unstable);
     if !accepted {
@@ -868,7 +870,7 @@ fn first_rank() -> bool {
         })
 }
 
-/// Prints a text to the standard output; a reader that has gone away is no error.
+/// Prints a text to the standard output; a closed output is not an error.
 fn print(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -876,7 +878,7 @@ fn print(text: &str) -> Result<(), Error> {
     put(format!("{}\n", printable_lines(text)).as_bytes())
 }
 
-/// Writes bytes to the standard output as they are; a reader that has gone away is no error.
+/// Writes bytes to the standard output; a closed output is not an error.
 fn put(bytes: &[u8]) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
@@ -890,7 +892,7 @@ fn put(bytes: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// Prints a text to the standard error; nothing can be done if that fails.
+/// Prints a text to the standard error; failures are ignored.
 fn report_error(text: &str) {
     if first_rank() {
         let _ = writeln!(std::io::stderr(), "{}", printable_lines(text));

@@ -34,7 +34,7 @@ pub(super) fn page<C: CommandFactory>() -> std::io::Result<Vec<u8>> {
     Ok(page)
 }
 
-/// Writes a section for a command: its sections one level lower, so that all of them make one page.
+/// Writes the section of a command with its subsections one level lower, so that all commands form one page.
 fn one_command(command: &Command, page: &mut Vec<u8>) -> std::io::Result<()> {
     let man = Man::new(command.clone());
     let mut section = Vec::new();
@@ -48,7 +48,7 @@ fn one_command(command: &Command, page: &mut Vec<u8>) -> std::io::Result<()> {
         match line.strip_prefix(".SH ") {
             Some("DESCRIPTION") => {}
             Some(name) => writeln!(page, ".SS {name}")?,
-            // The preamble of a page of its own.
+            // The preamble belongs to separate pages only.
             None if line.starts_with(".ie ") || line.starts_with(".el ") => {}
             None => writeln!(page, "{line}")?,
         }

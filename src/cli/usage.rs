@@ -1,20 +1,21 @@
-//! Arguments that are refused before a file is read, each with a suggestion.
+//! Checks of arguments before a file is read, with a suggestion for each error.
 
 use base::error::Error;
 use case::check::nearest;
 use std::ffi::OsStr;
 use std::path::Path;
 
-/// Maximum number of threads in a rank; more are a slip: no machine has as many cores for one rank.
+/// Maximum number of threads per rank; larger numbers are input errors, because no machine has as many cores for
+/// one rank.
 pub(super) const MOST_THREADS: u16 = 1024;
 
-/// Checks that a first word that is no command can be a case: a file that is there, or a possible name of one.
+/// Checks that a first word that is not a command can be a case: an existing file, or a possible file name.
 ///
 /// # Errors
-/// [`Error::Usage`] where it is neither.
+/// [`Error::Usage`] if it is neither.
 pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
     let text = word.to_string_lossy();
-    // A path: the reader reports the error.
+    // For a path, the reader reports the error.
     if text.starts_with('-') || text.contains(['.', '/']) || Path::new(word).exists() {
         return Ok(());
     }
@@ -27,12 +28,12 @@ pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Err
     )))
 }
 
-/// Cores that this process may use.
+/// Returns the number of cores available to this process.
 pub(super) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Returns the number of threads of a rank.
+/// Parses the number of threads of a rank.
 pub(super) fn threads(text: &str) -> Result<u16, String> {
     match text.parse() {
         Ok(threads) if (1..=MOST_THREADS).contains(&threads) => Ok(threads),

@@ -30,15 +30,15 @@ use slab::Slab;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A cell outside the domain or in a structure: the business of the faces and of the structures. Owners keep the
-/// highest bit free.
+/// Owner tag of cells outside the domain or in a structure, which the faces and the structures treat. The highest
+/// bit of owners is reserved.
 const OUTSIDE: u32 = u32::MAX >> 1;
-/// Ids below this have a tag between [`FLUID`] and [`OUTSIDE`].
+/// Maximum id plus one: ids below it have tags between [`FLUID`] and [`OUTSIDE`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
-/// A cell of fluid.
+/// Owner tag of a fluid cell.
 const FLUID: u32 = 0;
 
-/// The lattice that bodies are mapped to.
+/// Lattice onto which bodies are mapped.
 #[derive(Clone, Debug)]
 pub struct MapGrid {
     /// Cells of the whole domain.
@@ -54,7 +54,8 @@ pub struct MapGrid {
 }
 
 impl MapGrid {
-    /// Returns the distance in cells from the raw frame of a body to the local cells of the slab, for its image.
+    /// Returns the offset in cells from the raw frame of a body to the local cells of the slab, for one of its
+    /// images.
     pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|a| {
             if a < dimension {
@@ -66,43 +67,45 @@ impl MapGrid {
     }
 }
 
-/// Layers of cells known beyond the slab: a link may end in the first, and what is solid round its end is in the
-/// second. Grains within this many cells of a slab must be known there.
+/// Ghost layers around the slab: a link may end in the first, and the solid around its end is in the second. Grains
+/// within this distance of a slab \[cells\] must be known to its rank.
 pub const GHOSTS: i32 = 2;
 
-/// Data of a link beyond its geometry.
+/// Rules for links in addition to their geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
-    /// Radius that the fluid sees over the radius of a grain.
+    /// Ratio of the hydraulic radius to the radius of a grain.
     pub hydraulic_radius_factor: f64,
-    /// Bodies with an id below this keep their own radius.
+    /// Id of the first grain: bodies with a lower id keep their own radius.
     pub first_grain: u64,
-    /// A fluid cell with at least this many solid neighbours does not feel the walls' velocity; none for never.
+    /// Minimum number of solid neighbours with which a fluid cell does not feel the velocity of the walls; none for
+    /// never.
     pub isolated: Option<usize>,
-    /// `true` if links read the cell behind their outer one, two from the body: interpolation needs fluid there.
+    /// `true` if links read the cell behind their outer end, two cells from the body: interpolation needs fluid
+    /// there.
     pub interpolated: bool,
 }
 
-/// One body, or one image of a body, near this slab.
+/// Body, or periodic image of a body, near this slab.
 #[derive(Clone, Debug, Default)]
 struct Mapped {
     id: u64,
     shift: [i32; 3],
-    /// Centre in cells (raw frame) and radius when it was mapped.
+    /// Centre \[cells, raw frame\] and radius at the time of mapping.
     centre: [f64; 3],
     radius: f64,
-    /// Quaternion of a polyhedron when it was mapped.
+    /// Quaternion of a polyhedron at the time of mapping.
     orientation: [f64; 4],
-    /// Displacement before which it cannot change cells; negative: not mapped yet.
+    /// Displacement below which its cells cannot change; negative if it is not mapped yet.
     slack: f64,
     nearest: Nearest,
-    /// `true` if it shares cells with another body: mapped again whenever any body is.
+    /// `true` if it overlaps cells of another body: it is mapped again whenever any body is.
     shares: bool,
-    /// `true` if it is to be mapped again in this update.
+    /// `true` if it must be mapped again in this update.
     again: bool,
-    /// Cells in local coordinates, with those that a body of lower id or a structure holds.
+    /// Cells in local coordinates, including those that belong to a body of lower id or a structure.
     rows: Rows,
-    /// Buffer for the next search; after a search that found other cells, the previous cells.
+    /// Buffer for the next search; after a search with a different result, the previous cells.
     other: Rows,
 }
 
@@ -113,37 +116,37 @@ struct Turned {
     planes: Vec<CellPlane>,
 }
 
-/// The map of one slab.
+/// Map of one slab.
 pub struct BodyMap {
     slab: Slab,
     rules: Rules,
-    /// Owner of each cell of the slab and of [`GHOSTS`] layers round it, x fastest.
+    /// Owner of each cell of the slab and of [`GHOSTS`] layers around it, x fastest.
     owner: Vec<u32>,
     bodies: Vec<Mapped>,
     entries: HashMap<u32, Vec<u32>>,
-    /// Places of the bodies that share cells.
+    /// Indices of the bodies that share cells.
     sharing: Vec<usize>,
-    /// `true` if the entries refreshed last are those mapped, image by image.
+    /// `true` if the entries at the last refresh are those mapped, image by image.
     adopted: bool,
     links: Vec<Vec<BodyLink>>,
     directions: Vec<Direction>,
     motion: Vec<Rigid>,
-    /// Present orientations of the polyhedra, by entry; without faces for other bodies, and empty if there are no
-    /// polyhedra.
+    /// Present orientation and faces of each entry; without faces for bodies that are not polyhedra, and empty if
+    /// there are no polyhedra.
     blocks: Vec<Turned>,
     changes: Vec<Change>,
     again: Vec<Again>,
     relink: Vec<AtomicBool>,
-    /// Results of the search of the bodies that moved, for each run of bodies.
+    /// Results of the search for each run of bodies.
     found: Vec<Found>,
-    /// Results of the threads that settle cells, and the number of rows they settle below each layer.
+    /// Results of the threads that assign cells, and the number of rows below each layer.
     settled: Vec<Settled>,
     rows_below: Vec<usize>,
-    /// Links between two cells of water that sheets cut: place of the cell and direction.
+    /// Links between two fluid cells that sheets cut: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
 }
 
-/// A body that is mapped again.
+/// Body that is mapped again.
 #[derive(Clone, Copy, Debug)]
 struct Again {
     body: usize,
@@ -153,16 +156,16 @@ struct Again {
     shared: bool,
 }
 
-/// A cell that changed its owner, or was given back to the one it had.
+/// Cell that changed its owner, or was returned to its previous owner.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     cell: [i32; 3],
     before: u32,
-    /// Impulse that a body gains or loses by it.
+    /// Impulse on a body by the change.
     impulse: Option<Impulse>,
 }
 
-/// Momentum in quanta that goes to a body at a point given in half cells.
+/// Momentum in quanta that acts on a body at a point given in half cells.
 #[derive(Clone, Copy, Debug)]
 struct Impulse {
     entry: usize,
@@ -170,7 +173,7 @@ struct Impulse {
     at: [i32; 3],
 }
 
-/// Changed cells from which a thread pays.
+/// Minimum number of changed cells per thread.
 const CHANGES_PER_THREAD: usize = 16;
 
 #[expect(clippy::cast_possible_truncation, reason = "`refresh` checks ids")]
@@ -204,8 +207,8 @@ impl BodyMap {
         }
     }
 
-    /// Keeps bodies out of the cells of structures and of the links that sheets cut (place of the cell, direction),
-    /// before any body is mapped.
+    /// Excludes bodies from the cells of structures and from the links that sheets cut (index of the cell,
+    /// direction). Call it before any body is mapped.
     pub fn stand_in(
         &mut self,
         cells: impl Iterator<Item = [i32; 3]>,
@@ -218,7 +221,7 @@ impl BodyMap {
         self.sheets.clone_from(sheets);
     }
 
-    /// Returns `true` if neither body nor structure holds the cell at an index of the map.
+    /// Returns `true` if neither a body nor a structure owns the cell at an index of the map.
     #[must_use]
     pub fn is_water(&self, place: u32) -> bool {
         self.owner[place as usize] == FLUID
@@ -248,13 +251,13 @@ impl BodyMap {
         &self.motion
     }
 
-    /// Faces of an entry, in the frame of its position: none of a disc or sphere.
+    /// Returns the faces of an entry, in the frame of its position; empty for a disc or sphere.
     #[must_use]
     pub fn faces(&self, k: usize) -> &[CellPlane] {
         self.blocks.get(k).map_or(&[], |block| &block.planes)
     }
 
-    /// Returns the id of the body that holds a cell of the slab (local coordinates).
+    /// Returns the id of the body that owns a cell of the slab (local coordinates).
     #[must_use]
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
@@ -264,7 +267,7 @@ impl BodyMap {
         }
     }
 
-    /// Takes over positions and velocities. `velocity` and `spin` convert to lattice units.
+    /// Copies positions and velocities of the bodies. `velocity` and `spin` convert to lattice units.
     pub fn refresh<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
@@ -326,8 +329,8 @@ impl BodyMap {
         Ok(())
     }
 
-    /// Maps what moved. With `loads`, the momentum of cells that were covered goes to the body and that of uncovered
-    /// cells is taken from it (Aidun, Lu and Ding 1998).
+    /// Maps the bodies that moved. With `loads`, a body gains the momentum of fluid cells that it covers and loses
+    /// that of cells that it uncovers (Aidun, Lu and Ding 1998).
     ///
     /// Call after [`Self::refresh`].
     pub fn update_bodies<Sp: Space, S: Stored>(
@@ -337,7 +340,7 @@ impl BodyMap {
         loads: Option<&mut [Load]>,
     ) {
         if self.slab.cells.contains(&0) {
-            // An empty slab holds no cells; entries still have a place in the lists.
+            // An empty slab has no cells, but entries still have elements in the lists.
             self.links.resize_with(particles.len(), Vec::new);
             return;
         }
@@ -350,7 +353,7 @@ impl BodyMap {
         if self.again.is_empty() && self.changes.is_empty() {
             return;
         }
-        // Bodies that share cells settle anew who has them.
+        // The owners of cells shared by several bodies are determined again.
         for &body in &self.sharing {
             if !self.bodies[body].again {
                 self.again.push(Again {
@@ -364,13 +367,13 @@ impl BodyMap {
         self.apply_changes(populations, loads);
     }
 
-    /// Loads from covered and uncovered cells, and new links for every body near a change.
+    /// Computes loads from covered and uncovered cells, and new links for every body near a change.
     fn apply_changes<S: Stored>(
         &mut self,
         populations: &Populations<S>,
         loads: Option<&mut [Load]>,
     ) {
-        // None is set: each body takes its flag back.
+        // All flags are cleared: each body resets its own.
         self.relink
             .resize_with(self.bodies.len(), AtomicBool::default);
         let far = self.rules.isolated.is_some() || self.rules.interpolated;
@@ -400,7 +403,7 @@ impl BodyMap {
                 }
             }
         }
-        // A change concerns its neighbours: few changes, few bodies.
+        // A change affects only neighbouring cells: with few changes, few bodies need new links.
         let few = changes.len() < PER_THREAD;
         self.changes = changes;
         let mut links = std::mem::take(&mut self.links);
@@ -454,7 +457,8 @@ impl BodyMap {
     }
 }
 
-/// Returns the motion of a grain in lattice units, without its radius; `velocity` and `spin` convert.
+/// Returns the motion of a grain in lattice units, without its radius; `velocity` and `spin` convert to lattice
+/// units.
 pub(super) fn in_cells<Sp: Space>(
     motion: &Motion<Sp>,
     grid: &MapGrid,

@@ -1,10 +1,10 @@
 //! Lattice Boltzmann with moving bounce-back around discs, spheres or convex polyhedra.
 //!
 //! In each step the lattice advances, and populations bounce back on the links that cross a body's surface
-//! ([`lbm::links`]). The loads are known at the middle of the step. They are averaged with those of the previous
+//! ([`lbm::links`]). The loads are those at the middle of the step. They are averaged with those of the previous
 //! step (Ladd 1994) and are constant over the solid steps. Then the map of bodies is updated ([`super::body_map`]).
-//! Bodies keep fluid inside their shells, so that covering and uncovering cells creates no mass. The momentum of cells
-//! that change sides is exchanged with the body.
+//! Bodies contain fluid inside their shells, so that covering and uncovering cells creates no mass. When a cell is
+//! covered or uncovered, its momentum is exchanged with the body.
 //!
 //! `extra` of a grain holds, in lattice units: the load of the last half step (0 … 5: force, torque) and the impulse
 //! of cells covered since then (6 … 11).
@@ -28,17 +28,17 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use structure::Images;
 
-/// Choices of the coupling.
+/// Settings of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct BounceBackSettings {
     /// Position of the surface on a link.
     pub scheme: Scheme,
     /// `true` if the loads of two half steps are averaged.
     pub average: bool,
-    /// Radius and narrow gaps.
+    /// Hydraulic radius and treatment of narrow gaps.
     pub rules: Rules,
-    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
-    /// over hydrostatic.
+    /// Buoyancy per volume of a solid [N/m³] if the pressure of the lattice is the excess over hydrostatic;
+    /// otherwise zero.
     pub buoyancy: [f64; 3],
 }
 
@@ -51,15 +51,15 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: BounceBackSettings,
     loads: Vec<Load>,
     owned: usize,
-    /// Motions for which the gradients know the links.
+    /// Motions for which the gradients of the eddy viscosity have the links.
     told: Vec<Rigid>,
-    /// `true` if the grains have no loads yet, only the initial state of the fluid, and the map is not yet made.
+    /// `true` if the fluid is in its initial state, the grains have no loads yet, and the map does not exist yet.
     fresh: bool,
     space: PhantomData<Sp>,
 }
 
 impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
-    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
+    /// Returns a coupling of a fluid with the bodies passed to [`Flow::update_bodies`].
     #[inline(never)]
     pub fn new(
         fluid: Fluid<S>,
@@ -90,7 +90,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    /// Adds structures; with `interpolated` their links reflect at the surface, otherwise half-way.
     #[must_use]
     #[inline(never)]
     pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
@@ -138,7 +138,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// Links of structures follow where bodies cover their ends.
+    /// Updates the ends of links of structures that bodies cover.
     fn see_bodies(&mut self) {
         if let Some(structures) = &mut self.structures
             && !self.map.is_as_before()
@@ -157,14 +157,14 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         }
     }
 
-    /// Averages the loads of two half steps, with what cells that changed sides gave.
+    /// Averages the loads of two half steps, including the impulse of cells that were covered or uncovered.
     fn load_grains(&self, particles: &mut Particles<Sp>) {
         let mut extra = std::mem::take(&mut particles.extra);
         let mut fluid = std::mem::take(&mut particles.fluid);
         let grains = particles.view();
         let (loads, motion) = (&self.loads, self.map.motion());
         let (settings, units) = (self.settings, &self.units);
-        // As often as for the links, so that a thread finds the loads that it made.
+        // Divided as for the links, so that a thread uses the loads that it computed.
         let runs = thread_pool::runs(loads.len(), BODIES_PER_THREAD);
         let first = |run: usize| (loads.len() * run / runs).min(grains.owned);
         let shared = (
@@ -211,7 +211,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         if particles.is_empty() && domain.communicator().size() == 1 {
             return Ok(());
         }
-        // The links bounce here.
+        // Reflection at links runs on this processor.
         self.fluid.fetch().map_err(Error::Internal)?;
         let map = &self.map;
         self.fluid
@@ -340,7 +340,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for BounceBack<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// Leaves cells inside the shells out of the balance of the fluid.
+    /// Excludes cells inside the shells from the balance of the fluid.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: Some(&self.map),

@@ -1,12 +1,12 @@
-//! The solid fraction of every cell that a body covers, updated where bodies moved.
+//! Solid fraction of every cell covered by a body, updated when bodies move.
 //!
 //! A body that has not moved since the last update costs one comparison. A body that has moved is processed row by row.
-//! The cells inside follow from where the row enters and leaves the body. Only the cells at its surface are measured
-//! ([`super::solid_fraction`]), and only cells with a changed fraction are passed to the lattice
-//! ([`lbm::saturation::Cover`]). The cover is a function of the positions alone: it is the same after a restart
-//! and on any number of ranks, because the geometry is computed in the frame of a body's raw position. A slab holds its
-//! own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of the
-//! next one.
+//! The inner cells follow from the intersection of the row with the body. Only the cells at its surface are
+//! measured ([`super::solid_fraction`]), and only cells with a changed fraction are passed to the lattice
+//! ([`lbm::saturation::Cover`]). The cover is a function of the positions alone: it is the same after a restart and
+//! on any number of ranks, because the geometry is computed in the frame of a body's raw position. A slab holds its
+//! own cells and the ghost cells around them, because the populations that leave a full cell depend on the cover of
+//! the next one.
 
 mod alone;
 mod runs;
@@ -29,19 +29,19 @@ use std::ops::Range;
 /// Body id and periodic image.
 type Name = (u64, [i32; 3]);
 
-/// One body, or one image of a body, near this slab.
+/// Body, or periodic image of a body, near this slab.
 #[derive(Debug, Default)]
 struct Mapped {
     name: Name,
     slot: u32,
-    /// Pose at which it was mapped; none before the first time.
+    /// Pose at the time of mapping; none before the first time.
     at: Option<Pose>,
-    /// Cells, and those that it has from the next update on.
+    /// Cells, and cells after the next update.
     cells: Runs,
     next: Runs,
-    /// Surface of a polyhedron; without faces that of a disc or sphere.
+    /// Surface of a polyhedron; without faces for a disc or sphere.
     surface: PolyhedronSurface,
-    /// `true` if the body has moved since its cells were covered.
+    /// `true` if the body has moved since its cells were marked.
     moved: bool,
 }
 
@@ -65,10 +65,10 @@ impl Mapped {
         }
     }
 
-    /// Returns the planes of the slab that it may cover, cut in so many pieces at most. Of a ball all cells share
-    /// tables, so that it stays whole.
+    /// Returns the planes of the slab that the body may cover, divided into at most `most` pieces. A ball is not
+    /// divided, because all its cells share tables.
     fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
-        /// Fewer planes are not worth a piece.
+        /// Minimum number of planes per piece.
         const FEWEST: i32 = 2;
         let slow = rows.order[0];
         let all = -1..rows.cells[slow] + 1;
@@ -86,7 +86,7 @@ impl Mapped {
     }
 }
 
-/// Position, in cells, and size of a body.
+/// Position and radius of a body, in cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Pose {
     centre: [f64; 3],
@@ -95,7 +95,7 @@ struct Pose {
     orientation: [f64; 4],
 }
 
-/// The map of one slab.
+/// Map of one slab.
 #[derive(Debug)]
 pub struct CoverMap {
     grid: MapGrid,
@@ -108,19 +108,19 @@ pub struct CoverMap {
     /// Entry of the particles in each slot.
     entries: Vec<u32>,
     alone: Alone,
-    /// Cells of structures, by position: bodies do not cover them. Empty where there are none.
+    /// `true` for cells of structures, by position: bodies do not cover these. Empty without structures.
     closed: Vec<bool>,
-    /// `true` if bodies have moved since their cells were covered.
+    /// `true` if bodies have moved since their cells were marked.
     behind: bool,
     /// Buffers, reused between updates.
     pieces: Vec<Piece>,
     scratch: Vec<Scratch>,
 }
 
-/// Number of bodies up to which they are shared out to threads by their planes; more of them are shared as a whole.
+/// Maximum number of bodies that are divided among threads by planes; more of them are distributed as a whole.
 const FEW: usize = 16;
 
-/// Some planes of a body, and what it covers there.
+/// Some planes of a body, and the cells covered in them.
 #[derive(Debug, Default)]
 struct Piece {
     body: usize,
@@ -165,7 +165,7 @@ impl CoverMap {
         }
     }
 
-    /// Keeps bodies out of the cells of structures, given by position, before any body is mapped.
+    /// Excludes bodies from the cells of structures, given by position. Call it before any body is mapped.
     pub fn close<S: Stored>(
         &mut self,
         cells: impl Iterator<Item = usize>,
@@ -177,14 +177,14 @@ impl CoverMap {
         }
     }
 
-    /// Returns the entry of the particles that a slot stands for.
+    /// Returns the entry of the particles in a slot.
     #[must_use]
     pub fn entry(&self, slot: u32) -> Option<usize> {
         self.entries.get(slot as usize).map(|&entry| entry as usize)
     }
 
-    /// Positions of the cells and ghost cells that bodies fill in part or whole, those deep inside left out: the share
-    /// of a thread in those of each body.
+    /// Returns the positions of the cells and ghost cells that bodies fill in part or completely, except those deep
+    /// inside: those of one thread.
     pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
         let share = move |body| Runs::cells_of_thread(body, thread, threads);
         let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
@@ -193,8 +193,8 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Returns the positions of all cells and ghost cells that bodies fill in part or whole, those of several bodies
-    /// more than once.
+    /// Returns the positions of all cells and ghost cells that bodies fill in part or completely; those of several
+    /// bodies occur several times.
     pub fn filled_cells(&self) -> impl Iterator<Item = usize> {
         let cells = self
             .bodies
@@ -205,8 +205,8 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Takes over where the bodies are and how they move. `velocity` and `spin` convert to lattice units. The cells
-    /// follow with [`Self::cover_cells`].
+    /// Copies the poses and motions of the bodies. `velocity` and `spin` convert to lattice units.
+    /// [`Self::cover_cells`] then updates the cells.
     pub fn place_bodies<Sp: Space>(
         &mut self,
         particles: &Particles<Sp>,
@@ -260,7 +260,7 @@ impl CoverMap {
         cover.set_balls(balls);
     }
 
-    /// Places the bodies and covers the cells.
+    /// Copies the poses of the bodies and covers the cells.
     #[cfg(test)]
     fn update_bodies<Sp: Space>(
         &mut self,
@@ -273,7 +273,7 @@ impl CoverMap {
         self.cover_cells(cover);
     }
 
-    /// Covers the cells where the bodies are, if they have moved since this was last done.
+    /// Covers the cells at the present poses of the bodies, if bodies have moved since the last call.
     pub fn cover_cells(&mut self, cover: &mut Cover) {
         if !std::mem::take(&mut self.behind) {
             return;
@@ -310,7 +310,7 @@ impl CoverMap {
             let mut part = cover.whole();
             for body in &mut self.bodies {
                 look_at_all(&mut scratch[0], body);
-                // At once: what was found is in the cache.
+                // Written at once, while the result is in the cache.
                 if body.moved {
                     body.next.write_changes(&mut part, body.slot, &body.cells);
                 }
@@ -320,7 +320,7 @@ impl CoverMap {
                 let bodies = &mut self.bodies;
                 thread_pool::each_item_when_free(bodies, 8, &mut scratch, look_at_all);
             } else {
-                // Each a few planes of a body.
+                // Each piece has some planes of a body.
                 let mut pieces = std::mem::take(&mut self.pieces);
                 let mut count = 0;
                 for (k, body) in self.bodies.iter().enumerate().filter(|(_, b)| b.moved) {
@@ -365,15 +365,15 @@ impl CoverMap {
         }
     }
 
-    /// Returns the planes at which the slab, with its ghosts, is best cut for the threads: each part has about the same
-    /// surface of bodies.
+    /// Returns the planes at which to divide the slab, with its ghosts, among threads, so that each part has about
+    /// the same surface area of bodies.
     fn cuts(&self) -> Vec<usize> {
         let slow = self.rows.order[0];
         let planes = self.rows.cells[slow] + 2;
         let mut surface = vec![0.0; usize::try_from(planes).unwrap_or(0)];
         let moved = self.bodies.iter().filter(|body| body.moved);
         for (body, pose) in moved.filter_map(|body| Some((body, body.at?))) {
-            // From the raw frame to the planes with their ghosts.
+            // Offset from the raw frame to the planes with their ghosts.
             let to = self.grid.frame(self.dimension, body.name.1)[slow] + 1;
             let plane = |x: f64| (floor_i32(x) + to).clamp(0, planes - 1);
             let (low, high) = (
@@ -381,7 +381,7 @@ impl CoverMap {
                 pose.centre[slow] + pose.radius,
             );
             for plane in plane(low)..=plane(high) {
-                // The surface of a ball between two planes side by side is the same everywhere.
+                // The surface area of a ball between two adjacent planes is the same everywhere.
                 surface[usize::try_from(plane).unwrap_or(0)] += pose.radius;
             }
         }
@@ -398,7 +398,8 @@ impl CoverMap {
         cuts
     }
 
-    /// Gives each entry of the particles the map of the same body and image, and takes out those that went away.
+    /// Assigns to each entry of the particles the map of the same body and image, and removes the cover of bodies
+    /// that are gone.
     fn adopt<Sp: Space>(&mut self, particles: &Particles<Sp>, cover: &mut Cover) {
         let mut old: HashMap<Name, Mapped> = self
             .bodies
@@ -442,7 +443,7 @@ impl CoverMap {
     }
 }
 
-/// Returns the bounding sphere of an entry, its image included.
+/// Returns the bounding sphere of an entry at its image.
 fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &MapGrid) -> Sphere {
     let mut centre = [0.0; 3];
     for (a, x) in centre.iter_mut().enumerate().take(Sp::DIMENSION) {
@@ -455,7 +456,7 @@ fn sphere<Sp: Space>(particles: &Particles<Sp>, k: usize, grid: &MapGrid) -> Sph
     }
 }
 
-/// Returns the motion of an entry in lattice units, its position raw.
+/// Returns the motion of an entry in lattice units, with its raw position.
 pub fn rigid<Sp: Space>(
     particles: &Particles<Sp>,
     k: usize,

@@ -1,8 +1,8 @@
-//! The generic code that this package compiles, so that no package above compiles it again.
+//! Instances of generic code that this package compiles, so that no dependent package compiles them again.
 //!
-//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled in a
-//! package below is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they
-//! are the doors to the kernels of couplings: what they call is compiled here with them.
+//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled
+//! in a dependency is taken from there. The functions in these lists are of this kind (`#[inline(never)]`); they
+//! are the entry points to the kernels of couplings, and the functions that they call are compiled here with them.
 
 use crate::Flow;
 use crate::bounce_back::BounceBack;
@@ -12,10 +12,10 @@ use crate::water::Water;
 use dem::{PlaneSpace, Space, Volume};
 use lbm::lanes::Stored;
 
-/// The address of a function: it has to be compiled.
+/// Address of a function, which forces its compilation.
 type Address = *const ();
 
-/// Lists the seepage through grains of a space.
+/// Returns the addresses for seepage through grains of a space.
 fn seepage<Sp: Space>() -> Vec<Address> {
     vec![
         Seepage::<Sp>::new as Address,
@@ -23,7 +23,7 @@ fn seepage<Sp: Space>() -> Vec<Address> {
     ]
 }
 
-/// Lists water of a storage with grains of a space.
+/// Returns the addresses for water of a storage type with grains of a space.
 fn water<Sp: Space, S: Stored>() -> Vec<Address> {
     vec![
         BounceBack::<Sp, S>::new as Address,
@@ -39,7 +39,7 @@ fn water<Sp: Space, S: Stored>() -> Vec<Address> {
     ]
 }
 
-/// Lists all of them, for both spaces and both storages.
+/// Returns all addresses, for both spaces and both storage types.
 #[must_use]
 pub fn all() -> Vec<Address> {
     [

@@ -1,7 +1,7 @@
-//! Water in the joints between blocks as a fluid of a run: pressures in front of its mouths drive it, and its pressure
-//! loads the blocks.
+//! Water in the joints between blocks as a fluid of a run: driven by pressures at its mouths, with its pressure as
+//! the load on the blocks.
 //!
-//! Every rank holds the whole network and makes the same step; each sets the loads of the blocks that it owns. The
+//! Every rank has the whole network and makes the same step; each sets the loads of the blocks that it owns. The
 //! blocks do not move.
 
 use super::Flow as Coupled;
@@ -14,21 +14,21 @@ use joints::history::PressureHistory;
 use joints::loads::{RockLoad, loads};
 use nalgebra::Vector3;
 
-/// Water in front of a part of the network.
+/// Water outside a mouth.
 #[derive(Clone, Debug)]
 pub struct MouthFront {
-    /// Pressure at the datum in time.
+    /// Pressure at the datum over time.
     pub pressure: PressureHistory,
-    /// Point at which it holds \[m\]; elsewhere the pressure is hydrostatic with it.
+    /// Datum point \[m\]; elsewhere the pressure is hydrostatic relative to it.
     pub datum: Vector3<f64>,
 }
 
-/// Mouths of a network, and which open pieces of edges belong to them.
+/// Mouths of a network, and the open pieces of edges that belong to them.
 #[derive(Clone, Debug)]
 pub struct Mouths {
     /// The mouths.
     pub list: Vec<MouthFront>,
-    /// Mouth of each open piece; none where it is closed.
+    /// Mouth of each open piece; none for a closed piece.
     pub of_piece: Vec<Option<usize>>,
     /// Weight of the water per volume and direction [N/m³].
     pub weight: Vector3<f64>,
@@ -47,18 +47,18 @@ impl Drive for Mouths {
 /// Sums over a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Water in the network at the beginning \[m³\] at the density of atmospheric pressure.
+    /// Initial volume of water in the network, at the density at atmospheric pressure \[m³\].
     pub initial: f64,
-    /// Water that entered through the mouths since the beginning, less that which left \[m³\].
+    /// Volume of water that entered through the mouths since the beginning, minus that which left \[m³\].
     pub entered: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
 
-/// Numbers of the balance in a state.
+/// Number of values of the balance in a saved state.
 const BALANCE: usize = 4;
 
-/// The water of a network with its loads on blocks.
+/// Water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
 pub struct JointWater {
     flow: JointFlow,
@@ -67,7 +67,7 @@ pub struct JointWater {
     /// Id of the first block.
     first: u64,
     interval: f64,
-    /// Steps done.
+    /// Number of steps done.
     steps: u64,
     balance: Balance,
     report: StepReport,
@@ -75,8 +75,8 @@ pub struct JointWater {
 }
 
 impl JointWater {
-    /// Returns the steady flow under the pressures at time 0. `centroids`: those of all blocks of the network \[m\],
-    /// whose ids begin at `first`; `interval`: time step \[s\].
+    /// Returns the steady flow under the pressures at time 0. `centroids` are those of all blocks of the network
+    /// \[m\], whose ids begin at `first`; `interval` is the time step \[s\].
     ///
     /// # Errors
     /// If there is no steady flow.
@@ -108,7 +108,7 @@ impl JointWater {
         Ok(water)
     }
 
-    /// Takes loads and extremes from the present pressures.
+    /// Computes loads and extremes from the present pressures.
     fn measure(&mut self) {
         let pressures = self.flow.pressures();
         self.loads = loads(self.flow.network(), pressures, &self.centroids);
@@ -143,7 +143,8 @@ impl JointWater {
         &self.report
     }
 
-    /// Returns the water that follows from no discharge through a mouth since the beginning, over that in the network.
+    /// Returns the change of the water volume that no discharge through a mouth explains, divided by the volume in
+    /// the network.
     #[must_use]
     pub fn mass_error(&self) -> f64 {
         let stored = self.flow.stored();
@@ -169,7 +170,7 @@ impl JointWater {
         [inflow.value(), pressure.value() / width.value()]
     }
 
-    /// Returns the numbers of a checkpoint.
+    /// Returns the state for a checkpoint.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let Balance {
@@ -182,10 +183,10 @@ impl JointWater {
         state
     }
 
-    /// Restores the numbers of a checkpoint of this number of steps.
+    /// Restores the state of a checkpoint after this number of steps.
     ///
     /// # Errors
-    /// If they are those of another network.
+    /// If the state is that of another network.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<(), Error> {
         let another = || Error::Io("the checkpoint holds the water of other joints".into());
         let (sums, state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;
@@ -203,7 +204,7 @@ impl JointWater {
     }
 }
 
-/// Returns the numbers of a checkpoint for a network of these counts.
+/// Returns the length of the state in a checkpoint for a network of these counts.
 #[must_use]
 pub fn numbers(nodes: usize, links: usize, inertia: bool) -> usize {
     let modes = if inertia { joints::slot::MODES } else { 0 };
@@ -233,7 +234,7 @@ impl<S: Space> Coupled<S> for JointWater {
             for axis in 0..S::DIMENSION.min(3) {
                 on_block.force.set(axis, load.force[axis]);
             }
-            // Blocks are those of three dimensions, with as many components of the torque.
+            // Blocks are three-dimensional, with three components of the torque.
             if S::DIMENSION == 3 {
                 for axis in 0..3 {
                     on_block.torque.set(axis, load.moment[axis]);

@@ -1,4 +1,4 @@
-//! The interface between a run and a lattice with bodies, common to all couplings.
+//! Interface between a run and a lattice with bodies, common to all couplings.
 
 use super::body_map::BodyMap;
 use super::structure_map::StructureMap;
@@ -14,30 +14,30 @@ use lbm::populations::Populations;
 use lbm::quanta::{from_quanta, quanta};
 use lbm::saturation::cells;
 
-/// The cells whose momentum belongs to the water in its balance with the bodies: those outside structures, and outside
-/// bodies that keep water of their own.
+/// Cells whose momentum is included in the balance of the fluid with the bodies: those outside structures, and
+/// outside bodies that contain fluid of their own.
 #[derive(Clone, Copy)]
 pub struct Balanced<'a> {
-    /// Bodies that keep water of their own.
+    /// Bodies that contain fluid of their own.
     pub(super) bodies: Option<&'a BodyMap>,
     pub(super) structures: Option<&'a StructureMap>,
 }
 
 impl Balanced<'_> {
-    /// Returns `true` if a cell of the slab is one of them.
+    /// Returns `true` if a cell of the slab is included.
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         self.bodies.is_none_or(|map| map.body_at(cell).is_none())
             && self.structures.is_none_or(|map| !map.holds(cell))
     }
 
-    /// Returns `true` if all cells of the slab are.
+    /// Returns `true` if all cells of the slab are included.
     #[must_use]
     pub fn holds_all(&self) -> bool {
         self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
     }
 
-    /// Returns the number of cells of the slab that are; counted by threads.
+    /// Returns the number of included cells of the slab; counted by threads.
     pub(super) fn count<S: Stored>(&self, populations: &Populations<S>) -> usize {
         if self.holds_all() {
             return populations.cells().iter().product();
@@ -57,43 +57,43 @@ impl Balanced<'_> {
     }
 }
 
-/// A fluid on a lattice with its coupling.
+/// Fluid on a lattice with its coupling.
 pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Returns the fluid.
     fn fluid(&self) -> &Fluid<S>;
 
-    /// Returns the fluid, to set its state.
+    /// Returns the fluid for changes of its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
 
-    /// Brings the state of the water back from a GPU, if it is there ([`Fluid::fetch`]).
+    /// Copies the state of the fluid from a GPU, if it is there ([`Fluid::fetch`]).
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     fn fetch(&mut self) -> Result<(), Error> {
         self.fluid_mut().fetch().map_err(Error::Internal)
     }
 
-    /// Continues from saved populations and grains: bodies are mapped without loads at the next
+    /// Continues from restored populations and grains: bodies are mapped without loads at the next
     /// [`Flow::update_bodies`].
     fn restart(&mut self);
 
-    /// Returns the loads on the bodies from the lattice in the last step, as this rank's entries hold them, owners'
-    /// entries summed: for balances. Entries of ghosts are left out, because the owners have their loads.
+    /// Returns the loads of the lattice on the bodies in the last step, for balances: the entries of owned bodies,
+    /// summed over the ranks. Entries of ghosts are excluded, because the owners have their loads.
     fn last_loads(&self) -> &[Load];
 
-    /// Returns the cells whose momentum belongs to the water in its balance with the bodies.
+    /// Returns the cells whose momentum is included in the balance of the fluid with the bodies.
     fn balanced(&self) -> Balanced<'_>;
 
     /// Returns the structures in the water, if there are any.
     fn structures(&self) -> Option<&StructureMap>;
 
-    /// Returns `true` if bodies enclose a fluid cell: they, and walls next to them, hold more than half of its
+    /// Returns `true` if bodies enclose a fluid cell: bodies, and walls next to them, occupy more than half of its
     /// neighbours.
     fn enclosed(&self, cell: [usize; 3]) -> bool;
 
-    /// Returns the force of all terms of the step on the water of the balance in the last step, in lattice units: the
-    /// body force, which a covered cell feels by 1 - B, and what other terms gave; and the size of the largest part.
-    /// Collective.
+    /// Returns the force of all terms of the step on the fluid of the balance in the last step, in lattice units,
+    /// and the magnitude of its largest part. The force is the body force, multiplied by 1 - B in a covered cell,
+    /// plus the forces of other terms. Collective.
     fn fluid_force_total(&self, communicator: &Communicator) -> ([f64; 3], f64) {
         let (fluid, water) = (self.fluid(), self.balanced());
         let populations = fluid.populations();
@@ -124,8 +124,8 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     }
 }
 
-/// The parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell. For an
-/// `impl FluidView` of a type with `fluid` and `units`.
+/// Implements the parts of a view of a lattice that do not depend on the coupling: all except the owner of a cell.
+/// For an `impl FluidView` of a type with `fluid` and `units`.
 macro_rules! view_of_lattice {
     () => {
         fn units(&self) -> &LatticeUnits {

@@ -1,4 +1,4 @@
-//! A fluid and its loads on grains.
+//! Fluids with their loads on grains.
 //!
 //! A [`Flow`] is one combination of fluid and coupling, so that only valid combinations exist. In each step the fluid
 //! advances first and computes the loads on the grains ([`Flow::advance`]). The grains then move under these loads in
@@ -42,18 +42,18 @@ use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
 
-/// A fluid with its coupling. Collective: every rank calls each method at the same point.
+/// Fluid with its coupling. Every method is collective: all ranks call it at the same point.
 pub trait Flow<S: Space> {
     /// Moves the water by one step and sets the load of the water on every owned grain (SI).
     ///
     /// # Errors
-    /// If a message failed.
+    /// If a message fails.
     fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
 
-    /// Takes note of where the grains are now; `particles` hold their ghosts up to date.
+    /// Updates the grain positions; ghosts in `particles` must be current.
     ///
     /// # Errors
-    /// If a message failed.
+    /// If a message fails.
     fn update_bodies(&mut self, particles: &mut Particles<S>, domain: &Domain)
     -> Result<(), Error>;
 }

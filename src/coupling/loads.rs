@@ -1,4 +1,4 @@
-//! Loads of the lattice on a body: from exact sums in quanta to SI.
+//! Loads of the lattice on a body, converted from exact sums in quanta to SI.
 
 use base::units::LatticeUnits;
 use dem::particles::Load as GrainLoad;
@@ -6,11 +6,11 @@ use dem::space::{Components, Space};
 use lbm::boundary::from_quanta;
 use lbm::links::Load;
 
-/// Returns the force and torque in lattice units about a raw centre (in cells), from exact sums about the origin of the
-/// raw frame.
+/// Returns the force and torque in lattice units about a raw centre \[cells\], from exact sums about the origin of
+/// the raw frame.
 #[must_use]
 pub fn about_centre(centre: [f64; 3], load: &Load) -> [f64; 6] {
-    // Twice the moment about a corner of cells near the centre, still exact; only then to floating point.
+    // Twice the moment about a cell corner near the centre, still exact; only then converted to floating point.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "positions in cells are far below 2^63"

@@ -4,17 +4,17 @@
 //! In each step the lattice advances with the bodies over its cells ([`lbm::saturation`]) and returns the force
 //! on each body. The force is constant over the solid steps. Then the cover is updated ([`super::cover_map`]).
 //!
-//! **Internal fluid.** Covered cells hold fluid that moves with the body. The force that moves this fluid is part of
-//! the body's load, and the body would have the additional inertia of that fluid. The inertia is compensated by the
-//! change of momentum of a rigid body of fluid of the same shape in the last step (Feng and Michaelides, Computers &
-//! Fluids 38 (2009) 370). Cells that reverse populations respond to a change of the body's motion with an oscillation,
-//! so that the load is the mean of two steps, as with bounce-back on links:
+//! **Internal fluid.** Covered cells contain fluid that moves with the body. The force that accelerates this fluid
+//! is part of the load on the body, which would add the inertia of that fluid to it. The inertia is compensated by
+//! the momentum change of a rigid body of fluid of the same shape in the last step (Feng and Michaelides, Computers
+//! & Fluids 38 (2009) 370). Cells that reverse populations respond to a change of the body's motion with an
+//! oscillation, so that the load is the mean of two steps, as with bounce-back on links:
 //!
 //! ```text
 //! F = (F_n + F_n-1)/2 + (ρ_f/ρ_s) m (v_n - v_n-1)/dt,    M = (M_n + M_n-1)/2 + (ρ_f/ρ_s) (L_n - L_n-1)/dt
 //! ```
 //!
-//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the same of the moment (0 … 5, SI), and whether they are
+//! `extra` of a grain holds F_n/2 - (ρ_f/ρ_s) m v_n/dt and the corresponding moment (0 … 5, SI), and 1 if they are
 //! known (6).
 
 use super::body_map::MapGrid;
@@ -39,19 +39,19 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use structure::Images;
 
-/// Choices of the coupling.
+/// Settings of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct PartiallySaturatedSettings {
     /// Method by which solid fractions are computed.
     pub fractions: solid_fraction::FractionMethod,
     /// `true` if the fluid inside a body is subtracted from its inertia.
     pub without_inner_water: bool,
-    /// Force per volume of a solid [N/m3] that the lattice does not know of: buoyancy, where its pressure is the excess
-    /// over hydrostatic.
+    /// Buoyancy per volume of a solid [N/m³] if the pressure of the lattice is the excess over hydrostatic;
+    /// otherwise zero.
     pub buoyancy: [f64; 3],
 }
 
-/// Fluid with bodies over its cells. The fluid must have been made with a method for covered cells.
+/// Fluid with bodies over its cells. The fluid must have been constructed with an operator for covered cells.
 pub struct PartiallySaturated<Sp: Space, S: Stored> {
     fluid: Fluid<S>,
     map: CoverMap,
@@ -63,13 +63,13 @@ pub struct PartiallySaturated<Sp: Space, S: Stored> {
     /// Sums for [`shares_in_flow`] of each entry.
     shares: Vec<Load>,
     owned: usize,
-    /// `true` if the covered cells still hold the initial state of the fluid.
+    /// `true` if the covered cells still have the initial state of the fluid.
     fresh: bool,
     space: PhantomData<Sp>,
 }
 
 impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
-    /// Couples a fluid with the bodies that [`Flow::update_bodies`] will show it.
+    /// Returns a coupling of a fluid with the bodies passed to [`Flow::update_bodies`].
     #[inline(never)]
     pub fn new(
         fluid: Fluid<S>,
@@ -100,7 +100,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         }
     }
 
-    /// Adds structures. `interpolated`: whether their links bounce where the surface is, and not half-way.
+    /// Adds structures; with `interpolated` their links reflect at the surface, otherwise half-way.
     #[must_use]
     #[inline(never)]
     pub fn with_structures(mut self, solids: Vec<Arc<Images>>, interpolated: bool) -> Self {
@@ -122,15 +122,15 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         )
     }
 
-    /// Covers the cells where the bodies are.
+    /// Covers the cells at the present poses of the bodies.
     fn cover_cells(&mut self) {
         if let Some(cover) = self.fluid.cover_mut() {
             self.map.cover_cells(cover);
         }
     }
 
-    /// Gives cells inside a solid the velocity of the solid: otherwise the initial fluid momentum inside the body acts
-    /// on it as a spurious impulse.
+    /// Sets the velocity of cells inside a solid to that of the solid: otherwise the initial fluid momentum inside
+    /// the body acts on it as a spurious impulse.
     fn begin(&mut self) {
         let Some(cover) = self.fluid.cover() else {
             return;
@@ -159,7 +159,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         self.fluid.renew_velocities();
     }
 
-    /// Computes the load of owned grain `k` as the mean of that of this step and the one kept from the step before.
+    /// Computes the load of owned grain `k` as the mean of the loads of this and the previous step.
     fn average(&self, particles: &mut Particles<Sp>, k: usize) {
         let (motion, body) = (particles.motion[k], particles.body[k]);
         let water = if self.settings.without_inner_water {
@@ -167,7 +167,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         } else {
             0.0
         };
-        // Of a block the moment is that of its angular momentum, by the ratio of the masses.
+        // For a block the moment is that of its angular momentum, times the ratio of the masses.
         let block = particles.polyhedron(k).map(|(_, a)| a.angular_momentum);
         let turning = water * Sp::inertia(1.0, body.radius);
         let extra = &mut particles.extra[k];
@@ -196,8 +196,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
     }
 }
 
-/// Shares of a body in a fluid with a free surface: of its volume and of its moment of inertia, the parts whose cells
-/// take part in the flow.
+/// Returns the fractions of the volume and of the moment of inertia of a body whose cells take part in the flow, in
+/// a fluid with a free surface.
 fn shares_in_flow(sums: &Load) -> [f64; 2] {
     let ratio = |part: i128, all: i128| {
         if all > 0 {
@@ -210,10 +210,10 @@ fn shares_in_flow(sums: &Load) -> [f64; 2] {
 }
 
 impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
-    /// Does [`Self::average`] for a body of whose cells only a part takes part in the flow.
+    /// Computes the load as in [`Self::average`] for a body of which only some cells take part in the flow.
     ///
-    /// `extra` holds F_n/2 (0 … 2), the same of the moment (3 … 5), the velocity (6 … 8), and the spin or the angular
-    /// momentum of a block (9 … 11); nothing but 0 if they are not known.
+    /// `extra` holds F_n/2 (0 … 2), the corresponding moment (3 … 5), the velocity (6 … 8), and the spin or the
+    /// angular momentum of a block (9 … 11); all 0 if they are not known.
     fn average_in_part(&self, particles: &mut Particles<Sp>, k: usize) {
         let (motion, body) = (particles.motion[k], particles.body[k]);
         let shares = shares_in_flow(&self.shares[k]);
@@ -249,7 +249,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         }
     }
 
-    /// Sums the shares of the bodies of a fluid with a free surface over the ranks. Collective.
+    /// Sums the fractions of the bodies in a fluid with a free surface over the ranks. Collective.
     fn share_out(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
         let Some(surface) = self.fluid.surface() else {
             return Ok(());
@@ -385,7 +385,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.fresh = false;
     }
 
-    /// Fetches the cells of the bodies if a GPU has found them.
+    /// Copies the cells of the bodies from a GPU, if they were computed there.
     fn fetch(&mut self) -> Result<(), Error> {
         self.cover_cells();
         self.fluid.fetch().map_err(Error::Internal)
@@ -395,7 +395,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         &self.loads[..self.owned.min(self.loads.len())]
     }
 
-    /// Leaves out structures only: bodies receive the momentum that their cells lose.
+    /// Excludes structures only: bodies receive the momentum that their cells lose.
     fn balanced(&self) -> Balanced<'_> {
         Balanced {
             bodies: None,
@@ -407,7 +407,8 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.structures.as_deref()
     }
 
-    /// Returns `false`, never `true`: cells that bodies fill in part exchange populations with all their neighbours.
+    /// Always returns `false`, never `true`: cells that bodies fill in part exchange populations with all their
+    /// neighbours.
     fn enclosed(&self, _: [usize; 3]) -> bool {
         false
     }

@@ -14,8 +14,8 @@
 //! water `-V grad p` contains
 //! buoyancy.
 //!
-//! **Resistance is the reaction.** The water of a cell of volume `V_c` loses what its grains gain, and what
-//! still walls and solids take:
+//! **Resistance is the reaction.** The water of a cell of volume `V_c` loses the momentum that its grains gain, and
+//! the momentum that stationary walls and solids absorb:
 //!
 //! ```text
 //! -eps V_c grad phi = c sum of w b_r [q - eps v*] + eps V_c R q
@@ -31,55 +31,46 @@
 //! is the resistance of open
 //! water ([`darcy::open_water`]) and of zones without grains.
 //!
-//! **Dilute water.** A few grains do not move the water around them: its inertia and the walls hold it. The
-//! factor `c` falls from 1 at a
-//! solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as taken up by open water. In a
-//! uniform cloud the reaction would
-//! build up a gradient of `n b U/eps`; the drag in dilute water is raised by `(1 - c) (1 - eps)/eps` in its place.
+//! **Dilute water.** A few grains do not move the water around them, which is held by its inertia and the walls.
+//! The factor `c` falls from 1 at a solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as
+//! absorbed by open water. In a uniform cloud the reaction would build up a gradient of `n b U/eps`; instead, the
+//! drag in dilute water is raised by `(1 - c) (1 - eps)/eps`.
 //!
-//! **The velocity of a grain** counts as that in the middle of the interval, or later where drag stops the
-//! grain faster than that:
+//! **The velocity of a grain** is taken in the middle of the interval, or later if drag stops the grain within the
+//! interval:
 //!
 //! ```text
 //! v* = v + theta [v - v_last + T/m (F - F_last)],     theta = max(1/2, 1 - 1/s),   s = T b/(m eps)
 //! ```
 //!
-//! The gain of velocity over the last interval, `v - v_last`, stands for the mean of all forces in it.
-//! Without contacts `theta = 1` is an
-//! implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the grains give the
-//! momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as linear
-//! functions of the gradient alone; the
-//! pressure follows from `div j = 0`. A bed and its water are thus solved as one. A grain that lies in
-//! several cells has a `v*` in each.
-//! The forces of contacts within an interval are not foreseen: the plan limits the interval
-//! (`plan::coupling_interval`).
+//! The change of velocity over the last interval, `v - v_last`, represents the mean of all forces in it. Without
+//! contacts `theta = 1` is an implicit Euler step. `v*` is linear in `q` and in the gradient, so that sums over the
+//! grains give the momentum of the water and the volume that grains displace, `j = q + sum of w V v*/V_c`, as
+//! linear functions of the gradient alone; the pressure follows from `div j = 0`. A bed and its water are thus
+//! solved as one. A grain that lies in several cells has a `v*` in each. The forces of contacts within an interval
+//! are not foreseen: the plan limits the interval (`plan::coupling_interval`).
 //!
-//! A grain that meets the water for the first time counts by its present velocity if contacts hold it, and
-//! as falling freely otherwise.
-//! Without `transient_porosity` the bed counts as at rest in the momentum and in the volume of the water,
-//! whose permeability is that of the
-//! law at the gradient. So it does in the equations as printed in the fissure paper, where both velocities
-//! are interstitial, `b (u - v)` with
-//! `u = -K/(mu eps) grad p`, there is no buoyancy, and open water has the resistance of the largest porosity.
+//! At its first coupling a grain counts with its present velocity if contacts hold it, and as falling freely
+//! otherwise. Without `transient_porosity` the bed is treated as stationary in the balances of momentum and volume
+//! of the water, whose permeability is that of the law at the gradient. The same holds for the equations as printed
+//! in the published fissure model, where both velocities are interstitial, `b (u - v)` with `u = -K/(mu eps) grad
+//! p`, there is no buoyancy, and open water has the resistance of the largest porosity.
 //!
-//! **Rounds.** Coefficients and pressure are computed in turn until they stay. A round takes the
-//! coefficients at the speed that solves
-//! the law of its cell for the present gradient to first order, or, from the second round on, that which the
-//! answer of the cell to the last one
-//! suggests. Where grains move, the rounds end at a change of 2e-3 and continue in the next coupling.
+//! **Rounds.** Coefficients and pressure are computed alternately until they no longer change. A round takes the
+//! coefficients at the speed that solves the law of its cell for the present gradient to first order, or, from the
+//! second round on, at the speed extrapolated from the response of the cell to the last round. If grains move, the
+//! rounds end at a change of 2e-3 and continue in the next coupling.
 //!
-//! **Zones** ([`darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance.
-//! The porosity of the grains remains that of the balances. Most zones hold only where there are grains: from a
-//! porosity of 0.8 to 0.95 the drag passes over to that of the grains, and a cell without grains is open water. A cell
+//! **Zones** ([`darcy::zones`]) replace the permeability of cells, and the porosity of the law of resistance. The
+//! porosity of the grains remains that of the balances. Most zones apply only where there are grains: from a
+//! porosity of 0.8 to 0.95 the drag changes to that of the grains, and a cell without grains is open water. A cell
 //! that a boundary of zones cuts has a permeability along each axis; so has its drag.
 //!
-//! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the
-//! water` and what open water takes up, over
-//! the volume inside the walls of the cells that hold grains. The difference, relative to the largest term,
-//! is reported at every coupling.
-//! Cells that a zone fills without grains are left out. It is of the order of rounding with the reaction of
-//! the resistance, and the
-//! mismatch between drag law and resistance otherwise.
+//! **Closure of momentum**: the forces on grains should add up to `-integral of grad p - weight of the water` and
+//! the momentum absorbed by open water, over the volume inside the walls of the cells that hold grains. The
+//! difference, relative to the largest term, is reported at every coupling. Cells that a zone fills without grains
+//! are left out. It is of the order of rounding with the reaction of the resistance, and the mismatch between drag
+//! law and resistance otherwise.
 
 mod balance;
 mod bed;
@@ -106,19 +97,19 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use water::Water;
 
-/// Closure of momentum from which a run warns.
+/// Closure of momentum above which a run warns.
 const OPEN: f64 = 0.1;
-/// Reynolds number up to which Darcy's law holds.
+/// Maximum Reynolds number for Darcy's law.
 const DARCY: f64 = 1.0;
 /// Porosity below which a cell counts as filled with grains.
 const FILLED: f64 = 0.95;
 
-/// Choices of the coupling.
+/// Settings of the coupling.
 #[derive(Clone, Copy, Debug)]
 pub struct SeepageSettings {
-    /// The water.
+    /// Properties of the water.
     pub liquid: Liquid,
-    /// Porosity and diameter to permeability.
+    /// Law of the permeability from porosity and diameter.
     pub permeability: Permeability,
     /// The drag law.
     pub drag: DragLaw,
@@ -127,20 +118,20 @@ pub struct SeepageSettings {
     /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
     pub transient: bool,
-    /// `true` if drag is that at the end of the interval for a grain that it stops faster than the interval.
+    /// `true` if the drag on a grain that it stops within the interval is taken at the end of the interval.
     pub semi_implicit: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
     /// Time between two couplings \[s\].
     pub interval: f64,
-    /// Height of the roughness of channels of open water \[m\]; none: the mean diameter of the grains of their walls.
+    /// Roughness height of channels of open water \[m\]; none for the mean diameter of the grains of their walls.
     pub roughness: Option<f64>,
-    /// Faces of the grid that are walls for open water, below and above along each axis.
+    /// `true` for faces of the grid that are walls for open water, lower and upper face along each axis.
     pub walls: [[bool; 2]; 3],
 }
 
 impl SeepageSettings {
-    /// Returns `true` if the bed moves with its water.
+    /// Returns `true` if the motion of the bed and its water are solved together.
     fn moves(&self) -> bool {
         self.transient && self.equations == Equations::Corrected
     }
@@ -165,9 +156,9 @@ pub struct Seepage<Sp: Space> {
     limited: Vec<f64>,
     source: Vec<f64>,
     before: Vec<f64>,
-    /// `true` if there is a porosity from the coupling before.
+    /// `true` if the porosity of the previous coupling is known.
     has_before: bool,
-    /// Permeabilities by region.
+    /// Permeabilities by zone.
     zones: Option<(Arc<Zones>, Conduct)>,
     report: SolutionReport,
     balance: Balance,
@@ -179,7 +170,7 @@ pub struct Seepage<Sp: Space> {
 }
 
 impl<Sp: Space> Seepage<Sp> {
-    /// Couples a pressure with grains.
+    /// Returns a coupling of a pressure with grains.
     #[must_use]
     #[inline(never)]
     pub fn new(
@@ -213,7 +204,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Adds permeabilities and porosities by region.
+    /// Adds permeabilities and porosities by zone.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
         let room = Conduct::new(&zones, self.grid().count());
@@ -233,12 +224,12 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pressure
     }
 
-    /// Returns the pressure, to change imposed values.
+    /// Returns the pressure, for changes of imposed values.
     pub fn pressure_mut(&mut self) -> &mut Pressure {
         &mut self.pressure
     }
 
-    /// Returns `true` if a coupling has found the pressure.
+    /// Returns `true` if the pressure has been computed.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.has_before
@@ -250,7 +241,8 @@ impl<Sp: Space> Seepage<Sp> {
         &self.pores
     }
 
-    /// Returns the mean porosity of the cells that grains fill: those below the cap of the permeability, and at most
+    /// Returns the mean porosity of the cells that grains fill: those below the maximum of the permeability law,
+    /// and at most
     /// 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
@@ -273,11 +265,9 @@ impl<Sp: Space> Seepage<Sp> {
         &self.balance
     }
 
-    /// Returns the state that a run needs to continue, the same on every rank: the pressure of every cell as the solver
-    /// has it, then its porosity at the last coupling, then the
-    /// three components of its gradient, then those of the flux of its water, then the speed by which it has
-    /// its friction. Nothing before the first
-    /// coupling.
+    /// Returns the state that a run needs to continue, equal on every rank: per cell the pressure in the form used
+    /// by the solver, the porosity at the last coupling, the three components of the pressure gradient, those of
+    /// the water flux, and the speed that determines its friction. Empty before the first coupling.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         if !self.has_before {
@@ -296,10 +286,10 @@ impl<Sp: Space> Seepage<Sp> {
             .collect()
     }
 
-    /// Takes over what [`Self::state`] gave.
+    /// Restores the state from [`Self::state`].
     ///
     /// # Errors
-    /// If it is for another grid.
+    /// If the state is for another grid.
     #[inline(never)]
     pub fn restore(&mut self, state: &[f64]) -> Result<(), Error> {
         let n = self.grid().count();
@@ -339,7 +329,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.water.flux[cell]
     }
 
-    /// Returns warnings about the couplings for a reader of the results.
+    /// Returns warnings about the couplings, for users of the results.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();

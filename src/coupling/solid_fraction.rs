@@ -1,4 +1,4 @@
-//! Solid fraction of a cell that a sphere, disc or convex polyhedron covers, exact or approximate.
+//! Solid fraction of a cell covered by a sphere, disc or convex polyhedron, exact or approximate.
 //!
 //! | method | definition for a cell at the surface | error of ε (sphere of 8 cells radius, rms over its surface) |
 //! |---|---|---|
@@ -6,8 +6,8 @@
 //! | samples n | share of n³ points inside | 0.048, 0.008, 0.002 for n = 2, 5, 10 |
 //! | linear | clamp(½ - distance of the centre from the surface) | 0.018 |
 //!
-//! The linear estimate reduces the radius of a ball by 1/(12 r) and of a disc by 1/(24 r). The sum over all cells is
-//! then the true volume to second order; without the correction it is too large.
+//! The linear estimate reduces the radius of a ball by 1/(12 r) and that of a disc by 1/(24 r). The sum over all
+//! cells then equals the true volume to second order; without the correction it is too large.
 //!
 //! All lengths are in cells, in the raw frame of the body.
 
@@ -34,14 +34,14 @@ use nalgebra::Matrix3;
 pub enum FractionMethod {
     /// Closed forms.
     Exact,
-    /// Samples: this number of points along each edge of a cell.
+    /// Sampling with this number of points along each edge of a cell.
     Samples(u32),
-    /// Estimate from the distance between the cell's centre and the surface.
+    /// Estimate from the distance between the centre of the cell and the surface.
     Linear,
 }
 
-/// Computes the faces of a polyhedron in cells: body frame turned by `rotation`, centroid at `centre`, `spacing` metres
-/// a cell.
+/// Computes the faces of a polyhedron in cells: body frame rotated by `rotation`, centroid at `centre`, `spacing`
+/// metres per cell.
 pub fn faces(
     shape: &Polyhedron,
     rotation: &Matrix3<f64>,
@@ -59,10 +59,10 @@ pub fn faces(
     }));
 }
 
-/// A body as geometry.
+/// Geometry of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form<'a> {
-    /// A disc, in the plane.
+    /// Disc in the plane.
     Disc {
         /// Centre.
         centre: [f64; 3],
@@ -76,7 +76,7 @@ pub enum Form<'a> {
         /// Radius.
         radius: f64,
     },
-    /// A convex polyhedron: what all planes have in common.
+    /// Convex polyhedron: the intersection of its half-spaces.
     Block {
         /// Faces.
         surface: &'a PolyhedronSurface,
@@ -87,22 +87,22 @@ pub enum Form<'a> {
     },
 }
 
-/// Intervals of a row of cells that may meet a body, that are inside it, and that are inside with all their neighbours:
-/// empty if the first is not below the second.
+/// Intervals of a row of cells that may intersect a body, that are inside it, and that are inside with all their
+/// neighbours; empty if the first end is not below the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowIntervals {
-    /// Interval outside which no cell meets the body.
+    /// Interval outside which no cell intersects the body.
     pub outer: [f64; 2],
-    /// Every cell within it is full.
+    /// Interval within which every cell is full.
     pub inner: [f64; 2],
-    /// Every cell that lies within it with a cell on each side is full, and so are all cells round it.
+    /// Interval in which a cell with a further cell on each side is full together with all cells around it.
     pub deep: [f64; 2],
 }
 
 impl RowIntervals {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-    /// Returns `true` if the row does not meet the body.
+    /// Returns `true` if the row does not intersect the body.
     #[must_use]
     #[inline(always)]
     pub fn misses(&self) -> bool {
@@ -110,10 +110,10 @@ impl RowIntervals {
     }
 }
 
-/// A component of a normal that small has no interval of its own.
+/// Component of a normal below which a plane bounds no interval.
 const LEVEL: f64 = 1e-12;
 
-/// Buffers of the body that is mapped.
+/// Buffers for the body that is being mapped.
 #[derive(Debug, Default)]
 pub struct Scratch {
     /// Table of a ball.
@@ -129,7 +129,7 @@ pub struct Scratch {
 }
 
 impl Form<'_> {
-    /// Returns its centre and a radius that holds all of it.
+    /// Returns the centre and the radius of an enclosing sphere.
     #[must_use]
     #[inline(always)]
     pub fn bounds(&self) -> ([f64; 3], f64) {
@@ -140,7 +140,7 @@ impl Form<'_> {
         }
     }
 
-    /// Returns the filled part of the cell with this lower corner, 0 … 1.
+    /// Returns the filled fraction of the cell with this lower corner, 0 … 1.
     #[must_use]
     pub fn fraction(&self, method: FractionMethod, lower: [f64; 3], scratch: &mut Scratch) -> f64 {
         match method {
@@ -194,8 +194,8 @@ impl Form<'_> {
         (0.5 - less - self.height(middle)).clamp(0.0, 1.0)
     }
 
-    /// Returns the distance of a point outside the surface, negative inside; for a polyhedron that from the nearest
-    /// plane.
+    /// Returns the signed distance of a point from the surface, negative inside; for a polyhedron that from the
+    /// nearest plane.
     #[must_use]
     pub fn height(&self, point: [f64; 3]) -> f64 {
         match self {
@@ -212,7 +212,7 @@ impl Form<'_> {
     }
 }
 
-/// Returns the height of a point over the highest of the planes of a polyhedron.
+/// Returns the largest height of a point over the planes of a polyhedron.
 #[inline(always)]
 pub(crate) fn height_over(planes: &[CellPlane], point: [f64; 3]) -> f64 {
     let heights = planes.iter().map(|plane| plane.height(point));

@@ -1,12 +1,12 @@
 //! Structures on a lattice: their solid cells, and the links that their surfaces cut.
 //!
-//! A cell is solid if its centre is. A link from a cell of water that a surface cuts bounces at the place where it does
-//! ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that also a sheet thinner than
-//! a cell holds water back. The map is made once. It is a function of the shapes alone: it is the same on any number of
-//! ranks.
+//! A cell is solid if its centre is inside. A link from a fluid cell that a surface cuts reflects at the
+//! intersection ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that even a sheet
+//! thinner than a cell blocks water. The map is built once. It is a function of the shapes alone, independent of
+//! the number of ranks.
 //!
-//! Populations inside solid cells are no water. They are set to rest every [`CLEARED`] steps, so that no body force
-//! accelerates them without end.
+//! Populations inside solid cells are not part of the fluid. They are reset to the stationary state every
+//! [`CLEARED`] steps, so that no body force accelerates them without limit.
 
 use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
@@ -19,23 +19,23 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use structure::Images;
 
-/// Steps after which the inside of the solids is set to rest.
+/// Steps after which the inside of the solids is reset.
 const CLEARED: u64 = 64;
-/// Links of one group.
+/// Number of links of one group.
 const GROUP: usize = 2048;
-/// Water.
+/// Owner tag of fluid cells.
 const WATER: u16 = 0;
-/// Cuts this near to the middle of a link are half-way: the error is that of rounding.
+/// Distance from the middle of a link below which a cut counts as half-way, because of rounding.
 const HALF: f64 = 1e-9;
 
-/// A group of links: those of one structure.
+/// Group of links of one structure.
 #[derive(Clone, Debug)]
 struct Group {
     structure: usize,
     places: Vec<Ends>,
 }
 
-/// Positions of the ends of a link and of the cells behind them in maps of the slab, and their state without moving
+/// Positions, in the map, of the ends of a link and of the cells behind them, and their state without moving
 /// bodies.
 #[derive(Clone, Copy, Debug)]
 struct Ends {
@@ -45,17 +45,17 @@ struct Ends {
     kappa: [f64; 2],
 }
 
-/// A link that a surface cuts: from a cell of water along a direction.
+/// Link cut by a surface: from a fluid cell along a direction.
 #[derive(Clone, Copy, Debug)]
 struct Cut {
     cells: [[i32; 3]; 2],
     direction: usize,
     structure: usize,
-    /// Distances of the surface from both ends as parts of the link.
+    /// Distances of the surface from both ends as fractions of the link.
     parts: [f64; 2],
 }
 
-/// The structures of one slab.
+/// Structures of one slab.
 #[derive(Debug)]
 pub struct StructureMap {
     solids: Vec<Arc<Images>>,
@@ -63,7 +63,8 @@ pub struct StructureMap {
     interpolated: bool,
     local: [i32; 3],
     dimension: usize,
-    /// One more than the structure of each cell of the slab and of [`GHOSTS`] layers round it, x fastest; 0 for water.
+    /// Index of the structure plus one, for each cell of the slab and of [`GHOSTS`] layers around it, x fastest; 0
+    /// for fluid.
     owner: Vec<u16>,
     groups: Vec<Group>,
     links: Vec<Vec<FixedLink>>,
@@ -71,12 +72,12 @@ pub struct StructureMap {
     loads: Vec<Load>,
     /// Positions in the lattice of the solid cells of the slab.
     inside: Vec<u32>,
-    /// Links between two cells of water that a sheet cuts: place of the cell and direction.
+    /// Links between two fluid cells that a sheet cuts: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
 }
 
 impl StructureMap {
-    /// Returns the map of the slab of `populations`. `interpolated`: whether links bounce where the surface is, and not
+    /// Returns the map of the slab of `populations`; with `interpolated` links reflect at the surface, otherwise
     /// half-way.
     #[must_use]
     pub fn new<S: Stored>(
@@ -127,7 +128,7 @@ impl StructureMap {
         map
     }
 
-    /// Returns the structures in a fluid, whose openings before them are closed; none if there are no structures.
+    /// Returns the structures in a fluid and closes openings in front of them; none if there are no structures.
     pub fn in_fluid<S: Stored>(
         fluid: &mut Fluid<S>,
         units: &LatticeUnits,
@@ -150,7 +151,7 @@ impl StructureMap {
         Some(Box::new(map))
     }
 
-    /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those that they know.
+    /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those already registered.
     pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if self.dimension == 2 {
             fluid.know_fixed_links::<2>(&self.links);
@@ -159,7 +160,7 @@ impl StructureMap {
         }
     }
 
-    /// Makes the solid cells and the cut links bounds of the free surface, if there is one.
+    /// Registers the solid cells and the cut links with the free surface, if there is one.
     pub fn bound_surface<S: Stored>(&self, fluid: &mut Fluid<S>) {
         let solid: Vec<usize> = self.positions(fluid.populations()).collect();
         let populations = fluid.populations();
@@ -180,7 +181,7 @@ impl StructureMap {
         }
     }
 
-    /// Positions in the lattice of the solid cells of the slab and of its ghost cells.
+    /// Returns the positions in the lattice of the solid cells of the slab and of its ghost cells.
     pub fn positions<'a, S: Stored>(
         &'a self,
         populations: &'a Populations<S>,
@@ -217,8 +218,8 @@ impl StructureMap {
         })
     }
 
-    /// Returns the centre of a cell \[m\]. Images of a periodic domain have the same bits: cells are counted from its
-    /// lower corner.
+    /// Returns the centre of a cell \[m\]. Images of a periodic domain have the same bits, because cells are
+    /// counted from its lower corner.
     fn centre(&self, cell: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| {
             if a < self.dimension {
@@ -235,7 +236,8 @@ impl StructureMap {
         })
     }
 
-    /// Marks solid cells; gives the cells that a surface is so near to that it may cut their links, by rising place.
+    /// Marks solid cells; returns the cells near a surface, whose links it may cut, in ascending order of
+    /// positions.
     fn classify(&mut self) -> Vec<[i32; 3]> {
         let far = 1.01 * 3.0_f64.sqrt() * self.grid.spacing;
         let mut near = HashSet::new();
@@ -247,7 +249,7 @@ impl StructureMap {
             while let Some((low, high)) = boxes.pop() {
                 let size: [i32; 3] = std::array::from_fn(|a| high[a] - low[a]);
                 let one = size == [1; 3];
-                // Boxes across a periodic face have no one centre.
+                // Boxes across a periodic face have no unique centre.
                 let middle = self.centre(std::array::from_fn(|a| {
                     0.5 * f64::from(low[a] + high[a] - 1)
                 }));
@@ -279,7 +281,7 @@ impl StructureMap {
                 let axis = (0..3).max_by_key(|&a| size[a]).unwrap_or(0);
                 let mut half = low[axis] + size[axis] / 2;
                 if across {
-                    // Cut at a periodic face.
+                    // The box is cut at a periodic face.
                     let a = axis;
                     let start = i32::try_from(self.grid.start[a]).unwrap_or(i32::MAX);
                     for face in [
@@ -303,7 +305,7 @@ impl StructureMap {
         near
     }
 
-    /// Gives the cells of a box that no structure has to one.
+    /// Assigns the cells of a box that belong to no structure to one.
     fn fill(&mut self, low: [i32; 3], high: [i32; 3], tag: u16) {
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
@@ -348,7 +350,7 @@ impl StructureMap {
         best
     }
 
-    /// Finds the links that surfaces cut, each once; notes those between two cells of water.
+    /// Finds the links cut by surfaces, each once; records those between two fluid cells.
     fn cuts<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) -> Vec<Cut> {
         let velocities = populations.velocities();
         let mut found = Vec::new();
@@ -364,7 +366,7 @@ impl StructureMap {
                     continue;
                 }
                 let there = self.owner[self.position(next)];
-                // The bits of a cut do not depend on the end from which it is looked at.
+                // The bits of a cut do not depend on the end from which it is computed.
                 let crossing = if there != WATER || i < velocities.opposite[i] {
                     self.crossing(cell, c, &mut found)
                 } else {
@@ -399,10 +401,10 @@ impl StructureMap {
         cuts
     }
 
-    /// Lists the links that surfaces cut.
+    /// Lists the links cut by surfaces.
     fn cut<S: Stored>(&mut self, near: &[[i32; 3]], populations: &Populations<S>) {
         let velocities = populations.velocities();
-        // All sheets are known before: what is behind a link must not be cut off.
+        // All sheets must be known first: the cell behind a link must not be cut off.
         let cuts = self.cuts(near, populations);
         let mut by_structure: Vec<(Vec<FixedLink>, Vec<Ends>)> =
             self.solids.iter().map(|_| Default::default()).collect();
@@ -472,7 +474,7 @@ impl StructureMap {
         self.owner[self.position(cell)] != WATER
     }
 
-    /// Returns the solid cells of the slab and of the layers round it that are known.
+    /// Returns the solid cells of the slab and of the ghost layers around it.
     pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
         let range = |a: usize| -self.ghosts(a)..self.local[a] + self.ghosts(a);
         let all = range(2)
@@ -480,20 +482,20 @@ impl StructureMap {
         all.filter(|cell| !self.owner.is_empty() && self.owner[self.position(*cell)] != WATER)
     }
 
-    /// Returns the links between two cells of water that a sheet cuts, by the place of a cell in the map and the
+    /// Returns the links between two fluid cells that a sheet cuts, by the index of a cell in the map and the
     /// direction.
     #[must_use]
     pub fn sheets(&self) -> &HashSet<(usize, u8)> {
         &self.sheets
     }
 
-    /// Links that bounce.
+    /// Returns the links at which populations are reflected.
     #[must_use]
     pub fn links(&self) -> &[Vec<FixedLink>] {
         &self.links
     }
 
-    /// Bounces on all links and sums the loads of this step.
+    /// Reflects populations on all links and sums the loads of this step.
     pub fn bounce<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.group_loads.fill([0; 6]);
         if self.dimension == 2 {
@@ -509,14 +511,14 @@ impl StructureMap {
         }
     }
 
-    /// Loads of the last step on each structure, by the links of this slab: force, and twice the moment about the lower
-    /// corner of the domain. The sum over ranks is exact.
+    /// Returns the loads of the last step on each structure by the links of this slab: force, and twice the moment
+    /// about the lower corner of the domain. The sum over ranks is exact.
     #[must_use]
     pub fn loads(&self) -> &[Load] {
         &self.loads
     }
 
-    /// Takes note of which ends moving bodies cover now.
+    /// Updates which ends of links moving bodies cover.
     pub fn see_bodies(&mut self, bodies: &BodyMap) {
         for (links, group) in self.links.iter_mut().zip(&self.groups) {
             for (link, ends) in links.iter_mut().zip(&group.places) {
@@ -530,7 +532,7 @@ impl StructureMap {
         }
     }
 
-    /// Sets what is inside the solids to rest, from time to time.
+    /// Resets the fluid inside the solids at intervals.
     pub fn clear<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if fluid.steps().is_multiple_of(CLEARED) {
             for &cell in &self.inside {

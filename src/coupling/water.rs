@@ -1,4 +1,4 @@
-//! The fluid of a run with its coupling: one of the combinations, chosen at the start and dispatched once per step.
+//! Fluid of a run with its coupling: one of the combinations, chosen at the start and dispatched once per step.
 
 use super::Flow;
 use super::bounce_back::BounceBack;
@@ -12,7 +12,7 @@ use dem::particles::Particles;
 use dem::space::Space;
 use lbm::lanes::Stored;
 
-/// A fluid with its coupling.
+/// Fluid with its coupling.
 pub enum Water<Sp: Space, S: Stored> {
     /// Lattice Boltzmann with moving bounce-back.
     BounceBack(Box<BounceBack<Sp, S>>),
@@ -36,7 +36,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Returns the lattice, to set its state.
+    /// Returns the lattice for changes of its state.
     #[inline(never)]
     pub fn lattice_mut(&mut self) -> Option<&mut dyn LatticeFlow<Sp, S>> {
         match self {
@@ -46,7 +46,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Returns the number of steps of water without grains that may be made at once
+    /// Returns the number of steps of the fluid without grains that may be made at once
     /// ([`lbm::fluid::Fluid::at_once`]). It is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
@@ -56,10 +56,10 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Steps of water without grains, at most [`Self::at_once`]. Collective.
+    /// Makes steps of the fluid without grains, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
-    /// When a GPU fails.
+    /// If a GPU fails.
     #[inline(never)]
     pub fn advance_many(&mut self, steps: u64) -> Result<(), Error> {
         match self.lattice_mut() {
@@ -71,10 +71,10 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Brings the state of the water back from a GPU, if it is there ([`LatticeFlow::fetch`]).
+    /// Copies the state of the fluid from a GPU, if it is there ([`LatticeFlow::fetch`]).
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     #[inline(never)]
     pub fn fetch(&mut self) -> Result<(), Error> {
         match self.lattice_mut() {
@@ -93,7 +93,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Returns the seepage, to set its state.
+    /// Returns the seepage for changes of its state.
     #[inline(never)]
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {
@@ -102,7 +102,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Returns the water of the joints, if it is that.
+    /// Returns the water in joints, if it is the fluid.
     #[must_use]
     pub fn joints(&self) -> Option<&JointWater> {
         match self {
@@ -111,7 +111,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
-    /// Returns the water of the joints, to set its state.
+    /// Returns the water in joints for changes of its state.
     pub fn joints_mut(&mut self) -> Option<&mut JointWater> {
         match self {
             Self::Joints(flow) => Some(flow),

@@ -1,10 +1,11 @@
-//! Structures on the coarse grid: the part of each cell that is water, and the part of each face that lets it through.
+//! Structures on the coarse grid: the water fraction of each cell, and the open fraction of each face.
 //!
 //! A cell that a surface may cut is divided into sub-cells. Two neighbouring sub-cells are connected if the line
 //! between their centres does not pass through a solid, so that a sheet thinner than any cell separates them. **The
-//! water of a cell is its largest connected part**, and a face is open where it joins the water of the cells on both
-//! sides. Any way through open faces is therefore a way through water: no sheet leaks, whatever its direction, and it
-//! acts within half a cell of its place. A sheet on the faces of cells acts exactly there.
+//! water of a cell is its largest connected part**, and a face is open where it joins the water of the cells on
+//! both sides. Any path through open faces is therefore a path through water: no sheet leaks, whatever its
+//! direction, and its effective position is within half a cell of the true one. A sheet on the faces of cells is
+//! represented exactly.
 
 use super::enclosure::{LEAST_OPEN, Openness};
 use super::grid::SeepageGrid;
@@ -12,9 +13,9 @@ use base::number::real;
 use std::sync::Arc;
 use structure::Images;
 
-/// Sub-cells along an edge of a cell, in 2-D and in 3-D.
+/// Number of sub-cells along an edge of a cell, in 2-D and in 3-D.
 const DIVISIONS: [usize; 2] = [32, 8];
-/// Passages this short along a line, over the edge of a sub-cell, are rounding.
+/// Length of a solid part of a line, in sub-cells, below which it is rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// Part of a cell that structures leave to the water.
@@ -28,11 +29,11 @@ enum Left {
     Part(Vec<bool>),
 }
 
-/// The division of cells.
+/// Division of the cells into sub-cells.
 struct Division<'a> {
     grid: &'a SeepageGrid,
     solids: &'a [Arc<Images>],
-    /// Sub-cells along each axis: 1 along z in 2-D.
+    /// Number of sub-cells along each axis: 1 along z in 2-D.
     by: [usize; 3],
 }
 
@@ -61,7 +62,7 @@ impl Division<'_> {
         })
     }
 
-    /// Returns the sub-cells of the layer across an axis.
+    /// Returns the sub-cells of a layer normal to an axis.
     fn layer(&self, axis: usize, level: usize) -> impl Iterator<Item = [usize; 3]> + '_ {
         let count = self.count() / self.by[axis];
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -74,7 +75,7 @@ impl Division<'_> {
         })
     }
 
-    /// Finds the solid parts of a line along an axis, in m from its start.
+    /// Finds the solid parts of a line along an axis, in metres from its start.
     fn solid_parts(&self, from: [f64; 3], axis: usize, length: f64, found: &mut Vec<[f64; 2]>) {
         found.clear();
         let mut along = [0.0; 3];
@@ -105,7 +106,7 @@ impl Division<'_> {
         if nearest < -reach {
             return Left::Solid;
         }
-        // 1: solid; 2, 4, 8: cut off from the next sub-cell along an axis.
+        // Marks of sub-cells: 1 for solid; 2, 4, 8 for separated from the next sub-cell along an axis.
         let mut marks = vec![0_u8; self.count()];
         let mut parts = Vec::new();
         for axis in 0..dimension {
@@ -133,7 +134,7 @@ impl Division<'_> {
                     }
                 }
             }
-            // The ends of a segment do not show the medium at them.
+            // The ends of a segment do not determine the medium there.
             for level in [0, steps] {
                 for sub in self.layer(axis, level) {
                     let at = self.centre(cell, sub);
@@ -146,7 +147,7 @@ impl Division<'_> {
         self.largest(&marks)
     }
 
-    /// Returns the largest connected part; of equal ones the first.
+    /// Returns the largest connected part; among equal ones the first.
     fn largest(&self, marks: &[u8]) -> Left {
         let mut part = vec![0_u32; marks.len()];
         let (mut parts, mut best) = (0_u32, (0, 0));
@@ -192,7 +193,8 @@ impl Division<'_> {
         }
     }
 
-    /// Returns the open part of the face below a cell, which may be one past the last; `of` gives the cells.
+    /// Returns the open fraction of the face below a cell, which may be one past the last; `of` returns the parts
+    /// of cells.
     fn face<'a>(
         &self,
         axis: usize,
@@ -209,7 +211,7 @@ impl Division<'_> {
         {
             return 0.0;
         }
-        // A sheet may lie between two whole cells.
+        // A sheet may lie between two cells without solids.
         let wet = |left: Option<&Left>, sub: [usize; 3]| match left {
             Some(Left::Part(part)) => part[self.index(sub)],
             other => whole(other),
@@ -224,7 +226,7 @@ impl Division<'_> {
             if !wet(below, last) || !wet(above, first) {
                 continue;
             }
-            // From centre to centre; at the ends of the grid from the face, or to it.
+            // From centre to centre; at the ends of the grid from or to the face.
             let (from, length) = match (below, above) {
                 (Some(_), Some(_)) => (self.centre(lower, last), edge),
                 (Some(_), None) => (self.centre(lower, last), 0.5 * edge),
@@ -284,7 +286,7 @@ pub fn centre_of_water(
 }
 
 impl Openness {
-    /// Returns the openness of the cells and faces reduced by these solids.
+    /// Returns the open fractions of cells and faces reduced by these solids.
     #[must_use]
     pub fn with_structures(mut self, solids: &[Arc<Images>]) -> Self {
         if solids.is_empty() {
@@ -307,7 +309,7 @@ impl Openness {
             }
         }
         let near = |cell: [usize; 3]| {
-            // Further than from a centre to the far corner of an adjacent cell.
+            // Larger than the distance from a centre to the far corner of an adjacent cell.
             let reach = 1.6 * norm(grid.spacing, grid.dimension);
             let centre = grid.centre(cell);
             solids
@@ -325,7 +327,7 @@ impl Openness {
                     let upper = faces.cell(k);
                     let mut beside = upper;
                     beside[axis] = upper[axis].min(grid.cells[axis] - 1);
-                    // Solid cells close their faces below.
+                    // Solid cells close their lower faces.
                     if near(beside) {
                         division.face(axis, upper, of)
                     } else {
@@ -417,8 +419,8 @@ mod tests {
         seen[grid.count() - 1]
     }
 
-    /// Sheets of a thousandth of a cell, upright, between cells or within them, and oblique: none leaks; one that ends
-    /// leaves a way.
+    /// Checks that no sheet leaks: with a thickness of a thousandth of a cell, upright, between cells or within
+    /// them, and oblique. A sheet that ends leaves a path.
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [
@@ -450,7 +452,7 @@ mod tests {
         assert!(!leads_through(&open(sheet, 5, 3)));
     }
 
-    /// Volume and area fractions of cells that a box cuts are those of the box, to a sub-cell.
+    /// Checks that volume and area fractions of cells cut by a box are those of the box, within a sub-cell.
     #[test]
     fn fractions_are_those_of_the_solid() {
         let open_2d = open(r#"{"box": {"from": [-1, -1], "to": [2, 0.33]}}"#, 10, 2);
@@ -461,7 +463,7 @@ mod tests {
         assert!((side - 0.7).abs() < 1.0 / 64.0 + 1e-12);
         assert_eq!(open_2d.faces[1][open_2d.face(1, [4, 3, 0])], 0.0);
         assert_eq!(open_2d.faces[1][open_2d.face(1, [4, 4, 0])], 1.0);
-        // Half way up a cell the open part of a face says so.
+        // Half way up a cell, the open fraction of a face shows it.
         let pile = open(
             r#"{"box": {"from": [0.4999, 0.35], "to": [0.5001, 2]}}"#,
             10,

@@ -1,14 +1,14 @@
 //! Drag of seeping water on grains.
 //!
 //! A law gives the force on a grain of a bed over the superficial velocity of the water past it,
-//! [`DragFormula::coefficient`] `b`. The water of a bed of n grains per volume at rest then loses the pressure
+//! [`DragFormula::coefficient`] `b`. The pressure loss of water in a stationary bed of n grains per volume is then
 //!
 //! ```text
 //! eps |grad phi| = n b(q) q
 //! ```
 //!
-//! which turns a drag law into a law of resistance ([`permeability`]). [`reaction`] goes the other way: it is the drag
-//! that a law of resistance implies.
+//! which turns a drag law into a resistance law ([`permeability`]). Conversely, [`reaction`] is the drag that a
+//! resistance law implies.
 //!
 //! A drag law is one file below this module and one line of the list.
 
@@ -25,7 +25,7 @@ use gidaspow::Gidaspow;
 use reaction::Reaction;
 
 family! {
-    /// The drag laws. A line here makes a law known to cases, to their schema, to `plan` and to runs.
+    /// Drag laws. A new line makes a law available to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
     pub enum DragLaw: DragFormula {
         #[default]
@@ -36,21 +36,22 @@ family! {
     }
 }
 
-/// A drag law.
+/// Drag law.
 pub trait DragFormula: Sync {
-    /// Returns the law in the schema of the case: one line.
+    /// Returns the description of the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// Returns the law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters for the tables of `plan`.
     fn description(&self) -> String;
 
-    /// Returns the force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at rest.
+    /// Returns the force over superficial velocity \[kg/s\] at superficial speed `speed` \[m/s\]. It is finite at
+    /// zero speed.
     fn coefficient(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64;
 
     /// Returns the time in which drag stops a grain of mass `mass` \[kg\] at rest relative to the water \[s\].
-    /// `measure` is the factor of the grain's velocity relative to the flux. Explicit drag is unstable where the
+    /// `measure` is the factor of the grain's velocity relative to the flux. Explicit drag is unstable if the
     /// coupling interval exceeds twice this time.
     fn stopping_time(
         &self,
@@ -62,13 +63,13 @@ pub trait DragFormula: Sync {
         mass / (measure * self.coefficient(bed, grain, 0.0))
     }
 
-    /// Returns `true` if the forces on grains at rest balance the loss of pressure of every law of resistance.
+    /// Returns `true` if the forces on stationary grains balance the pressure loss for every resistance law.
     fn balances(&self) -> bool {
         false
     }
 }
 
-/// The water and the bed around a grain.
+/// Water and bed around a grain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BedConditions {
     /// Density of the water \[kg/m3\].
@@ -95,7 +96,7 @@ pub struct GrainSize {
 }
 
 impl GrainSize {
-    /// Returns a sphere, or a disc in 2-D.
+    /// Returns the size of a sphere, or of a disc in 2-D.
     #[must_use]
     pub fn new(dimension: usize, radius: f64) -> Self {
         Self {
@@ -110,8 +111,7 @@ impl GrainSize {
     }
 }
 
-/// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed of equal spheres on which the
-/// drag is that of a law.
+/// Returns the loss of reduced pressure over the flux \[Pa s/m²\] of a bed of equal spheres with this drag law.
 pub fn resistance(
     law: &impl DragFormula,
     porosity: f64,
@@ -130,11 +130,11 @@ pub fn resistance(
     bed.solid / (grain.volume * porosity) * law.coefficient(&bed, &grain, speed)
 }
 
-/// Returns the permeability \[m2\] of a bed of equal spheres on which the drag is that of a law, under a gradient of
-/// the reduced pressure \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
+/// Returns the permeability \[m²\] of a bed of equal spheres with this drag law, under a gradient of the reduced
+/// pressure \[Pa/m\]: `mu q/|grad phi|` with the flux q that solves `eps |grad phi| = n b(q) q`.
 ///
-/// The coefficient b does not fall with the speed, and rises at most in proportion to it. The iteration
-/// `q <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
+/// The coefficient b does not decrease with the speed, and increases at most proportionally to it. The iteration `q
+/// <- q [eps |grad phi|/(n b(q) q)]^(1/s)`, with s = d log(b q)/d log q, converges from above.
 pub fn permeability(
     law: &impl DragFormula,
     porosity: f64,
@@ -145,7 +145,7 @@ pub fn permeability(
     let loss = |q: f64| resistance(law, porosity, diameter, liquid, q);
     let at_rest = loss(0.0);
     let mut q = gradient / at_rest;
-    // Water at rest, or so slow that no inertia shows.
+    // The water is stationary, or so slow that inertia is negligible.
     if q < f64::EPSILON * liquid.viscosity / (liquid.density * diameter) {
         return liquid.viscosity / at_rest;
     }
@@ -162,9 +162,9 @@ pub fn permeability(
     liquid.viscosity * q / gradient
 }
 
-/// Relative distance of two speeds between which the slope of a law is taken.
+/// Relative difference of the two speeds with which the slope of a law is computed.
 const NEARBY: f64 = 1e-4;
-/// Steps of the iteration of [`permeability`], at most: five are usual.
+/// Maximum number of iterations of [`permeability`]: five are usual.
 const MOST_STEPS: usize = 30;
 
 #[cfg(test)]
@@ -172,7 +172,7 @@ pub(super) mod testing {
     use super::*;
     use crate::permeability::kozeny_carman;
 
-    /// Returns water in a bed of this porosity.
+    /// Returns the conditions of water in a bed of this porosity.
     pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> BedConditions {
         BedConditions {
             density: 1000.0,
@@ -183,7 +183,7 @@ pub(super) mod testing {
         }
     }
 
-    /// Loss of pressure in a bed at rest from the sum of drags: eps |grad p| = n f.
+    /// Returns the pressure loss in a stationary bed from the sum of drags: eps |grad p| = n f.
     pub(in crate::drag) fn gradient(
         law: &dyn DragFormula,
         bed: &BedConditions,
@@ -196,7 +196,7 @@ pub(super) mod testing {
     }
 }
 
-/// A new drag law is one file, here the module `stokes`, and one line in the list.
+/// Example of a new drag law: one file, here the module `stokes`, and one line in the list.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,7 +205,7 @@ mod tests {
     mod stokes {
         use crate::drag::{BedConditions, DragFormula, GrainSize};
 
-        /// Drag of a single grain in creeping flow: 3 pi mu d U.
+        /// Test law for a single grain in creeping flow: 3 pi mu d U.
         #[derive(
             Clone,
             Copy,
@@ -217,7 +217,7 @@ mod tests {
         )]
         #[serde(deny_unknown_fields)]
         pub(super) struct Stokes {
-            /// Multiplies the drag, without unit.
+            /// Dimensionless factor of the drag.
             #[schemars(extend("exclusiveMinimum" = 0))]
             factor: f64,
         }
@@ -239,7 +239,7 @@ mod tests {
     use stokes::Stokes;
 
     family! {
-        /// The real list with one line more.
+        /// The actual list with one more line.
         enum Longer: DragFormula {
             DiFelice,
             Stokes(Stokes),

@@ -1,8 +1,8 @@
-//! Drains, wells and cavities in the ground: cells that are taken out of it, and planes between cells.
+//! Drains, wells and cavities in the ground: cells removed from it, and planes between cells.
 //!
-//! The condition of a drain holds on the faces between its cells and the ground, or on both sides of the faces of a
-//! plane. These faces are faces of the boundary like those at the ends of the grid, so that every condition of a face
-//! holds there, seepage faces included. The discharge of a well is a source in its cells instead, which stay in the
+//! The condition of a drain applies to the faces between its cells and the ground, or to both sides of the faces of
+//! a plane. These faces are boundary faces like those at the ends of the grid, so that every boundary condition may
+//! apply there, seepage faces included. The discharge of a well is a source in its cells instead, which stay in the
 //! ground and store water like all others.
 
 use super::enclosure::{DrainFace, Openness, with_one_more};
@@ -12,7 +12,8 @@ use super::enclosure::{DrainFace, Openness, with_one_more};
 pub struct DrainCells {
     /// First cell along each axis.
     pub from: [usize; 3],
-    /// One past the last cell; equal to the first along the normal of a plane, which is the lower face of these cells.
+    /// One past the last cell; equal to the first along the normal of a plane, which is the lower face of these
+    /// cells.
     pub to: [usize; 3],
     /// `true` for a well whose discharge is a source of its cells, which stay in the ground.
     pub stays: bool,
@@ -31,7 +32,7 @@ impl DrainCells {
         (0..3).map(|a| self.to[a] - self.from[a]).product()
     }
 
-    /// Returns `true` if the cells, or the plane across `normal`, hold a cell.
+    /// Returns `true` if the cells, or the plane normal to `normal`, contain a cell.
     fn holds(&self, cell: [usize; 3], normal: Option<usize>) -> bool {
         (0..3).all(|a| {
             if normal == Some(a) {
@@ -44,8 +45,8 @@ impl DrainCells {
 }
 
 impl Openness {
-    /// Takes the cells of drains out of the ground and closes their planes; a later drain takes precedence. The faces
-    /// become those of [`Self::drain_faces`], by rising position of their cells.
+    /// Removes the cells of drains from the ground and closes their planes; a later drain takes precedence. The
+    /// faces become [`Self::drain_faces`], in ascending order of the positions of their cells.
     #[must_use]
     pub fn with_drains(mut self, drains: &[DrainCells]) -> Self {
         if drains.is_empty() {
@@ -162,7 +163,7 @@ mod tests {
             [(6, 1, true), (7, 1, true), (11, 1, false), (12, 1, false)]
         );
         assert_eq!(open.faces[1][open.face(1, [1, 2, 0])], 0.0);
-        // At the corner of the grid only the faces to the ground.
+        // At the corner of the grid only the faces towards the ground exist.
         let (_, found) = faces(DrainCells {
             from: [0, 0, 0],
             to: [1, 1, 1],

@@ -1,4 +1,4 @@
-//! The walls around the water: the part of each cell, and of each face between cells, that lies inside them.
+//! Walls around the water: the fraction of each cell, and of each face between cells, that lies inside them.
 //!
 //! Cells outside the walls are blocked. Porosity is relative to the volume inside. The conductance of a face is
 //! proportional to its open area. Half-spaces cut boxes exactly, by clipping a convex polyhedron (its volume by the
@@ -15,9 +15,9 @@ type Point = [f64; 3];
 pub enum Enclosure {
     /// The whole grid.
     Everything,
-    /// The points with n·x ≤ d for every (n, d), n of unit length: a convex region. Cut exactly.
+    /// Points with n·x ≤ d for every (n, d), n of unit length: a convex region, cut exactly.
     HalfSpaces(Vec<(Point, f64)>),
-    /// The inside of a closed surface of triangles, by sub-samples. In 3-D.
+    /// Inside of a closed surface of triangles, by sampling. 3-D only.
     Surface {
         /// Corners of the triangles \[m\].
         triangles: Vec<[Point; 3]>,
@@ -26,11 +26,12 @@ pub enum Enclosure {
     },
 }
 
-/// Cells with less of their volume inside the walls are blocked: slivers conduct nothing and would hold a grain's whole
-/// volume by its centre. Faces that are open by less are closed, as what they pass would be lost in rounding.
+/// Minimum fraction of a cell inside the walls: other cells are blocked, because slivers conduct almost nothing and
+/// could contain a whole grain by its centre. Faces with a smaller open fraction are closed, as their flow would be
+/// lost in rounding.
 pub const LEAST_OPEN: f64 = 0.01;
 
-/// A face between the ground and a drain.
+/// Face between the ground and a drain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrainFace {
     /// Position of the cell of the ground.
@@ -39,30 +40,30 @@ pub struct DrainFace {
     pub axis: usize,
     /// `true` if the drain lies above the cell along the axis.
     pub upper: bool,
-    /// Open fraction of the face; fraction of the cell that holds water for a source.
+    /// Open fraction of the face; for a source the fraction of the cell that contains water.
     pub open: f64,
-    /// `true` for a source of the cell in place of a face.
+    /// `true` for a source in the cell instead of a face.
     pub source: bool,
-    /// Number of the drain.
+    /// Index of the drain.
     pub drain: usize,
 }
 
-/// The open fractions of cells and faces; the same on every rank.
+/// Open fractions of cells and faces; the same on every rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Openness {
     /// Fraction of a cell's volume inside the walls; 0 for a blocked cell.
     pub inside: Vec<f64>,
-    /// Per axis, fraction of the area of a cell's lower face inside the walls, 0 next to a blocked cell; index as for
-    /// cells of a grid with one more cell along that axis.
+    /// Fraction of the area of each cell's lower face inside the walls, per axis; 0 next to a blocked cell. Indices
+    /// are those of a grid with one more cell along the axis.
     pub faces: [Vec<f64>; 3],
-    /// Faces between the ground and drains, by rising position of their cells.
+    /// Faces between the ground and drains, in ascending order of the positions of their cells.
     pub drain_faces: Vec<DrainFace>,
     /// The grid.
     pub grid: SeepageGrid,
 }
 
 impl Openness {
-    /// Measures an enclosure on a grid.
+    /// Computes the open fractions of an enclosure on a grid.
     #[must_use]
     pub fn measure(grid: &SeepageGrid, enclosure: &Enclosure) -> Self {
         let mut all = Self {
@@ -85,7 +86,7 @@ impl Openness {
         all
     }
 
-    /// Returns the position of the lower face of a cell across `axis`; `cell[axis]` may be one past the last.
+    /// Returns the position of the lower face of a cell normal to `axis`; `cell[axis]` may be one past the last.
     #[must_use]
     pub fn face(&self, axis: usize, cell: [usize; 3]) -> usize {
         with_one_more(&self.grid, axis).index(cell)
@@ -97,7 +98,7 @@ impl Openness {
         self.inside[index] * self.grid.volume()
     }
 
-    /// Returns `true` if a cell can hold no water.
+    /// Returns `true` if a cell cannot contain water.
     #[must_use]
     pub fn blocked(&self, index: usize) -> bool {
         self.inside[index] <= 0.0
@@ -131,7 +132,7 @@ impl Openness {
         let mut volume = vec![0_u32; grid.count()];
         let mut areas: [Vec<u32>; 3] = std::array::from_fn(|a| vec![0; self.faces[a].len()]);
         let mut crossings = Vec::new();
-        // Lines through the middles of the sub-cells: cells, and faces across x.
+        // Lines through the midpoints of the sub-cells: cells, and faces normal to x.
         for j in 0..ny * samples {
             for k in 0..nz * samples {
                 cross(triangles, at(1, j), at(2, k), &mut crossings);
@@ -248,7 +249,7 @@ fn area(polygon: &[Point]) -> f64 {
     0.5 * dot(twice, twice).sqrt()
 }
 
-/// Returns a polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); points on the plane that the cut made go to
+/// Returns a polygon cut by n·x ≤ d (Sutherland and Hodgman 1974); the new points on the plane are appended to
 /// `cut`.
 fn cut_polygon(polygon: &[Point], plane: &(Point, f64), cut: &mut Vec<Point>) -> Vec<Point> {
     let side = |x: &Point| dot(plane.0, *x) - plane.1;
@@ -311,7 +312,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     if !touched {
         return whole;
     }
-    // Divergence theorem about a corner of the box, to keep numbers small.
+    // Divergence theorem about a corner of the box, which keeps numbers small.
     let six_times: f64 = faces
         .iter()
         .map(|face| dot(double_area(face), minus(face[0], lower)))
@@ -319,7 +320,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
     (six_times / 6.0).clamp(0.0, whole)
 }
 
-/// Returns points of a plane in order round their mean, so that the polygon faces along the normal.
+/// Returns points of a plane sorted around their mean, counter-clockwise about the normal.
 fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     let n = real(points.len());
     let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);
@@ -336,8 +337,8 @@ fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     sorted
 }
 
-/// Finds the coordinates at which the line along x through (y, z) crosses the triangles, in rising order. A line
-/// through a corner or an edge counts it for one of its triangles only: edges are half open in y.
+/// Finds the coordinates at which the line along x through (y, z) crosses the triangles, in ascending order. A line
+/// through a corner or an edge counts for one of its triangles only: edges are half open in y.
 fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
     found.clear();
     for triangle in triangles {
@@ -347,7 +348,7 @@ fn cross(triangles: &[[Point; 3]], y: f64, z: f64, found: &mut Vec<f64>) {
             if (a[1] > y) == (b[1] > y) {
                 continue;
             }
-            // The same end first for both triangles of an edge, so that both find the same number.
+            // Both triangles of an edge start from the same end and therefore find the same number.
             let (a, b) = if a[1] < b[1] { (a, b) } else { (b, a) };
             let crossing = a[2] + (y - a[1]) / (b[1] - a[1]) * (b[2] - a[2]);
             inside ^= crossing > z;
@@ -399,7 +400,8 @@ mod tests {
 
     #[test]
     fn clipping_keeps_the_volume_of_a_tetrahedron() {
-        // Legs of length 0.7: 0.7^3/6. Slivers below the least fraction are left out: bounded by their number.
+        // Legs of length 0.7: 0.7^3/6. Slivers below the minimum fraction are missing, with an error bounded by
+        // their number.
         let exact = 0.7_f64.powi(3) / 6.0;
         for n in [1, 2, 5, 8] {
             let grid = grid(n);
@@ -443,7 +445,8 @@ mod tests {
 
     #[test]
     fn a_wedge_opens_faces_by_their_area() {
-        // x ≤ z in a unit cube of one cell: half the volume, half of the faces across y, none of that at x = 1.
+        // x ≤ z in a grid of one unit cell: half the volume, half of the faces normal to y, nothing of that at x =
+        // 1.
         let s = 0.5_f64.sqrt();
         let wedge = Enclosure::HalfSpaces(vec![([s, 0.0, -s], 0.0)]);
         let open = Openness::measure(&grid(1), &wedge);

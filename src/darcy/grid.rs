@@ -1,22 +1,22 @@
-//! The coarse regular grid of the seepage: box cells in rows along x, planes along z; one layer of unit depth in 2-D.
+//! Coarse regular grid of the seepage: box cells in rows along x, planes along z; one layer of unit depth in 2-D.
 
 use base::number::{real, whole};
 
-/// A regular grid of boxes.
+/// Regular grid of boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeepageGrid {
-    /// Cells along x, y, z; 1 along z in 2-D.
+    /// Number of cells along x, y, z; 1 along z in 2-D.
     pub cells: [usize; 3],
     /// Lower corner \[m\].
     pub origin: [f64; 3],
     /// Edges of a cell \[m\]; 1 along z in 2-D.
     pub spacing: [f64; 3],
-    /// 2 or 3.
+    /// Dimension: 2 or 3.
     pub dimension: usize,
 }
 
 impl SeepageGrid {
-    /// Returns the cells of the grid.
+    /// Returns the number of cells.
     #[must_use]
     pub fn count(&self) -> usize {
         self.cells.iter().product()
@@ -42,7 +42,7 @@ impl SeepageGrid {
         self.spacing.iter().product()
     }
 
-    /// Returns the area of a face across an axis \[m2; per metre of depth in 2-D, m\].
+    /// Returns the area of a face normal to an axis \[m²; per metre of depth in 2-D, m\].
     #[must_use]
     pub fn area(&self, axis: usize) -> f64 {
         self.spacing[(axis + 1) % 3] * self.spacing[(axis + 2) % 3]
@@ -65,14 +65,14 @@ impl SeepageGrid {
         centre
     }
 
-    /// Returns the cell that holds a position along one axis, cells being half open; `None` outside.
+    /// Returns the index along one axis of the cell that contains a position; cells are half open; `None` outside.
     #[must_use]
     pub fn along(&self, axis: usize, position: f64) -> Option<usize> {
         let place = ((position - self.origin[axis]) / self.spacing[axis]).floor();
         (place >= 0.0 && place < real(self.cells[axis])).then(|| whole(place))
     }
 
-    /// Returns the cell that holds a point; `None` outside the grid.
+    /// Returns the cell that contains a point; `None` outside the grid.
     #[must_use]
     pub fn holding(&self, point: [f64; 3]) -> Option<[usize; 3]> {
         let mut cell = [0; 3];

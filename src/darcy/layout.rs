@@ -1,21 +1,21 @@
 //! Arrangement of the cells in memory, and the cells that each rank computes.
 //!
-//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that loops
-//! need no case distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`], and
-//! receives the neighbouring planes by messages.
+//! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that
+//! loops need no case distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`],
+//! and receives the neighbouring planes in messages.
 
 use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The layout of a grid of cells.
+/// Layout of the cells of a grid in arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) cells: [usize; 3],
     pub(super) stride: [usize; 3],
 }
 
-/// Planes of a layout along one axis.
+/// Range of planes of a layout along one axis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) axis: usize,
@@ -31,7 +31,7 @@ impl Layout {
         }
     }
 
-    /// Returns the length of an array, ghosts included.
+    /// Returns the length of an array, including ghosts.
     pub(super) fn len(&self) -> usize {
         self.stride[2] * (self.cells[2] + 2)
     }
@@ -54,7 +54,7 @@ impl Layout {
         }
     }
 
-    /// Returns the cells from and to along each axis.
+    /// Returns the range of cells along each axis.
     fn bounds(&self, part: &Part) -> [Range<usize>; 3] {
         std::array::from_fn(|a| {
             if a == part.axis {
@@ -65,7 +65,7 @@ impl Layout {
         })
     }
 
-    /// Returns the rows of cells of a part along x, by rising y, then z.
+    /// Returns the rows of cells of a part along x, in ascending order of y, then z.
     pub(super) fn rows(&self, part: &Part) -> impl Iterator<Item = Range<usize>> + use<> {
         let layout = *self;
         let [x, y, z] = self.bounds(part);
@@ -78,7 +78,7 @@ impl Layout {
         })
     }
 
-    /// Positions of the cells of one plane across an axis, in the order of the other two axes.
+    /// Returns the positions of the cells of one plane normal to an axis, in the order of the other two axes.
     pub(super) fn plane(&self, axis: usize, plane: usize) -> impl Iterator<Item = usize> + use<> {
         let (a, b) = match axis {
             0 => (1, 2),
@@ -96,7 +96,7 @@ impl Layout {
         })
     }
 
-    /// Returns the cells of a plane across an axis.
+    /// Returns the number of cells of a plane normal to an axis.
     pub(super) fn plane_size(&self, axis: usize) -> usize {
         self.cells[(axis + 1) % 3] * self.cells[(axis + 2) % 3]
     }
@@ -137,7 +137,7 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    /// Makes the exchange of a layout. Collective.
+    /// Creates the exchange of a layout. Collective.
     pub(super) fn new<T>(layout: Layout, domain: &Domain, tag: u8) -> Result<Self, Disagreement> {
         let axis = domain.axis().index();
         let bytes = layout.plane_size(axis) * size_of::<T>();
@@ -177,7 +177,7 @@ impl Halo {
     }
 }
 
-/// Messages that make an array known to every rank, each giving its planes.
+/// Messages that distribute an array to every rank, each sending its planes.
 pub(super) struct Gather {
     exchange: FixedExchange,
     layout: Layout,
@@ -187,7 +187,7 @@ pub(super) struct Gather {
 }
 
 impl Gather {
-    /// Makes the gathering of a layout. `planes`: those of every rank, none in two.
+    /// Creates the distribution for a layout. `planes` are those of every rank, disjoint.
     pub(super) fn new<T>(
         layout: Layout,
         axis: usize,
@@ -199,7 +199,7 @@ impl Gather {
         let rank = communicator.rank();
         let others = || planes.iter().enumerate().filter(|(r, _)| *r != rank);
         let mine = planes.get(rank).cloned().unwrap_or(0..0);
-        // An empty message is no message.
+        // Empty messages are not sent.
         let sends: Vec<(usize, usize)> = others()
             .filter(|_| !mine.is_empty())
             .map(|(r, _)| (r, bytes(&mine)))

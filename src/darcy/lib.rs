@@ -4,11 +4,11 @@
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! All fields are on a coarse regular [`SeepageGrid`] whose cells hold many grains. Each rank holds the porosity and
-//! the pressure of the whole grid, because its grains may be anywhere on it. The linear solver takes most of the time
-//! and is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid,
-//! independently of the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so that
-//! the bits are the same on any number of ranks.
+//! All fields are on a coarse regular [`SeepageGrid`] whose cells hold many grains. Each rank has the porosity and
+//! the pressure of the whole grid, because its grains may be anywhere in it. The linear solver takes most of the
+//! time and is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid,
+//! independently of the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so
+//! that the bits are the same on any number of ranks.
 //!
 //! The types of this module are the parameters of a case. The module does not depend on grains, cases or files.
 
@@ -70,7 +70,7 @@ pub use reproducible::power_above;
 /// Reason why the water could not be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SeepageError {
-    /// Cells connected among themselves, but with no face where the pressure is held: no pressure can be found there.
+    /// Connected cells without a face with an imposed pressure, whose pressure is undetermined.
     #[error(
         "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected \
          to no \
@@ -78,40 +78,40 @@ pub enum SeepageError {
         .at[0], .at[1], .at[2]
     )]
     Pocket {
-        /// Cells of the pocket.
+        /// Number of cells of the pocket.
         cells: usize,
         /// Centre of its first cell \[m\].
         at: [f64; 3],
     },
-    /// Every cell lies outside the walls.
+    /// No cell inside the walls.
     #[error("no cell of the seepage grid is open to water")]
     NoOpenCell,
-    /// The iteration did not reach its tolerance.
+    /// Iteration that did not reach its tolerance.
     #[error(
         "the seepage pressure did not converge: residual {residual:.3e} of the first after {iterations} iterations, \
          {tolerance:.1e} wanted"
     )]
     NotConverged {
-        /// Iterations done.
+        /// Number of iterations done.
         iterations: u32,
         /// Residual relative to the driving terms.
         residual: f64,
-        /// The requested value.
+        /// Requested relative residual.
         tolerance: f64,
     },
-    /// Neither Newton's method nor the continuation found the flow in ground that drains.
+    /// Unsaturated flow for which neither Newton's method nor the continuation converged.
     #[error(
         "the flow in unsaturated ground did not converge in {iterations} iterations: the permeability changes too \
          fast from cell to cell; use cells of at most some capillary lengths of {length:.3e} m, a longer capillary \
          length (a smaller `alpha` or `n`), or more `max_iterations`"
     )]
     Unsaturated {
-        /// Iterations of the linear solver.
+        /// Number of iterations of the linear solver.
         iterations: u32,
         /// Capillary length of the soil \[m\].
         length: f64,
     },
-    /// No step in time was short enough for the flow in ground that drains.
+    /// Unsaturated transient flow that did not converge even in the shortest step.
     #[error(
         "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use \
          cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or \
@@ -123,10 +123,10 @@ pub enum SeepageError {
         /// Capillary length of the soil \[m\].
         length: f64,
     },
-    /// A porosity, source or pressure is not a finite number.
+    /// Porosity, source or pressure that is not finite.
     #[error("the seepage pressure is not finite ({0})")]
     NotFinite(&'static str),
-    /// The messages between ranks could not be set up.
+    /// Failure to set up the messages between ranks.
     #[error("seepage: {0}")]
     Messages(String),
 }

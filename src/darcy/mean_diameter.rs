@@ -1,4 +1,4 @@
-//! The mean diameter of the grains in a cell.
+//! Mean diameter of the grains in a cell.
 //!
 //! ```text
 //! number:  d = sum d / N          mass:  d = sum d^4 / sum d^3          Sauter:  d = sum d^3 / sum d^2
@@ -25,7 +25,7 @@ pub enum MeanDiameter {
 }
 
 impl MeanDiameter {
-    /// Returns k: the mean is sum w d^(k+1) / sum w d^k.
+    /// Returns the exponent k of the mean sum w d^(k+1) / sum w d^k.
     #[must_use]
     pub fn power(self) -> i32 {
         match self {

@@ -1,13 +1,13 @@
-//! A symmetric multigrid cycle in single precision, the preconditioner of the conjugate gradients.
+//! Symmetric multigrid cycle in single precision, the preconditioner of the conjugate gradients.
 //!
 //! ```text
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are joined in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and
-//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through parallel
-//! lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner face of the
-//! other:
+//! Cells are merged in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and
+//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through
+//! parallel lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner
+//! face of the other:
 //!
 //! ```text
 //! T = sum over lanes 1/(1/(2 t_inner) + 1/t_face + 1/(2 t_inner'))        a closed inner face does not contribute
@@ -15,33 +15,34 @@
 //!
 //! This is the conductance of a uniform coarse grid, follows harmonic means where cells differ, and preserves exactly
 //! the connections of the fine grid. Two Jacobi steps before and after the correction, with the weights of Chebyshev's
-//! polynomial, smooth without an order of cells, so that any decomposition gives the same bits. The ranks share the
-//! finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
+//! polynomial, smooth independently of the order of cells, so that any decomposition gives the same bits. The ranks
+//! share the finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
 
 use super::layout::{Gather, Halo, Layout, Part};
 use base::number::single;
 
-/// Levels of at most this many cells are solved by elimination.
+/// Maximum number of cells of a level that is solved by elimination.
 const DIRECT: usize = 48;
 
-/// Chebyshev's weights of two Jacobi steps for eigenvalues of D^-1 A in `LEAST … 2`: what a coarse grid cannot see.
+/// Chebyshev weights of two Jacobi steps for eigenvalues of D^-1 A in `LEAST … 2`: the part of the error that a
+/// coarse grid cannot represent.
 const LEAST: f64 = 0.35;
 
 /// Conductances of one level.
 #[derive(Clone, Debug)]
 pub(super) struct Matrix<T> {
-    /// Per axis, of the lower face of each cell.
+    /// Conductance of the lower face of each cell, per axis.
     pub(super) t: [Vec<T>; 3],
-    /// Sums over the faces of each cell; 1 for a cell without any.
+    /// Sum over the faces of each cell; 1 for a cell without faces.
     pub(super) diagonal: Vec<T>,
-    /// Sum over the faces of each cell with an imposed pressure.
+    /// Sum over the faces of each cell that have an imposed pressure.
     pub(super) leak: Vec<T>,
 }
 
-/// A face with an imposed pressure: position of its cell, axis, conductance.
+/// Face with an imposed pressure: position of its cell, axis, conductance.
 pub(super) type Ground = (usize, usize, f64);
 
-/// Axis of a conductance that stands for water stored in a cell: it is in series with nothing.
+/// Axis index for a conductance that represents water stored in a cell, which is in series with nothing.
 pub(super) const STORED: usize = 3;
 
 impl<T: Copy + Default> Matrix<T> {
@@ -54,7 +55,7 @@ impl<T: Copy + Default> Matrix<T> {
     }
 }
 
-/// Numbers a level may be kept in.
+/// Number type of a level.
 pub(super) trait Real:
     Copy
     + Send
@@ -70,8 +71,8 @@ impl Real for f64 {}
 /// Computes the flow into the cells of a row from their neighbours, sum of t (x_j - x_i) over the faces, and passes it
 /// to `put(index in the row, sum)`.
 ///
-/// Differences are taken before products: where free water is next to soil its large conductances multiply differences
-/// near zero, and the flow through the soil is not lost in rounding.
+/// Differences are computed before products: where open water is next to soil, its large conductances multiply
+/// differences near zero, and the flow through the soil is not lost in rounding.
 #[inline(always)]
 pub(super) fn inflow<'a, T: Real>(
     matrix: &'a Matrix<T>,
@@ -115,7 +116,7 @@ struct Level {
     matrix: Matrix<f32>,
     inverse: Vec<f32>,
     ground: Vec<Ground>,
-    /// Cells joined along each axis for the next level: 1 or 2.
+    /// Number of cells merged along each axis for the next level: 1 or 2.
     joined: [usize; 3],
     /// Right side, solution, and a second buffer.
     b: Vec<f32>,
@@ -123,20 +124,21 @@ struct Level {
     y: Vec<f32>,
 }
 
-/// The levels, from the finest.
+/// Levels, from the finest.
 pub(super) struct Multigrid {
     levels: Vec<Level>,
     part: Part,
     halo: Halo,
     gather: Option<Gather>,
-    /// Lower triangle of the last level's factor, by rows, and its cells' positions.
+    /// Lower triangle of the factor of the last level, by rows, and the positions of its cells.
     factor: Vec<f64>,
     positions: Vec<usize>,
     solution: Vec<f64>,
     weights: [f32; 2],
 }
 
-/// Returns which axes to join: those that couple at least a third as strongly as the strongest, and still have cells.
+/// Returns the axes to merge: those whose coupling is at least a third of the strongest and that still have several
+/// cells.
 fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     let strength: [f64; 3] = std::array::from_fn(|a| {
         if cells[a] > 1 {
@@ -155,7 +157,7 @@ fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     })
 }
 
-/// Returns the cells joined along each axis of the finest grid: slabs have to be cut between them.
+/// Returns the number of cells merged along each axis of the finest grid: slabs must be cut between merged cells.
 pub(super) fn first_joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
     if cells.iter().product::<usize>() <= DIRECT {
         [1; 3]
@@ -168,8 +170,8 @@ fn coarser(cells: [usize; 3], joined: [usize; 3]) -> [usize; 3] {
     std::array::from_fn(|a| cells[a].div_ceil(joined[a]))
 }
 impl Multigrid {
-    /// Levels for a grid, without coefficients. `ranges`: planes of every rank along the axis of `part`, in multiples
-    /// of the cells joined.
+    /// Returns the levels for a grid, without coefficients. `ranges` are the planes of every rank along the axis of
+    /// `part`, in multiples of the merged cells.
     pub(super) fn new(
         cells: [usize; 3],
         mut spacing: [f64; 3],
@@ -253,7 +255,7 @@ impl Multigrid {
         })
     }
 
-    /// Takes over the coefficients of the finest level, multiplied by `scale`, and derives those of the others.
+    /// Sets the coefficients of the finest level, multiplied by `scale`, and derives those of the others.
     pub(super) fn set(&mut self, fine: &Matrix<f64>, ground: &[Ground], scale: f64) {
         if let Some(level) = self.levels.first_mut() {
             for (mine, theirs) in level.matrix.t.iter_mut().zip(&fine.t) {
@@ -285,8 +287,8 @@ impl Multigrid {
         for (i, &at) in self.positions.iter().enumerate() {
             for (j, &other) in self.positions[..=i].iter().enumerate() {
                 self.factor[row(i) + j] = if i == j {
-                    // Of the same conductances in double precision, so that cells of free water do not round away what
-                    // the soil passes.
+                    // Computed from the same conductances in double precision, so that those of open water do not
+                    // hide the flow through soil in rounding.
                     let faces = (0..3).flat_map(|a| [(a, at), (a, at + stride[a])]);
                     let sum: f64 = faces
                         .map(|(a, face)| f64::from(level.matrix.t[a][face]))
@@ -307,7 +309,7 @@ impl Multigrid {
                     sum -= l[row(i) + k] * l[row(j) + k];
                 }
                 l[row(i) + j] = if i == j {
-                    // Positive but for rounding of a nearly singular matrix.
+                    // Positive except for rounding of a nearly singular matrix.
                     sum.max(1e-12 * l[row(i) + i]).sqrt()
                 } else {
                     sum / l[row(j) + j]
@@ -342,17 +344,17 @@ impl Multigrid {
         }
     }
 
-    /// Returns the right side of the finest level, to be filled over the part.
+    /// Returns the right side of the finest level, to be set within the part.
     pub(super) fn right_side(&mut self) -> &mut [f32] {
         &mut self.levels[0].b
     }
 
-    /// Returns the result of [`Self::cycle`] over the part.
+    /// Returns the result of [`Self::cycle`] within the part.
     pub(super) fn result(&self) -> &[f32] {
         &self.levels[0].x
     }
 
-    /// Makes one V-cycle from zero. Collective.
+    /// Performs one V-cycle from zero. Collective.
     pub(super) fn cycle(&mut self) {
         let last = self.levels.len() - 1;
         if last == 0
@@ -417,7 +419,7 @@ impl Level {
         }
     }
 
-    /// Returns the position of the inner face across `axis` of the coarse cell that holds a fine cell.
+    /// Returns the position of the inner face normal to `axis` of the coarse cell that contains a fine cell.
     fn inner(&self, axis: usize, at: usize, index: usize) -> Option<usize> {
         if self.joined[axis] == 1 {
             None
@@ -456,7 +458,7 @@ impl Level {
                     let coarse =
                         to.position(std::array::from_fn(|a| fine_cell[a] / fine.joined[a]));
                     for axis in 0..3 {
-                        // Inner faces of coarse cells are not faces.
+                        // Inner faces of coarse cells are not faces of the coarse grid.
                         let t = fine.matrix.t[axis][at];
                         if fine_cell[axis] % fine.joined[axis] != 0 || t <= 0.0 {
                             continue;
@@ -500,7 +502,7 @@ impl Level {
         std::mem::swap(&mut self.x, &mut self.y);
     }
 
-    /// Smooths from zero, and leaves the residual in `y`.
+    /// Smooths from zero, and stores the residual in `y`.
     fn descend(&mut self, part: &Part, mut halo: Option<&mut Halo>, weights: [f32; 2]) {
         let (inverse, b) = (&self.inverse, &self.b);
         self.layout.sweep(part, &mut self.x, |start, out| {

@@ -1,34 +1,35 @@
-//! Solid fraction of the neighbourhood of a cell, by which the drag in dilute water counts the grains.
+//! Solid fraction of the neighbourhood of a cell, used by the drag in dilute water.
 //!
-//! A lone grain that fills a good part of a small cell is no bed. In dilute water the solid fraction is
-//! therefore the mean over a box of
-//! [`WIDTH`] mean diameters about the middle of the cell, where that is larger than the cell:
+//! A single grain that fills a large part of a small cell is not a bed. In dilute water the solid fraction is
+//! therefore averaged over a box of [`WIDTH`] mean diameters about the centre of the cell, if that is larger than
+//! the cell:
 //!
 //! ```text
 //! s' = sum w_j s_j / sum w_j inside_j         w_j: the part of cell j in the box
 //! ```
 //!
-//! In a bed it remains that of the cell. Between `s' = 0.1` and 0.2 one passes over into the other.
+//! In a bed it remains that of the cell. Between `s' = 0.1` and 0.2 it changes from one to the other.
 
 use super::enclosure::Openness;
 use super::open_water::rise;
 use base::number::{real, whole};
 
-/// Width of the neighbourhood in mean diameters: a lone sphere fills 0.24 % of it.
+/// Width of the neighbourhood in mean diameters: a single sphere fills 0.24 % of it.
 const WIDTH: f64 = 6.0;
-/// Cells on each side of the middle one, at most.
+/// Maximum number of cells on each side of the middle one.
 const FARTHEST: f64 = 3.0;
-/// Solid fractions of the neighbourhood up to which it counts, and from which the cell does.
+/// Solid fraction of the neighbourhood up to which it is used, then that from which the solid fraction of the cell
+/// is used.
 const DILUTE: f64 = 0.1;
 const DENSE: f64 = 0.2;
 
-/// Returns the solid fraction that the drag on grains of a mean `diameter` \[m\] in a cell meets; `porosity`
-/// is that of all cells.
+/// Returns the solid fraction for the drag on grains of a mean `diameter` \[m\] in a cell; `porosity` is that of
+/// all cells.
 #[must_use]
 pub fn solid_fraction(openness: &Openness, porosity: &[f64], cell: usize, diameter: f64) -> f64 {
     let grid = &openness.grid;
     let own = 1.0 - porosity[cell];
-    // Cells beyond the middle one on each side, and the part of the last of them.
+    // Number of cells beyond the middle one on each side, with a fraction for the last.
     let beyond: [f64; 3] = std::array::from_fn(|a| {
         if a < grid.dimension {
             (0.5 * (WIDTH * diameter / grid.spacing[a] - 1.0)).clamp(0.0, FARTHEST)
@@ -81,14 +82,14 @@ mod tests {
         let middle = grid.index([4, 4, 4]);
         let mut porosity = vec![1.0; grid.count()];
         porosity[middle] = 1.0 - PART;
-        // A sphere that touches all faces of its cell: a part of 6 cubed.
+        // A sphere that touches all faces of its cell fills a fraction of 6 cubed.
         let lone = solid_fraction(&openness, &porosity, middle, 0.005);
         assert!((lone - PART / 216.0).abs() < 1e-12, "{lone}");
-        // Small grains in a large cell: the cell.
+        // For small grains in a large cell the solid fraction is that of the cell.
         assert!((solid_fraction(&openness, &porosity, middle, 0.0008) - PART).abs() < 1e-15);
         let bed = vec![0.4; grid.count()];
         assert!((solid_fraction(&openness, &bed, 0, 0.005) - 0.6).abs() < 1e-15);
-        // A uniform cloud has its own solid fraction, at the wall too.
+        // A uniform cloud has its own solid fraction, also at the wall.
         let cloud = vec![0.97; grid.count()];
         for cell in [0, middle] {
             assert!((solid_fraction(&openness, &cloud, cell, 0.005) - 0.03).abs() < 1e-12);

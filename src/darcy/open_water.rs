@@ -1,4 +1,4 @@
-//! Resistance of open water: cells and voids that hold no grains.
+//! Resistance of open water: cells and voids without grains.
 //!
 //! The water of a void moves between the walls of its channel. Along an axis the cross-section of the
 //! channel at a cell is the rectangle
@@ -13,79 +13,75 @@
 //!            A = [2.457 ln(1/((7/Re)^0.9 + 0.27 k/D))]^16,  B = (37530/Re)^16
 //! ```
 //!
-//! (R. K. Shah and A. L. London, Laminar Flow Forced Convection in Ducts, 1978; S. W. Churchill, Chem. Eng.
-//! 84 (1977) 91, with the
-//! laminar friction of the duct in place of 64/Re.) `k` is the height of the roughness. A slot has the loss
-//! of plane Poiseuille flow.
+//! (R. K. Shah and A. L. London, Laminar Flow Forced Convection in Ducts, 1978; S. W. Churchill, Chem. Eng. 84
+//! (1977) 91, with the laminar friction of the duct in place of 64/Re.) `k` is the roughness height. A slot has the
+//! loss of plane Poiseuille flow.
 //!
-//! **Inertia.** Water that enters a void gains its velocity head there, and loses it where it leaves. The
-//! loss is spread over the length L of
-//! the void along the axis:
+//! **Inertia.** Water that enters a void gains its velocity head there, and loses it at the exit. The loss is
+//! distributed over the length L of the void along the axis:
 //!
 //! ```text
 //! |grad phi| = C rho u^2,    C = 1/(2 L) from one imposed face to another,   C = 3/(2 L) where an end is closed
 //! ```
 //!
 //! A channel between two reservoirs (imposed heads) loses one velocity head in addition to its friction. So does a
-//! channel with a closed end that is fed evenly through its walls: the mean of `u^2` over its length is a third of that
-//! at its mouth. No water in them is faster than Bernoulli's equation allows. Between two faces with an imposed
-//! pressure, which is that of the moving water, a channel loses its friction alone, and one velocity head where that is
-//! more: a passage so short has the losses of its ends at least.
+//! channel with a closed end that is fed evenly through its walls: the mean of `u^2` over its length is a third of
+//! that at its mouth. The water in them is never faster than Bernoulli's equation allows. Between two faces with an
+//! imposed pressure, which is that of the moving water, the loss of a channel is its friction, or one velocity head
+//! if that is larger: a short passage has at least the losses of its ends.
 //!
-//! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that are stated to be
-//! walls. A void ends where the
-//! openness of the next cell falls to 0; the openness falls from 1 to 0 while the solid fraction rises from
-//! 0.05 to 0.2, so that lengths
-//! and losses are continuous in the porosity. A face of the grid with an imposed condition is a surface
-//! without friction: the channel is
-//! mirrored there. So are two opposite faces of the grid between which the void extends from end to end and
-//! of which nothing is
-//! stated: such a face cuts through wider water. Any other face without a statement is a wall.
+//! **Walls** are cells of soil, blocked cells, closed faces, and the faces of the grid that the case declares as
+//! walls. A void ends where the openness of the next cell falls to 0; the openness falls from 1 to 0 while the
+//! solid fraction rises from
+//! 0.05 to 0.2, so that lengths and losses are continuous in the porosity. A face of the grid with an imposed
+//! condition is a frictionless surface: the channel is mirrored there. The same holds for two opposite faces of the
+//! grid without any declaration, if the void extends from one to the other: such a face cuts through wider water.
+//! Any other undeclared face is a wall.
 
 use super::Liquid;
 use super::enclosure::Openness;
 use super::grid::SeepageGrid;
 use std::f64::consts::PI;
 
-/// Solid fractions up to which a cell is open water, and from which it is soil.
+/// Solid fraction up to which a cell is open water, then that from which it is soil.
 const OPEN: f64 = 0.05;
 const SOIL: f64 = 0.2;
-/// Largest height of the roughness over the hydraulic diameter: the friction of a duct whose roughness fills
-/// it is not known.
+/// Maximum ratio of roughness height to hydraulic diameter: the friction of a duct filled by its roughness is not
+/// known.
 const ROUGHEST: f64 = 0.2;
 
-/// Loss of inertia over a void: length times C, between two imposed faces and with a closed end.
+/// Coefficient of the inertial loss over a void, length times C: between two imposed faces, then with a closed end.
 const THROUGH: f64 = 0.5;
 const CLOSED: f64 = 1.5;
 
 /// Boundary of open water at a face of a boundary cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Face {
-    /// A wall: stated by the case.
+    /// Wall declared by the case.
     Wall,
-    /// A reservoir: the head of water at rest is imposed.
+    /// Reservoir: the head of stationary water is imposed.
     Reservoir,
-    /// The pressure or the flux of the moving water is imposed.
+    /// Stream: the pressure or the flux of the moving water is imposed.
     Stream,
     /// Face without a condition: impermeable.
     #[default]
     Unstated,
 }
 
-/// Returns the openness of a cell whose solid fraction is `solid`: 1 in open water, 0 in soil.
+/// Returns the openness of a cell with the solid fraction `solid`: 1 in open water, 0 in soil.
 #[must_use]
 pub fn openness(solid: f64) -> f64 {
     1.0 - rise((solid - OPEN) / (SOIL - OPEN))
 }
 
-/// Returns a smooth step from 0 at 0 to 1 at 1.
+/// Returns a smooth step function that rises from 0 at 0 to 1 at 1.
 #[must_use]
 pub fn rise(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Returns the permeability \[m2\] of laminar flow in a duct of edges `a` and `b` \[m\]; an edge may be infinite.
+/// Returns the permeability \[m²\] of laminar flow in a duct with edges `a` and `b` \[m\]; one may be infinite.
 #[must_use]
 pub fn laminar(a: f64, b: f64) -> f64 {
     let (h, w) = (a.min(b), a.max(b));
@@ -101,27 +97,27 @@ pub fn laminar(a: f64, b: f64) -> f64 {
     h * h / 12.0 * (1.0 - 192.0 / PI.powi(5) * ratio * sum)
 }
 
-/// Returns the hydraulic diameter \[m\] of a duct of edges `a` and `b` \[m\].
+/// Returns the hydraulic diameter \[m\] of a duct with edges `a` and `b` \[m\].
 fn hydraulic_diameter(a: f64, b: f64) -> f64 {
     2.0 / (1.0 / a + 1.0 / b)
 }
 
-/// A channel along one axis at one cell.
+/// Channel along one axis at one cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Duct {
     /// Hydraulic diameter \[m\].
     pub diameter: f64,
     /// Permeability of laminar flow \[m2\].
     pub laminar: f64,
-    /// Loss of inertia over `rho u^2` \[1/m\].
+    /// Inertial loss over `rho u^2` \[1/m\].
     pub inertia: f64,
     /// Degree to which the pressures at both ends are those of the moving water, 0 to 1.
     pub stream: f64,
 }
 
 impl Duct {
-    /// Returns a channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], of which one may
-    /// be infinite.
+    /// Returns a channel without inertia, with a rectangular cross-section of edges `a` and `b` \[m\], one of which
+    /// may be infinite.
     #[must_use]
     pub fn new(a: f64, b: f64) -> Self {
         Self {
@@ -132,8 +128,8 @@ impl Duct {
         }
     }
 
-    /// Returns the loss of reduced pressure over the speed \[Pa s/m2\] at a mean `speed` \[m/s\] and a
-    /// height of the roughness \[m\].
+    /// Returns the loss of reduced pressure over the speed \[Pa s/m²\] at a mean `speed` \[m/s\] and a roughness
+    /// height \[m\].
     #[must_use]
     pub fn resistance(&self, liquid: Liquid, roughness: f64, speed: f64) -> f64 {
         let friction = self.friction(liquid, roughness, speed);
@@ -141,7 +137,7 @@ impl Duct {
         friction + inertia - self.stream * friction.min(inertia)
     }
 
-    /// Returns the part of the friction.
+    /// Returns the contribution of friction.
     fn friction(&self, liquid: Liquid, roughness: f64, speed: f64) -> f64 {
         let viscous = liquid.viscosity / self.laminar;
         let reynolds = liquid.density * speed * self.diameter / liquid.viscosity;
@@ -152,7 +148,8 @@ impl Duct {
         let rough = (roughness / self.diameter).min(ROUGHEST);
         let a = (2.457 * -((7.0 / reynolds).powf(0.9) + 0.27 * rough).ln()).powi(16);
         let b = (37530.0 / reynolds).powi(16);
-        // f over that of laminar flow: 8 (1 + x^12)^(1/12)/8 with x = turbulent over laminar branch.
+        // Friction factor relative to that of laminar flow: 8 (1 + x^12)^(1/12)/8 with x the ratio of the turbulent
+        // to the laminar branch.
         let laminar = 0.25 * self.diameter * self.diameter / (self.laminar * reynolds);
         let turbulent = (a + b).powf(-0.125);
         viscous * (1.0 + (turbulent / laminar).powi(12)).powf(1.0 / 12.0)
@@ -165,23 +162,24 @@ pub struct OpenWater {
     grid: SeepageGrid,
     /// Openness of each cell, 0 to 1.
     open: Vec<f64>,
-    /// Part of each cell that no solid at rest fills.
+    /// Fraction of each cell that no stationary solid fills.
     free: Vec<f64>,
     /// Boundaries of open water at the lower and the upper face of each cell along each axis.
     faces: Vec<[[Face; 2]; 3]>,
     /// Length over which the void of a cell extends along each axis \[m\].
     lengths: Vec<[f64; 3]>,
-    /// Loss of inertia of a void along each axis over `rho u^2` \[1/m\], and how far both its ends are those
-    /// of a stream.
+    /// Inertial loss of a void along each axis over `rho u^2` \[1/m\], and the degree to which both its ends are
+    /// those of a stream.
     losses: Vec<[(f64, f64); 3]>,
     /// Channels along each axis.
     ducts: Vec<[Duct; 3]>,
-    /// A length that no void exceeds \[m\]; stands for an infinite one.
+    /// Length that no void exceeds \[m\], used in place of an infinite one.
     longest: f64,
 }
 
 impl OpenWater {
-    /// Returns open water on a grid. `faces` states what bounds each boundary cell below and above along each axis.
+    /// Returns open water on a grid. `faces` returns the boundary of each boundary cell, below and above along each
+    /// axis.
     #[must_use]
     pub fn new(grid: SeepageGrid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
@@ -214,8 +212,8 @@ impl OpenWater {
         self.ducts[cell][axis]
     }
 
-    /// Measures the channels. `cell` gives the openness of a cell and the fraction of it that no solid fills. Returns
-    /// `true` if any cell is open.
+    /// Measures the channels. `cell` returns the openness of a cell and the fraction of it that no solid fills.
+    /// Returns `true` if any cell is open.
     pub fn measure(&mut self, openness: &Openness, cell: impl Fn(usize) -> (f64, f64)) -> bool {
         let mut any = false;
         for at in 0..self.open.len() {
@@ -243,8 +241,8 @@ impl OpenWater {
             };
             for axis in 0..self.grid.dimension {
                 let (a, b) = (edge((axis + 1) % 3), edge((axis + 2) % 3));
-                // Both infinite: no wall is next to the water. Walls that it flows towards are as far as the void is
-                // long.
+                // If both edges are infinite, no wall is next to the water; walls that the water flows towards are
+                // as far away as the void is long.
                 let longest = self.longest.min(lengths[axis]);
                 let (a, b) = if a.min(b) > self.longest {
                     (longest, b)
@@ -262,13 +260,13 @@ impl OpenWater {
         true
     }
 
-    /// Measures how far the void of each cell extends along an axis, row by row.
+    /// Measures the extent of the void of each cell along an axis, row by row.
     fn measure_lengths(&mut self, openness: &Openness, axis: usize) {
         let (grid, step) = (self.grid, self.grid.spacing[axis]);
         let (others, n) = ([(axis + 1) % 3, (axis + 2) % 3], grid.cells[axis]);
         let mut row = vec![0; n];
-        // Lengths below and above each cell of a row, and the parts of the way that are open to the two ends
-        // of the row.
+        // Lengths below and above each cell of a row, and the degrees to which the void is open to the two ends of
+        // the row.
         let mut reach = [vec![0.0; n], vec![0.0; n]];
         let mut way = [vec![0.0; n], vec![0.0; n]];
         for j in 0..grid.cells[others[0]] {
@@ -339,7 +337,8 @@ mod tests {
         viscosity: 1e-3,
     };
 
-    /// Shah and London 1978, table 42: friction factor times Reynolds number of rectangular ducts, Fanning.
+    /// Checks against Shah and London 1978, table 42: friction factor times Reynolds number of rectangular ducts,
+    /// Fanning.
     #[test]
     fn laminar_ducts_have_the_published_friction() {
         for (aspect, fanning) in [
@@ -363,7 +362,7 @@ mod tests {
         }
     }
 
-    /// Colebrook's equation for a smooth and for a rough pipe, and laminar flow below its end.
+    /// Checks against Colebrook's equation for a smooth and for a rough pipe, and laminar flow below its end.
     #[test]
     fn turbulent_ducts_have_the_friction_of_colebrook() {
         // A circular pipe of 0.1 m.
@@ -433,7 +432,7 @@ mod tests {
         assert!(water.measure(&openness, inside));
         let pipe = water.duct(grid.index([0, 2, 2]), 0);
         assert!((pipe.laminar / laminar(0.01, 0.01) - 1.0).abs() < 1e-12);
-        // Without open water there is nothing to measure.
+        // Without open water nothing is measured.
         assert!(!water.measure(&openness, |_| (0.0, 1.0)));
     }
 

@@ -1,9 +1,9 @@
-//! The part of a sphere inside a box, and of a disc inside a rectangle, in closed form.
+//! Volume of a sphere inside a box, and area of a disc inside a rectangle, in closed form.
 //!
-//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the sum
-//! of eight of them with signs, so that the parts of a grain in neighbouring cells complement each other to round-off
-//! whatever the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G = abc`; else no
-//! point of the ball lies beyond all three planes, and by inclusion and exclusion
+//! `G(a, b, c)` is the volume of the unit ball over `[0, a] x [0, b] x [0, c]`, odd in each argument; a box is the
+//! sum of eight of them with signs, so that the parts of a grain in neighbouring cells complement each other to
+//! round-off whatever the error of `G`. Within the octant, where the corner (a, b, c) lies inside the ball, `G =
+//! abc`; otherwise no point of the ball lies beyond all three planes, and by inclusion and exclusion
 //!
 //! ```text
 //! G = pi/6 - C(a) - C(b) - C(c) + E(a, b) + E(b, c) + E(c, a)
@@ -18,12 +18,12 @@
 use base::ball::{cap, edge, octant_of};
 use std::f64::consts::PI;
 
-/// Returns the unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
+/// Returns the volume of the unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1.
 fn octant(a: f64, b: f64, c: f64) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
         return a * b * c;
     }
-    // Most pairs lie beyond the circle, where the edge is 0: a branch saves its arctangents.
+    // Most pairs lie beyond the circle, where the edge function is 0: a branch saves its arctangents.
     let edge = |a: f64, b: f64| {
         if 1.0 - a * a - b * b > 0.0 {
             edge(a, b)
@@ -38,18 +38,18 @@ fn octant(a: f64, b: f64, c: f64) -> f64 {
     )
 }
 
-/// Returns half of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
+/// Returns half the area of the segment of the unit disc beyond a distance a from its centre, 0 … 1.
 pub fn segment(a: f64) -> f64 {
     let s = (1.0 - a * a).max(0.0).sqrt();
     0.5 * (s.atan2(a) - a * s)
 }
 
-/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1.
+/// Returns the area of the unit disc over [0, a] x [0, b], arguments in 0 … 1.
 fn quadrant(a: f64, b: f64) -> f64 {
     quadrant_of([a, b], [segment(a), segment(b)])
 }
 
-/// Returns the unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
+/// Returns the area of the unit disc over [0, a] x [0, b], arguments in 0 … 1, from the segments beyond a and b.
 #[inline(always)]
 pub fn quadrant_of([a, b]: [f64; 2], segments: [f64; 2]) -> f64 {
     if a * a + b * b <= 1.0 {
@@ -82,8 +82,8 @@ pub fn sphere_box(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3
     (sum * radius * radius * radius).max(0.0)
 }
 
-/// Returns the area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m2\]; the third coordinate
-/// counts for nothing.
+/// Returns the area of a disc inside the rectangle from `lower` to `upper` (all in m) \[m²\]; the third coordinate
+/// has no effect.
 #[must_use]
 pub fn disc_rectangle(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let at = |x: f64, axis: usize| ((x - centre[axis]) / radius).clamp(-1.0, 1.0);

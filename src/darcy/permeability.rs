@@ -1,9 +1,9 @@
 //! Permeability of a bed of grains from its porosity and a mean diameter.
 //!
-//! Cells without grains would conduct without bound: the porosity is capped.
+//! Without a maximum of the porosity, cells without grains would conduct without bound.
 //!
-//! A law of resistance is one file below this module, or a drag law ([`super::drag`]) that is used as one, and one line
-//! of the list.
+//! Each resistance law has its own file below this module, or is a drag law ([`super::drag`]) used as resistance,
+//! and has one line in the list.
 
 pub mod ergun;
 pub mod kozeny_carman;
@@ -20,7 +20,7 @@ use ergun::Ergun;
 use kozeny_carman::KozenyCarman;
 
 family! {
-    /// The laws of resistance. A line here makes a law known to cases, to their schema, to `plan` and to runs.
+    /// Resistance laws. A new line makes a law available to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
     pub enum Resistance: PermeabilityFormula {
         #[default]
@@ -31,33 +31,32 @@ family! {
     }
 }
 
-/// A law of resistance: the permeability K \[m2\] of a bed.
+/// Resistance law: the permeability K \[m²\] of a bed.
 pub trait PermeabilityFormula: Sync {
-    /// Returns the law in the schema of the case: one line.
+    /// Returns the description of the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// Returns the law with its parameters in the tables of `plan`.
+    /// Returns the law with its parameters for the tables of `plan`.
     fn description(&self) -> String;
 
     /// Returns K \[m2\] of a bed of porosity `porosity` and mean diameter `diameter` \[m\] under a gradient of the
     /// reduced pressure \[Pa/m\].
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64;
 
-    /// Returns the loss of reduced pressure over the flux \[Pa s/m2\] of a bed at a superficial speed
-    /// \[m/s\]: `mu/K` there.
+    /// Returns the loss of reduced pressure over the flux \[Pa s/m²\] of a bed at a superficial speed \[m/s\]:
+    /// `mu/K` at this speed.
     fn resistance(&self, porosity: f64, diameter: f64, liquid: Liquid, speed: f64) -> f64;
 
-    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of
-    /// beds that vanishes on a lone grain
-    /// passes over to the law of Wen and Yu there.
+    /// Returns the force over the superficial speed \[kg/s\] on a grain in dilute water. A resistance of beds that
+    /// vanishes for a single grain is replaced there by the law of Wen and Yu.
     fn dilute(&self, bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
         wen_yu(bed, grain, speed)
     }
 
-    /// Returns `true` if K depends on the gradient: pressure and permeability are then computed in turn until both
-    /// stay.
+    /// Returns `true` if K depends on the gradient: pressure and permeability are then computed alternately until
+    /// both converge.
     fn depends_on_the_gradient(&self) -> bool {
         false
     }
@@ -79,9 +78,9 @@ pub trait PermeabilityFormula: Sync {
         }
     }
 
-    /// Returns the largest relative change from the permeabilities that are given to those of the bed, weighted by the
-    /// gradient of the cell over the largest: the error of the gradient that it makes. In free water, whose gradient is
-    /// rounding, nothing depends on it.
+    /// Returns the largest relative change from the given permeabilities to those of the bed, weighted by the
+    /// gradient of the cell relative to the largest, which is the resulting error of the gradient. In open water,
+    /// whose gradient is rounding, nothing depends on it.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
         let steepest = bed.steepest();
@@ -101,19 +100,19 @@ pub trait PermeabilityFormula: Sync {
     }
 }
 
-/// Returns the larger of two numbers; NaN if one is.
+/// Returns the larger of two numbers; NaN if either is NaN.
 pub fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// Quantities that the permeability of every cell depends on.
+/// Quantities on which the permeability of every cell depends.
 #[derive(Clone, Copy, Debug)]
 pub struct BedOfCells<'a> {
     /// Porosity, within its limits.
     pub porosity: &'a [f64],
     /// Mean diameter of the grains \[m\].
     pub diameter: &'a [f64],
-    /// Size of the gradient of the reduced pressure \[Pa/m\].
+    /// Magnitude of the gradient of the reduced pressure \[Pa/m\].
     pub gradient: &'a [f64],
 }
 
@@ -133,21 +132,21 @@ impl BedOfCells<'_> {
     }
 }
 
-/// A law of resistance with the limits of the porosity.
+/// Resistance law with the limits of the porosity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Permeability {
     /// Law of the permeability.
     pub law: Resistance,
-    /// Mean diameter that the law uses.
+    /// Mean diameter used by the law.
     pub diameter: MeanDiameter,
-    /// Larger porosities count as this one.
+    /// Maximum porosity: larger values count as this one.
     pub porosity_cap: f64,
-    /// Smaller porosities, of overlapping grains, count as this one.
+    /// Minimum porosity: smaller values, of overlapping grains, count as this one.
     pub least_porosity: f64,
 }
 
 impl Permeability {
-    /// Returns the porosity that counts.
+    /// Returns the porosity within its limits.
     #[must_use]
     pub fn limited(&self, porosity: f64) -> f64 {
         porosity.clamp(self.least_porosity, self.porosity_cap)

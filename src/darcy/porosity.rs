@@ -4,7 +4,8 @@
 //! eps = 1 - sum_i w_i V_i / V_inside        w_i: the part of grain i in the cell
 //! ```
 //!
-//! A porosity method gives the part of a grain in each cell. It is one file below this module and one line of the list.
+//! A porosity method gives the fraction of a grain in each cell. Each method has its own file below this module and
+//! one line in the list.
 //!
 //! Sums are integers (steps of 2^-62 of a cell): they do not depend on the order of grains or ranks.
 
@@ -24,7 +25,7 @@ use exact::Exact;
 use std::f64::consts::PI;
 
 family! {
-    /// The porosity methods. A line here makes a method known to cases, to their schema, to `plan` and to runs.
+    /// Porosity methods. A new line makes a method available to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
     pub enum PorosityMethod: PorosityFormula {
         Centroid,
@@ -34,17 +35,17 @@ family! {
     }
 }
 
-/// A porosity method: the part of a grain in each cell.
+/// Porosity method: the fraction of a grain in each cell.
 pub trait PorosityFormula {
-    /// Returns the method in the schema of the case: one line.
+    /// Returns the description of the method in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// Returns the method with its parameters in the tables of `plan`.
+    /// Returns the method with its parameters for the tables of `plan`.
     fn description(&self) -> String;
 
-    /// Appends (cell, part) for the cells that hold a part of the grain; parts outside the grid are left out.
+    /// Appends (cell, fraction) for the cells that contain a part of the grain; parts outside the grid are dropped.
     fn parts(
         &self,
         grid: &SeepageGrid,
@@ -54,7 +55,7 @@ pub trait PorosityFormula {
     );
 }
 
-/// Returns the volume of a sphere; in 2-D area of a disc.
+/// Returns the volume of a sphere; in 2-D the area of a disc.
 #[must_use]
 pub fn measure(dimension: usize, radius: f64) -> f64 {
     if dimension == 2 {
@@ -64,16 +65,16 @@ pub fn measure(dimension: usize, radius: f64) -> f64 {
     }
 }
 
-/// The pores of the grid, made from grains with [`Pores::clear`], [`Pores::add`] for every owned grain,
+/// Pores of the grid, computed from grains with [`Pores::clear`], [`Pores::add`] for every owned grain,
 /// [`Pores::finish`].
 #[derive(Clone, Debug)]
 pub struct Pores {
     grid: SeepageGrid,
     method: PorosityMethod,
     mean: MeanDiameter,
-    /// Diameters are summed in units of this \[m\].
+    /// Unit in which diameters are summed \[m\].
     unit: f64,
-    /// Per cell: solid volume over the cell's, sum w d^(k+1), sum w d^k, in steps of 2^-62.
+    /// Sums per cell, in steps of 2^-62: solid volume over that of the cell, sum w d^(k+1), sum w d^k.
     sums: Vec<[i128; 3]>,
     words: Vec<u128>,
     porosity: Vec<f64>,
@@ -104,20 +105,20 @@ impl Pores {
         }
     }
 
-    /// Returns the mean diameter that is formed.
+    /// Returns the kind of mean diameter.
     #[must_use]
     pub fn mean(&self) -> MeanDiameter {
         self.mean
     }
 
-    /// Forgets all grains.
+    /// Resets the sums.
     pub fn clear(&mut self) {
         self.sums.fill([0; 3]);
         self.finite = true;
     }
 
-    /// Replaces `parts` by the cells that hold a part of a grain, each with the part; parts outside the grid are left
-    /// out.
+    /// Replaces `parts` by the cells that contain a part of a grain, each with the fraction of the grain; parts
+    /// outside the grid are dropped.
     #[inline]
     pub fn parts(&self, centre: [f64; 3], radius: f64, parts: &mut Vec<(usize, f64)>) {
         parts.clear();
@@ -130,7 +131,7 @@ impl Pores {
         self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
-    /// Adds a grain with its [`Self::parts`]; every grain on one rank only.
+    /// Adds a grain with its [`Self::parts`]; each grain must be added on one rank only.
     pub fn add(&mut self, centre: [f64; 3], radius: f64, parts: &[(usize, f64)]) {
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
         let d = 2.0 * radius / self.unit;
@@ -149,7 +150,7 @@ impl Pores {
     /// Sums over the ranks and derives porosity and diameters. Collective.
     ///
     /// # Errors
-    /// If a grain has no finite place, or is far larger than a cell.
+    /// If the position of a grain is not finite, or a grain is far larger than a cell.
     pub fn finish(
         &mut self,
         openness: &Openness,
@@ -192,7 +193,7 @@ impl Pores {
         &self.porosity
     }
 
-    /// Returns the mean diameter in each cell \[m\]; that of all grains where there is none.
+    /// Returns the mean diameter in each cell \[m\]; that of all grains for a cell without grains.
     #[must_use]
     pub fn diameter(&self) -> &[f64] {
         &self.diameter
@@ -205,9 +206,9 @@ impl Pores {
     }
 }
 
-/// Sums up to this one are too coarse for a quotient: a grain reaches into the cell by less than about 2^-40 of it.
+/// Largest sum that is too coarse for a quotient: a grain overlaps the cell by less than about 2^-40 of the cell.
 const SLIVER: i128 = 1 << 22;
-/// 2^-62.
+/// Step of the sums: 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 #[cfg(test)]
 mod tests {

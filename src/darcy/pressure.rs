@@ -4,25 +4,24 @@
 //! div q = -d eps/dt,     q = -(K/mu) (grad p - rho g) = -(K/mu) grad phi,     phi = p - rho g·x
 //! ```
 //!
-//! The unknown is the reduced pressure `phi`, so that water at rest is exactly at rest. The discretisation uses
-//! cell-centred finite volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic mean of the two cells times
-//! its open area. The layers of a column are therefore in series exactly, and the flux out of one cell is the flux into
-//! the next. The matrix is stored as its faces only. Conjugate gradients with one multigrid cycle
-//! ([`super::multigrid`]) solve it, starting from the last solution.
+//! The unknown is the reduced pressure `phi`, so that stationary water remains exactly stationary. The
+//! discretisation uses cell-centred finite volumes. The flux of a face is `t (phi_i - phi_j)` with the harmonic
+//! mean of the two cells times its open area. The layers of a column are therefore in series exactly, and the flux
+//! out of one cell is the flux into the next. The matrix is stored as its faces only. Conjugate gradients with one
+//! multigrid cycle ([`super::multigrid`]) solve it, starting from the last solution.
 //!
-//! Moving grains and their water keep their volume together. The flux through a cell is a linear
-//! function of the gradient
-//! ([`Medium`]; `coupling::seepage` derives it):
+//! The volume of moving grains and water together is conserved. The flux through a cell is a linear function of the
+//! gradient ([`Medium`]; `coupling::seepage` derives it):
 //!
 //! ```text
 //! div j = 0,     j = c - k grad phi        c: carried by the grains, k: conductivity
 //! ```
 //!
-//! In half a cell on each side of a face `j` is the same, so that what is carried through a face is that of its two
-//! cells, weighted by their resistances. The water of a cell without grains has next to no resistance: it follows the
-//! bed next to it.
+//! `j` is equal in the half cells on both sides of a face, so that the flux carried through a face is that of its
+//! two cells, weighted by their resistances. The water of a cell without grains has almost no resistance: it
+//! follows the adjacent bed.
 //!
-//! As printed in the fissure paper the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
+//! In the published fissure model the balance is `div (K/(mu eps) grad p) = 0`, without gravity, and its velocity
 //! is interstitial ([`Equations::Paper`]); signs are those of Darcy's law in both.
 //!
 //! Flux and gradient of a cell are the means of its two faces along each axis. `-sum V grad phi` is then exactly the
@@ -64,7 +63,7 @@ pub enum Equations {
     Paper,
 }
 
-/// The water.
+/// Properties of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Liquid {
     /// Density \[kg/m3\].
@@ -73,21 +72,21 @@ pub struct Liquid {
     pub viscosity: f64,
 }
 
-/// A part of a face of the grid, or a drain in the ground.
+/// Part of a face of the grid, or drain in the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressurePatch {
     /// Axis of the normal.
     pub axis: usize,
-    /// `true` if it is at the upper end of the axis.
+    /// `true` for the upper end of the axis.
     pub upper: bool,
-    /// First cell along each axis; of no matter along the normal.
+    /// First cell along each axis; without effect along the normal.
     pub from: [usize; 3],
-    /// One past the last cell along each axis; of no matter along the normal.
+    /// One past the last cell along each axis; without effect along the normal.
     pub to: [usize; 3],
     /// The condition.
     pub condition: Condition,
-    /// `true` for a drain: its faces are those of [`crate::Openness::drain_faces`], in the order of the drains, and
-    /// axis, end and cells have no meaning.
+    /// `true` for a drain: its faces are those of [`crate::Openness::drain_faces`], in the order of the drains;
+    /// axis, end and cells have no effect.
     pub inside: bool,
 }
 
@@ -99,13 +98,12 @@ impl PressurePatch {
     }
 }
 
-/// Numbers that a saved run holds of each cell: reduced pressure, porosity, gradient of the reduced
-/// pressure, flux of the water, resistance
-/// of open water.
+/// Number of values per cell in a saved run: reduced pressure, porosity, gradient of the reduced pressure, flux of
+/// the water, resistance of open water.
 pub const NUMBERS: usize = 9;
 
-/// Returns how many numbers a saved run holds of a grid of this many cells; `transient`: `true` if the flow changes
-/// with time, which adds the stored water of each cell.
+/// Returns the number of values in a saved run for a grid with this many cells; `transient` adds the stored water
+/// of each cell.
 #[must_use]
 pub fn numbers(cells: usize, transient: bool) -> usize {
     let stored = if transient {
@@ -123,40 +121,40 @@ pub struct PressureSettings {
     pub equations: Equations,
     /// Gravity \[m/s2\].
     pub gravity: [f64; 3],
-    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    /// Maximum imbalance of a cell, relative to that at uniform pressure.
     pub tolerance: f64,
-    /// Iterations after which it is an error.
+    /// Maximum number of iterations; more are an error.
     pub iterations: u32,
 }
 
-/// Water and grains of all cells as the pressure meets them: in a cell they move together with `carried -
-/// conductivity grad phi`.
+/// Coefficients of water and grains in all cells: in a cell they move together with `carried - conductivity grad
+/// phi`.
 #[derive(Clone, Copy, Debug)]
 pub struct Medium<'a> {
-    /// Flux over gradient of the reduced pressure [m2/(Pa s)], for each cell.
+    /// Ratio of flux to gradient of the reduced pressure [m²/(Pa s)], for each cell.
     pub conductivity: &'a [f64],
-    /// Volume flux without a gradient \[m/s\], for each cell; none if all grains are at rest.
+    /// Volume flux without a gradient \[m/s\], for each cell; none if all grains are stationary.
     pub carried: Option<&'a [[f64; 3]]>,
-    /// Volume of water that appears per volume inside the walls \[1/s\], for each cell.
+    /// Source of water per volume inside the walls \[1/s\], for each cell.
     pub source: Option<&'a [f64]>,
 }
 
 /// Cost and quality of a solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolutionReport {
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: u32,
-    /// The largest imbalance of a cell, relative to that at uniform pressure.
+    /// Largest imbalance of a cell, relative to that at uniform pressure.
     pub residual: f64,
-    /// Volume that enters in a second \[m3/s\].
+    /// Inflow \[m³/s\].
     pub inflow: f64,
-    /// Volume that leaves in a second \[m3/s\].
+    /// Outflow \[m³/s\].
     pub outflow: f64,
 }
 
-/// Cells that conduct differently along each axis.
+/// Cells with an anisotropic conductivity.
 struct Directions {
-    /// Conductivity along each axis over that of the cell.
+    /// Ratio of the conductivity along each axis to that of the cell.
     ratios: Vec<[f64; 3]>,
     /// Conductivity along each axis.
     conductivity: [Vec<f64>; 3],
@@ -172,27 +170,27 @@ struct Slab {
     gather: Option<Gather>,
 }
 
-/// Fluxes from cell to cell: faces, conductivities, and what grains carry.
+/// Fluxes between cells: faces, conductivities, and the flux carried by grains.
 struct Conduction {
-    /// Per axis, open area of a face times 2/spacing; 0 for a closed face.
+    /// Open area of a face times 2/spacing, per axis; 0 for a closed face.
     factor: [Vec<f64>; 3],
-    /// Per axis, one over the open area of a face, 0 for a closed one.
+    /// Inverse of the open area of a face, per axis; 0 for a closed one.
     per_area: [Vec<f64>; 3],
     /// Total conductivity: water plus grains.
     conductivity: Vec<f64>,
-    /// Data of cells that conduct differently along each axis.
+    /// Data of cells with an anisotropic conductivity.
     directions: Option<Box<Directions>>,
-    /// Flux that the grains carry along each axis \[m/s\].
+    /// Flux carried by the grains along each axis \[m/s\].
     carried: [Vec<f64>; 3],
-    /// `true` if they carry anything.
+    /// `true` if this flux is not zero.
     carries: bool,
-    /// Flux that the gradient drives through each cell \[m/s\].
+    /// Flux driven by the gradient through each cell \[m/s\].
     driven: Vec<[f64; 3]>,
     conducts: Vec<bool>,
 }
 
 impl Conduction {
-    /// Returns the faces of a grid, which conduct nothing yet.
+    /// Returns the faces of a grid with zero conductivity.
     fn new(openness: &Openness, layout: &Layout) -> Self {
         let (grid, n) = (openness.grid, layout.len());
         let mut all = Self {
@@ -230,7 +228,7 @@ struct System {
     product: Vec<f64>,
 }
 
-/// The pressure of a grid, and the way to it.
+/// Pressure field of a grid and its solver state.
 pub struct Pressure {
     slab: Slab,
     conduction: Conduction,
@@ -242,18 +240,18 @@ pub struct Pressure {
     ground: Vec<Ground>,
     /// Reduced pressure above `level` \[Pa\]: small differences from a large level keep their digits.
     phi: Vec<f64>,
-    /// The middle of the imposed reduced pressures \[Pa\].
+    /// Midpoint of the imposed reduced pressures \[Pa\].
     level: f64,
-    /// `true` if no pressure has been found or restored yet.
+    /// `true` if no pressure has been computed or restored yet.
     fresh: bool,
-    /// Ground that is saturated in part; none where all of it is.
+    /// State of unsaturated ground; none if all ground is saturated.
     unsaturated: Option<Box<Unsaturated>>,
-    /// Ground whose principal permeabilities dip against the axes; none where they do not.
+    /// Data of ground whose principal permeabilities are inclined to the axes; none otherwise.
     tensor: Option<Box<Tensor>>,
 }
 
 impl Pressure {
-    /// Sets up the solver: at rest, without conductivity. Collective.
+    /// Returns the solver with zero pressure differences and zero conductivity. Collective.
     ///
     /// # Errors
     /// [`SeepageError::Pocket`] if connected cells have no face with imposed pressure, [`SeepageError::NoOpenCell`] if
@@ -332,7 +330,7 @@ impl Pressure {
         Ok(all)
     }
 
-    /// Labels connected cells; each set needs a face where the pressure is imposed.
+    /// Checks that each set of connected cells has a face with an imposed pressure.
     fn check_outlets(&self) -> Result<(), SeepageError> {
         let mut held = vec![false; self.slab.layout.len()];
         for face in &self.boundary {
@@ -389,12 +387,12 @@ impl Pressure {
         self.settings.tolerance
     }
 
-    /// Changes what holds on a patch; its kind has to stay.
+    /// Changes the condition of a patch; its kind must remain the same.
     pub fn set_condition(&mut self, patch: usize, condition: Condition) {
         self.patches[patch].condition = condition;
     }
 
-    /// Returns the condition that is stated for a face of a cell on the boundary of the grid.
+    /// Returns the condition that is stated for a boundary face of a cell; none without one.
     #[must_use]
     pub fn condition(&self, cell: usize, axis: usize, upper: bool) -> Option<Condition> {
         let place = self.slab.grid.cell(cell);
@@ -405,7 +403,8 @@ impl Pressure {
         patch.filter(|_| on_face).map(|p| p.condition)
     }
 
-    /// States the conductivity of every cell along each axis over the one that [`Self::solve`] gets; 1 until then.
+    /// Sets the ratios of the conductivity of every cell along each axis to that passed to [`Self::solve`]; 1 until
+    /// then.
     pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
         let n = self.slab.layout.len();
         let directions = self.conduction.directions.get_or_insert_with(|| {
@@ -417,14 +416,14 @@ impl Pressure {
         directions.ratios.copy_from_slice(ratios);
     }
 
-    /// Returns the conductivity of a cell along each axis over the one that was given.
+    /// Returns the ratios of the conductivity of a cell along each axis to the given one.
     #[must_use]
     pub fn direction(&self, cell: usize) -> [f64; 3] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or([1.0; 3], |directions| directions.ratios[cell])
     }
 
-    /// Returns the conductivity along an axis, of water and grains together.
+    /// Returns the total conductivity along an axis: water plus grains.
     fn along(&self, axis: usize) -> &[f64] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or(&self.conduction.conductivity, |directions| {
@@ -432,9 +431,8 @@ impl Pressure {
         })
     }
 
-    /// Finds the pressure in a medium, starting from the last pressure. Where nothing is carried and there
-    /// is no source the flow is
-    /// quasi-steady. Collective.
+    /// Solves for the pressure in a medium, starting from the last pressure. If nothing is carried and there is no
+    /// source the flow is quasi-steady. Collective.
     ///
     /// # Errors
     /// [`SeepageError::NotFinite`], [`SeepageError::NotConverged`]; the same on every rank.
@@ -477,7 +475,7 @@ impl Pressure {
             for i in row {
                 largest = largest.max(self.system.matrix.diagonal[i]);
                 bad |= !self.system.right[i].is_finite() || !self.phi[i].is_finite();
-                // A blocked cell takes no part: a coarse correction there has no effect.
+                // A blocked cell is not part of the system: a coarse correction there has no effect.
                 if self.system.matrix.diagonal[i] <= 0.0 {
                     self.system.right[i] = 0.0;
                     self.phi[i] = 0.0;
@@ -495,7 +493,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Stores the conductivities and the part that grains carry; returns `true` if one is not a number.
+    /// Stores the conductivities and the flux carried by grains; returns `true` if a value is not a number.
     fn take(&mut self, medium: Medium<'_>) -> bool {
         let nx = self.slab.grid.cells[0];
         let whole = self.slab.layout.whole();
@@ -529,7 +527,7 @@ impl Pressure {
         bad
     }
 
-    /// Makes the matrix of the faces: the harmonic mean of the two cells times the open area.
+    /// Computes the matrix of the faces: the harmonic mean of the two cells times the open area.
     fn join_cells(&mut self) {
         let whole = self.slab.layout.whole();
         for axis in 0..3 {
@@ -554,7 +552,7 @@ impl Pressure {
         }
     }
 
-    /// Shifts the unknowns to the level in the middle of the imposed pressures.
+    /// Shifts the unknowns to the level of the midpoint of the imposed pressures.
     fn centre(&mut self) {
         let level = self.middle();
         if level.total_cmp(&self.level).is_ne() {
@@ -567,7 +565,7 @@ impl Pressure {
         }
     }
 
-    /// Imposes the conditions of the boundary on ground and right sides.
+    /// Adds the boundary conditions to the matrix and the right sides.
     fn impose(&mut self) {
         let level = self.level;
         self.ground.clear();
@@ -600,7 +598,7 @@ impl Pressure {
         }
     }
 
-    /// Adds the water that appears in the cells to the right sides.
+    /// Adds the sources of the cells to the right sides.
     fn add_source(&mut self, source: &[f64]) {
         let nx = self.slab.grid.cells[0];
         let volume = self.slab.grid.volume();
@@ -632,7 +630,8 @@ impl Pressure {
         }
     }
 
-    /// Computes the conductivities along each axis, where cells differ in them; returns `true` if one is not a number.
+    /// Computes the conductivities along each axis for anisotropic cells; returns `true` if a value is not a
+    /// number.
     fn direct(&mut self) -> bool {
         let Some(directions) = &mut self.conduction.directions else {
             return false;
@@ -649,7 +648,7 @@ impl Pressure {
         bad
     }
 
-    /// Adds what the grains displace to the right sides.
+    /// Adds the displacement by the grains to the right sides.
     fn carry(&mut self) {
         if !self.conduction.carries {
             return;
@@ -678,8 +677,8 @@ impl Pressure {
         0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
     }
 
-    /// Returns the flux that is carried through the face below a cell \[m/s\]: that of the two cells,
-    /// weighted by their resistances; 0 at a closed face.
+    /// Returns the flux carried through the face below a cell \[m/s\]: that of the two cells, weighted by their
+    /// resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.slab.layout.stride[axis];
         let (k, v) = (self.along(axis), &self.conduction.carried[axis]);
@@ -690,7 +689,7 @@ impl Pressure {
         }
     }
 
-    /// Returns the middle of the imposed reduced pressures.
+    /// Returns the midpoint of the imposed reduced pressures \[Pa\].
     fn middle(&self) -> f64 {
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for face in &self.boundary {
@@ -702,7 +701,7 @@ impl Pressure {
         0.5 * (least + most)
     }
 
-    /// Returns the reduced pressure that is imposed on a face.
+    /// Returns the reduced pressure imposed on a face \[Pa\]; none without one.
     fn imposed(&self, face: &Boundary) -> Option<f64> {
         match self.patches[face.patch].condition {
             Condition::Pressure { value: p } => Some(p + face.lift),
@@ -737,7 +736,8 @@ impl Pressure {
         }
     }
 
-    /// Computes the flow that the gradient drives through each cell, from its faces; returns total inflow and outflow.
+    /// Computes the flow driven by the gradient through each cell, from its faces; returns total inflow and
+    /// outflow.
     fn fluxes(&mut self) -> (f64, f64) {
         let layout = self.slab.layout;
         let [_, sy, sz] = layout.stride;
@@ -799,7 +799,7 @@ impl Pressure {
         }
     }
 
-    /// Returns the flux over gradient of the reduced pressure in a cell [m2/(Pa s)]; 0 outside the walls.
+    /// Returns the ratio of flux to gradient of the reduced pressure in a cell [m²/(Pa s)]; 0 outside the walls.
     #[must_use]
     pub fn conductivity(&self, cell: usize) -> f64 {
         self.conduction.conductivity[self.slab.layout.position(self.slab.grid.cell(cell))]
@@ -819,7 +819,7 @@ impl Pressure {
         })
     }
 
-    /// Returns rho g in the water \[N/m3\]; 0 in the equations as printed.
+    /// Returns the weight of the water rho g \[N/m³\]; 0 in the equations as printed.
     #[must_use]
     pub fn weight(&self) -> [f64; 3] {
         match self.settings.equations {
@@ -844,7 +844,7 @@ impl Pressure {
         self.level + self.phi[self.slab.layout.position(self.slab.grid.cell(cell))]
     }
 
-    /// Returns what [`Self::restore`] takes over: the reduced pressure of every cell above the middle of the
+    /// Returns the values for [`Self::restore`]: the reduced pressure of every cell relative to the midpoint of the
     /// imposed ones \[Pa\].
     pub fn saved(&self) -> impl Iterator<Item = f64> {
         (0..self.slab.grid.count())
@@ -878,10 +878,10 @@ impl Pressure {
         self.reduced(cell) + (weight[0] * x[0] + weight[1] * x[1] + weight[2] * x[2])
     }
 
-    /// Takes over what [`Self::saved`] gave as the start of the next iteration.
+    /// Restores the values of [`Self::saved`] as the start of the next iteration.
     ///
     /// # Errors
-    /// If there is not one for each cell.
+    /// If their number differs from the number of cells.
     pub fn restore(&mut self, saved: &[f64]) -> Result<(), SeepageError> {
         if saved.len() != self.slab.grid.count() {
             return Err(SeepageError::Messages(format!(
@@ -898,7 +898,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Returns the volume that enters through each patch \[m3/s\].
+    /// Returns the inflow through each patch \[m³/s\].
     #[must_use]
     pub fn patch_inflows(&self) -> Vec<f64> {
         let mut sums: Vec<ExactSum> = self.patches.iter().map(|_| ExactSum::new()).collect();

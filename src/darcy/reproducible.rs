@@ -26,7 +26,7 @@ pub(super) fn dot<B: Copy + Into<f64>>(
         largest = largest.max(row_largest);
         bad |= row_bad;
     }
-    // NaN would be lost by a maximum.
+    // A maximum would lose a NaN.
     let largest = communicator.all_reduce_max_f64(if bad { f64::INFINITY } else { largest });
     if !largest.is_finite() {
         return f64::NAN;
@@ -36,7 +36,7 @@ pub(super) fn dot<B: Copy + Into<f64>>(
     }
     let terms = real(layout.count().next_power_of_two());
     let coarse = 2.0 * terms * power_above(largest);
-    // The rest of a term is below half a step of the coarse part, which is 2^-52 of `coarse`.
+    // The remainder of a term is at most half a step of the coarse part, which is 2^-52 of `coarse`.
     let fine = 2.0 * terms * coarse * 2.0_f64.powi(-53);
     if !coarse.is_finite() || fine * 2.0_f64.powi(-52) < f64::MIN_POSITIVE {
         return f64::NAN;
@@ -67,7 +67,7 @@ fn largest_term<B: Copy + Into<f64>>(a: &[f64], b: &[B]) -> (f64, bool) {
         } else {
             lanes[lane]
         };
-        // NaN and infinity times zero are NaN.
+        // NaN and infinity times zero give NaN.
         bad[lane] += x * 0.0;
     };
     for (a, b) in a_all.0.iter().zip(b_all.0) {

@@ -1,4 +1,4 @@
-//! Retention and relative permeability of soil that is not saturated, as functions of the pressure head.
+//! Retention and relative permeability of unsaturated soil, as functions of the pressure head.
 //!
 //! ```text
 //! theta = theta_r + (theta_s - theta_r) S_e(psi),     K = K_s k_r(psi),     psi = p/(rho g)
@@ -14,13 +14,13 @@
 //! k_f = k_1 E(r + lambda d)/E(lambda d)
 //! ```
 //!
-//! This is the exponential fitting of D. L. Scharfetter and H. K. Gummel (IEEE Trans. Electron Devices 16 (1969) 64)
-//! for the flux `-k_r d(psi + z)/dz`. Along a horizontal axis it is the logarithmic mean, the integral mean of an
-//! exponential `k_r`; where a model states its integral, the integral mean itself is used there, with which the
+//! This is the exponential fitting of D. L. Scharfetter and H. K. Gummel (IEEE Trans. Electron Devices 16 (1969)
+//! 64) for the flux `-k_r d(psi + z)/dz`. Along a horizontal axis it is the logarithmic mean, the integral mean of
+//! an exponential `k_r`; if a model provides its integral, the integral mean itself is used there, with which the
 //! discharge of a dam is exact on any grid. In a tall cell that drains under gravity it is the `k_r` of the upper
-//! cell, without oscillation; water at rest stays exactly at rest.
+//! cell, without oscillation; stationary water remains exactly stationary.
 //!
-//! A model is one file below this module and one line of the list.
+//! Each model has its own file below this module and one line in the list.
 
 pub mod gardner;
 pub mod haverkamp;
@@ -34,7 +34,7 @@ use saturated_only::SaturatedOnly;
 use van_genuchten::VanGenuchten;
 
 family! {
-    /// The models of retention. A line here makes a model known to cases, to their schema and to runs.
+    /// Retention models. A new line makes a model available to cases, to their schema and to runs.
     pub enum Retention: RetentionLaw {
         VanGenuchten(VanGenuchten),
         Gardner(Gardner),
@@ -48,81 +48,81 @@ family! {
 pub struct SoilState {
     /// Volume of water per volume of soil \[1\].
     pub content: f64,
-    /// Water capacity: derivative of the content by the pressure head \[1/m\].
+    /// Water capacity: derivative of the content with respect to the pressure head \[1/m\].
     pub capacity: f64,
     /// Natural logarithm of the relative permeability.
     pub log_permeability: f64,
-    /// Its derivative by the pressure head \[1/m\].
+    /// Derivative of this logarithm with respect to the pressure head \[1/m\].
     pub slope: f64,
 }
 
-/// A model of retention and relative permeability.
+/// Model of retention and relative permeability.
 pub trait RetentionLaw: Sync {
-    /// The model in the schema of the case: one line.
+    /// Returns the description of the model in the schema of the case: one line.
     fn summary() -> &'static str
     where
         Self: Sized;
 
-    /// The model with its parameters in the tables of `plan`.
+    /// Returns the model with its parameters for the tables of `plan`.
     fn description(&self) -> String;
 
     /// Returns the state at a pressure head \[m\].
     fn state(&self, head: f64) -> SoilState;
 
-    /// Returns the degree of saturation at a pressure head: content of water over that at saturation \[1\].
+    /// Returns the degree of saturation at a pressure head: water content over that at saturation \[1\].
     fn saturation(&self, head: f64) -> f64 {
         self.state(head).content / self.state(0.0).content
     }
 
     /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
-    /// (Kirchhoff's potential); none where it has no closed form.
+    /// (Kirchhoff's potential); none without a closed form.
     fn potential(&self, _head: f64, _power: f64) -> Option<f64> {
         None
     }
 
-    /// Returns the height \[m\] over which the permeability falls to about 1/e above the phreatic surface, to compare
-    /// with the cells.
+    /// Returns the height \[m\] over which the permeability decreases to about 1/e above the phreatic surface, for
+    /// comparison with the cells.
     fn capillary_length(&self) -> f64;
 
-    /// `true` if the model states how much water the soil stores, which a transient flow needs.
+    /// Returns `true` if the model defines the stored water, which a transient flow needs.
     fn stores(&self) -> bool {
         true
     }
 
-    /// Returns the parameter that is out of its range, with the range and a remedy; none if all are within.
+    /// Returns a parameter that is out of range, with the range and a remedy; none if all are valid.
     fn check(&self) -> Option<Fault>;
 }
 
-/// A parameter that is out of its range.
+/// Parameter out of range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     /// Path of the parameter below the retention of the case, such as `van_genuchten.n`.
     pub path: &'static str,
-    /// Cause, with the allowed range.
+    /// Reason, with the allowed range.
     pub reason: String,
     /// Remedy.
     pub remedy: String,
 }
 
-/// Relative permeability of a face, and its derivatives by the pressure heads on both sides \[1/m\].
+/// Relative permeability of a face, and its derivatives with respect to the pressure heads on both sides \[1/m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mean {
     /// Relative permeability \[1\].
     pub permeability: f64,
-    /// Derivatives by the first and by the second pressure head \[1/m\].
+    /// Derivatives with respect to the first and the second pressure head \[1/m\].
     pub derivatives: [f64; 2],
 }
 
-/// A side of a face.
+/// Side of a face.
 #[derive(Clone, Copy, Debug)]
 pub struct Side {
     /// Pressure head \[m\].
     pub head: f64,
     /// Natural logarithm of the relative permeability.
     pub log_permeability: f64,
-    /// Its derivative by the pressure head \[1/m\].
+    /// Derivative of this logarithm with respect to the pressure head \[1/m\].
     pub slope: f64,
-    /// Kirchhoff's potential \[m\]; none where the model has none.
+    /// Kirchhoff's potential \[m\]; none if the model has no closed form.
     pub potential: Option<f64>,
 }
 
@@ -146,13 +146,13 @@ fn log_ratio_slope(x: f64) -> f64 {
     }
 }
 
-/// Returns the relative permeability of a face between two states; `rise`: elevation of the second above the first
-/// \[m\].
+/// Returns the relative permeability of a face between two states; `rise` is the elevation of the second minus that
+/// of the first \[m\].
 #[must_use]
 pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
     let (a, b) = (first, second);
     if a.log_permeability.abs() + b.log_permeability.abs() <= 0.0 {
-        // Both are saturated.
+        // Both sides are saturated.
         return Mean {
             permeability: 1.0,
             derivatives: [0.0; 2],
@@ -160,7 +160,7 @@ pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
     }
     let difference = b.head - a.head;
     let ratio = b.log_permeability - a.log_permeability;
-    // Near each other the chord is the mean slope, whose change counts for nothing.
+    // For nearly equal states the chord is the mean slope, whose change is negligible.
     let near = difference.abs() <= 1e-9 * (a.head.abs() + b.head.abs());
     let (chord, changes) = if near {
         (0.5 * (a.slope + b.slope), [0.0; 2])
@@ -242,7 +242,7 @@ mod tests {
         ]
     }
 
-    /// Central differences of contents, permeabilities and means.
+    /// Compares derivatives with central differences of contents, permeabilities and means.
     #[test]
     fn derivatives_are_those_of_the_functions() {
         let step = 1e-6;
@@ -274,8 +274,8 @@ mod tests {
         }
     }
 
-    /// A column of Gardner's soil under a constant flux, e^(alpha psi) = R + (1 - R) e^(-alpha z), keeps that flux
-    /// between any two heights.
+    /// Checks a column of Gardner's soil under a constant flux, e^(alpha psi) = R + (1 - R) e^(-alpha z): the flux
+    /// between any two heights is exact.
     #[test]
     fn the_flux_of_a_column_is_exact_in_cells_of_any_height() {
         let law = Retention::Gardner(Gardner {

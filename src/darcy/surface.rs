@@ -1,7 +1,7 @@
-//! WettedSurface of a structure in the ground, and the force of the water on it.
+//! Wetted surface of a structure in the ground, and the force of the water on it.
 //!
 //! The surface is divided into pieces, each in one cell. The pressure of a piece is that of the cell in front of it
-//! whose water lies on the same side of all structures, extended by the gradient in this cell. In 2-D force and
+//! whose water lies on the same side of all structures, extrapolated by the gradient in this cell. In 2-D force and
 //! torque of a pressure that is linear in a cell are exact.
 
 use super::Pressure;
@@ -11,16 +11,16 @@ use decomposition::ExactSum;
 use std::sync::Arc;
 use structure::Images;
 
-/// Distance in front of a surface at which its cell is found, over the smallest edge of a cell.
+/// Distance in front of a surface at which its cell is sought, relative to the smallest edge of a cell.
 const IN_FRONT: f64 = 1e-6;
-/// Part of the way to the water of a cell that rounding may place in a solid.
+/// Fraction of the distance to the water of a cell that may lie in a solid because of rounding.
 const ROUNDING: f64 = 1e-7;
-/// Places and weights of Gauss's rule with two points, on 0 to 1.
+/// Points of Gauss's two-point rule on 0 to 1.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
-/// Distance of an outline or of facets from the true surface, over the smallest edge of a cell.
+/// Maximum distance of an outline or of facets from the true surface, relative to the smallest edge of a cell.
 const TOLERANCE: f64 = 1e-3;
 
-/// A point of the surface: its cell, its place \[m\], and area times outward normal \[m2\].
+/// Point of the surface: its cell, its position \[m\], and area times outward normal \[m²\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
     cell: usize,
@@ -31,14 +31,14 @@ struct Piece {
 /// Structures in the ground.
 pub type Solids = Vec<Arc<Images>>;
 
-/// The surface of a structure in the ground.
+/// Surface of a structure in the ground.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WettedSurface {
     pieces: Vec<Piece>,
 }
 
 impl WettedSurface {
-    /// Divides the surface of the structure of an index; `wet`: `true` for cells that hold water.
+    /// Divides the surface of the structure with an index; `wet` returns `true` for cells that contain water.
     #[must_use]
     pub fn new(
         grid: &SeepageGrid,
@@ -105,7 +105,7 @@ impl Pressure {
     }
 }
 
-/// Gives the points of an outline, two in each part of an edge within a cell.
+/// Passes the points of an outline to `add`, two in each part of an edge within a cell.
 fn outline(grid: &SeepageGrid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 3], [f64; 3])) {
     for (k, from) in outline.iter().enumerate() {
         let to = outline[(k + 1) % outline.len()];
@@ -132,8 +132,8 @@ fn outline(grid: &SeepageGrid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 
     }
 }
 
-/// Returns the cell whose water is in front of a point close to a surface: the one that holds the point, or the nearest
-/// adjacent one whose water no structure separates from it; none above the ground.
+/// Returns the cell whose water is in front of a point close to a surface: the one that contains the point, or the
+/// nearest adjacent one whose water no structure separates from the point; none above the ground.
 fn in_front(
     grid: &SeepageGrid,
     solids: &[Arc<Images>],
@@ -174,7 +174,7 @@ fn in_front(
     nearest.map(|(_, cell)| cell)
 }
 
-/// Adds the parts of a line at which it passes a plane between cells.
+/// Adds the fractions of a line at which it crosses a plane between cells.
 fn cut(
     [from, to]: [[f64; 3]; 2],
     axis: usize,
@@ -190,8 +190,8 @@ fn cut(
     }
 }
 
-/// Divides a triangle until its edges are short, and gives its points with area times normal: the middles of the edges,
-/// whose rule is exact for polynomials of the second degree.
+/// Divides a triangle until its edges are short, and passes its points with area times normal to `add`: the
+/// midpoints of the edges, which are exact for quadratic polynomials.
 fn triangle(corners: [[f64; 3]; 3], longest: f64, add: &mut impl FnMut([f64; 3], [f64; 3])) {
     let middle = |a: usize, b: usize| -> [f64; 3] {
         std::array::from_fn(|k| 0.5 * (corners[a][k] + corners[b][k]))

@@ -1,8 +1,8 @@
-//! Permeability and porosity by region: layers, boxes and rasters of values, in addition to those that follow from the
-//! grains.
+//! Permeability and porosity by zone: layers, boxes and rasters of values, in addition to those that follow from
+//! the grains.
 //!
-//! Zones divide the cells that their boundaries cut into boxes, exactly. Each box has a permeability K of its own. The
-//! cell then has one permeability along each axis:
+//! Cells cut by boundaries of zones are divided into boxes, exactly. Each box has its own permeability K. The cell
+//! then has one permeability along each axis:
 //!
 //! ```text
 //! harmonic   along a: sum over columns w_bc / (sum_a w_a/K)         lower bound: no flow from column to column
@@ -10,11 +10,11 @@
 //! K_a = sqrt(harmonic arithmetic)
 //! ```
 //!
-//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see P.
-//! Renard and G. de Marsily, Adv. Water Resour. 20 (1997) 253.) Where a cell is cut across one axis only, both bounds
-//! are one: the harmonic mean across the layers and the arithmetic mean along them. With the harmonic mean of two cells
-//! at their face the flow across and along layers is then that of J. Bear, Dynamics of Fluids in Porous Media (1972),
-//! section 5.8, wherever the boundaries lie:
+//! (W. T. Cardwell and R. L. Parsons, Trans. AIME 160 (1945) 34; their geometric mean after G. Le Loc'h 1987; see
+//! P. Renard and G. de Marsily, Adv. Water Resour. 20 (1997) 253.) If a cell is cut normal to one axis only, both
+//! bounds agree: the harmonic mean across the layers and the arithmetic mean along them. With the harmonic mean of
+//! two cells at their face the flow across and along layers is then that of J. Bear, Dynamics of Fluids in Porous
+//! Media (1972), section 5.8, wherever the boundaries lie:
 //!
 //! ```text
 //! across: H/K = sum H_i/K_i          along: H K = sum H_i K_i
@@ -25,7 +25,7 @@ use super::grid::SeepageGrid;
 use super::permeability::{BedOfCells, PermeabilityFormula, Resistance, larger};
 use std::collections::BTreeMap;
 
-/// The permeability of a zone.
+/// Permeability of a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
     /// Stated permeability \[m2\].
@@ -36,15 +36,15 @@ pub enum Rule {
     Law(Resistance),
 }
 
-/// Values at the nodes of a rectangular raster. A node stands for all points that are closer to it than to any other
-/// along each axis.
+/// Values at the nodes of a rectangular raster. The values of a node apply to all points that are closer to it than
+/// to any other along each axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
-    /// Coordinates of the nodes along each axis, rising \[m\]; one along z in 2-D.
+    /// Coordinates of the nodes along each axis, ascending \[m\]; one along z in 2-D.
     pub nodes: [Vec<f64>; 3],
-    /// Permeability of each node \[m2\] or its factor, x fastest; empty where the raster has none.
+    /// Permeability of each node \[m²\] or its factor, x fastest; empty if the raster has none.
     pub permeability: Vec<Rule>,
-    /// Porosity of each node, x fastest; empty where the raster has none.
+    /// Porosity of each node, x fastest; empty if the raster has none.
     pub porosity: Vec<f64>,
 }
 
@@ -55,12 +55,12 @@ impl Raster {
         pairs.map(|pair| pair[0] + 0.5 * (pair[1] - pair[0]))
     }
 
-    /// Returns the node that stands for a point.
+    /// Returns the node whose values apply at a point.
     fn node(&self, point: [f64; 3]) -> usize {
         let place = |a: usize| {
             let nodes = &self.nodes[a];
             let middle = |n: usize| nodes[n] + 0.5 * (nodes[n + 1] - nodes[n]);
-            // Planes at or below the point, of the planes between nodes.
+            // Binary search for the last plane at or below the point.
             let (mut low, mut high) = (0, nodes.len() - 1);
             while low < high {
                 let n = usize::midpoint(low, high);
@@ -76,26 +76,26 @@ impl Raster {
     }
 }
 
-/// A region with its own permeability or porosity.
+/// Zone with its own permeability or porosity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SoilZone {
-    /// Lower corner \[m\]; infinite if the region has no end.
+    /// Lower corner \[m\]; infinite along unbounded axes.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
-    /// Corners of a polygon that bounds the region in 2-D \[m\]; none where it is the box.
+    /// Corners of a polygon that bounds the zone in 2-D \[m\]; empty if the zone is the box.
     pub polygon: Vec<[f64; 2]>,
-    /// Permeability; none if it remains that of the grains.
+    /// Permeability; none if that of the grains applies.
     pub permeability: Option<Rule>,
-    /// Porosity; none if it remains that of the grains.
+    /// Porosity; none if that of the grains applies.
     pub porosity: Option<f64>,
-    /// Values that vary.
+    /// Values that vary within the zone.
     pub raster: Option<Raster>,
-    /// Permeability along each axis over the stated one.
+    /// Ratio of the permeability along each axis to the stated one.
     pub directions: [f64; 3],
-    /// Cross term of the permeability over the stated one, of bedding that dips in 2-D.
+    /// Ratio of the cross term of the permeability to the stated one, for inclined bedding in 2-D.
     pub shear: f64,
-    /// `true` if it holds in cells without grains as well.
+    /// `true` if the zone also applies in cells without grains.
     pub without_grains: bool,
 }
 
@@ -118,7 +118,7 @@ impl SoilZone {
     }
 }
 
-/// Values that zones state for a point; each with `true` if it holds without grains.
+/// Values that zones state at a point; each with `true` if it applies without grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -139,26 +139,26 @@ impl Default for Medium {
 }
 
 impl Medium {
-    /// Returns the porosity that a zone states; `grains`: whether there are any.
+    /// Returns the porosity stated by a zone; `grains` is `true` if there are grains.
     #[must_use]
     pub fn porosity(&self, grains: bool) -> Option<f64> {
         let stated = self.porosity.filter(|(_, without)| grains || *without);
         stated.map(|(porosity, _)| porosity)
     }
 
-    /// Returns `true` if it states a permeability that needs no grains.
+    /// Returns `true` if a permeability is stated that needs no grains.
     fn fills(&self) -> bool {
         matches!(self.permeability, Some((Rule::Value(_), true)))
     }
 
-    /// Returns `true` if it holds without grains.
+    /// Returns `true` if the zone applies without grains.
     fn stands(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
             || self.porosity.is_some_and(|(_, without)| without)
     }
 
-    /// Returns the permeability \[m2\] of a bed of this porosity and mean diameter \[m\], where the zone states no
-    /// porosity, under a gradient \[Pa/m\]; `law`: that of all other grains; `grains`: whether there are any.
+    /// Returns the permeability \[m²\] of a bed with this porosity (unless the zone states one) and mean diameter
+    /// \[m\], under a gradient \[Pa/m\]; `law` is that outside zones; `grains` is `true` if there are grains.
     #[must_use]
     pub fn permeability(
         &self,
@@ -181,34 +181,35 @@ impl Medium {
     }
 }
 
-/// A cell that zones reach, divided into boxes.
+/// Cell within zones, divided into boxes.
 #[derive(Clone, Debug, PartialEq)]
 struct Divided {
     cell: usize,
-    /// Boxes along each axis.
+    /// Number of boxes along each axis.
     counts: [usize; 3],
-    /// Lengths of the boxes along x, then y, then z, each over that of the cell: in [`Zones::lengths`] from here on.
+    /// Start, in [`Zones::lengths`], of the lengths of the boxes along x, then y, then z, each relative to the
+    /// cell.
     lengths: usize,
-    /// Media of the boxes, x fastest: in [`Zones::media_of`] from here on.
+    /// Start, in [`Zones::media_of`], of the media of the boxes, x fastest.
     media: usize,
 }
 
-/// The zones on a grid.
+/// Zones on a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zones {
     dimension: usize,
     cells: Vec<Divided>,
     lengths: Vec<f64>,
     media_of: Vec<u32>,
-    /// The first one is that of the grains.
+    /// Media; the first one is that of the grains.
     media: Vec<Medium>,
     cut: usize,
-    /// Cells each zone holds a part of.
+    /// Number of cells that each zone contains at least in part.
     reached: Vec<usize>,
 }
 
 impl Zones {
-    /// Divides the cells of a grid. A later zone takes precedence in what it states.
+    /// Returns the zones with the cells of a grid divided. A later zone takes precedence in its stated values.
     #[must_use]
     pub fn new(grid: &SeepageGrid, zones: &[SoilZone]) -> Self {
         let mut all = Self {
@@ -286,7 +287,7 @@ impl Zones {
         (seen, cell): (&mut [usize], usize),
     ) -> u32 {
         let mut medium = Medium::default();
-        // Who states what, as key: the zone and the node of its raster, from 1.
+        // Key of the medium: for each value the zone that states it, and the node of its raster, counted from 1.
         let mut from = [0; 2];
         for (n, zone) in zones.iter().enumerate() {
             if !zone.contains(point) {
@@ -318,19 +319,19 @@ impl Zones {
         })
     }
 
-    /// Returns the cells that a boundary of zones cuts.
+    /// Returns the number of cells cut by a zone boundary.
     #[must_use]
     pub fn cut(&self) -> usize {
         self.cut
     }
 
-    /// Returns the cells that each zone holds a part of.
+    /// Returns the number of cells that each zone contains at least in part.
     #[must_use]
     pub fn reached(&self) -> &[usize] {
         &self.reached
     }
 
-    /// Returns the part of each of so many cells that zones fill without grains.
+    /// Returns the fraction of each cell in zones that apply without grains.
     #[must_use]
     pub fn filled(&self, cells: usize) -> Vec<f64> {
         let mut filled = vec![0.0; cells];
@@ -340,7 +341,7 @@ impl Zones {
         filled
     }
 
-    /// Returns the part of a cell whose medium is of a kind.
+    /// Returns the fraction of a cell whose medium satisfies `kind`.
     fn part(&self, divided: &Divided, kind: impl Fn(&Medium) -> bool) -> f64 {
         let ([x, y, z], media) = self.boxes(divided);
         let mut media = media.iter();
@@ -356,27 +357,26 @@ impl Zones {
         part
     }
 
-    /// Returns `true` if the zones state nothing of the grid but a permeability that needs no grains.
+    /// Returns `true` if the zones state nothing except permeabilities that need no grains.
     #[must_use]
     pub fn stand_alone(&self) -> bool {
         self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
     }
 
-    /// Returns everything that zones state of a cell of the grid; that of the grains alone where a cell is outside all
-    /// zones.
+    /// Returns all media that occur on the grid, including that of the grains if a cell is outside all zones.
     pub fn media(&self, cells: usize) -> impl Iterator<Item = &Medium> {
         let outside = self.cells.len() < cells || self.media_of.contains(&0);
         self.media[usize::from(!outside)..].iter()
     }
 
-    /// `true` if some cell conducts differently along its axes.
+    /// Returns `true` if some cell has an anisotropic permeability.
     fn directed(&self) -> bool {
         let differs = |medium: &Medium| medium.directions.iter().any(|d| d.total_cmp(&1.0).is_ne());
         self.cut > 0 || self.media.iter().any(differs)
     }
 
-    /// Returns the cross term of the permeability of each of so many cells over the geometric mean of those along
-    /// the axes; nothing where no bedding dips. In a cell that a boundary cuts it is the mean over its boxes, so that
+    /// Returns the cross term of the permeability of each cell divided by the geometric mean of those along the
+    /// axes; empty without inclined bedding. In a cell cut by a boundary it is the mean over its boxes, so that
     /// layers at an angle to the grid converge with the cells.
     #[must_use]
     pub fn shears(&self, cells: usize) -> Vec<f64> {
@@ -406,7 +406,7 @@ impl Zones {
                     }
                 }
             }
-            // A tensor is positive.
+            // The tensor must be positive definite.
             let most = LARGEST_CROSS * (along[0] * along[1]).sqrt();
             let mean = geometric_mean(along, self.dimension);
             if mean > 0.0 {
@@ -424,7 +424,7 @@ impl Zones {
         })
     }
 
-    /// Boxes of a cell: its lengths along each axis and their media.
+    /// Returns the boxes of a cell: their lengths along each axis and their media.
     fn boxes(&self, cell: &Divided) -> ([&[f64]; 3], &[u32]) {
         let [x, y, z] = cell.counts;
         let lengths = &self.lengths[cell.lengths..cell.lengths + x + y + z];
@@ -435,7 +435,7 @@ impl Zones {
     }
 }
 
-/// Planes across an axis at which a zone or a node may end, rising.
+/// Returns the planes normal to an axis at which a zone or a node may end, ascending.
 fn planes(grid: &SeepageGrid, zones: &[SoilZone], axis: usize) -> Vec<f64> {
     let mut all = Vec::new();
     if axis < grid.dimension {
@@ -452,10 +452,10 @@ fn planes(grid: &SeepageGrid, zones: &[SoilZone], axis: usize) -> Vec<f64> {
     all
 }
 
-/// Parts of the edges of a cell through which the boundary of a polygon passes.
+/// Number of parts into which edges are divided in a cell crossed by the boundary of a polygon.
 const PARTS: usize = 8;
 
-/// Returns `true` if a point lies in a polygon: a line from it crosses an odd number of edges.
+/// Returns `true` if a point lies in a polygon: a ray from it crosses an odd number of edges.
 #[must_use]
 pub fn is_inside(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let next = polygon.iter().cycle().skip(1);
@@ -470,7 +470,7 @@ fn passes(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
     let low = grid.corner(cell);
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).any(|(from, to)| {
-        // The part of the edge between the planes of the cell.
+        // Part of the edge between the planes of the cell.
         let (mut first, mut last) = (0.0_f64, 1.0_f64);
         for a in 0..2 {
             let along = to[a] - from[a];
@@ -497,10 +497,10 @@ fn subdivide(edges: &mut Vec<f64>) {
     edges.dedup_by(|a, b| (*a - *b).abs() <= ON_THE_EDGE * (whole[1] - whole[0]));
 }
 
-/// Part of the edge of a cell by which a plane misses the edge and still lies on it.
+/// Distance between a plane and a cell edge, in cells, below which the plane lies on the edge.
 const ON_THE_EDGE: f64 = 1e-9;
 
-/// Collects the edges of a cell along an axis with the planes between them.
+/// Collects the edges of a cell along an axis, and the planes between them.
 fn divide(grid: &SeepageGrid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
     let edge = |n: usize| grid.origin[axis] + base::number::real(n) * grid.spacing[axis];
     let (low, high) = (edge(cell), edge(cell + 1));
@@ -513,27 +513,28 @@ fn divide(grid: &SeepageGrid, axis: usize, cell: usize, planes: &[f64], edges: &
     edges.push(high);
 }
 
-/// Largest cross term of a cut cell over the geometric mean of its permeabilities.
+/// Maximum cross term of a cut cell relative to the geometric mean of its permeabilities.
 const LARGEST_CROSS: f64 = 0.999;
 
-/// Permeabilities of cells with zones: buffers, reused in each iteration.
+/// Permeabilities of cells with zones, in buffers that are reused in each iteration.
 #[derive(Clone, Debug)]
 pub struct Conduct {
-    /// Porosity by the grains in the cells that zones reach.
+    /// Porosity from the grains, in the cells within zones.
     porosity: Vec<f64>,
-    /// `true` for cells that hold grains.
+    /// `true` for cells that contain grains.
     grains: Vec<bool>,
-    /// `true` for cells without grains in which a zone holds: a body that the case does not resolve bears the pressure.
+    /// `true` for cells without grains in which a zone applies: a body that the case does not resolve bears the
+    /// pressure.
     bodies: Vec<bool>,
-    /// `true` if zones reach a cell that holds grains.
+    /// `true` for cells with grains that lie within zones.
     ground: Vec<bool>,
-    /// Part of each cell that zones without grains leave to open water.
+    /// Fraction of each cell that zones without grains leave to open water.
     free: Vec<f64>,
-    /// Permeability along each axis over that of the cell; empty where no boundary cuts a cell.
+    /// Ratio of the permeability along each axis to that of the cell; empty if no boundary cuts a cell.
     ratios: Vec<[f64; 3]>,
     /// Permeability of the boxes of a cell \[m2\].
     boxes: Vec<f64>,
-    /// Permeabilities and ratios of another round.
+    /// Permeabilities and ratios of the next iteration.
     next: Vec<f64>,
     next_ratios: Vec<[f64; 3]>,
 }
@@ -557,8 +558,8 @@ impl Conduct {
         }
     }
 
-    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`:
-    /// whether a cell holds grains.
+    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`
+    /// returns `true` for a cell with grains.
     pub fn replace_porosity(
         &mut self,
         zones: &Zones,
@@ -595,27 +596,26 @@ impl Conduct {
         }
     }
 
-    /// Returns `true` if a body that the case does not resolve fills a cell or a part of it.
+    /// Returns `true` if a body that the case does not resolve fills at least a part of a cell.
     #[must_use]
     pub fn is_body(&self, cell: usize) -> bool {
         self.bodies[cell]
     }
 
-    /// Returns `true` if zones state the permeability of the grains of a cell.
+    /// Returns `true` if zones state the permeability for the grains of a cell.
     #[must_use]
     pub fn is_ground(&self, cell: usize) -> bool {
         self.ground[cell]
     }
 
-    /// Returns the part of a cell that zones without grains leave to open water.
+    /// Returns the fraction of a cell that zones without grains leave to open water.
     #[must_use]
     pub fn free(&self, cell: usize) -> f64 {
         self.free[cell]
     }
 
-    /// Replaces the permeability of the cells by that of the zones, and forms the ratios. `open`:
-    /// permeability of open water along each axis
-    /// of each cell \[m2\].
+    /// Replaces the permeability of the cells by that of the zones, and computes the ratios. `open` is the
+    /// permeability of open water along each axis of each cell \[m2\].
     pub fn replace(
         &mut self,
         zones: &Zones,
@@ -651,7 +651,7 @@ impl Conduct {
                     }),
                 );
                 if !self.grains[n] {
-                    // What no zone holds is open water.
+                    // Boxes in which no zone applies are open water.
                     for (own, medium) in self.boxes.iter_mut().zip(media) {
                         if !zones.media[*medium as usize].stands() {
                             *own = open[cell][axis];
@@ -660,8 +660,8 @@ impl Conduct {
                 }
                 *along = effective(axis, lengths, &self.boxes);
             }
-            // The cell counts as one of the geometric mean of its axes; the ratios say how much more it conducts along
-            // each.
+            // The cell has the geometric mean of its permeabilities; the ratios are those along the axes to this
+            // mean.
             let mean = geometric_mean(along, zones.dimension);
             permeability[cell] = mean;
             for (ratio, along) in self.ratios[cell]
@@ -674,14 +674,14 @@ impl Conduct {
         }
     }
 
-    /// Returns the permeability along each axis over that of the cell; none if no boundary cuts a cell.
+    /// Returns the ratio of the permeability along each axis to that of the cell; none if no boundary cuts a cell.
     #[must_use]
     pub fn ratios(&self) -> Option<&[[f64; 3]]> {
         Some(&self.ratios[..]).filter(|ratios| !ratios.is_empty())
     }
 
-    /// Computes the largest relative change, along any axis, from the permeabilities that are given to those of the
-    /// bed, weighted as in [`PermeabilityFormula::change`].
+    /// Computes the largest relative change, along any axis, from the given permeabilities to those of the bed,
+    /// weighted as in [`PermeabilityFormula::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
@@ -710,7 +710,7 @@ impl Conduct {
     }
 }
 
-/// Returns the geometric mean of numbers along the axes of a dimension.
+/// Returns the geometric mean over the axes of a dimension.
 fn geometric_mean(along: [f64; 3], dimension: usize) -> f64 {
     let product: f64 = along[..dimension].iter().product();
     match dimension {
@@ -719,8 +719,8 @@ fn geometric_mean(along: [f64; 3], dimension: usize) -> f64 {
     }
 }
 
-/// Permeability of a box of boxes along an axis \[m2\]: the geometric mean of the bounds above. `lengths`: parts of the
-/// edges.
+/// Returns the effective permeability of a cell of boxes along an axis \[m²\]: the geometric mean of the bounds
+/// above. `lengths` are the relative lengths of the boxes.
 fn effective(axis: usize, lengths: [&[f64]; 3], permeability: &[f64]) -> f64 {
     let strides = [1, lengths[0].len(), lengths[0].len() * lengths[1].len()];
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);

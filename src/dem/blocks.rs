@@ -1,8 +1,8 @@
 //! Blocks among the grains: the shape of each entry and the state of its rotation.
 //!
-//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank. `Body::radius` of
-//! a block is the radius of the sphere about its centroid: searches and ghosts know of spheres only. `Motion::spin` is
-//! computed from the state of the rotation.
+//! Scenes without blocks do not allocate these arrays. The table of shapes is the same on every rank.
+//! `Body::radius` of a block is the radius of the enclosing sphere about its centroid, because searches and ghosts
+//! treat all bodies as spheres. `Motion::spin` is computed from the rotational state.
 
 use std::sync::Arc;
 
@@ -16,10 +16,10 @@ use super::space::{Components, Space};
 use super::table::{Columns, NamedColumns};
 use base::error::Error;
 
-/// Numbers in the state of a rotation.
+/// Number of values in a rotational state.
 const NUMBERS: usize = 7;
 
-/// The columns of the state of a rotation: quaternion, then angular momentum.
+/// Columns of a rotational state: quaternion, then angular momentum.
 const COLUMNS: [&str; NUMBERS] = [
     "orientation_x",
     "orientation_y",
@@ -30,13 +30,13 @@ const COLUMNS: [&str; NUMBERS] = [
     "angular_momentum_z",
 ];
 
-/// Returns the state of a rotation as numbers in the order of [`COLUMNS`].
+/// Returns the values of a rotational state in the order of [`COLUMNS`].
 fn numbers(rotation: &RotationState) -> [f64; NUMBERS] {
     let (q, l) = (rotation.orientation.coords, rotation.angular_momentum);
     [q.x, q.y, q.z, q.w, l.x, l.y, l.z]
 }
 
-/// Returns the state from [`numbers`]. The quaternion is not normalised: the bits stay the same.
+/// Returns the rotational state from [`numbers`]. The quaternion is not normalised, so that its bits are preserved.
 fn from_numbers(n: [f64; NUMBERS]) -> RotationState {
     RotationState {
         orientation: UnitQuaternion::new_unchecked(Quaternion::new(n[3], n[0], n[1], n[2])),
@@ -74,13 +74,13 @@ impl<S: Space> Entry<S> for RotationState {
     }
 }
 
-/// Returns a spin or moment in space.
+/// Returns a spin or moment as a vector in space.
 #[inline(always)]
 pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
 }
 
-/// Converts back from space; a type with fewer components takes the first.
+/// Converts a vector in space back; a type with fewer components takes the first ones.
 #[inline(always)]
 pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
     let mut spin = C::default();
@@ -92,7 +92,7 @@ pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
 
 impl Body {
     /// Returns a free block of uniform density [kg/m³]. `inertia` is the mean of the three principal moments, for
-    /// those who want one number; the engine uses all three.
+    /// callers that need a single value; the engine uses all three.
     #[must_use]
     pub fn of_block(id: u64, shape: &Polyhedron, density: f64, material: u32) -> Self {
         Self {
@@ -107,11 +107,11 @@ impl Body {
 }
 
 impl<S: Space> Particles<S> {
-    /// Sets the scene's table of shapes, the same on every rank; entries keep the numbers of theirs. Call it before
-    /// [`Self::add_block`], and after [`Self::from_table`] where the rows hold blocks.
+    /// Sets the table of shapes of the scene, which must be the same on every rank; entries store their index in
+    /// it. Call it before [`Self::add_block`], and after [`Self::from_table`] if the rows contain blocks.
     ///
     /// # Errors
-    /// In the plane.
+    /// If the space is two-dimensional.
     pub fn set_shapes(&mut self, shapes: Arc<[Polyhedron]>) -> Result<(), Error> {
         if S::DIMENSION != 3 {
             return Err(Error::Numerical("blocks require three dimensions".into()));
@@ -127,9 +127,9 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds a block of shape number `shape` to this rank, as [`Self::insert`] does for a grain. `motion.position` is
-    /// its centroid, `motion.spin` its angular velocity in space, and `orientation` turns the shape's frame into space.
-    /// `body.radius` is set to the shape's; see [`Body::of_block`] for the rest.
+    /// Adds a block with shape number `shape` on this rank, like [`Self::insert`] for a grain. `motion.position` is
+    /// its centroid, `motion.spin` its angular velocity in space, and `orientation` rotates the frame of the shape
+    /// into space. `body.radius` is set to that of the shape; see [`Body::of_block`] for the other fields.
     ///
     /// # Errors
     /// If the table of shapes has no such number.
@@ -157,7 +157,7 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Returns the shape of entry `k` and how it stands; none for a sphere or disc.
+    /// Returns shape and rotational state of entry `k`; none for a sphere or disc.
     #[must_use]
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
@@ -190,7 +190,7 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Makes the angular momentum of entry `k` that of its spin.
+    /// Sets the angular momentum of entry `k` from its spin.
     pub(super) fn update_angular_momentum(&mut self, k: usize) {
         let Some((shape, rotation)) = self.polyhedron(k) else {
             return;

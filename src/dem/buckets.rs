@@ -1,18 +1,19 @@
-//! Counting sort by threads: numbers into buckets, those of each bucket in the order in which they are given.
+//! Counting sort by several threads: numbers are sorted into buckets, in each bucket in the order in which they are
+//! given.
 //!
-//! Each thread has a range of buckets and reads all items, of which it takes its own: the order is that of one thread,
-//! and reading takes little time compared with sorting.
+//! Each thread has a range of buckets, reads all items, and sorts those of its range: the order is that of a single
+//! thread, and reading takes little time compared with sorting.
 
 use base::thread_pool;
 use std::ops::Range;
 
-/// Items that are sorted into buckets.
+/// Items to sort into buckets.
 pub(super) trait Items: Sync {
-    /// Calls `put` with bucket and number of all items whose buckets are in a range, in their order.
+    /// Calls `put` with bucket and number of all items whose bucket is in a range, in the order of the items.
     fn each(&self, buckets: &Range<usize>, put: impl FnMut(usize, u32));
 }
 
-/// Numbers by buckets.
+/// Numbers sorted by buckets.
 #[derive(Debug, Default)]
 pub(super) struct Buckets {
     /// Index of the first number of each bucket, and the end.
@@ -21,8 +22,8 @@ pub(super) struct Buckets {
 }
 
 impl Buckets {
-    /// Sorts the items into `count` buckets, by `threads` threads of which each has the buckets from `bound` of its
-    /// number on.
+    /// Sorts the items into `count` buckets by `threads` threads, each of which has the buckets from `bound` of its
+    /// number to that of the next.
     pub(super) fn fill(
         &mut self,
         count: usize,
@@ -57,7 +58,7 @@ impl Buckets {
         );
         thread_pool::each_of(threads, shared, |t, (start, numbers)| {
             let own = bound(t)..bound(t + 1);
-            // Where a bucket begins runs ahead to where it ends.
+            // The start of each bucket is advanced until it is the end of the bucket.
             items.each(&own, |bucket, number| {
                 let at = &mut start[bucket - own.start];
                 numbers[*at as usize] = number;
@@ -69,7 +70,7 @@ impl Buckets {
         });
     }
 
-    /// Forgets all buckets.
+    /// Removes all buckets.
     pub(super) fn clear(&mut self) {
         self.start.clear();
         self.numbers.clear();
@@ -96,17 +97,17 @@ impl Buckets {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }
 
-    /// Returns the numbers in all buckets.
+    /// Returns the total count of numbers in all buckets.
     pub(super) fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Returns the numbers before a bucket.
+    /// Returns the count of numbers in the buckets before a bucket.
     pub(super) fn before(&self, bucket: usize) -> usize {
         self.start[bucket] as usize
     }
 
-    /// Returns the bucket where the share of a thread begins, so that all have about as many numbers.
+    /// Returns the first bucket of a thread, so that all threads have about equally many numbers.
     pub(super) fn bound(&self, thread: usize, threads: usize) -> usize {
         if thread == threads {
             return self.start.len().saturating_sub(1);

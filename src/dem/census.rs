@@ -6,7 +6,7 @@ use super::space::Space;
 use base::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Counts and radii of the grains of a rank, known to all ranks when lists are made.
+/// Counts and radii of the grains of a rank, which all ranks know when lists are built.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Census {
     pub(super) owned: u64,
@@ -16,7 +16,7 @@ pub(super) struct Census {
     pub(super) largest: f64,
 }
 
-/// Returns every rank's census, by rank. Collective.
+/// Returns the census of every rank, in the order of ranks. Collective.
 pub(super) fn census<S: Space>(
     particles: &Particles<S>,
     domain: &Domain,
@@ -47,7 +47,7 @@ pub(super) fn census<S: Space>(
         .collect()
 }
 
-/// Returns the bytes of every rank, by rank. Collective.
+/// Returns the bytes of every rank, in the order of ranks. Collective.
 fn gather_all(domain: &Domain, mine: &[u8]) -> Vec<Vec<u8>> {
     let (rank, size) = (domain.rank(), domain.communicator().size());
     let messages = (0..size)
@@ -62,7 +62,7 @@ fn gather_all(domain: &Domain, mine: &[u8]) -> Vec<Vec<u8>> {
     all
 }
 
-/// Returns an error on every rank where any rank has one: its own, or the lowest failing rank's. Collective.
+/// Returns an error on every rank if any rank has one: its own, or that of the lowest failing rank. Collective.
 pub(super) fn agree(domain: &Domain, mine: Result<(), Error>) -> Result<(), Error> {
     if domain.communicator().size() == 1 {
         return mine;

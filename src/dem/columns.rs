@@ -1,9 +1,10 @@
-//! From a list of arrays to a struct of arrays: [`grain_arrays`] makes the store of the grains from one line for each
-//! array.
+//! Generation of a struct of arrays from a list: [`grain_arrays`] generates the storage of the grains from one line
+//! per array.
 //!
-//! A line names the array, its container and element type, when it crosses ranks ([`Crosses`]), whether a checkpoint
-//! holds it ([`Saved`]) and the value of a new grain. Insertion, removal, reordering, messages and checkpoints follow
-//! from the list. The element type implements [`Entry`]; for a struct of numbers [`entry`] does it.
+//! A line names the array, its container and element type, the occasion on which it crosses ranks ([`Crosses`]),
+//! its treatment in checkpoints ([`CheckpointColumns`]) and the value of a new grain. Insertion, removal,
+//! reordering, messages and checkpoints are generated from the list. The element type implements [`Entry`]; for a
+//! struct of numbers [`entry`] does so.
 
 mod entry;
 
@@ -14,27 +15,28 @@ use super::table::NamedColumns;
 use base::error::Error;
 pub(super) use entry::{Entry, entry, joined};
 
-/// Occasion on which an array crosses ranks. The later ones include the earlier.
+/// Occasion on which an array crosses ranks. Later variants include the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Crosses {
-    /// Change of the owner of a grain; ghosts hold the value of a new grain.
+    /// Change of the owner of a grain; ghosts have the value of a new grain.
     Migration,
-    /// Creation of a ghost, too.
+    /// Creation of a ghost as well.
     Creation,
-    /// Every solid step, too, from the owner to the ghosts.
+    /// Every solid step as well, from the owner to the ghosts.
     EveryStep,
 }
 
-/// Column-name prefix of an array in checkpoints, "" for none; the variant says if the hash of the state covers it.
+/// Prefix of the column names of an array in checkpoints, "" for none; the variant states whether the hash of the
+/// state includes the array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Saved {
+pub(super) enum CheckpointColumns {
     /// Array in the checkpoint and in the hash of the state.
     Hashed(&'static str),
     /// Array in the checkpoint only.
     Unhashed(&'static str),
 }
 
-impl Saved {
+impl CheckpointColumns {
     pub(super) const fn prefix(self) -> &'static str {
         match self {
             Self::Hashed(prefix) | Self::Unhashed(prefix) => prefix,
@@ -46,19 +48,19 @@ impl Saved {
     }
 }
 
-/// A container with one element for each grain.
+/// Container with one element per grain.
 pub(super) trait Array {
-    /// Type of an element.
+    /// Type of the elements.
     type Item: Copy;
-    /// Returns `true` if the scene has the array.
+    /// Returns `true` if the scene uses the array.
     fn is_present(&self) -> bool;
-    /// Appends an element, where the scene has the array.
+    /// Appends an element, if the scene uses the array.
     fn push(&mut self, value: Self::Item);
     /// Drops all elements beyond the first `entries`.
     fn truncate(&mut self, entries: usize);
     /// Rearranges the array: element `k` of the result is element `order[k]`.
     fn arrange(&mut self, order: &[usize]);
-    /// Reads the array from a table, where the table holds it.
+    /// Reads the array from a table, if the table contains it.
     fn load<S: Space>(&mut self, name: &str, from: &NamedColumns) -> Result<(), Error>
     where
         Self::Item: Entry<S>;
@@ -88,7 +90,7 @@ impl<T: Copy> Array for Vec<T> {
     }
 }
 
-/// An array that only some scenes have: empty until it is allocated.
+/// Array that only some scenes use: empty until it is allocated.
 #[derive(Clone, Debug)]
 pub struct Optional<T> {
     values: Vec<T>,
@@ -111,14 +113,14 @@ impl<T: Copy> Optional<T> {
         self.is_present
     }
 
-    /// Allocates the array with these elements, one for each grain.
+    /// Allocates the array with these elements, one per grain.
     pub(super) fn allocate(&mut self, values: impl Iterator<Item = T>) {
         self.values.clear();
         self.values.extend(values);
         self.is_present = true;
     }
 
-    /// Frees the array: the scene has it no more.
+    /// Frees the array; the scene no longer uses it.
     pub(super) fn free(&mut self) {
         *self = Self::default();
     }
@@ -170,11 +172,12 @@ impl<T: Copy> Array for Optional<T> {
     }
 }
 
-/// Makes the struct of arrays and all that depends on the list of arrays; see the module and the list in
-/// `particles.rs`.
+/// Generates the struct of arrays and all functions that depend on the list of arrays; see the module and the list
+/// in `particles.rs`.
 ///
-/// `given` arrays hold what a new grain consists of, in a struct of the same fields; `held` arrays start with a value
-/// made from it; `derived` arrays are functions of it, and neither cross ranks nor stand in a checkpoint.
+/// `given` arrays contain the data of a new grain, which is a struct with the same fields; `held` arrays start with
+/// a value computed from it; `derived` arrays are functions of it, and neither cross ranks nor are saved in a
+/// checkpoint.
 macro_rules! grain_arrays {
     (
         $(#[$meta:meta])*
@@ -223,7 +226,7 @@ macro_rules! grain_arrays {
         }
 
         impl<S: Space> $name<S> {
-            /// Returns the given part of entry `k`.
+            /// Returns the `given` arrays of entry `k`.
             fn given(&self, k: usize) -> NewEntry<S> {
                 NewEntry { $( $given: self.$given[k], )* }
             }
@@ -274,7 +277,7 @@ macro_rules! grain_arrays {
                 $( Array::arrange(&mut self.$derived, order); )*
             }
 
-            /// Writes entry `k`, as the image that has this shift, with the arrays that cross on this occasion.
+            /// Writes entry `k` as the image with this shift, with the arrays that cross ranks on this occasion.
             pub(super) fn pack(&self, k: usize, shift: [i32; 3], when: Crosses, to: &mut Writer) {
                 let new = NewEntry { shift, ..self.given(k) };
                 $( Entry::<S>::pack(&new.$given, to); )*
@@ -283,7 +286,7 @@ macro_rules! grain_arrays {
                 } )*
             }
 
-            /// Appends an entry that [`Self::pack`] wrote on the same occasion.
+            /// Appends an entry written by [`Self::pack`] on the same occasion.
             pub(super) fn unpack(&mut self, when: Crosses, from: &mut Reader<'_>) -> Result<(), Error> {
                 let new = NewEntry { $( $given: Entry::<S>::unpack(from)?, )* };
                 self.push_given(&new);
@@ -299,7 +302,7 @@ macro_rules! grain_arrays {
                 Ok(())
             }
 
-            /// Returns the bytes of an entry in the message of a solid step.
+            /// Returns the number of bytes of an entry in the message of a solid step.
             pub(super) fn step_bytes(&self) -> usize {
                 let mut bytes = 0;
                 $( if Crosses::$given_crosses == Crosses::EveryStep {
@@ -311,7 +314,8 @@ macro_rules! grain_arrays {
                 bytes
             }
 
-            /// Copies the arrays that cross in every step from own entries to their images, `(own entry, image)`.
+            /// Copies the arrays that cross in every step from owned entries to their images, `(owned entry,
+            /// image)`.
             pub(super) fn copy_step(&mut self, images: &[(u32, u32)]) {
                 $( if Crosses::$given_crosses == Crosses::EveryStep {
                     for &(from, to) in images {
@@ -325,7 +329,7 @@ macro_rules! grain_arrays {
                 } )*
             }
 
-            /// Writes the message of a solid step for these entries, one array after the other.
+            /// Writes the message of a solid step for these entries, one array after another.
             pub(super) fn pack_step(&self, entries: &[u32], to: &mut Writer) {
                 $( if Crosses::$given_crosses == Crosses::EveryStep {
                     for &k in entries {
@@ -358,18 +362,18 @@ macro_rules! grain_arrays {
                 Ok(())
             }
 
-            /// Writes the columns of the owned grains, of all saved arrays or of those in the hash of the state.
+            /// Writes the columns of the owned grains: all saved arrays, or only those in the hash of the state.
             fn save_columns(&self, hashed_only: bool, to: &mut Columns<'_>) {
                 let owned = 0..self.owned;
                 $( {
-                    let saved = Saved::$given_saved($given_prefix);
+                    let saved = CheckpointColumns::$given_saved($given_prefix);
                     if saved.is_hashed() || !hashed_only {
                         let value = |k: usize| grain_arrays!(@value self k $given $($given_of)?);
                         <$given_type as Entry<S>>::save(saved.prefix(), owned.clone().map(value), to);
                     }
                 } )*
                 $( {
-                    let saved = Saved::$held_saved($held_prefix);
+                    let saved = CheckpointColumns::$held_saved($held_prefix);
                     if self.$held.is_present() && (saved.is_hashed() || !hashed_only) {
                         let values = self.$held[owned.clone()].iter().copied();
                         <$held_type as Entry<S>>::save(saved.prefix(), values, to);
@@ -381,12 +385,12 @@ macro_rules! grain_arrays {
             fn load_columns(&mut self, from: &NamedColumns) -> Result<(), Error> {
                 $( Array::load::<S>(
                     &mut self.$given,
-                    Saved::$given_saved($given_prefix).prefix(),
+                    CheckpointColumns::$given_saved($given_prefix).prefix(),
                     from,
                 )?; )*
                 $( Array::load::<S>(
                     &mut self.$held,
-                    Saved::$held_saved($held_prefix).prefix(),
+                    CheckpointColumns::$held_saved($held_prefix).prefix(),
                     from,
                 )?; )*
                 for k in 0..from.rows() {

@@ -3,9 +3,9 @@
 //! A contact law is one file. It holds, in this order:
 //!
 //! 1. the equation and its source;
-//! 2. `Input`: the parameters as they stand in a case, with the unit, range and default of each, and their resolution
+//! 2. `Input`: the parameters as written in a case, with the unit, range and default of each, and their resolution
 //!    to parameters for every pair of materials, with findings ([`ContactParameters`]);
-//! 3. the law and its answers to the plan: a line of description, limits of the time step, springs, bonds
+//! 3. the resolved law for the plan: a line of description, limits of the time step, springs, bonds
 //!    ([`ContactModel`]);
 //! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
@@ -51,18 +51,20 @@ use rolling::Rolling;
 use super::particles::Body;
 use super::space::{Components, Space};
 
-/// The properties of a pair that a law may compute its constants from.
+/// Properties of a pair from which a law may compute its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairProperties {
     /// Both materials.
     pub materials: [u32; 2],
-    /// Mean diameter \[m\] of two grains, the grain's own against a wall.
+    /// Mean diameter \[m\] of two grains, or the diameter of a grain at a wall.
     pub diameter: f64,
-    /// Effective mass \[kg\]: `m1 m2 / (m1 + m2)`, the grain's own against a wall or a grain that forces do not move.
+    /// Effective mass \[kg\]: `m1 m2 / (m1 + m2)`, or the mass of a grain at a wall or at a grain that does not
+    /// move under forces.
     pub mass: f64,
-    /// `r1 r2 / (r1 + r2)` \[m\], the grain's radius against a wall.
+    /// Effective radius `r1 r2 / (r1 + r2)` \[m\], or the radius of a grain at a wall.
     pub rolling_radius: f64,
-    /// `(1/I1 + 1/I2)^-1` [kg m²] about the contact point, the grain's own as for the mass.
+    /// Effective moment of inertia `(1/I1 + 1/I2)^-1` [kg m²] about the contact point, with the exceptions of the
+    /// mass.
     pub rolling_inertia: f64,
 }
 
@@ -71,13 +73,13 @@ pub struct PairProperties {
 pub struct ContactKinematics<S: Space> {
     /// Overlap \[m\]; negative for a gap.
     pub overlap: f64,
-    /// Unit normal from the first to the second.
+    /// Unit normal from the first to the second body.
     pub normal: S::Vector,
     /// Velocity of separation [m/s].
     pub separation_rate: f64,
-    /// Sliding velocity of the second relative to the first at the contact point [m/s].
+    /// Sliding velocity of the second body relative to the first at the contact point [m/s].
     pub slip: S::Tangent,
-    /// Spin of the second relative to the first [rad/s].
+    /// Spin of the second body relative to the first [rad/s].
     pub roll: S::Spin,
     /// Time step \[s\] over which the history advances.
     pub time_step: f64,
@@ -87,35 +89,35 @@ pub struct ContactKinematics<S: Space> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Failure {
-    /// Pulled apart.
+    /// Tensile failure.
     Tension,
-    /// Sheared off.
+    /// Shear failure.
     Shear,
 }
 
-/// The force on the second partner.
+/// Force on the second partner of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactForce<S: Space> {
-    /// Along the normal \[N\], positive in compression.
+    /// Normal component \[N\], positive in compression.
     pub normal: f64,
-    /// Across it \[N\].
+    /// Tangential component \[N\].
     pub tangent: S::Tangent,
-    /// Rolling moment \[N m\]; only where the law is one that rolls: [`ContactLaw::ROLLS`].
+    /// Rolling moment \[N m\]; used only if the law has one: [`ContactLaw::ROLLS`].
     pub moment: S::Spin,
-    /// The bond failed in this step.
+    /// Mode in which the bond failed in this step; none if it did not.
     pub failure: Option<Failure>,
 }
 
-/// The force of a contact law, compiled into the pair loop.
+/// Force of a contact law, compiled into the pair loop.
 pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// Values computed once per pair of materials.
     type Row: Copy + Debug + Send + Sync;
-    /// Values computed once per pair that cost roots or divisions: as small as possible, since every pair in the lists
-    /// has them.
+    /// Values computed once per pair of bodies because they need roots or divisions; as small as possible, since
+    /// every listed pair stores them.
     type Scale: Copy + Debug + Send + Sync;
-    /// Values that the force of a pair is computed from.
+    /// Values from which the force of a pair is computed.
     type Constants: Copy + Debug + Send + Sync;
-    /// The history of a contact; its default is that of a new contact.
+    /// History of a contact; its default is that of a new contact.
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
     /// `true` if the force has a rolling moment.
@@ -123,18 +125,18 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// Number of values of a history.
     const NUMBERS: usize;
 
-    /// Returns the number of materials, and the row of every ordered pair of them.
+    /// Returns the number of materials, and the row of every ordered pair of materials.
     fn table(&self) -> PairTable<Self::Row>;
     /// Returns the scale of a pair.
     fn scale(row: &Self::Row, pair: &PairProperties) -> Self::Scale;
-    /// Returns the constants of a pair of mean diameter `diameter` \[m\], by multiplications alone.
+    /// Returns the constants of a pair with mean diameter `diameter` \[m\], by multiplications alone.
     fn constants(row: &Self::Row, scale: &Self::Scale, diameter: f64) -> Self::Constants;
     /// Returns the constants of a pair.
     fn between(row: &Self::Row, pair: &PairProperties) -> Self::Constants {
         Self::constants(row, &Self::scale(row, pair), pair.diameter)
     }
-    /// Returns the force, and the history after this step. Called where the surfaces overlap or the pair is bonded;
-    /// where they do not overlap and the pair is not bonded the history is dropped instead.
+    /// Returns the force, and the history after this step. Called if the surfaces overlap or the pair is bonded;
+    /// otherwise the history is dropped.
     fn force(
         constants: &Self::Constants,
         history: &mut Self::History,
@@ -150,32 +152,32 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Returns the force of the shear spring \[N\] on the second partner.
     fn shear_spring(history: &Self::History) -> S::Tangent;
-    /// Returns the normal and shear stiffness [N/m], for the critical time step; where they grow with the overlap,
-    /// those at the deepest one that is expected.
+    /// Returns the normal and shear stiffness [N/m] for the critical time step; if they grow with the overlap,
+    /// those at the largest expected overlap.
     fn stiffness(constants: &Self::Constants) -> [f64; 2];
     /// Appends the history as [`Self::NUMBERS`] numbers.
     fn save(history: &Self::History, numbers: &mut Vec<f64>);
     /// Returns the history from [`Self::NUMBERS`] numbers.
     fn load(numbers: &[f64]) -> Self::History;
 
-    // Bonds: a law without bonds leaves the rest as it is.
+    // Bonds: a law without bonds keeps these defaults.
 
     /// Returns `true` if the history holds a bond.
     #[inline(always)]
     fn bonded(_: &Self::History) -> bool {
         false
     }
-    /// Returns the widest gap \[m\] across which a pair is bonded.
+    /// Returns the largest gap \[m\] across which a pair is bonded.
     fn bonding_gap(_: &Self::Constants) -> f64 {
         0.0
     }
-    /// Bonds a pair of this overlap \[m\], negative for a gap; returns `true` if its materials can bond.
+    /// Bonds a pair with this overlap \[m\], negative for a gap; returns `true` if its materials can bond.
     fn bond(_: &Self::Constants, _: &mut Self::History, _overlap: f64) -> bool {
         false
     }
-    /// Takes the bond away.
+    /// Removes the bond.
     fn unbond(_: &mut Self::History) {}
-    /// Returns the widest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
+    /// Returns the largest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }
@@ -184,7 +186,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 contact_laws! {
     /// The law of all contacts; pairs of materials may have their own parameters.
     pub Contact,
-    /// A contact law with its parameters for every pair of materials.
+    /// Contact law with its parameters for every pair of materials.
     Law:
     /// Linear springs with friction, no tension.
     Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
@@ -194,7 +196,7 @@ contact_laws! {
     /// The linear law with bonds of given tensile and shear strength.
     ContactBond(contact_bond::ContactBondInput) => ContactBond(contact_bond::ContactBond),
         RollingContactBond(Rolling<contact_bond::ContactBond>);
-    /// Elastic spheres: Hertz's normal force, Mindlin's without slip across it, friction (3-D only).
+    /// Elastic spheres: normal force of Hertz, tangential force of Mindlin without slip, friction (3-D only).
     HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin);
     /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
     Blocks(blocks::BlockInput) => Blocks(blocks::BlockLaw);
@@ -209,8 +211,9 @@ impl Law {
         })
     }
 
-    /// Returns `sqrt(m/k)` \[s\] of the stiffest contact any of `grains` can make with grains or walls of `materials`
-    /// materials: the explicit step must stay well below it (half a period of a pair lasts `pi sqrt(m/(2 k))`; 0.1 to
+    /// Returns `sqrt(m/k)` \[s\] of the stiffest contact that any of `grains` can have with grains or walls of
+    /// `materials` materials. The explicit step must be well below it (half a period of a pair lasts `pi sqrt(m/(2
+    /// k))`; 0.1 to
     /// 0.2 of the limit is usual).
     #[must_use]
     pub fn critical_time_step<'a, S: Space>(
@@ -222,7 +225,7 @@ impl Law {
     }
 }
 
-/// Returns a length of a tangent cut down to `limit`, its direction kept.
+/// Returns a tangential vector of this length scaled down to `limit` if it is longer.
 #[inline(always)]
 pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     if length > limit {
@@ -232,7 +235,7 @@ pub(super) fn cut_to<T: Components>(tangent: T, length: f64, limit: f64) -> T {
     }
 }
 
-/// Returns a tangent from the front of `numbers`.
+/// Returns a tangential vector from the first of `numbers`.
 pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     let mut tangent = T::default();
     for (k, value) in numbers.iter().take(T::COUNT).enumerate() {
@@ -241,7 +244,7 @@ pub(super) fn load_tangent<T: Components>(numbers: &[f64]) -> T {
     tangent
 }
 
-/// Appends a tangent behind `numbers`.
+/// Appends a tangential vector to `numbers`.
 pub(super) fn save_tangent<T: Components>(tangent: &T, numbers: &mut Vec<f64>) {
     for k in 0..T::COUNT {
         numbers.push(tangent.get(k));

@@ -1,32 +1,31 @@
-//! The normal dashpot of a contact over time steps.
+//! Normal dashpot of a contact in discrete time steps.
 //!
-//! A step evaluates a dashpot c at the velocity of half a step before, and a contact begins and ends somewhere
-//! within a step. Both make the restitution of an impact depend on the step dt to first order in `x = c dt/m`:
-//! at the default step by 1 % for a damping ratio of 0.2, by 16 % for 0.5, and by as much again with the point
-//! in a step at which the contact begins. Two corrections of the same order remove this; they vanish with the
-//! step:
+//! A step evaluates a dashpot c at the velocity half a step earlier, and a contact begins and ends somewhere within
+//! a step. Both make the restitution of an impact depend on the step dt to first order in `x = c dt/m`: at the
+//! default step by 1 % for a damping ratio of 0.2, by 16 % for 0.5, and by as much again with the point in a step
+//! at which the contact begins. Two corrections of the same order remove this; they vanish with the step:
 //!
 //! - The dashpot is `c/(1 + x/4)`. For an oscillator with springs, with the phase of the contact in the step
 //!   averaged, the restitution is then exact within 1 % up to a damping ratio of 0.5, and for contacts that
 //!   only push up to 0.9; for Hertz's contact as well.
-//! - A step evaluates a contact as if it lasted all the step. One that is less than a step old, of the overlap
-//!   d, has lasted for `d/|v|` of it, and the half step that follows: it acts with the part `1/2 + d/(|v| dt)`.
-//!   The dashpot of Hertz's contact grows with `d^(1/4)` and acts with the mean of that power over this time
-//!   ([`hertz_root`]).
+//! - A step evaluates a contact as if it lasted the whole step. A contact with overlap d that is less than a step
+//!   old has lasted for `d/|v|` of the past step, and lasts for the next half step: it acts with the fraction `1/2
+//!   + d/(|v| dt)`. The dashpot of Hertz's contact grows with `d^(1/4)` and acts with the mean of that power over
+//!   this time ([`hertz_root`]).
 //!
-//! A dashpot that pulls acts with its full force when the surfaces part, and a part that jumps there decides by
-//! the phase of the contact in the step whether one more step pulls. [`Pulling`] spreads the last step and a
-//! half over the last two steps without a jump.
+//! A dashpot that may pull acts with its full force when the surfaces separate; whether it pulls for one more step
+//! would depend on the phase of the contact in the step, with a jump of the force. [`Pulling`] spreads the last
+//! step and a half over the last two steps without a jump.
 
-/// Returns the dashpot [N s/m] that restitutes over steps as `dashpot` does in continuous time, where `x` is
-/// `dashpot time_step lever/weight`.
+/// Returns the dashpot [N s/m] with which discrete steps have the restitution of `dashpot` in continuous time,
+/// where `x` is `dashpot time_step lever/weight`.
 #[inline(always)]
 pub(super) fn over_step(dashpot: f64, time_step: f64, lever: f64, weight: f64) -> f64 {
-    // Without a mass there is no motion, and no force.
+    // A contact without mass has no force.
     dashpot * weight / (weight + 0.25 * dashpot * time_step * lever + f64::MIN_POSITIVE)
 }
 
-/// Returns the part of a step in which a contact acts that overlaps by `overlap` \[m\] and whose surfaces move
+/// Returns the fraction of a step in which a contact acts that overlaps by `overlap` \[m\] and whose surfaces move
 /// at `rate` [m/s] along the normal.
 #[inline(always)]
 pub(super) fn part_of_step(overlap: f64, rate: f64, time_step: f64) -> f64 {
@@ -38,12 +37,12 @@ pub(super) fn part_of_step(overlap: f64, rate: f64, time_step: f64) -> f64 {
     }
 }
 
-/// Returns the fourth root of the overlap \[m^1/4\], in the first and the last step of a contact the mean of it
-/// over the time that the contact acts in the step.
+/// Returns the fourth root of the overlap \[m^1/4\]; in the first and the last step of a contact, its mean over the
+/// time in which the contact acts.
 ///
-/// Surfaces at the speed v overlap by `v t`. Over the time `0..(1/2 + g) dt`, with `g = d/(|v| dt)`, the
-/// integral of `(v t)^(1/4)` is `4/5 (1/2 + g) (d + |v| dt/2)^(1/4) dt`. Where the dashpot `pulls`, the last two
-/// steps share the sum of their integrals without a jump: `4/5 (3/2)^(5/4) g` in the last, the remainder in the
+/// Surfaces at the speed v overlap by `v t`. Over the time `0..(1/2 + g) dt`, with `g = d/(|v| dt)`, the integral
+/// of `(v t)^(1/4)` is `4/5 (1/2 + g) (d + |v| dt/2)^(1/4) dt`. If the dashpot `pulls`, the sum of the integrals of
+/// the last two steps is divided between them without a jump: `4/5 (3/2)^(5/4) g` in the last, the remainder in the
 /// one before.
 #[inline(always)]
 pub(super) fn hertz_root(overlap: f64, rate: f64, time_step: f64, pulls: bool) -> f64 {
@@ -67,18 +66,18 @@ pub(super) fn hertz_root(overlap: f64, rate: f64, time_step: f64, pulls: bool) -
     }
 }
 
-/// Linear spring and dashpot of a contact that pull until the surfaces part, over a time step.
+/// Linear spring and dashpot of a contact that may pull until the surfaces separate, over a time step.
 ///
 /// With `x = c dt/m`, `y = k dt²/m` and `g = d/(|v| dt)` for the overlap d and the velocity v half a step before:
 ///
-/// - The surfaces part at `r v`, `r = sqrt((1 + y g (1 + g))/(1 - y/4)) - x t + x y t³/6` with `t = g + 1/2`:
+/// - The surfaces separate at `r v`, `r = sqrt((1 + y g (1 + g))/(1 - y/4)) - x t + x y t³/6` with `t = g + 1/2`:
 ///   the energy of the oscillator as the time steps keep it, less the dashpot over its path.
-/// - `g1`, where `g1 = r(g1)`, is the overlap from which the surfaces part just at the end of a step. Above it
-///   a step ends at the velocity `v (g1 r + (1 - g1) g)` where that is more force than the step has otherwise;
-///   below it, at `v (1 - (1 - g1) g/g1)`. The last step then ends at `r v`, whatever the phase, and the force
-///   is a continuous function of overlap and velocity.
-/// - In the step in which a contact begins, the spring adds `y (g - 1/2)²/2 m v/dt`, the part of its impulse
-///   that a force at the end of the path misses.
+/// - The solution `g1` of `g1 = r(g1)` is the overlap from which the surfaces separate exactly at the end of a
+///   step. Above it, a step ends at the velocity `v (g1 r + (1 - g1) g)` if the force for this exceeds that of
+///   spring and dashpot; below it, at `v (1 - (1 - g1) g/g1)`. The last step then ends at `r v` for any phase, and
+///   the force is a continuous function of overlap and velocity.
+/// - In the first step of a contact, the spring adds `y (g - 1/2)²/2 m v/dt`, the part of its impulse that is
+///   missing because the force is evaluated at the end of the path.
 ///
 /// Two coefficients of second order in x, 0.15 and 0.09, are fitted to the closed form: the restitution of
 /// every impact is within 0.6 % up to a damping ratio of 0.5 and a step of `0.283 sqrt(m/k)`.
@@ -93,10 +92,10 @@ pub(super) struct Pulling {
 }
 
 impl Pulling {
-    /// Overlap over the path of a step from which on nothing ends within two steps.
+    /// Overlap in units of the path of a step, above which the contact does not end within two steps.
     const AWAY: f64 = 2.0;
 
-    /// Returns the force \[N\], negative where it pulls, at an `overlap` \[m\] whose surfaces part at `rate` [m/s].
+    /// Returns the force \[N\], negative in tension, at an `overlap` \[m\] and a separation `rate` [m/s].
     pub(super) fn force(&self, overlap: f64, rate: f64, time_step: f64) -> f64 {
         let path = rate.abs() * time_step;
         let spring = self.spring * overlap;
@@ -120,20 +119,20 @@ impl Pulling {
         }
     }
 
-    /// Returns `g1` of the type's description.
+    /// Returns `g1` as defined at the type.
     fn border(x: f64, y: f64) -> f64 {
         let first = 1.5 / (1.0 + x);
         let t = (1.5 + 0.5 * y * first * first) / (1.0 + x);
         (t - 0.5).max(0.02)
     }
 
-    /// Returns the force over `m v/dt` after which the surfaces part in the same step.
+    /// Returns the force over `m v/dt` with which the surfaces separate in the same step.
     fn leaving(x: f64, y: f64, ways: f64) -> f64 {
         let border = Self::border(x, y);
         -ways * (1.0 - border) / border
     }
 
-    /// Returns the force over `m v/dt` after which the surfaces part in the step that follows.
+    /// Returns the force over `m v/dt` with which the surfaces separate in the next step.
     fn parting(x: f64, y: f64, ways: f64) -> f64 {
         let border = Self::border(x, y);
         let t = ways + 0.5;
@@ -148,8 +147,8 @@ mod tests {
     use super::{Pulling, hertz_root, over_step, part_of_step};
     use approx::assert_relative_eq;
 
-    /// Returns the restitution of a mass of 1 on a spring of 1 that only pushes, thrown at 1 from `before` steps of
-    /// `step` away.
+    /// Returns the restitution of a unit mass on a unit spring without tension, with unit speed, from a start
+    /// `before` steps of length `step` before contact.
     fn restitution(zeta: f64, step: f64, before: f64) -> f64 {
         let (mut overlap, mut velocity, mut force) = (-before * step, 1.0, 0.0);
         loop {
@@ -169,9 +168,8 @@ mod tests {
         }
     }
 
-    /// Schwager and Pöschel, Granular Matter 9 (2007) 465: `exp(-2 zeta acos(zeta)/sqrt(1 - zeta²))`, at steps
-    /// up to the default one
-    /// of two equal grains, 0.2 sqrt(2) sqrt(m/k).
+    /// Checks against Schwager and Pöschel, Granular Matter 9 (2007) 465: `exp(-2 zeta acos(zeta)/sqrt(1 -
+    /// zeta²))`, at steps up to the default one of two equal grains, 0.2 sqrt(2) sqrt(m/k).
     #[test]
     fn a_step_restitutes_as_continuous_time() {
         for zeta in [0.05_f64, 0.1, 0.2, 0.35, 0.5] {
@@ -188,9 +186,8 @@ mod tests {
         }
     }
 
-    /// Range over the phase of the contact in the step of the restitution over the `exact` one of a mass of 1
-    /// under `force` at an overlap
-    /// and a rate, thrown at 1.
+    /// Returns the range, over the phase of the contact in the step, of the restitution divided by the `exact` one,
+    /// for a unit mass with unit speed under `force` as a function of overlap and rate.
     fn range(step: f64, exact: f64, force: impl Fn(f64, f64) -> f64) -> [f64; 2] {
         let one = |before: f64| {
             let (mut overlap, mut velocity, mut acts) = (-before * step, 1.0, 0.0);
@@ -214,7 +211,7 @@ mod tests {
         })
     }
 
-    /// A dashpot that pulls: `exp(-pi zeta/sqrt(1 - zeta²))` in every impact.
+    /// Checks a dashpot that may pull: the restitution is `exp(-pi zeta/sqrt(1 - zeta²))` in every impact.
     #[test]
     fn every_impact_with_attraction_restitutes_as_continuous_time() {
         for zeta in [0.05_f64, 0.1, 0.2, 0.35, 0.5] {
@@ -232,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Hertz's contact with the dashpot of a constant restitution (Antypov and Elliott), of every impact.
+    /// Checks Hertz's contact with the dashpot of constant restitution (Antypov and Elliott), in every impact.
     #[test]
     fn every_impact_of_hertz_restitutes_as_continuous_time() {
         for zeta in [0.05_f64, 0.1, 0.2, 0.35, 0.5] {

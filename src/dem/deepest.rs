@@ -1,55 +1,56 @@
-//! The deepest contact of a run, as a meter: its overlap over the radius of the smaller body.
+//! Deepest contact of a run: the largest overlap divided by the radius of the smaller body.
 //!
-//! Every contact of every solid step is asked, by one product and one comparison: only what is as deep as the deepest
-//! so far is looked at further. The meter is the largest of quotients that do not depend on their order, so that its
-//! bits do not depend on ranks and threads. Of a polyhedron the radius is that from its centroid to the nearest face.
+//! Every contact of every solid step is tested by one product and one comparison; only a contact nearly as deep as
+//! the deepest so far is evaluated further. The result is the maximum of quotients, so that it does not depend on
+//! their order and its bits do not depend on ranks and threads. The radius of a polyhedron is the distance from its
+//! centroid to the nearest face.
 
 use super::polyhedron::Polyhedron;
 
-/// The deepest contact so far.
+/// Deepest contact so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deepest {
-    /// Overlap over the smaller radius; 0 before the first contact.
+    /// Overlap divided by the smaller radius; 0 before the first contact.
     pub part: f64,
     /// Id of the body.
     pub body: u64,
-    /// Partner of the overlap.
+    /// Other body or wall of the contact.
     pub with: With,
 }
 
-/// The other side of a contact.
+/// Other side of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum With {
-    /// No contact yet, or none known since a restart.
+    /// None so far, or unknown since a restart.
     #[default]
     Unknown,
-    /// The body of this id.
+    /// Body with this id.
     Body(u64),
-    /// The wall of this index.
+    /// Wall with this index.
     Wall(u32),
 }
 
-/// Result of a part of a step: entries instead of ids.
+/// Deepest contact of a part of a step, with entries instead of ids.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Record {
-    /// A little below `part`: rounding hides no contact.
+    /// Value slightly below `part`, so that rounding hides no contact.
     pub(super) filter: f64,
     part: f64,
     at: Option<(u32, Other)>,
 }
 
-/// The other side of a contact as entries know it.
+/// Other side of a contact, as an entry or a wall.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Other {
     Entry(u32),
     Wall(u32),
 }
 
-/// Part of the largest quotient from which on a contact is looked at.
+/// Fraction of the largest quotient above which a contact is evaluated further.
 const NEAR: f64 = 1.0 - 1e-12;
 
 impl Record {
-    /// Nothing deeper than what is known.
+    /// Returns a record that only contacts deeper than the known `part` replace.
     pub(super) fn beyond(part: f64) -> Self {
         Self {
             filter: NEAR * part,
@@ -58,7 +59,7 @@ impl Record {
         }
     }
 
-    /// Notes a contact of entry `first`, whose smaller radius is `smaller` \[m\].
+    /// Records a contact of entry `first` whose smaller radius is `smaller` \[m\].
     #[inline(always)]
     pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
         if overlap > self.filter * smaller {
@@ -83,12 +84,12 @@ impl Record {
         self.part
     }
 
-    /// Returns the deeper of two.
+    /// Returns the deeper of two records.
     pub(super) fn or(self, other: Self) -> Self {
         if other.part > self.part { other } else { self }
     }
 
-    /// Returns the result with the ids of the entries.
+    /// Returns the contact with the ids of the entries.
     pub(super) fn named(&self, id: impl Fn(u32) -> u64) -> Option<Deepest> {
         let (first, other) = self.at?;
         let with = match other {
@@ -103,7 +104,7 @@ impl Record {
     }
 }
 
-/// Radius from the centroid of a polyhedron to its nearest face \[m\].
+/// Returns the distance from the centroid of a polyhedron to its nearest face \[m\].
 pub(super) fn inner_radius(shape: &Polyhedron) -> f64 {
     let faces = shape.half_spaces().iter();
     faces.map(|face| face.offset).fold(f64::INFINITY, f64::min)

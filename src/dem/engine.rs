@@ -1,6 +1,6 @@
-//! The solid step, compiled once for each contact law. [`bodies`] states how a law treats bodies other than spheres.
+//! Solid step, compiled once for each contact law. [`bodies`] defines how a law treats bodies other than spheres.
 //!
-//! Lists are made when a grain may have moved half the skin since the last lists. No result depends on when this
+//! Lists are built when a grain may have moved half the skin since the last lists. No result depends on when this
 //! happens:
 //!
 //! - Separations come from raw positions and whole box lengths.
@@ -61,7 +61,7 @@ use pairs::*;
 use parts::Parts;
 use std::marker::PhantomData;
 
-/// A bond at a wall that failed.
+/// Bond at a wall that failed.
 #[derive(Clone, Copy, Debug)]
 struct WallFailure<S: Space> {
     grain: u32,
@@ -74,7 +74,7 @@ struct WallFailure<S: Space> {
 /// Effect of a pair in one step.
 #[derive(Clone, Copy, Debug)]
 struct Action<S: Space> {
-    /// Force on the second; the first is subject to the opposite.
+    /// Force on the second body; the first is subject to the opposite force.
     force: S::Vector,
     on_first: S::Spin,
     on_second: S::Spin,
@@ -92,46 +92,46 @@ impl<S: Space> Default for Action<S> {
     }
 }
 
-/// Pairs of grains near each other.
+/// Lists of pairs of nearby grains.
 #[derive(Debug)]
 struct Lists<S: Space, L: Bodies<S>> {
     pairs: Vec<Pair<L::Scale, L::History>>,
-    /// Pairs that may be in contact.
+    /// Indices of the pairs that may be in contact.
     active: Vec<u32>,
-    /// Active pairs that each thread found.
+    /// Active pairs found by each thread.
     chosen: Vec<Vec<u32>>,
-    /// Offsets that periodic axes add to separations (m): none first, then each that occurs, and by how many box
-    /// lengths.
+    /// Offsets that periodic axes add to separations \[m\]: zero first, then each one that occurs, with its number
+    /// of periods.
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
-    /// Id and shift of each entry when the lists were made, and how many were owned.
+    /// Id and shift of each entry when the lists were built, and the number of owned entries.
     names: Vec<(u64, [i32; 3])>,
     named_owned: usize,
     parts: Parts<S, L::Scale, L::History>,
 }
 
-/// Grains near walls.
+/// Lists of grains near walls.
 #[derive(Debug)]
 struct SolidLists<S: Space, L: Bodies<S>> {
     wall_pairs: Vec<WallPair<L::Constants, L::History>>,
     /// Buffers for the pairs that each thread finds.
     planes_found: Vec<Vec<WallPair<L::Constants, L::History>>>,
-    /// Facet contacts of each part; one entry if there are no parts.
+    /// Facet contacts of each part; a single entry without parts.
     facets: Vec<Facets<L::Constants, L::History>>,
     space: PhantomData<S>,
 }
 
-/// Period for which the lists are valid.
+/// Range in which the lists are valid.
 #[derive(Debug, Default)]
 pub(super) struct Validity {
     /// `true` if the lists are those of the present grains.
     listed: bool,
-    /// Longest path of any grain or wall since the lists were made (m).
+    /// Longest path of any grain or wall since the lists were built \[m\].
     path: f64,
-    /// The active pairs hold up to this path \[m\], and since this step.
+    /// Path up to which the active pairs are complete \[m\], and the step since which they are.
     activated: f64,
     activated_at: u64,
-    /// Path of a grain between two searches of all gaps \[m\].
+    /// Path of a grain between two checks of all gaps \[m\].
     look: f64,
     total: Option<u64>,
     pub(super) rebuilds: u64,
@@ -145,12 +145,12 @@ pub(super) struct Events<S: Space> {
     actions: Vec<Action<S>>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
-    /// The deepest contact of this step, if it is deeper than all before.
+    /// Deepest contact of this step, if it is deeper than all before.
     record: Record,
     pub(super) deepest: Deepest,
 }
 
-/// Contacts and lists of one law.
+/// Contacts and lists for one law.
 #[derive(Debug)]
 pub(super) struct Engine<S: Space, L: Bodies<S>> {
     pub(super) law: L,
@@ -170,7 +170,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Deactivates the walls of these indices, or activates them again; the contacts of all others stay.
+    /// Deactivates the walls of these indices, or activates them again; contacts with other walls stay.
     pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
@@ -223,13 +223,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Lists and ghosts for the present grains, and the contact loads where they are not known yet. Collective.
+    /// Builds lists and ghosts for the present grains, and computes the contact loads if they are not known yet.
+    /// Collective.
     pub(super) fn prepare(
         &mut self,
         particles: &mut Particles<S>,
         domain: &Domain,
     ) -> Result<(), Error> {
-        // What is missing on any rank: loads, or lists and then perhaps loads.
+        // Flags of missing data on any rank: loads, or lists and then perhaps loads.
         let flag = |set: bool| -> f64 { if set { 1.0 } else { 0.0 } };
         let listed = self.validity.listed && particles.listed;
         let mut missing = largest(domain, flag(!particles.loaded).max(2.0 * flag(!listed)));
@@ -273,7 +274,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     Some(_) => drift.length(),
                 });
             }
-            // Longer than the true path by more than any rounding.
+            // Larger than the true path by more than any rounding error.
             let path = self.validity.path + speed * dt * (1.0 + 1e-9);
             self.validity.path = largest(domain, if fastest.bad { f64::INFINITY } else { path });
             if self.validity.path == f64::INFINITY {
@@ -303,7 +304,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Hands grains to their owners, makes ghosts and lists.
+    /// Sends grains to their owners, and builds ghosts and lists.
     fn rebuild(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.validity.rebuilds += 1;
         let region = self.settings.region;
@@ -375,7 +376,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.list(particles, gap);
         particles.listed = true;
         self.validity.listed = true;
-        // Twice as many each time: a run that makes lists in every step shows, and its log stays short.
+        // Reported at powers of two: a run that builds lists in every step is noticed, and its log stays short.
         if self.validity.rebuilds.is_power_of_two() {
             log::debug!(
                 "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} \
@@ -394,7 +395,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Computes the contact loads of all owned bodies; the deepest contact is noted. Then the bodies move in `phase`.
+    /// Computes the contact loads of all owned bodies and records the deepest contact. Then the bodies move in
+    /// `phase`.
     fn all_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -414,8 +416,9 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Computes the contact loads of all owned spheres at the present positions and velocities; histories advance by
-    /// `dt` \[s\]. With several threads the spheres then also move in `phase`; in that case returns the fastest.
+    /// Computes the contact loads of all owned spheres at the present positions and velocities; histories advance
+    /// by `dt` \[s\]. With several threads the spheres then also move in `phase`, and the largest speed is
+    /// returned.
     fn sphere_forces(
         &mut self,
         particles: &mut Particles<S>,
@@ -440,12 +443,12 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 }
 
-/// Returns the largest of the values of all ranks. Collective.
+/// Returns the maximum of a value over all ranks. Collective.
 fn largest(domain: &Domain, value: f64) -> f64 {
     domain.communicator().all_reduce_max_f64(value)
 }
 
-/// Returns an error that names the first own grain whose numbers went bad.
+/// Returns an error that names the first owned grain with non-finite values.
 fn all_bounded<S: Space>(particles: &Particles<S>) -> Result<(), Error> {
     let finite = |v: &S::Vector| v.scalar(v).is_finite();
     match (0..particles.owned()).find(|&k| {

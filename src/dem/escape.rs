@@ -1,6 +1,6 @@
 //! A grain that left the box through an open face, as a text that can be parsed again.
 //!
-//! Ranks agree on errors as texts. The module that knows the case parses the text and adds what the user can do.
+//! Ranks agree on errors as texts. The module that knows the case parses the text and adds a remedy.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ pub struct Escape {
     pub grain: u64,
     /// Axis normal to the face: 0, 1 or 2.
     pub axis: usize,
-    /// `true` if it is the face at the upper end of the axis.
+    /// `true` for the face at the upper end of the axis.
     pub upper: bool,
 }
 

@@ -1,38 +1,38 @@
-//! Which rank holds ghosts of which grains, and the messages between owners and ghosts.
+//! Distribution of ghosts over ranks, and the messages between owners and ghosts.
 
 use std::ops::Range;
 
 use base::error::Error;
 use decomposition::{Domain, FixedExchange};
 
-/// Plan of the ghosts: own grains by the ranks that need them, and the messages that update them.
+/// Plan of the ghosts: owned grains by the ranks that need them, and the messages that update them.
 #[derive(Default)]
 pub(super) struct GhostPlan {
-    /// Per target rank the own entries it holds, in the order of its ghosts; never this rank.
+    /// Other ranks with the indices of the owned entries that each has as ghosts, in the order of its ghosts.
     pub(super) sends: Vec<(usize, Vec<u32>)>,
-    /// Per source rank its range of ghost entries.
+    /// Other ranks with the range of ghost entries that each owns.
     pub(super) receives: Vec<(usize, Range<usize>)>,
-    /// Own images through periodic faces: `(own entry, ghost entry)`.
+    /// Images of owned grains through periodic faces: `(owned entry, ghost entry)`.
     pub(super) images: Vec<(u32, u32)>,
-    /// The messages of a solid step, made when the first is sent, and their buffer.
+    /// Messages of a solid step with their buffer, created when the first is sent.
     pub(super) step: Option<Messages>,
     pub(super) buffer: Vec<u8>,
-    /// The messages of a reduction.
+    /// Messages of a reduction.
     pub(super) back: Option<Messages>,
 }
 
-/// Tag of the messages of grains, different from those of others.
+/// MPI tag of the messages of grains, different from the tags of other modules.
 const TAG: u8 = 40;
 
-/// Messages of fixed lengths along a plan.
+/// Messages of fixed lengths for a plan.
 pub(super) struct Messages {
     pub(super) exchange: FixedExchange,
-    /// Numbers in a row, of messages to owners.
+    /// Numbers per row, in messages to owners.
     pub(super) row: usize,
 }
 
 impl Messages {
-    /// From owners to ghosts, `bytes` for each entry.
+    /// Returns the messages from owners to ghosts, with `bytes` per entry.
     pub(super) fn to_ghosts(
         plan: &GhostPlan,
         bytes: usize,
@@ -42,7 +42,7 @@ impl Messages {
         Self::new(&owners, &ghosts, 0, domain)
     }
 
-    /// From ghosts to owners, rows of `row` numbers of 128 bits.
+    /// Returns the messages from ghosts to owners, with rows of `row` 128-bit numbers.
     pub(super) fn to_owners(plan: &GhostPlan, row: usize, domain: &Domain) -> Result<Self, Error> {
         let [owners, ghosts] = plan.lengths(row * size_of::<i128>());
         Self::new(&ghosts, &owners, row, domain)
@@ -61,7 +61,8 @@ impl Messages {
 }
 
 impl GhostPlan {
-    /// Returns the rank and length of the messages of this rank's grains, and of its ghosts, for `bytes` of each entry.
+    /// Returns target or source rank and length of the messages of this rank's grains, and of its ghosts, with
+    /// `bytes` per entry.
     fn lengths(&self, bytes: usize) -> [Vec<(usize, usize)>; 2] {
         let owners = self.sends.iter();
         let ghosts = self.receives.iter();

@@ -1,8 +1,8 @@
-//! Which ranks see a grain: the ghosts, made with the lists and brought up to date in every solid step.
+//! Ghosts: copies of grains on the ranks that need them, created with the lists and updated in every solid step.
 //!
-//! A grain is a ghost on every rank that may need it: where the slab, widened by the largest radius *that rank* owns,
-//! is within the interaction range. One giant therefore does not make all grains ghosts everywhere. A body may be
-//! larger than a slab: every rank in its range has a ghost of it.
+//! A grain is a ghost on every rank that may need it: if the slab of that rank, widened by the largest radius *that
+//! rank* owns, is within the interaction range. A single giant therefore does not make all grains ghosts
+//! everywhere. A body may be larger than a slab: every rank in its range has a ghost of it.
 
 use super::census::Census;
 use super::columns::Crosses;
@@ -14,8 +14,9 @@ use super::space::{Components, Space};
 use base::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Makes the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a slab
-/// within which grains are ghosts for reasons other than contacts \[m\]. Call without ghosts. Collective.
+/// Creates the ghosts of every rank. `range` is the largest gap of listed pairs, `margin` the distance beyond a
+/// slab within which grains are ghosts for reasons other than contacts \[m\]. Call it when there are no ghosts.
+/// Collective.
 pub(super) fn make<S: Space>(
     particles: &mut Particles<S>,
     region: &GrainDomain<S>,
@@ -62,7 +63,7 @@ pub(super) fn make<S: Space>(
         let mut writer = Writer::default();
         let mut entries = Vec::new();
         for k in 0..owned {
-            // A little more than needed: rounding must not decide.
+            // Slightly more than needed, so that rounding has no effect.
             let reach =
                 (particles.body[k].radius + of_target.largest.max(margin) + range) * (1.0 + 1e-9);
             image_shifts(particles, k, region, (&lower, &upper), reach, &mut shifts);
@@ -100,7 +101,7 @@ pub(super) fn make<S: Space>(
     Ok(())
 }
 
-/// Returns an entry's number in 32 bits.
+/// Returns the index of an entry as a 32-bit number.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "`make` refuses more than 2^31 grains on a rank"
@@ -141,7 +142,7 @@ fn image_shifts<S: Space>(
     }
 }
 
-/// Returns the next whole number below.
+/// Returns the largest whole number not above a value.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a few box lengths at most: grains lie inside the box"
@@ -151,13 +152,13 @@ fn whole(value: f64) -> i32 {
 }
 
 impl<S: Space> Particles<S> {
-    /// Sends the present motion of own grains to their ghosts. Collective; the ghosts are those of the last step.
+    /// Sends the present motion of owned grains to their ghosts. The ghosts are those of the last step. Collective.
     ///
     /// # Errors
-    /// If a message failed.
+    /// If a message fails.
     #[inline(never)]
     pub fn refresh_ghosts(&mut self, domain: &Domain) -> Result<(), Error> {
-        // The plan is taken out while the arrays change; moving it moves some pointers.
+        // The plan is taken out while the arrays change, which only moves some pointers.
         let mut plan = std::mem::take(&mut self.plan);
         let outcome = self.refresh_by(&mut plan, domain);
         self.plan = plan;
@@ -190,11 +191,12 @@ impl<S: Space> Particles<S> {
         Ok(())
     }
 
-    /// Adds the row of every ghost to the row of its grain at the owner. The numbers are integers: the sum does not
-    /// depend on the order. `values` has one row for each entry; the rows of ghosts keep their values. Collective.
+    /// Adds the row of every ghost to the row of its grain on the owner. The numbers are integers, so that the sum
+    /// does not depend on the order. `values` has one row per entry; the rows of ghosts keep their values.
+    /// Collective.
     ///
     /// # Errors
-    /// If `values` has another length than the entries, or a message failed.
+    /// If the length of `values` differs from the number of entries, or a message fails.
     pub fn reduce_to_owners<const N: usize>(
         &mut self,
         values: &mut [[i128; N]],

@@ -1,15 +1,16 @@
-//! The generic code that this package compiles, so that no package above compiles it again.
+//! Instances of generic code that this package compiles, so that no dependent package compiles them again.
 //!
-//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled in a
-//! package below is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they
-//! are the doors to the kernels of grains and contacts: what they call is compiled here with them.
+//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled
+//! in a dependency is taken from there. The functions in these lists are of this kind (`#[inline(never)]`); they
+//! are the entry points to the kernels of grains and contacts, and the functions that they call are compiled here
+//! with them.
 
 use crate::{Dem, Particles, PlaneSpace, Space, Volume};
 
-/// The address of a function: it has to be compiled.
+/// Address of a function, which forces its compilation.
 type Address = *const ();
 
-/// Lists the grains of a space.
+/// Returns the addresses for the grains of a space.
 fn grains<Sp: Space>() -> Vec<Address> {
     vec![
         Dem::<Sp>::new as Address,
@@ -20,7 +21,7 @@ fn grains<Sp: Space>() -> Vec<Address> {
     ]
 }
 
-/// Lists all of them, for both spaces.
+/// Returns all addresses, for both spaces.
 #[must_use]
 pub fn all() -> Vec<Address> {
     [grains::<PlaneSpace>(), grains::<Volume>()].concat()

@@ -15,7 +15,7 @@ use super::particles::{Load, Mobility, Motion, Particles};
 use super::space::{Components, Space};
 use base::thread_pool;
 
-/// Parameters of the change of velocities.
+/// Parameters of the velocity update.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kick<S: Space> {
     pub(super) gravity: S::Vector,
@@ -23,7 +23,7 @@ pub(super) struct Kick<S: Space> {
     pub(super) damping: f64,
 }
 
-/// The fastest grain after a drift: its squared speed, and whether any number went bad.
+/// Largest squared speed after a drift, and `true` if any value is not finite or too large.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fastest {
     pub(super) speed_squared: f64,
@@ -39,14 +39,14 @@ impl Fastest {
     }
 }
 
-/// Squared speed [m²/s²] beyond which a grain counts as blown up.
+/// Squared speed [m²/s²] above which the motion of a grain counts as diverged.
 pub(super) const SPEED_LIMIT: f64 = 1e16;
 
-/// Returns a component `a` of an acceleration under non-viscous damping, where the velocity's is `v`.
+/// Returns a component `a` of an acceleration under non-viscous damping, for a velocity component `v`.
 #[inline(always)]
 fn damped(a: f64, v: f64, damping: f64) -> f64 {
     let power = a * v;
-    // Three constants to choose from: no branch that vibration could make unpredictable.
+    // A choice among three constants, without a branch that vibration could make unpredictable.
     let factor = if power > 0.0 {
         1.0 - damping
     } else if power < 0.0 {
@@ -76,7 +76,7 @@ fn kick<S: Space, const DAMPED: bool>(
     motion.spin += angular * half;
 }
 
-/// A part of the scheme: steps follow each other, and where one ends the next begins.
+/// Phase of the scheme: the end of one step and the beginning of the next are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     /// The first half kick of a step, and its drift.
@@ -87,11 +87,11 @@ pub(super) enum Phase {
     Last,
 }
 
-/// The loads of some grains and what they resist with.
+/// Loads and mobilities of some grains.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loads<'a, S: Space> {
     pub(super) contact: &'a [Load<S>],
-    /// Empty in a dry scene.
+    /// Loads of the fluid; empty in a dry scene.
     pub(super) fluid: &'a [Load<S>],
     pub(super) mobility: &'a [Mobility],
 }
@@ -105,7 +105,7 @@ fn together<S: Space>(contact: &Load<S>, fluid: &Load<S>) -> Load<S> {
     }
 }
 
-/// Moves all grains. `from` is empty where grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
+/// Moves all grains. `from` is empty if grains move `IN_PLACE`. `ENDS` a step and `BEGINS` one: see [`Phase`].
 fn move_all<
     S: Space,
     const IN_PLACE: bool,
@@ -139,7 +139,7 @@ fn move_all<
             kick::<S, DAMPED>(&mut motion, &load, &mobility[k], how);
             motion.position += motion.velocity * how.time_step;
             let squared = motion.velocity.scalar(&motion.velocity);
-            // A comparison that a NaN fails too.
+            // A comparison that is false for NaN, too.
             let bounded = squared < SPEED_LIMIT;
             bad |= !bounded;
             speed_squared = if squared > speed_squared {
@@ -153,8 +153,8 @@ fn move_all<
     Fastest { speed_squared, bad }
 }
 
-/// Moves grains from where they are in `from` to where they are in `to`, an array of the same length; `IN_PLACE` those
-/// in `to`, and `from` is empty.
+/// Moves grains from their state in `from` to their new state in `to`, an array of the same length; with `IN_PLACE`
+/// the states in `to` are updated and `from` is empty.
 pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     from: &[Motion<S>],
     to: &mut [Motion<S>],
@@ -180,7 +180,7 @@ pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     act(from, to, loads, how)
 }
 
-/// Moves all own grains in place.
+/// Moves all owned grains in place.
 pub(super) fn advance<S: Space>(
     particles: &mut Particles<S>,
     how: &Kick<S>,

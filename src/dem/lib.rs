@@ -8,16 +8,17 @@
 //! ```
 //!
 //! The code is generic over [`Space`]: discs, spheres and blocks share the engine. It is compiled once for each contact
-//! law. The bits of a result do not depend on the number of ranks and threads, on when lists are made, or on restarts.
+//! law. The bits of a result do not depend on the number of ranks and threads, on when lists are built, or on
+//! restarts.
 //!
 //! | file | content |
 //! |---|---|
 //! | `space` | two and three dimensions |
 //! | `particles` | the list of arrays of a grain, and their store |
 //! | `columns`, `table`, `message` | generated code: struct of arrays, columns of a checkpoint, bytes of a message |
-//! | `region`, `migration` | the box; which rank owns a grain; bytes of a grain that changes its rank |
+//! | `region`, `migration` | the box; ownership of grains; bytes of a grain that changes its rank |
 //! | `census` | counts and radii of the grains of all ranks; agreement on an error |
-//! | `ghosts`, `ghost_plan` | which ranks see a grain; their messages |
+//! | `ghosts`, `ghost_plan` | copies of grains on other ranks; their messages |
 //! | `blocks` | shapes and orientations of the blocks among the grains |
 //! | `buckets` | counting sort by threads |
 //! | `neighbors` | candidate pairs |
@@ -26,7 +27,7 @@
 //! | `servo` | plane walls whose mean normal stress follows a stress that is given |
 //! | `integrate` | velocity Verlet |
 //! | `polyhedron` | convex polyhedra: shape, contact, force and rotation, for one body or one pair |
-//! | `engine` | the step, the lists, the hand-over of grains and histories |
+//! | `engine` | the step, the lists, the migration of grains and histories |
 //! | `dashpot` | the normal dashpot of a contact over time steps |
 //! | `deepest` | the deepest contact of all steps |
 //! | `relax` | unbalanced force |
@@ -102,7 +103,7 @@ pub fn alone() -> Domain {
 /// Parameters of the step and of the lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DemSettings<S: Space> {
-    /// The box and the planes that ranks share.
+    /// Box, and planes along which ranks divide it.
     pub region: GrainDomain<S>,
     /// Solid time step \[s\].
     pub time_step: f64,
@@ -110,8 +111,8 @@ pub struct DemSettings<S: Space> {
     pub gravity: S::Vector,
     /// Non-viscous damping, 0 (none) to below 1.
     pub local_damping: f64,
-    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer, and they are rebuilt less
-    /// often. No result depends on it.
+    /// Largest gap between surfaces of listed pairs \[m\]. A larger skin makes lists longer and their rebuilds less
+    /// frequent. No result depends on it.
     pub skin: f64,
     /// Distance beyond a slab within which grains are ghosts for reasons other than contacts, added to the radius
     /// \[m\].
@@ -119,7 +120,7 @@ pub struct DemSettings<S: Space> {
 }
 
 impl<S: Space> DemSettings<S> {
-    /// Returns settings without gravity, damping and margin.
+    /// Returns settings without gravity, damping and ghost margin.
     #[must_use]
     pub fn new(region: GrainDomain<S>, time_step: f64, skin: f64) -> Self {
         Self {
@@ -133,71 +134,71 @@ impl<S: Space> DemSettings<S> {
     }
 }
 
-/// A bond that failed. One rank reports it.
+/// Failed bond. Exactly one rank reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BondBreak<S: Space> {
-    /// Solid steps done, this one included.
+    /// Number of solid steps done, including this one.
     pub step: u64,
     /// Time \[s\] at the end of the step.
     pub time: f64,
     /// Id of the grain, the lower of the two.
     pub grain: u64,
-    /// Id of the other grain.
+    /// Id of the other grain; none at a wall.
     pub other: Option<u64>,
-    /// Or the wall.
+    /// Index of the wall; none between grains.
     pub wall: Option<u32>,
     /// Contact point \[m\].
     pub position: S::Vector,
-    /// Pulled or sheared.
+    /// Mode of failure: tension or shear.
     pub mode: Failure,
-    /// Magnitude of the fluid's force on `grain` \[N\].
+    /// Magnitude of the force of the fluid on `grain` \[N\].
     pub fluid_force: f64,
 }
 
-/// The present state of a contact or bond.
+/// Present state of a contact or bond.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<S: Space> {
-    /// Entry of the first grain, the lower id: owned here.
+    /// Entry of the first grain, which has the lower id and is owned by this rank.
     pub grain: usize,
-    /// Entry of the other grain.
+    /// Entry of the other grain; none at a wall.
     pub other: Option<usize>,
-    /// Or the wall.
+    /// Index of the wall; none between grains.
     pub wall: Option<u32>,
     /// Overlap \[m\], negative for a bond in tension.
     pub overlap: f64,
-    /// Unit normal from the first grain to the second, from the wall to the grain.
+    /// Unit normal from the first grain to the second, or from the wall to the grain.
     pub normal: S::Vector,
     /// Contact point \[m\].
     pub position: S::Vector,
     /// Force of the normal spring \[N\], positive in compression.
     pub normal_force: f64,
-    /// Force of the shear spring on the second grain, at a wall on the grain \[N\]; zero where a polyhedron is
-    /// involved.
+    /// Force of the shear spring on the second grain, or at a wall on the grain \[N\]; zero for contacts of
+    /// polyhedra.
     pub shear_force: S::Vector,
-    /// `true` if it is bonded.
+    /// `true` if the contact is bonded.
     pub bonded: bool,
 }
 
-/// Counts of one rank; sums over ranks count each item once.
+/// Counts on one rank; sums over ranks count each item once.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Owned grains.
+    /// Number of owned grains.
     pub owned: u64,
-    /// Ghosts.
+    /// Number of ghosts.
     pub ghosts: u64,
-    /// Pairs in the lists.
+    /// Number of pairs in the lists.
     pub listed: u64,
-    /// Pairs tested in each step.
+    /// Number of pairs tested in each step.
     pub active: u64,
-    /// Contacts, with walls.
+    /// Number of contacts, including those with walls.
     pub contacts: u64,
-    /// Bonded ones among them.
+    /// Number of bonded contacts among them.
     pub bonds: u64,
-    /// Largest overlap over the smaller diameter.
+    /// Largest overlap divided by the smaller diameter.
     pub largest_overlap: f64,
-    /// Number of times that lists were made.
+    /// Number of times that lists were built.
     pub rebuilds: u64,
-    /// Pairs tested since the beginning.
+    /// Number of pairs tested since the beginning.
     pub tested: u64,
 }
 
@@ -208,17 +209,17 @@ pub struct Dem<S: Space> {
 }
 
 impl<S: Space> Dem<S> {
-    /// Contacts under `law` between grains, and with `walls`.
+    /// Returns a solver for contacts under `law` between grains, and with `walls`.
     ///
     /// # Errors
-    /// A time step, skin or damping out of range, a wall that faces along a periodic axis, and the law of blocks in a
-    /// plane scene.
+    /// If time step, skin or damping is out of range, a wall is normal to a periodic axis, or the law of blocks is
+    /// used in 2-D.
     #[inline(never)]
     pub fn new(law: Law, settings: DemSettings<S>, walls: Vec<Wall<S>>) -> Result<Self, Error> {
         Self::of_family(&law, settings, walls)
     }
 
-    /// Makes the solver with a law of any list.
+    /// Returns a solver with a law of any family.
     fn of_family(
         law: &impl Family,
         settings: DemSettings<S>,
@@ -259,16 +260,16 @@ impl<S: Space> Dem<S> {
     /// Makes one solid step. Collective.
     ///
     /// # Errors
-    /// If a grain was lost or its motion is not finite (all ranks get the error), or a message failed.
+    /// If a grain was lost or its motion is not finite (all ranks get the error), or a message fails.
     pub fn advance(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.advance_many(particles, domain, 1)
     }
 
-    /// Makes `steps` solid steps with the fluid's loads held: the same bits as that many calls of [`Self::advance`].
-    /// Collective.
+    /// Makes `steps` solid steps with constant loads of the fluid, with the same bits as that many calls of
+    /// [`Self::advance`]. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn advance_many(
         &mut self,
         particles: &mut Particles<S>,
@@ -278,20 +279,21 @@ impl<S: Space> Dem<S> {
         self.engine.advance(particles, domain, steps)
     }
 
-    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads where none
-    /// are known yet. Every step begins with it; call it where ghosts are needed before the next step. Collective.
+    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads that
+    /// are not known yet. Every step begins with it; call it if ghosts are needed before the next step. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
         self.engine.prepare(particles, domain)
     }
 
-    /// Bonds all present contacts, walls included; the contact-bond law also bonds pairs within its bonding gap. Bonds
-    /// that break later do not heal. Returns the number of bonds that this rank reports. Collective.
+    /// Bonds all present contacts, including those with walls; the contact-bond law also bonds pairs within its
+    /// bonding gap. Bonds that break later do not heal. Returns the number of bonds that this rank reports.
+    /// Collective.
     ///
     /// # Errors
-    /// Those of [`Self::advance`].
+    /// If [`Self::advance`] fails.
     pub fn bond_existing_contacts(
         &mut self,
         particles: &mut Particles<S>,
@@ -306,12 +308,13 @@ impl<S: Space> Dem<S> {
         self.engine.unbond();
     }
 
-    /// Returns the bonds that failed since the last call, as this rank reports them.
+    /// Returns the bonds reported by this rank that failed since the last call.
     pub fn take_breaks(&mut self) -> Vec<BondBreak<S>> {
         self.engine.take_breaks()
     }
 
-    /// Visits every contact this rank reports: those whose lower id it owns, and its grains' with walls.
+    /// Visits every contact reported by this rank: those whose lower id it owns, and those of its grains with
+    /// walls.
     pub fn for_each_contact(&self, particles: &Particles<S>, mut visit: impl FnMut(Contact<S>)) {
         self.engine.for_each_contact(particles, &mut visit);
     }
@@ -328,18 +331,18 @@ impl<S: Space> Dem<S> {
         self.engine.deepest()
     }
 
-    /// Counts the deepest contact anew.
+    /// Resets the deepest contact.
     pub fn forget_deepest(&mut self) {
         self.engine.forget_deepest();
     }
 
-    /// Returns the solid steps done.
+    /// Returns the number of solid steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.engine.steps()
     }
 
-    /// Returns the solid steps done times the time step \[s\].
+    /// Returns the number of solid steps done times the time step \[s\].
     #[must_use]
     pub fn time(&self) -> f64 {
         self.engine.time()
@@ -351,12 +354,12 @@ impl<S: Space> Dem<S> {
         self.engine.settings()
     }
 
-    /// Changes gravity [m/s²].
+    /// Sets gravity [m/s²].
     pub fn set_gravity(&mut self, gravity: S::Vector) {
         self.engine.settings_mut().gravity = gravity;
     }
 
-    /// Changes the non-viscous damping, 0 (none) to below 1; other values are clamped.
+    /// Sets the non-viscous damping, 0 (none) to below 1; other values are clamped.
     pub fn set_local_damping(&mut self, damping: f64) {
         let damping = damping.clamp(0.0, 1.0 - f64::EPSILON);
         self.engine.settings_mut().local_damping = damping;
@@ -368,12 +371,12 @@ impl<S: Space> Dem<S> {
         self.engine.walls()
     }
 
-    /// Removes the walls of these indices with their contacts and bonds. The same on all ranks.
+    /// Deactivates the walls of these indices with their contacts and bonds. Call it equally on all ranks.
     pub fn open_walls(&mut self, walls: &[usize]) {
         self.engine.open_walls(walls);
     }
 
-    /// Puts the walls of these indices back, without contacts. The same on all ranks.
+    /// Activates the walls of these indices again, without contacts. Call it equally on all ranks.
     pub fn close_walls(&mut self, walls: &[usize]) {
         self.engine.close_walls(walls);
     }
@@ -390,7 +393,7 @@ impl<S: Space> Dem<S> {
         }
     }
 
-    /// Changes a wall's velocity [m/s].
+    /// Sets the velocity of a wall [m/s].
     pub fn set_wall_velocity(&mut self, wall: usize, velocity: S::Vector) {
         if let Some(wall) = self.engine.walls_mut().get_mut(wall) {
             wall.velocity = velocity;

@@ -1,8 +1,8 @@
-//! Numbers as bytes, little-endian: the contents of messages between ranks.
+//! Numbers as little-endian bytes: the contents of messages between ranks.
 
 use base::error::Error;
 
-/// Appends numbers to a message.
+/// Writer that appends numbers to a message.
 #[derive(Debug, Default)]
 pub(super) struct Writer(pub(super) Vec<u8>);
 
@@ -21,7 +21,7 @@ impl Writer {
     }
 }
 
-/// Reads the numbers that a [`Writer`] wrote, in the same order.
+/// Reader of numbers written by a [`Writer`], in the same order.
 #[derive(Debug)]
 pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
@@ -43,7 +43,7 @@ impl Reader<'_> {
     pub(super) fn integer(&mut self) -> Result<u64, Error> {
         Ok(u64::from_le_bytes(self.take()?))
     }
-    /// Reads an integer that fits 32 bits; `what` names it in the error.
+    /// Reads an integer that must fit 32 bits; `what` names it in the error.
     #[inline]
     pub(super) fn index(&mut self, what: &str) -> Result<u32, Error> {
         u32::try_from(self.integer()?)

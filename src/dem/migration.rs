@@ -1,9 +1,10 @@
-//! Which rank owns a grain, the wrap of positions into the box, and the bytes of grains that change their rank.
+//! Ownership of grains, wrapping of positions into the box, and the bytes of grains that change their rank.
 //!
 //! [`super::engine`] sends these bytes with the histories of the contacts.
 //!
-//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the split
-//! axis, clamped to the outermost planes where the axis is not periodic. Ownership changes only when lists are made.
+//! A grain belongs to the rank whose planes contain its centre: plane `floor((x - origin) / spacing)` along the
+//! split axis, clamped to the outermost planes if the axis is not periodic. Ownership changes only when lists are
+//! built.
 
 use super::columns::Crosses;
 use super::escape::Escape;
@@ -16,7 +17,7 @@ use base::thread_pool;
 use decomposition::Domain;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Moves the shift of every owned grain into the box and checks that none is lost.
+/// Sets the shift of every owned grain so that its image lies in the box, and checks that no grain is lost.
 pub(super) fn wrap<S: Space>(
     particles: &mut Particles<S>,
     region: &GrainDomain<S>,
@@ -48,18 +49,18 @@ pub(super) fn wrap<S: Space>(
     Ok(())
 }
 
-/// Grains from which a thread pays.
+/// Minimum number of grains per thread.
 const PER_THREAD: usize = 1000;
 
-/// Reason why a grain is misplaced.
+/// Reason why a grain is outside the box.
 enum Astray {
-    /// Very far away, or nowhere.
+    /// Position very far away or not finite.
     Lost,
     /// Position beyond the box by more than its length.
     Out { axis: usize, upper: bool },
 }
 
-/// Returns the shift that brings a grain into the box.
+/// Returns the shift that moves a grain into the box.
 fn shift_of<S: Space>(
     motion: &Motion<S>,
     mut shift: [i32; 3],
@@ -92,7 +93,7 @@ pub(super) fn lost<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> 
     )
 }
 
-/// Returns a sentence about a grain with where it is and how it moves.
+/// Returns an error about a grain with its position and velocity.
 fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     let motion = &particles.motion[k];
     let show = |v: &S::Vector| {
@@ -108,7 +109,7 @@ fn named<S: Space>(particles: &Particles<S>, k: usize, what: &str) -> Error {
     ))
 }
 
-/// Returns the rank that owns each own grain now.
+/// Returns the present owner of each owned grain.
 pub(super) fn owners<S: Space>(
     particles: &Particles<S>,
     region: &GrainDomain<S>,
@@ -134,7 +135,7 @@ pub(super) fn pack_grains<S: Space>(particles: &Particles<S>, leaving: &[usize],
     }
 }
 
-/// Appends the grains that [`pack_grains`] wrote on another rank; call without ghosts.
+/// Appends the grains written by [`pack_grains`] on another rank; call it when there are no ghosts.
 pub(super) fn unpack_grains<S: Space>(
     particles: &mut Particles<S>,
     from: &mut Reader<'_>,

@@ -1,17 +1,19 @@
-//! Search for candidate pairs: the pairs that may touch before the lists are made again.
+//! Search for candidate pairs: those that may touch before the lists are built again.
 //!
-//! The search combines two grids. Small bodies stand in every cell of one grid that their box overlaps, as in CGRID (J.
-//! R. Williams, E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair counts in the first cell that both
-//! bodies have in common. The width of the cells follows the cubic mean of the radii, so that a body is in a few cells.
+//! The search combines two grids. Small bodies are entered into every cell of one grid that their box overlaps, as
+//! in CGRID (J. R. Williams, E. Perkins, B. Cook 2004). Pairs are sought within each cell; a pair is counted in the
+//! first cell that both bodies share. The width of the cells follows the cubic mean of the radii, so that a body is
+//! in a few cells.
 //!
-//! A few giants among many small bodies would make these cells too wide. The largest bodies then stand in one grid for
-//! each size class; classes differ by a factor of 2 in radius. Every smaller body searches these grids for neighbours.
-//! The cost for each grain therefore depends little on the ratio of sizes. `benches/neighbors.rs` measures it.
+//! A few giants among many small bodies would make these cells too wide. The largest bodies are therefore entered
+//! into one grid per size class, with classes a factor of 2 apart in radius, and every smaller body searches these
+//! grids for neighbours. The cost per grain then depends little on the ratio of sizes. `benches/neighbors.rs`
+//! measures it.
 //!
-//! Threads have rows of cells, and then first ends of pairs ([`super::buckets`]).
+//! Each thread processes rows of cells, then first bodies of pairs ([`super::buckets`]).
 //!
-//! Each pair appears once, with the lower (id, shift) first, in the order of the first and then the second body. Summed
-//! in this order, the forces on a grain are added in the order of the other grain's id.
+//! Each pair occurs once, with the lower (id, shift) first, in the order of the first and then the second body.
+//! Summed in this order, the forces on a grain are added in the order of the other grain's id.
 
 use super::buckets::{Buckets, Items};
 use super::particles::{Particles, ParticlesView};
@@ -20,31 +22,31 @@ use base::number::real;
 use base::thread_pool;
 use std::ops::Range;
 
-/// The grids of a search. A step needs none of it: who makes lists drops it when they are made, and the memory of a
-/// grain stays low.
+/// Grids of a search. They are needed only while lists are built and dropped afterwards, which keeps the memory per
+/// grain low.
 #[derive(Debug, Default)]
 pub struct Search {
-    /// Size classes of the large bodies; finer classes stay empty.
+    /// Size classes of the large bodies; finer classes are empty.
     classes: Vec<Class>,
     class_of: Vec<u8>,
-    /// First class of the small.
+    /// First class of the small bodies.
     small: usize,
     grid: Overlaps,
-    /// Place and radius of each entry.
+    /// Position and radius of each entry.
     points: Vec<[f64; 4]>,
-    /// The large, and the cell of each in the grid of its class.
+    /// Large bodies, and the cell of each in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
-    /// Pairs that each thread found.
+    /// Pairs found by each thread.
     found: Vec<Vec<[u32; 2]>>,
 }
 
-/// The pairs that a search found, in the order that the module defines.
+/// Pairs found by a search, in the order defined in the module.
 #[derive(Debug)]
 pub(super) struct Candidates {
-    /// Entries by rising (id, shift).
+    /// Entries in ascending order of (id, shift).
     order: Vec<u32>,
-    /// The second ends of the n-th entry in `order`, as places in `order`.
+    /// Second bodies of the n-th entry in `order`, as indices in `order`.
     seconds: Buckets,
 }
 
@@ -58,43 +60,44 @@ struct Class {
     counts: [usize; 3],
     start: Vec<u32>,
     entries: Vec<u32>,
-    /// Place and radius of each entry, so that cells are read in one piece.
+    /// Position and radius of each entry, contiguous for reading a cell.
     points: Vec<[f64; 4]>,
 }
 
 const CLASSES: usize = 24;
 
-/// Width of the cells of the small over the cubic mean of their radii.
+/// Width of the cells of the small bodies divided by the cubic mean of their radii.
 const WIDTH: f64 = 3.4;
-/// Maximum width of a cell over the mean diameter of these bodies: wider cells would hold too many of them.
+/// Maximum width of a cell divided by the mean diameter of these bodies: wider cells would contain too many of
+/// them.
 const WIDEST: f64 = 8.0;
 
-/// One grid, and in each cell all the small whose box overlaps it.
+/// Grid with all small bodies whose box overlaps each cell.
 #[derive(Debug, Default)]
 struct Overlaps {
     low: [f64; 3],
     inverse: f64,
     counts: [usize; 3],
     cells: Buckets,
-    /// Cells of each body, from and to; of the large none.
+    /// Range of cells of each body; empty for large bodies.
     spans: Vec<Span>,
 }
 
-/// The cells of a body along each axis, from and to.
+/// Range of cells of a body along each axis, first and last.
 type Span = [[u32; 2]; 3];
 
 /// Span without a cell.
 const NOWHERE: Span = [[1, 0]; 3];
 
-/// Bodies from which a thread pays.
+/// Minimum number of bodies per thread.
 const PER_THREAD: usize = 1000;
 
-/// Returns the number of threads for a number of bodies.
+/// Returns the number of threads used for a number of bodies.
 pub(super) fn threads_for(bodies: usize) -> usize {
     thread_pool::threads().min(bodies / PER_THREAD).max(1)
 }
 
-/// The bodies in the cells of a grid.
+/// Bodies in the cells of a grid.
 struct InCells<'a> {
     spans: &'a [Span],
     counts: [usize; 3],
@@ -104,7 +107,7 @@ impl Items for InCells<'_> {
     #[inline]
     fn each(&self, cells: &Range<usize>, mut put: impl FnMut(usize, u32)) {
         let [along, across, _] = self.counts;
-        // Threads have whole rows.
+        // Each thread processes whole rows.
         let rows = cells.start / along..cells.end / along;
         let row = |y: u32, z: u32| z as usize * across + y as usize;
         for (k, span) in (0..).zip(self.spans) {
@@ -134,7 +137,7 @@ impl Overlaps {
         ))
     }
 
-    /// Calls `visit` with each cell of a span, by its number and its coordinates.
+    /// Calls `visit` with each cell of a span: its number and its coordinates.
     #[inline]
     fn each_cell(&self, span: &[[u32; 2]; 3], mut visit: impl FnMut(usize, [u32; 3])) {
         for z in span[2][0]..=span[2][1] {
@@ -147,7 +150,7 @@ impl Overlaps {
         }
     }
 
-    /// Makes the grid of the members that `is_small` names; boxes reach half a gap beyond surfaces.
+    /// Builds the grid of the members for which `is_small` is `true`; boxes extend half a gap beyond the surfaces.
     fn fill<S: Space>(
         &mut self,
         points: &[[f64; 4]],
@@ -171,7 +174,7 @@ impl Overlaps {
             return;
         }
         let mut width = WIDTH * (cubes / real(members)).cbrt();
-        // Never many more cells than members, however far they are spread.
+        // The number of cells is limited to a multiple of the members, however far they are spread.
         loop {
             self.counts = [1; 3];
             for axis in 0..S::DIMENSION {
@@ -210,15 +213,15 @@ impl Overlaps {
         self.spans = spans;
     }
 
-    /// Returns the row of cells where the share of a thread begins.
+    /// Returns the first row of cells of a thread.
     fn row_of(&self, thread: usize, threads: usize) -> usize {
         let [along, across, deep] = self.counts;
         let bound = self.cells.bound(thread, threads).div_ceil(along.max(1));
         bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two whose boxes overlap, and some others, each in one cell: those whose cell is in some
-    /// rows.
+    /// Calls `visit` with every two bodies whose boxes overlap, and some others, each in one cell, for the cells in
+    /// a range of rows.
     #[inline]
     fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
         let [along, across, _] = self.counts;
@@ -243,7 +246,7 @@ impl Overlaps {
         }
     }
 
-    /// Calls `visit` with every member whose box overlaps the one between two corners, once, and with some others.
+    /// Calls `visit` once with every member whose box overlaps the box between two corners, and with some others.
     fn near<S: Space>(&self, low: &S::Vector, high: &S::Vector, mut visit: impl FnMut(usize)) {
         if self.cells.len() == 0 {
             return;
@@ -267,8 +270,8 @@ impl Overlaps {
 }
 
 impl Search {
-    /// Finds every pair whose surfaces are at most `gap` \[m\] apart and of which at least one is owned and one can be
-    /// moved by forces.
+    /// Finds every pair with a gap of at most `gap` \[m\] of which at least one body is owned and at least one
+    /// moves under forces.
     pub(super) fn find_candidates<S: Space>(
         &mut self,
         particles: &Particles<S>,
@@ -278,15 +281,15 @@ impl Search {
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
-    /// Returns the number of pairs that the engine's own search finds, before they are put in order. For measurements.
+    /// Returns the number of pairs that the engine's search finds, without sorting them. For measurements.
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
         self.found.iter().map(Vec::len).sum()
     }
 
-    /// Calls `visit` with every entry of the last [`Self::find_candidates`] whose surface may be within `gap` \[m\] of
-    /// the box between two corners, and with some others.
+    /// Calls `visit` with every entry of the last [`Self::find_candidates`] whose surface may be within `gap` \[m\]
+    /// of the box between two corners, and with some others.
     pub(super) fn near<S: Space>(
         &self,
         low: &S::Vector,
@@ -358,7 +361,7 @@ impl Search {
         }
         for class in self.classes.iter_mut().filter(|class| class.members > 0) {
             let mut size = 2.0 * class.largest + gap;
-            // Never many more cells than members, however far they are spread.
+            // The number of cells is limited to a multiple of the members, however far they are spread.
             loop {
                 class.counts = [1; 3];
                 for axis in 0..S::DIMENSION {
@@ -392,7 +395,7 @@ impl Search {
         }
         for (k, &cell) in self.large.iter().map(|&k| k as usize).zip(&self.cell_of) {
             let class = &mut self.classes[usize::from(self.class_of[k])];
-            // `start` runs ahead while filling and is set back below.
+            // `start` is advanced while filling and reset below.
             let slot = &mut class.start[cell as usize];
             class.entries[*slot as usize] = super::ghosts::index(k);
             let point = self.points[k];
@@ -407,7 +410,7 @@ impl Search {
         }
     }
 
-    /// Returns the first class of the small: with a giant among them their cells would be too wide.
+    /// Returns the first class of the small bodies: with a giant among them their cells would be too wide.
     fn first_small(&self, gap: f64) -> usize {
         let mut sums = [[0.0_f64; 3]; CLASSES];
         for (class, point) in self.class_of.iter().zip(&self.points) {
@@ -459,7 +462,7 @@ impl Search {
         self.found = found;
     }
 
-    /// Finds the pairs of some entries with the large bodies.
+    /// Finds the pairs of some entries with large bodies.
     fn find_large<S: Space>(
         &self,
         particles: &ParticlesView<'_, S>,
@@ -499,7 +502,7 @@ impl Search {
     }
 }
 
-/// Pairs by their first ends.
+/// Pairs sorted by their first bodies.
 struct ByFirst<'a>(&'a [Vec<[u32; 2]>]);
 
 impl Items for ByFirst<'_> {
@@ -518,7 +521,8 @@ impl Candidates {
         let count = super::ghosts::index(particles.len());
         let threads = threads_for(particles.len());
         let mut order: Vec<u32> = (0..count).collect();
-        // The own come by rising id, and images follow as their grains do: a stable sort finds these runs.
+        // Owned grains are in ascending order of ids, and images in that of their grains: a stable sort makes use
+        // of these runs.
         order.sort_by_key(|&k| (particles.body[k as usize].id, particles.shift[k as usize]));
         let mut place = vec![0; particles.len()];
         for (at, &k) in (0..count).zip(&order) {
@@ -540,12 +544,12 @@ impl Candidates {
         Self { order, seconds }
     }
 
-    /// Pairs before the share of a thread.
+    /// Returns the number of pairs before those of a thread.
     pub(super) fn before(&self, thread: usize, threads: usize) -> usize {
         self.seconds.before(self.seconds.bound(thread, threads))
     }
 
-    /// Calls `visit(first, second)` for every pair of the share of a thread: all pairs of some first ends.
+    /// Calls `visit(first, second)` for every pair of a thread: all pairs of some first bodies.
     #[inline]
     pub(super) fn each(&self, thread: usize, threads: usize, mut visit: impl FnMut(usize, usize)) {
         let bound = |thread: usize| self.seconds.bound(thread, threads);
@@ -600,7 +604,7 @@ impl Class {
     }
 }
 
-/// Returns the size class of a radius: 0 the coarsest.
+/// Returns the size class of a radius; 0 is the coarsest.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -693,7 +697,7 @@ mod tests {
         }
     }
 
-    /// Finds equal pairs in equal order by one thread and by three.
+    /// Checks that one thread and three threads find the same pairs in the same order.
     #[test]
     fn threads_find_the_same() {
         fn pairs<S: Space>(
@@ -733,7 +737,7 @@ mod tests {
         }
     }
 
-    /// One size, a wide range, and a giant among many small ones.
+    /// Checks bodies of one size, of a wide range of sizes, and a giant among many small ones.
     #[test]
     fn what_is_near_a_box_is_found_once() {
         for (ratio, giant) in [(1.0, false), (100.0, false), (1.5, true)] {
@@ -767,7 +771,8 @@ mod tests {
         }
     }
 
-    /// Giants among small ones, where the cells of all would be too wide: they stand in the grids of their classes.
+    /// Checks giants among small bodies, for which common cells would be too wide: they are in the grids of their
+    /// classes.
     #[test]
     fn giants_are_found_by_class() {
         let mut particles = Particles::<Volume>::new();

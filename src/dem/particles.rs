@@ -1,18 +1,21 @@
 //! The grains of one rank as a struct of arrays: [`Particles`] lists every array.
 //!
-//! Entries are the owned grains in rising order of id, then the ghosts. A ghost stands for one image of a grain that
-//! another rank owns, or of an own grain through a periodic face.
+//! Entries are the owned grains in ascending order of ids, then the ghosts. A ghost represents one image of a grain
+//! owned by another rank, or of an owned grain through a periodic face.
 //!
-//! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its image
-//! stands at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path therefore do
-//! not depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every rank that sees it.
+//! **Positions are raw**: they are never wrapped into a periodic box. Each entry has an integer `shift`, and its
+//! image is at `position + shift * box length`. Wrapping a grain changes only its shift. The bits of a path
+//! therefore do not depend on when a grain was wrapped, and a pair has the same separation, bit by bit, on every
+//! rank that has it.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use super::columns::{Array, Crosses, Entry, Optional, Saved, entry, grain_arrays, joined};
+use super::columns::{
+    Array, CheckpointColumns, Crosses, Entry, Optional, entry, grain_arrays, joined,
+};
 use super::ghost_plan::GhostPlan;
 use super::message::{Reader, Writer};
 use super::polyhedron::{Polyhedron, RotationState};
@@ -23,12 +26,12 @@ use base::error::Error;
 /// Kind of motion of a grain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Kind {
-    /// Forces move it.
+    /// Motion under forces.
     #[default]
     Free,
-    /// Grain that nothing moves.
+    /// No motion.
     Fixed,
-    /// A prescribed velocity and spin move it.
+    /// Prescribed velocity and spin.
     Driven,
 }
 
@@ -80,7 +83,7 @@ entry! {
     /// Shape, mass and material of a grain.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Body {
-        /// Unique over all ranks and times.
+        /// Id, unique over all ranks and times.
         pub id: u64,
         /// Radius \[m\].
         pub radius: f64,
@@ -88,9 +91,9 @@ entry! {
         pub mass: f64,
         /// Moment of inertia about the centre [kg m²; per m of depth in two dimensions].
         pub inertia: f64,
-        /// Row in the table of contact parameters.
+        /// Index in the table of contact parameters.
         pub material: u32,
-        /// Kind of its motion.
+        /// Kind of motion.
         pub kind: Kind,
     }
 }
@@ -110,7 +113,7 @@ impl Body {
         }
     }
 
-    /// Returns the principal moments of inertia of a block of this shape and of the mass of the body [kg m²].
+    /// Returns the principal moments of inertia of a block with this shape and the mass of the body [kg m²].
     #[inline]
     pub(super) fn moments(&self, shape: &Polyhedron) -> Vector3<f64> {
         shape.inertia(self.mass / shape.volume())
@@ -121,7 +124,7 @@ entry! {
     /// Position and velocities of a grain.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Motion<S: Space> {
-        /// Centre \[m\], raw: see the module.
+        /// Raw position of the centre \[m\]: see the module.
         pub position: S::Vector,
         /// Velocity of the centre [m/s].
         pub velocity: S::Vector,
@@ -131,7 +134,7 @@ entry! {
 }
 
 entry! {
-    /// A force \[N\] and the moment about the centre \[N m\]; in the plane both per m of depth.
+    /// Force \[N\] and moment about the centre \[N m\]; in the plane both per m of depth.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Load<S: Space> {
         /// Force \[N\].
@@ -141,13 +144,14 @@ entry! {
     }
 }
 
-/// The number of the shape of a sphere.
+/// Shape number of spheres.
 pub(super) const SPHERE: u32 = u32::MAX;
 
-/// Number of values that [`Particles::extra`] holds per grain.
+/// Number of values per grain in [`Particles::extra`].
 pub const EXTRA: usize = 12;
 
-/// The divisions of a step, done once: 1/mass and 1/inertia, and 1 for a grain that gravity moves; all 0 unless free.
+/// Quotients used in every step: 1/mass and 1/inertia, and 1 for a grain that gravity accelerates; all 0 unless
+/// free.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mobility {
     pub(super) inverse_mass: f64,
@@ -169,74 +173,76 @@ impl Mobility {
 }
 
 grain_arrays! {
-    /// The grains of one rank. To add an array for each grain is to add a line here.
+    /// Grains of one rank. A new line adds an array with one element per grain.
     ///
-    /// A line: `name: container<type>, when it crosses ranks, name in a checkpoint and whether it is hashed, value of a
-    /// new grain`.
+    /// A line: `name: container<type>, occasion on which it crosses ranks, hashed or not and name in a checkpoint,
+    /// value of a new grain`.
     #[derive(Debug)]
     pub struct Particles {
         given {
             /// Body of each entry.
             pub body: Vec<Body>, Creation, Hashed("");
-            /// Image of each entry \[box lengths along each axis\]. It depends on when lists were made; a checkpoint
-            /// holds the shift that brings the grain into the box instead.
+            /// Image of each entry \[periods along each axis\]. It depends on when lists were built; a checkpoint
+            /// contains instead the shift that moves the grain into the box.
             pub shift: Vec<[i32; 3]>, Creation, Unhashed("shift"), saves shift_into_box;
             /// Position, velocity and spin of each entry.
             pub motion: Vec<Motion<S>>, EveryStep, Hashed("");
         }
         held {
-            /// Load of the contacts at the end of the last step; meaningless for ghosts.
+            /// Load of the contacts at the end of the last step; undefined for ghosts.
             pub contact: Vec<Load<S>>, Migration, Hashed("contact"), |_| Load::default();
-            /// Load of the fluid, constant over the solid steps of a fluid step; meaningless for ghosts. Scenes with a
-            /// fluid: [`Self::allocate_fluid_loads`].
+            /// Load of the fluid, constant over the solid steps of a fluid step; undefined for ghosts. Only in
+            /// scenes with a fluid: [`Self::allocate_fluid_loads`].
             pub fluid: Optional<Load<S>>, Migration, Hashed("fluid"), |_| Load::default();
-            /// Numbers that the coupling keeps of each grain; meaningless for ghosts. Scenes with a lattice:
+            /// Values that the coupling stores per grain; undefined for ghosts. Only in scenes with a lattice:
             /// [`Self::keep_extra`].
             pub extra: Optional<[f64; EXTRA]>, Migration, Hashed("extra"), |_| [0.0; EXTRA];
-            /// Raw position at the time of [`Self::mark_start`], or where the grain appeared later \[m\]; meaningless
-            /// for ghosts.
+            /// Raw position at the time of [`Self::mark_start`], or at the insertion of the grain if that is later
+            /// \[m\]; undefined for ghosts.
             pub(super) start: Optional<S::Vector>, Migration, Hashed("start"), |new| new.motion.position;
-            /// Velocity at the last coupling [m/s]; meaningless for ghosts. Scenes with seepage:
+            /// Velocity at the last coupling [m/s]; undefined for ghosts. Only in scenes with seepage:
             /// [`Self::keep_last_velocity`].
             pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
-            /// Row in the table of shapes, [`SPHERE`] for a sphere. Scenes with blocks: [`Self::set_shapes`].
+            /// Index in the table of shapes, [`SPHERE`] for a sphere. Only in scenes with blocks:
+            /// [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
-            /// Orientation and angular momentum. Scenes with blocks.
+            /// Orientation and angular momentum. Only in scenes with blocks.
             pub(super) rotation: Optional<RotationState>, EveryStep, Hashed(""), |_| RotationState::default();
         }
         derived {
             /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
             pub(super) mobility: Mobility, |new| Mobility::new(&new.body);
         }
-        /// Entries `0..owned` are owned.
+        /// Number of owned entries, which are `0..owned`.
         pub(super) owned: usize,
-        /// The scene's table of shapes, the same on every rank.
+        /// Table of shapes of the scene, the same on every rank.
         pub(super) shapes: Arc<[Polyhedron]>,
-        /// Plan of the ghosts: which rank holds which.
+        /// Plan of the ghosts on other ranks.
         pub(super) plan: GhostPlan,
-        /// Length of the box along periodic axes, else 0 \[m\].
+        /// Length of the box along periodic axes, otherwise 0 \[m\].
         pub(super) lengths: [f64; 3],
         /// Lower corner of the box \[m\].
         pub(super) origin: [f64; 3],
-        /// `true` if the lists made for these grains are still valid.
+        /// `true` if the lists built for these grains are still valid.
         pub(super) listed: bool,
-        /// `true` if the contact loads belong to the present positions.
+        /// `true` if the contact loads are those of the present positions.
         pub(super) loaded: bool,
-        /// Grains added since lists were last made.
+        /// Number of grains added since lists were last built.
         pub(super) added: u64,
-        /// Grains removed since lists were last made.
+        /// Number of grains removed since lists were last built.
         pub(super) removed: u64,
     }
 }
 
 impl<S: Space> Particles<S> {
-    /// Returns a list without grains.
+    /// Returns an empty list.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Requests new contact loads before the next step. Call it when the surroundings of the grains have changed.
+    /// Discards the contact loads, so that the next step computes them. Call it if the surroundings of the grains
+    /// have changed.
     pub fn forget_loads(&mut self) {
         self.loaded = false;
     }
@@ -259,16 +265,16 @@ impl<S: Space> Particles<S> {
         self.body.is_empty()
     }
 
-    /// Returns the position of the image of entry `k` \[m\]: inside the box for an owned grain right after the lists
-    /// were made.
+    /// Returns the position of the image of entry `k` \[m\], which for an owned grain is inside the box right after
+    /// the lists were built.
     #[must_use]
     #[inline]
     pub fn location(&self, k: usize) -> S::Vector {
         image_position(&self.motion[k], self.shift[k], &self.lengths)
     }
 
-    /// Returns the shift that brings owned grain `k` into the box: a matter of its position alone, not of when lists
-    /// were made.
+    /// Returns the shift that moves owned grain `k` into the box, from its position alone, independently of when
+    /// lists were built.
     pub(super) fn shift_into_box(&self, k: usize) -> [i32; 3] {
         let at = &self.motion[k].position;
         std::array::from_fn(|axis| {
@@ -280,7 +286,7 @@ impl<S: Space> Particles<S> {
         })
     }
 
-    /// Gives each grain a load of the fluid, 0 at first. All ranks or none.
+    /// Allocates a load of the fluid for each grain, initially 0. Call it on all ranks or on none.
     pub fn allocate_fluid_loads(&mut self) {
         if !self.fluid.is_allocated() {
             let loads = self.body.iter().map(|_| Load::default());
@@ -295,7 +301,8 @@ impl<S: Space> Particles<S> {
         self.fluid.get(k).copied().unwrap_or_default()
     }
 
-    /// Gives each grain the numbers of a coupling ([`Self::extra`]), 0 at first. All ranks or none.
+    /// Allocates the values of a coupling for each grain ([`Self::extra`]), initially 0. Call it on all ranks or on
+    /// none.
     pub fn keep_extra(&mut self) {
         if !self.extra.is_allocated() {
             let numbers = self.body.iter().map(|_| [0.0; EXTRA]);
@@ -303,8 +310,8 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Gives each grain a velocity at the last coupling ([`Self::last_velocity`]), its present one at first. All ranks
-    /// or none.
+    /// Allocates the velocity at the last coupling for each grain ([`Self::last_velocity`]), initially the present
+    /// one. Call it on all ranks or on none.
     pub fn keep_last_velocity(&mut self) {
         if !self.last_velocity.is_allocated() {
             let velocities = self.motion.iter().map(|motion| motion.velocity);
@@ -312,32 +319,32 @@ impl<S: Space> Particles<S> {
         }
     }
 
-    /// Notes the present position of each grain as its start. A grain that appears later starts where it appears.
+    /// Stores the present position of each grain as its start. A grain inserted later starts where it is inserted.
     pub fn mark_start(&mut self) {
         let positions = self.motion.iter().map(|motion| motion.position);
         self.start.allocate(positions);
     }
 
-    /// Drops the starts of the grains.
+    /// Discards the start positions of the grains.
     pub fn forget_start(&mut self) {
         self.start.free();
     }
 
-    /// Returns `true` if the grains have initial positions.
+    /// Returns `true` if the grains have start positions.
     #[must_use]
     pub fn has_start(&self) -> bool {
         self.start.is_allocated()
     }
 
-    /// Returns the displacement of owned grain `k` from its start \[m\]. Positions are raw: a path through a periodic
-    /// face counts in full. `None` without [`Self::mark_start`].
+    /// Returns the displacement of owned grain `k` from its start \[m\]. Positions are raw, so that a path through
+    /// a periodic face counts in full. `None` without [`Self::mark_start`].
     #[must_use]
     pub fn displacement(&self, k: usize) -> Option<S::Vector> {
         let start = self.start.get(k)?;
         Some(self.motion[k].position - *start)
     }
 
-    /// Returns the entries as plain slices, readable by many threads.
+    /// Returns the entries as plain slices, which many threads can read.
     #[must_use]
     pub fn view(&self) -> ParticlesView<'_, S> {
         ParticlesView {
@@ -363,7 +370,7 @@ impl<S: Space> Particles<S> {
         self.motion[k].velocity + S::surface_velocity(&self.motion[k].spin, arm)
     }
 
-    /// Adds a grain at any position to this rank. The next step sends it to its owner. Ghosts are dropped.
+    /// Inserts a grain at any position on this rank. The next step sends it to its owner. Ghosts are dropped.
     #[inline(never)]
     pub fn insert(&mut self, body: Body, motion: Motion<S>) {
         self.drop_ghosts();
@@ -377,13 +384,13 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Removes every owned grain for which `leaves(entry)` holds and returns the removed grains by rising id. Ghosts
-    /// are dropped; the next step makes them again.
+    /// Removes every owned grain for which `leaves(entry)` returns `true` and returns the removed grains in
+    /// ascending order of ids. Ghosts are dropped; the next step creates them again.
     pub fn remove(
         &mut self,
         mut leaves: impl FnMut(&Self, usize) -> bool,
     ) -> Vec<(Body, Motion<S>)> {
-        // Usually no grain leaves: then nothing is allocated.
+        // Usually no grain leaves, and nothing is allocated.
         let Some(first) = (0..self.owned).find(|&k| leaves(self, k)) else {
             return Vec::new();
         };
@@ -404,7 +411,7 @@ impl<S: Space> Particles<S> {
     /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see
     /// [`Self::drive`].
     ///
-    /// The next step makes new lists and updates every rank that holds the grain.
+    /// The next step builds new lists and updates every rank that has the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
         self.mobility[k] = Mobility::new(&self.body[k]);
@@ -416,7 +423,7 @@ impl<S: Space> Particles<S> {
         self.listed = false;
     }
 
-    /// Prescribes velocity [m/s] and spin [rad/s] of owned grain `k`, which is then driven.
+    /// Prescribes velocity [m/s] and spin [rad/s] of owned grain `k`, which becomes driven.
     pub fn drive(&mut self, k: usize, velocity: S::Vector, spin: S::Spin) {
         if self.body[k].kind != Kind::Driven {
             self.set_kind(k, Kind::Driven);
@@ -426,7 +433,7 @@ impl<S: Space> Particles<S> {
         self.update_angular_momentum(k);
     }
 
-    /// Changes the radius \[m\] of owned grain `k`, not its mass.
+    /// Changes the radius \[m\] of owned grain `k`, but not its mass.
     pub fn set_radius(&mut self, k: usize, radius: f64) {
         self.body[k].radius = radius;
         self.listed = false;
@@ -438,13 +445,14 @@ impl<S: Space> Particles<S> {
         self.plan = GhostPlan::default();
     }
 
-    /// Keeps the owned grains for which `stays(k)` holds, in their order; call without ghosts.
+    /// Keeps the owned grains for which `stays(k)` returns `true`, in their order; call it when there are no
+    /// ghosts.
     pub(super) fn keep(&mut self, stays: impl Fn(usize) -> bool) {
         let order: Vec<usize> = (0..self.owned).filter(|&k| stays(k)).collect();
         self.arrange(&order);
     }
 
-    /// Sorts owned grains in rising order of id; call without ghosts.
+    /// Sorts owned grains in ascending order of ids; call it when there are no ghosts.
     pub(super) fn sort(&mut self) {
         if !self.body.is_sorted_by_key(|body| body.id) {
             let mut order: Vec<usize> = (0..self.owned).collect();
@@ -458,21 +466,21 @@ impl<S: Space> Particles<S> {
         self.owned = order.len();
     }
 
-    /// Returns the owned grains with everything that the next step depends on, in rising order of id.
+    /// Returns the owned grains with all data on which the next step depends, in ascending order of ids.
     #[must_use]
     #[inline(never)]
     pub fn table(&self) -> NamedColumns {
         NamedColumns::collect(|columns| self.save_columns(false, columns))
     }
 
-    /// Calls `take` with the columns of [`Self::table`] that enter the hash of the state, one after another, the ids
+    /// Calls `take` with the columns of [`Self::table`] that the hash of the state includes, one after another, ids
     /// first.
     pub fn each_hashed_column(&self, mut take: impl FnMut(&str, &Values)) {
         self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Returns grains from rows of [`Self::table`]: any rows on any rank, each on one rank only. The next lists set the
-    /// lengths of the box. Where there are blocks, call [`Self::set_shapes`] next.
+    /// Returns grains from rows of [`Self::table`]: any rows on any rank, but each on one rank only. The next lists
+    /// set the lengths of the box. If there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
     /// If a column is missing, short or of another type.
@@ -508,15 +516,15 @@ pub struct ParticlesView<'a, S: Space> {
     pub motion: &'a [Motion<S>],
     /// Loads of the contacts.
     pub contact: &'a [Load<S>],
-    /// Loads of the fluid; empty where there is none.
+    /// Loads of the fluid; empty without a fluid.
     pub fluid: &'a [Load<S>],
-    /// See [`Particles::keep_last_velocity`]; empty where they are not kept.
+    /// Velocities at the last coupling: see [`Particles::keep_last_velocity`]; empty if not stored.
     pub last_velocity: &'a [S::Vector],
-    /// Response of each entry to forces.
+    /// Inverse mass and inertia of each entry.
     pub(super) mobility: &'a [Mobility],
-    /// Image of each entry.
+    /// Image of each entry \[periods along each axis\].
     pub shift: &'a [[i32; 3]],
-    /// Length of the box along periodic axes, else 0 \[m\].
+    /// Length of the box along periodic axes, otherwise 0 \[m\].
     pub lengths: [f64; 3],
     pub(super) shapes: &'a [Polyhedron],
     pub(super) shape: &'a [u32],
@@ -540,7 +548,7 @@ pub(super) fn image_position<S: Space>(
 ) -> S::Vector {
     let mut at = motion.position;
     for axis in 0..S::DIMENSION {
-        // A sum with a product that is exactly 0 where the axis is not periodic.
+        // A sum with a product that is exactly 0 along axes that are not periodic.
         at.set(axis, at.get(axis) + f64::from(shift[axis]) * lengths[axis]);
     }
     at

@@ -1,8 +1,8 @@
-//! The box of the grains and the planes by which ranks share it.
+//! Box of the grains, and the planes by which ranks divide it.
 
 use super::space::{Components, Space};
 
-/// The box the grains live in, and the planes of the split axis.
+/// Box that contains the grains, and the planes along the split axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GrainDomain<S: Space> {
     /// Lower corner \[m\].
@@ -16,7 +16,7 @@ pub struct GrainDomain<S: Space> {
 }
 
 impl<S: Space> GrainDomain<S> {
-    /// Returns a box without periodic axes, split in planes of `spacing` \[m\].
+    /// Returns a box without periodic axes, divided into planes of `spacing` \[m\].
     #[must_use]
     pub fn closed(lower: S::Vector, upper: S::Vector, spacing: f64) -> Self {
         Self {
@@ -31,7 +31,7 @@ impl<S: Space> GrainDomain<S> {
         self.upper.get(axis) - self.lower.get(axis)
     }
 
-    /// Returns the length along periodic axes, else 0.
+    /// Returns the length along periodic axes, otherwise 0.
     pub(super) fn periodic_lengths(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION && self.periodic[axis] {
@@ -42,7 +42,7 @@ impl<S: Space> GrainDomain<S> {
         })
     }
 
-    /// Returns the lower corner, 0 along axes that are not there.
+    /// Returns the lower corner, 0 along axes that do not exist.
     pub(super) fn origin(&self) -> [f64; 3] {
         std::array::from_fn(|axis| {
             if axis < S::DIMENSION {
@@ -58,8 +58,8 @@ impl<S: Space> GrainDomain<S> {
     }
 }
 
-/// Returns the plane that contains a coordinate, clamped to `0..planes`; NaN falls to plane 0. With
-/// [`decomposition::Slabs::owner_of_plane`] it alone decides which rank owns a grain.
+/// Returns the plane that contains a coordinate, clamped to `0..planes`; NaN gives plane 0. With
+/// [`decomposition::Slabs::owner_of_plane`] it alone determines which rank owns a grain.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -69,8 +69,8 @@ pub(super) fn plane_of(coordinate: f64, origin: f64, spacing: f64, planes: usize
     (((coordinate - origin) / spacing).floor().max(0.0) as usize).min(planes.saturating_sub(1))
 }
 
-/// Returns the number of box lengths that bring a raw `coordinate` into `[lower, lower + length)`. No other function
-/// decides it.
+/// Returns the number of periods that move a raw `coordinate` into `[lower, lower + length)`. No other function
+/// computes it.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a grain beyond 2^31 box lengths is caught as lost"
@@ -105,7 +105,7 @@ mod tests {
     }
 
     proptest! {
-        /// One unit in the last place below the face of a cell, at it, and above it.
+        /// Checks coordinates one unit in the last place below the face of a cell, at it, and above it.
         #[test]
         fn every_coordinate_has_one_owner(
             slabs in split(),
@@ -120,7 +120,7 @@ mod tests {
                     let plane = plane_of(coordinate, origin, spacing, slabs.planes());
                     let owners = (0..slabs.size()).filter(|&r| slabs.range(r).contains(&plane));
                     prop_assert!(owners.eq(slabs.owner_of_plane(plane)), "{}", coordinate);
-                    // Planes are in the order of coordinates and within one of the exact plane.
+                    // Planes are in the order of coordinates, and differ from the exact plane by at most one.
                     prop_assert!(before <= plane, "{}", coordinate);
                     before = plane;
                     let inside = |n: i32| usize::try_from(n.clamp(0, planes - 1)).unwrap();
@@ -129,7 +129,8 @@ mod tests {
             }
         }
 
-        /// Coordinates within some box lengths come back into the box, to one unit in the last place of what was added.
+        /// Checks that coordinates within some periods are wrapped into the box, to one unit in the last place of
+        /// the added length.
         #[test]
         fn wrapped_coordinates_are_in_the_box(
             lower in -3.0_f64..3.0,

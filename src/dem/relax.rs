@@ -1,4 +1,4 @@
-//! Unbalanced force: how far grains are from rest.
+//! Unbalanced force: a measure of how far grains are from equilibrium.
 //!
 //! The measure is the largest resultant force on any free grain, divided by the largest contact force. Both are maxima,
 //! so that the measure is the same on any number of ranks.
@@ -8,16 +8,16 @@ use super::space::{Components, Space};
 use super::{Dem, Kind};
 use decomposition::Domain;
 
-/// Criteria for grains at rest, and the damping that brings them to rest.
+/// Criteria for grains in equilibrium, and the damping used to reach it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relaxation {
-    /// Largest resultant force at rest, as a fraction of the largest contact force.
+    /// Largest resultant force in equilibrium, as a fraction of the largest contact force.
     pub tolerance: f64,
-    /// Non-viscous damping on the way to rest, usually 0.7 to 0.8.
+    /// Non-viscous damping during the relaxation, usually 0.7 to 0.8.
     pub local_damping: f64,
     /// Solid steps between two measurements.
     pub look_every: u64,
-    /// Largest number of solid steps.
+    /// Maximum number of solid steps.
     pub limit: u64,
 }
 
@@ -37,14 +37,14 @@ impl Default for Relaxation {
 pub struct Stillness {
     /// Largest resultant force on a free grain \[N\].
     pub resultant: f64,
-    /// Largest spring force of a contact \[N\], pushing or pulling.
+    /// Largest spring force of a contact \[N\], compressive or tensile.
     pub contact: f64,
-    /// Speed of the fastest grain [m/s].
+    /// Largest speed of a grain [m/s].
     pub speed: f64,
 }
 
 impl Stillness {
-    /// Returns the largest resultant over largest contact force; 0 without any force.
+    /// Returns the largest resultant divided by the largest contact force; 0 without forces.
     #[must_use]
     pub fn unbalanced(&self) -> f64 {
         if self.resultant > 0.0 {
@@ -55,7 +55,7 @@ impl Stillness {
     }
 }
 
-/// Returns an unbalanced force as text. It is a fraction of the contact forces and undefined without contacts.
+/// Returns an unbalanced force as text: a fraction of the contact forces, undefined without contacts.
 #[must_use]
 pub fn unbalanced_text(share: f64) -> String {
     if share.is_finite() && share < f64::MAX {

@@ -1,15 +1,15 @@
 //! Two and three dimensions behind one trait: discs and spheres share the code of the engine.
 //!
-//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a shear
-//! history turns with the contact. The unit normal `n` of a contact points from the first body to the second. The
-//! tangent in two dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
+//! In two dimensions spins, moments and shear histories are scalars. In three dimensions they are vectors, and a
+//! shear history rotates with the contact. The unit normal `n` of a contact points from the first body to the
+//! second. The tangent in two dimensions is `t = (-n_y, n_x)`, so that `w x n = w t`.
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
 use nalgebra::{SVector, Vector3};
 
-/// A small fixed number of components with the arithmetic of a vector space.
+/// Vector with a small fixed number of components.
 pub trait Components:
     Copy
     + Debug
@@ -27,13 +27,13 @@ pub trait Components:
 {
     /// Number of components.
     const COUNT: usize;
-    /// Returns the component `k`, below [`Self::COUNT`].
+    /// Returns component `k`, below [`Self::COUNT`].
     fn get(&self, k: usize) -> f64;
     /// Sets component `k`, below [`Self::COUNT`].
     fn set(&mut self, k: usize, value: f64);
     /// Returns the scalar product.
     fn scalar(&self, other: &Self) -> f64;
-    /// Returns each component from the same component of `self` and `other`.
+    /// Returns the vector whose components are `f` of the components of `self` and `other`.
     #[must_use]
     fn combine(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self;
     /// Returns the Euclidean length.
@@ -92,22 +92,22 @@ macro_rules! components {
 components!(2, 0, 1);
 components!(3, 0, 1, 2);
 
-/// The number of dimensions as a type: [`PlaneSpace`] or [`Volume`].
+/// Number of dimensions as a type: [`PlaneSpace`] or [`Volume`].
 pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
-    /// 2 or 3.
+    /// Number of dimensions: 2 or 3.
     const DIMENSION: usize;
-    /// Positions, velocities, forces.
+    /// Type of positions, velocities and forces.
     type Vector: Components;
-    /// Angular velocities and moments.
+    /// Type of angular velocities and moments.
     type Spin: Components;
-    /// Shear displacements, shear forces, sliding velocities.
+    /// Type of shear displacements, shear forces and sliding velocities.
     type Tangent: Components;
 
     /// Returns the area of a disc or the volume of a sphere.
     fn measure(radius: f64) -> f64;
     /// Returns the moment of inertia about the centre: m r² / 2 of a disc, 2 m r² / 5 of a sphere.
     fn inertia(mass: f64, radius: f64) -> f64;
-    /// Mass of a grain; in the plane per unit depth.
+    /// Returns the mass of a grain; in the plane per unit depth.
     fn mass(density: f64, radius: f64) -> f64 {
         density * Self::measure(radius)
     }
@@ -115,32 +115,32 @@ pub trait Space: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     fn surface_velocity(spin: &Self::Spin, arm: &Self::Vector) -> Self::Vector;
     /// Returns the moment `arm x force`.
     fn moment(arm: &Self::Vector, force: &Self::Vector) -> Self::Spin;
-    /// Returns the sliding velocity at a contact: the part of `velocity - rolling x normal` across the normal, where
-    /// `velocity` is the second centre's relative to the first's and `rolling` the sum of both spins times their lever
-    /// arms.
+    /// Returns the sliding velocity at a contact: the tangential part of `velocity - rolling x normal`, where
+    /// `velocity` is that of the second centre relative to the first and `rolling` the sum of both spins times
+    /// their lever arms.
     fn slip(normal: &Self::Vector, velocity: &Self::Vector, rolling: &Self::Spin) -> Self::Tangent;
-    /// Returns a history carried along with the contact frame: turned into the plane across the new normal, its length
-    /// kept.
+    /// Returns a tangential history transported with the contact frame: rotated into the plane normal to the new
+    /// normal, with its length preserved.
     fn turn(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Tangent;
-    /// Returns a tangent as a vector in space.
+    /// Returns a tangential vector as a vector in space.
     fn embed(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Vector;
     /// Returns the moment `normal x tangent`.
     fn tangent_moment(tangent: &Self::Tangent, normal: &Self::Vector) -> Self::Spin;
-    /// Returns the part of a spin across the normal: rolling without twisting.
+    /// Returns the part of a spin normal to the contact normal: rolling without twisting.
     fn rolling(spin: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
-    /// Returns a rolling moment carried along with the contact frame, as [`Self::turn`].
+    /// Returns a rolling moment transported with the contact frame, like [`Self::turn`].
     fn turn_moment(moment: &Self::Spin, normal: &Self::Vector) -> Self::Spin;
-    /// Returns the vector as a point of space: the plane is z = 0.
+    /// Returns the vector in three dimensions: the plane is z = 0.
     fn to_volume(vector: &Self::Vector) -> Vector3<f64>;
-    /// Converts back from space; the plane drops z.
+    /// Converts a vector from three dimensions; the plane drops z.
     fn from_volume(vector: &Vector3<f64>) -> Self::Vector;
 }
 
-/// The plane: discs of unit depth.
+/// Two-dimensional space: discs of unit depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlaneSpace;
 
-/// Space: spheres.
+/// Three-dimensional space: spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Volume;
 

@@ -1,7 +1,7 @@
 //! Contacts as named columns for checkpoints.
 //!
-//! Contacts are identified by the ids of both ends and fit any number of ranks. To restore, give every rank the rows of
-//! all ranks; each rank keeps those that its lists need. Grains are saved by
+//! Contacts are identified by the ids of both partners and do not depend on the number of ranks. To restore them,
+//! give every rank the rows of all ranks; each rank keeps those that its lists need. Grains are saved by
 //! [`Particles::table`](super::Particles::table). A restored run gives the same bits as an uninterrupted one.
 
 use super::Dem;
@@ -13,27 +13,28 @@ use super::table::{AXES, Columns, small, unsigned};
 pub use super::table::{NamedColumns, Values};
 use base::error::Error;
 
-/// Data of the contacts that a run restored from the state needs.
+/// Contact data that a restored run needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contacts {
-    /// Grain with grain.
+    /// Contacts between grains.
     pub grains: NamedColumns,
-    /// Grain with wall.
+    /// Contacts between grains and walls.
     pub walls: NamedColumns,
-    /// The walls themselves, the same on every rank.
+    /// Walls, the same on every rank.
     pub faces: NamedColumns,
-    /// Solid steps done.
+    /// Number of solid steps done.
     pub steps: u64,
-    /// Index of each wall of a changed scene among those saved; none for a new one. Without it the walls are unchanged.
+    /// Index of each wall of a changed scene among the saved walls, or none for a new wall; none if the walls are
+    /// unchanged.
     origins: Option<Vec<Option<usize>>>,
 }
 
 impl Contacts {
-    /// Fits the contacts to other walls: `origins` says which of the saved walls each wall is. Contacts with walls that
-    /// are gone go.
+    /// Adapts the contacts to other walls: `origins` has for each wall the index of the saved wall that it was.
+    /// Contacts with removed walls are dropped.
     ///
     /// # Errors
-    /// If a column is missing or broken.
+    /// If a column is missing or malformed.
     pub fn take_walls(&mut self, origins: &[Option<usize>]) -> Result<(), Error> {
         let place = |old: u64| {
             origins
@@ -55,14 +56,14 @@ impl Contacts {
 }
 
 impl<S: Space> Dem<S> {
-    /// Returns the contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts reported by this rank, the walls, and the number of steps done.
     #[must_use]
     pub fn contacts(&self) -> Contacts {
         self.engine.save()
     }
 
-    /// Calls `grains` and `walls` with each contact that this rank reports, in no order: contacts between grains by the
-    /// ids of both, contacts with walls by grain, wall and facet; each with the numbers that the law keeps of it.
+    /// Calls `grains` and `walls` with each contact reported by this rank, in no order: contacts between grains by
+    /// both ids, contacts with walls by grain, wall and facet; each with the numbers that the law stores for it.
     pub fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),
@@ -71,14 +72,14 @@ impl<S: Space> Dem<S> {
         self.engine.each_contact(grains, walls);
     }
 
-    /// Gives the walls these velocities [m/s], in their order.
+    /// Sets the velocities of the walls [m/s], in their order.
     pub fn drive_walls(&mut self, velocities: &[S::Vector]) {
         for (wall, velocity) in self.engine.walls_mut().iter_mut().zip(velocities) {
             wall.velocity = *velocity;
         }
     }
 
-    /// Takes back the contacts of [`Self::contacts`], those of **all** ranks on every rank; the grains come from
+    /// Restores the contacts of [`Self::contacts`], with those of **all** ranks on every rank; the grains come from
     /// `Particles::from_table`.
     ///
     /// # Errors
@@ -191,7 +192,7 @@ pub(super) fn restore<S: Space, L: Bodies<S>>(
     let velocities = faces.components::<S::Vector>("velocity")?;
     let materials = faces.get_whole("material")?;
     for (wall, origin) in engine.walls.iter_mut().zip(origins) {
-        // A new wall stands as it was made.
+        // A new wall keeps its initial state.
         let Some(k) = origin else { continue };
         wall.point = points[k];
         wall.normal = normals[k];

@@ -1,21 +1,21 @@
-//! Walls of convex facets (polygons and triangulated surfaces), and where a sphere touches them.
+//! Walls of convex facets (polygons and triangulated surfaces), and the contact points of a sphere with them.
 //!
 //! The closest point of a facet lies on its face, on an edge or at a vertex. **A contact is a local minimum of the
 //! distance from the centre of the sphere to the surface.** The closest point on a face is always such a minimum. A
 //! point on an edge or at a vertex is a minimum only where it is the closest point of *every* facet that shares this
 //! edge or vertex. This has three consequences:
 //!
-//! - A sphere on a face is not pushed by the edges and vertices of the face: there are no bumps on interior edges.
-//! - An edge or vertex pushes once, however many facets share it.
-//! - A concave corner pushes with its faces only.
+//! - A sphere on a face is not subject to forces from its edges and vertices: there are no bumps on interior edges.
+//! - An edge or vertex acts once, however many facets share it.
+//! - A concave corner acts with its faces only.
 //!
-//! Where an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
+//! If an edge ends on another facet or lies in one, as where solids overlap, this facet counts as well.
 //!
 //! Minima whose normals differ by less than 10 degrees count as one contact, the nearest. The facets of a slightly
-//! curved surface therefore do not push twice, nor does an interior edge exactly below a sphere. Both sides of a facet
-//! push. Facets share vertices: the numbers of the vertices give the neighbours of a facet.
+//! curved surface therefore do not act twice, nor does an interior edge exactly below a sphere. Both sides of a
+//! facet act. Facets share vertices: the vertex indices give the neighbours of a facet.
 //!
-//! In a periodic domain a surface repeats ([`repeated`]).
+//! In a periodic domain a surface is repeated ([`repeated`]).
 //!
 //! The hierarchy of faces, edges and vertices follows M. Santasusana, J. Irazábal, E. Oñate, J. M. Carbonell, Comput.
 //! Part. Mech. 3 (2016) 407, doi:10.1007/s40571-016-0109-4.
@@ -31,18 +31,18 @@ use base::number::whole;
 pub(super) use faces::Faces;
 use repeated::Repeated;
 
-/// Convex facets with shared vertices, at rest; a wall carries them along.
+/// Stationary convex facets with shared vertices; the motion is that of the wall.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacetSurface {
     vertices: Vec<Vector3<f64>>,
-    /// Vertices of all facets, one facet after the other.
+    /// Vertex indices of all facets, one facet after another.
     corners: Vec<u32>,
     facets: Vec<Facet>,
     /// Groups of neighbouring facets.
     groups: Vec<Group>,
-    /// Repetition in a periodic domain.
+    /// Periodic images of the surface.
     repeated: Option<Box<Repeated>>,
-    /// Projects a velocity onto the directions across its facets; none where these are all directions.
+    /// Projection of a velocity onto the directions normal to its facets; none if these span all directions.
     across: Option<Matrix3<f64>>,
 }
 
@@ -51,19 +51,19 @@ struct Facet {
     first: u32,
     end: u32,
     normal: Vector3<f64>,
-    /// Greatest extent \[m\].
+    /// Largest extent of the facet \[m\].
     size: f64,
 }
 
-/// Neighbouring facets.
+/// Group of neighbouring facets.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Group {
     pub(super) facets: Vec<u32>,
-    /// The box \[m\] that holds them.
+    /// Bounding box \[m\].
     pub(super) bounds: [Vector3<f64>; 2],
 }
 
-/// Feature of a facet that its closest point lies on, by numbers of vertices.
+/// Feature of a facet that contains its closest point, by vertex indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Feature {
     Face,
@@ -71,12 +71,12 @@ enum Feature {
     Vertex(u32),
 }
 
-/// A contact of a sphere with a surface.
+/// Contact of a sphere with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// The facet.
+    /// Facet index.
     pub facet: u32,
-    /// Distance \[m\] of the centre.
+    /// Distance of the centre \[m\].
     pub distance: f64,
     /// Unit normal from the surface to the centre.
     pub normal: Vector3<f64>,
@@ -89,14 +89,14 @@ impl Nearest {
         self.feature != Feature::Face
     }
 
-    /// Returns `true` if a plane of this normal, at this `distance` \[m\] from the centre, lies in the same
-    /// direction and is as near.
+    /// Returns `true` if a plane with this normal, at this `distance` \[m\] from the centre, lies in the same
+    /// direction and at most as far away.
     pub(super) fn yields_to(&self, normal: &Vector3<f64>, distance: f64) -> bool {
         distance <= self.distance * (1.0 + RIM) && self.normal.dot(normal) > SAME
     }
 
-    /// Returns `true` if this contact replaces one with another wall. `first` breaks ties; `on` is `true` if the other
-    /// one stands on a facet of this wall.
+    /// Returns `true` if this contact replaces one with another wall. `first` breaks ties; `on` returns `true` if
+    /// the contact point of the other one lies on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
         let nearer = self.distance < other.distance * (1.0 - RIM)
             || self.distance <= other.distance * (1.0 + RIM) && first;
@@ -104,20 +104,21 @@ impl Nearest {
     }
 }
 
-/// Facets in a group.
+/// Number of facets in a group.
 const GROUP: usize = 16;
-/// Closest points this near to the rim of a facet, over its size, lie on the rim.
+/// Maximum distance of a closest point from the rim of a facet, in facet sizes, at which it lies on the rim.
 const RIM: f64 = 1e-9;
-/// Points this near to a facet, over its size, lie on it.
+/// Maximum distance of a point from a facet, in facet sizes, at which it lies on the facet.
 const ON: f64 = 1e-6;
-/// Cosine of the angle between normals below which two minima are one.
+/// Cosine of the angle between normals above which two minima are one contact.
 const SAME: f64 = 0.984_807_753_012_208;
 
 impl FacetSurface {
-    /// Facets of at least three corners each, given by numbers of `vertices` \[m\].
+    /// Returns a surface of facets with at least three corners each, given by indices of `vertices` \[m\].
     ///
     /// # Errors
-    /// A sentence where there is no facet, or one is flat to a line, not plane or not convex, or has no such vertex.
+    /// If there is no facet, or one is degenerate, not plane or not convex, or refers to a missing vertex; the text
+    /// names it.
     pub fn new(vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]) -> Result<Self, Error> {
         let refuse = |k: usize, what: &str| Err(Error::Numerical(format!("facet {k} {what}")));
         let mut surface = Self {
@@ -142,7 +143,7 @@ impl FacetSurface {
             if points.len() < 3 || points.iter().any(|p| !p.norm_squared().is_finite()) {
                 return refuse(k, "needs three corners or more, all finite");
             }
-            // Newell's normal: twice the area, whatever the corners.
+            // Newell's normal: twice the vector area, for any corners.
             let mut area = Vector3::zeros();
             let mut size = 0.0_f64;
             for (n, a) in points.iter().enumerate() {
@@ -181,7 +182,7 @@ impl FacetSurface {
         Ok(surface)
     }
 
-    /// Returns all facets in groups of neighbours, along a curve that fills space (Morton's).
+    /// Returns all facets in groups of neighbours, sorted along a space-filling (Morton) curve.
     fn neighbours(&self) -> Vec<Group> {
         let none = Vector3::repeat(f64::INFINITY);
         let join = |[low, high]: [Vector3<f64>; 2], at: Vector3<f64>| [low.inf(&at), high.sup(&at)];
@@ -208,12 +209,12 @@ impl FacetSurface {
         groups.collect()
     }
 
-    /// Groups of neighbouring facets; each facet is in one.
+    /// Returns the groups of neighbouring facets; each facet is in one group.
     pub(super) fn groups(&self) -> &[Group] {
         &self.groups
     }
 
-    /// Returns `true` if the first corner and the size of a facet allow a distance to a point of at most `reach` \[m\].
+    /// Returns `true` if a facet may be within `reach` \[m\] of a point, judged by its first corner and its size.
     #[inline(always)]
     pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
         let Facet { first, size, .. } = self.facets[facet];
@@ -222,7 +223,7 @@ impl FacetSurface {
         (point - corner).norm_squared() <= farthest * farthest
     }
 
-    /// Returns the faces of a box between two corners \[m\].
+    /// Returns the faces of a box between two corners \[m\] as a surface.
     ///
     /// # Errors
     /// If the box has no volume.
@@ -249,26 +250,26 @@ impl FacetSurface {
         Self::new(vertices, &faces.map(|face| face.to_vec()))
     }
 
-    /// Returns the number of facets, with the images in a periodic domain.
+    /// Returns the number of facets, including the images in a periodic domain.
     #[must_use]
     pub fn len(&self) -> usize {
         self.facets.len()
     }
 
-    /// Returns `true` if there are no facets, which never happens.
+    /// Returns `true` if there are no facets, which never occurs.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.facets.is_empty()
     }
 
-    /// Corners of a facet \[m\], in order.
+    /// Returns the corners of a facet \[m\], in order.
     pub fn corners(&self, facet: usize) -> impl DoubleEndedIterator<Item = Vector3<f64>> + '_ {
         self.numbers(facet)
             .iter()
             .map(|&v| self.vertices[v as usize])
     }
 
-    /// Returns the greatest extent of a facet \[m\].
+    /// Returns the largest extent of a facet \[m\].
     #[must_use]
     pub fn size(&self, facet: usize) -> f64 {
         self.facets[facet].size
@@ -304,7 +305,7 @@ impl FacetSurface {
         &self.corners[facet.first as usize..facet.end as usize]
     }
 
-    /// Returns the distance \[m\] of a point from a facet. In a periodic domain the point lies in it.
+    /// Returns the distance \[m\] of a point from a facet. In a periodic domain the point must lie in the domain.
     #[must_use]
     pub fn distance(&self, facet: usize, point: &Vector3<f64>) -> f64 {
         self.nearest(facet, point, f64::INFINITY)
@@ -320,8 +321,8 @@ impl FacetSurface {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns `true` if the surface is nearer to a point than `reach` \[m\]: equal to a test of [`Self::clearance`],
-    /// at a fraction of its cost.
+    /// Returns `true` if the surface is nearer to a point than `reach` \[m\]: equivalent to a test of
+    /// [`Self::clearance`], at a fraction of its cost.
     #[must_use]
     pub fn is_within(&self, point: &Vector3<f64>, reach: f64) -> bool {
         let (point, _) = self.in_domain(point);
@@ -348,7 +349,7 @@ impl FacetSurface {
         })
     }
 
-    /// Returns `true` if two facets are equal or share a vertex; by their numbers or their names.
+    /// Returns `true` if two facets are equal or share a vertex; facets are given by index or by name.
     #[must_use]
     pub fn adjacent(&self, a: u32, b: u32) -> bool {
         let [a, b] = [a, b].map(|name| self.numbers(self.named(name) as usize));
@@ -361,7 +362,7 @@ impl FacetSurface {
         }
     }
 
-    /// Returns the closest point of a facet, where it is nearer than `reach`.
+    /// Returns the closest point of a facet, if it is nearer than `reach`.
     #[inline]
     fn nearest(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> Option<Nearest> {
         let Facet { normal, size, .. } = self.facets[facet];
@@ -377,10 +378,10 @@ impl FacetSurface {
         for next in 0..numbers.len() {
             let (a, b) = (vertex(k), vertex(next));
             let edge = b - a;
-            // How far outside the edge, times its length.
+            // Signed distance outside the edge, times the length of the edge.
             if edge.cross(&normal).dot(&(point - a)) > -RIM * size * edge.norm() {
                 inside = false;
-                // The same bits whichever way the edge runs.
+                // The bits do not depend on the direction of the edge.
                 let low = numbers[k].min(numbers[next]);
                 let high = numbers[k].max(numbers[next]);
                 let (from, to) = (self.vertices[low as usize], self.vertices[high as usize]);
@@ -421,8 +422,8 @@ impl FacetSurface {
         })
     }
 
-    /// Finds the contacts nearer than `reach` \[m\] of a centre with the facets `near`, which hold all facets within
-    /// reach: by rising number of the facet. `found` is emptied first.
+    /// Finds the contacts of a centre nearer than `reach` \[m\], in ascending order of facets. `near` must contain
+    /// all facets within reach. `found` is cleared first.
     pub fn contacts(
         &self,
         near: &[u32],
@@ -444,7 +445,7 @@ impl FacetSurface {
                 .total_cmp(&b.distance)
                 .then(a.facet.cmp(&b.facet))
         });
-        // What is kept moves to the front, past what was looked at before.
+        // Contacts that are kept move to the front, past those already tested.
         let mut kept = 0;
         for k in 0..found.len() {
             let one = found[k];
@@ -465,8 +466,8 @@ impl FacetSurface {
         found.sort_unstable_by_key(|one| one.facet);
     }
 
-    /// Returns `true` if all facets of `near` that have these vertices have this closest point, and no other facet
-    /// passes through this point and comes closer.
+    /// Returns `true` if all facets of `near` that share these vertices have this closest point, and no other facet
+    /// through this point comes closer.
     fn is_minimum(
         &self,
         near: &[u32],
@@ -503,7 +504,7 @@ mod tests {
         found
     }
 
-    /// Returns a plane square of `n` by `n` squares of two triangles each.
+    /// Returns a plane square divided into `n` by `n` squares of two triangles each.
     fn flat(n: u32) -> FacetSurface {
         let vertices = (0..=n)
             .flat_map(|y| (0..=n).map(move |x| Vector3::new(f64::from(x), f64::from(y), 0.0)))
@@ -524,7 +525,7 @@ mod tests {
         let mesh = flat(6);
         for k in 0..2000 {
             let mut draw = Stream::new(4, k, 0);
-            // Every fourth exactly on grid lines, every eighth at vertices.
+            // Every fourth point lies exactly on grid lines, every eighth at vertices.
             let mut place = || 1.0 + 4.0 * draw.uniform();
             let (mut x, mut y) = (place(), place());
             if k % 4 == 0 {
@@ -540,8 +541,8 @@ mod tests {
         }
     }
 
-    /// Groups leave out no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in a periodic
-    /// domain.
+    /// Checks that groups omit no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in
+    /// a periodic domain.
     #[test]
     fn what_is_within_reach_is_what_the_clearance_says() {
         let n = 12_u32;
@@ -591,16 +592,16 @@ mod tests {
     #[test]
     fn a_box_pushes_once_per_wall_edge_or_corner() {
         let cube = FacetSurface::of_box(Vector3::zeros(), Vector3::new(1.0, 1.0, 1.0)).unwrap();
-        // Inside: a corner is three faces, an edge two, no edge or vertex of its own.
+        // Inside, a corner touches three faces and an edge two, without contacts of the edge or vertex.
         assert_eq!(touch(&cube, [0.1, 0.1, 0.1], 0.2).len(), 3);
         assert_eq!(touch(&cube, [0.1, 0.1, 0.5], 0.2).len(), 2);
         assert_eq!(touch(&cube, [0.1, 0.5, 0.5], 0.2).len(), 1);
-        // Outside: one contact with the corner, the edge, the face.
+        // Outside there is one contact, with the corner, the edge or the face.
         for (at, distance) in [
             ([-0.1, -0.1, -0.1], 0.03_f64.sqrt()),
             ([-0.1, -0.1, 0.5], 0.02_f64.sqrt()),
             ([-0.1, 0.5, 0.5], 0.1),
-            // Next to the edge: the face alone.
+            // Next to the edge only the face is touched.
             ([0.01, 0.5, 1.1], 0.1),
         ] {
             let found = touch(&cube, at, 0.3);

@@ -1,9 +1,9 @@
-//! Named columns of equal length: the form in which grains and contacts stand in a checkpoint.
+//! Named columns of equal length, as which grains and contacts are saved in a checkpoint.
 
 use super::space::Components;
 use base::error::Error;
 
-/// The values of one column.
+/// Values of one column.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
     /// Real numbers.
@@ -29,7 +29,7 @@ impl Values {
     }
 }
 
-/// Columns of equal length, each with a name.
+/// Named columns of equal length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NamedColumns {
     /// Name and values.
@@ -70,7 +70,7 @@ impl NamedColumns {
         Ok(())
     }
 
-    /// Returns the rows for which `keep(row)` holds.
+    /// Returns the rows for which `keep(row)` returns `true`.
     #[must_use]
     pub fn filter(&self, keep: impl Fn(usize) -> bool) -> Self {
         fn pick<T: Copy>(values: &[T], keep: impl Fn(usize) -> bool) -> Vec<T> {
@@ -95,7 +95,7 @@ impl NamedColumns {
         Self { columns }
     }
 
-    /// Returns the columns that `make` hands over.
+    /// Returns the columns that `make` produces.
     pub(super) fn collect(make: impl FnOnce(&mut Columns<'_>)) -> Self {
         let mut columns = Vec::new();
         make(&mut Columns(&mut |name, values| {
@@ -130,10 +130,10 @@ impl NamedColumns {
     }
 }
 
-/// The last part of the name of a component's column.
+/// Endings of the column names of components.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Returns the column of component `k` of a quantity; a quantity with one component has the plain name.
+/// Returns the column name of component `k` of a quantity; a quantity with one component has the plain name.
 pub(super) fn component_name<C: Components>(name: &str, k: usize) -> String {
     if C::COUNT == 1 {
         name.to_owned()
@@ -142,7 +142,7 @@ pub(super) fn component_name<C: Components>(name: &str, k: usize) -> String {
     }
 }
 
-/// Returns a whole number of a column that has to fit 32 bits.
+/// Returns a whole number of a column that must fit 32 bits.
 pub(super) fn small(value: u64) -> Result<u32, Error> {
     u32::try_from(value).map_err(|_| Error::Io(format!("{value} exceeds 32 bits")))
 }
@@ -153,12 +153,12 @@ pub(super) fn signed(value: u64) -> Result<i32, Error> {
         .map_err(|_| Error::Io(format!("{value} is not a number of box lengths")))
 }
 
-/// Returns a signed number as its column holds it.
+/// Returns a signed number as stored in a column.
 pub(super) fn unsigned(value: i32) -> u64 {
     i64::from(value).cast_unsigned()
 }
 
-/// Takes columns one after another; only one of them need be in memory.
+/// Receiver of columns one after another; only one of them needs to be in memory.
 pub(super) struct Columns<'a>(pub(super) &'a mut dyn FnMut(String, Values));
 
 impl Columns<'_> {
@@ -183,7 +183,7 @@ impl Columns<'_> {
 }
 
 impl NamedColumns {
-    /// Returns the quantity whose components [`Columns::components`] wrote.
+    /// Returns the quantity whose components were written by [`Columns::components`].
     pub(super) fn components<C: Components>(&self, name: &str) -> Result<Vec<C>, Error> {
         let mut all = vec![C::default(); self.rows()];
         for k in 0..C::COUNT {
@@ -195,7 +195,7 @@ impl NamedColumns {
         Ok(all)
     }
 
-    /// Returns the numbers of box lengths along the axes of a space of `dimension` dimensions.
+    /// Returns the numbers of periods along the axes of a space of `dimension` dimensions.
     pub(super) fn shifts(&self, name: &str, dimension: usize) -> Result<Vec<[i32; 3]>, Error> {
         let mut all = vec![[0; 3]; self.rows()];
         for (axis, suffix) in AXES.iter().enumerate().take(dimension) {

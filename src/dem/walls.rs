@@ -1,4 +1,4 @@
-//! Walls, at rest or moving: infinite planes, and surfaces of convex facets ([`super::surface`]).
+//! Stationary or moving walls: infinite planes, and surfaces of convex facets ([`super::surface`]).
 
 pub mod area;
 
@@ -9,25 +9,25 @@ use nalgebra::Vector3;
 use super::space::{Components, Space};
 use super::surface::{FacetSurface, Nearest};
 
-/// A half-space that grains cannot enter, or a surface that they touch from either side.
+/// Half-space that grains cannot enter, or surface that they touch from either side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wall<S: Space> {
-    /// A point of the plane \[m\], now; of a surface, how far it has moved.
+    /// Present position of a point of the plane \[m\]; for a surface its displacement.
     pub point: S::Vector,
-    /// Unit normal of the plane, into the grains; zero for a surface.
+    /// Unit normal of the plane, pointing into the grains; zero for a surface.
     pub normal: S::Vector,
-    /// Velocity [m/s]: along the face it drags, across it the face moves.
+    /// Velocity [m/s]: its tangential part only drags, its normal part moves the wall.
     pub velocity: S::Vector,
-    /// Row in the table of contact parameters.
+    /// Index in the table of contact parameters.
     pub material: u32,
     /// The facets; none for a plane.
     pub surface: Option<Arc<FacetSurface>>,
-    /// `true` if grains pass through it.
+    /// `true` if grains pass through the wall.
     pub open: bool,
 }
 
 impl<S: Space> Wall<S> {
-    /// Returns a wall at rest through `point` \[m\] whose `normal`, of any length, points into the grains.
+    /// Returns a stationary wall through `point` \[m\] whose `normal`, of any length, points into the grains.
     #[must_use]
     pub fn new(point: S::Vector, normal: S::Vector, material: u32) -> Self {
         let length = normal.length();
@@ -41,7 +41,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns a wall of facets at rest.
+    /// Returns a stationary wall of facets.
     #[must_use]
     pub fn of_surface(surface: Arc<FacetSurface>, material: u32) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns the velocity with which the wall moves [m/s]; a velocity along its face drags only.
+    /// Returns the velocity with which the wall moves [m/s]; a tangential velocity only drags.
     #[must_use]
     pub fn drift(&self) -> S::Vector {
         match &self.surface {
@@ -63,7 +63,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns a point \[m\] as the facets see it; in a periodic domain inside it.
+    /// Returns a point \[m\] relative to the facets; in a periodic domain wrapped into it.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
         let at = S::to_volume(&(*point - self.point));
@@ -72,7 +72,7 @@ impl<S: Space> Wall<S> {
             .map_or(at, |surface| surface.in_domain(&at).0)
     }
 
-    /// Finds the contacts of a centre \[m\] in space, like [`FacetSurface::contacts`]; contacts carry the names of
+    /// Finds the contacts of a centre \[m\] in space, like [`FacetSurface::contacts`]; contacts have the names of
     /// their facets.
     #[inline]
     pub(super) fn touched(
@@ -96,14 +96,14 @@ impl<S: Space> Wall<S> {
         surface.is_some_and(|surface| surface.stands_on(near, &self.local(point)))
     }
 
-    /// Returns the distance \[m\] of a point from the plane, positive on the grains' side.
+    /// Returns the distance \[m\] of a point from the plane, positive on the side of the grains.
     #[must_use]
     #[inline(always)]
     pub fn distance(&self, point: &S::Vector) -> f64 {
         self.normal.scalar(&(*point - self.point))
     }
 
-    /// Returns the walls of a box that is not periodic along `axes`: lower and upper face of each, in the order of the
+    /// Returns the walls of a box along its non-periodic `axes`: lower and upper face of each, in the order of the
     /// axes.
     #[must_use]
     pub fn of_box(

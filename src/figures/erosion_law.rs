@@ -10,8 +10,8 @@
 //! | `figure6.csv`, `.svg` | tau_c and k_d against C/d; lower bounds as arrows; a published result |
 //! | `erosion_law.json` | the report |
 //!
-//! Figures 4 and 5 without a suffix show the cohesion of the published result, or else the cohesion with the most runs.
-//! Figures of the other cohesions have the suffix `_C<value>`.
+//! Figures 4 and 5 without a suffix show the cohesion of the published result, otherwise the cohesion with the most
+//! runs. Figures of the other cohesions have the suffix `_C<value>`.
 
 mod plots;
 mod tables;
@@ -24,7 +24,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// A published result that the figures mark.
+/// Published result that the figures mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
     /// C/d [N/m].
@@ -35,7 +35,7 @@ pub struct Published {
     pub coefficient: f64,
 }
 
-/// Numbers that an erosion law can have, in SI.
+/// Range of valid numbers of an erosion law in SI units.
 const PUBLISHED: std::ops::RangeInclusive<f64> = 1e-12..=1e12;
 
 impl FromStr for Published {
@@ -62,10 +62,10 @@ impl FromStr for Published {
     }
 }
 
-/// Fits the runs and writes tables and figures into `output`, which is made if it does not exist.
+/// Fits the runs and writes tables and figures into `output`, which is created if it does not exist.
 ///
 /// # Errors
-/// [`Error::Io`] when a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
+/// [`Error::Io`] if a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
 pub fn run(
     runs: &[PathBuf],
     output: &Path,
@@ -79,7 +79,7 @@ pub fn run(
 /// Runs `solver erosion-law`: returns the report of [`run`] as text or JSON.
 ///
 /// # Errors
-/// Those of [`run`].
+/// If [`run`] fails.
 pub fn command(
     runs: &[PathBuf],
     output: &Path,
@@ -171,7 +171,7 @@ pub(crate) fn with_interval(value: f64, interval: Interval) -> String {
     )
 }
 
-/// Returns three significant digits.
+/// Returns a number with three significant digits.
 pub(crate) fn digits(value: f64) -> String {
     if (0.01..1000.0).contains(&value.abs()) {
         let decimals = match value.abs() {
@@ -189,7 +189,7 @@ pub(crate) fn digits(value: f64) -> String {
     }
 }
 
-/// Returns the threshold, coefficient and R2 of a law, for the terminal.
+/// Returns threshold, coefficient and R2 of a law as texts for the terminal.
 fn words(law: Option<&FittedErosionLaw>) -> [String; 3] {
     match law {
         Some(FittedErosionLaw::Fitted(fit)) => [
@@ -315,7 +315,7 @@ mod tests {
     const INITIAL: f64 = 0.12;
     const LENGTH: f64 = 1.2e-2;
 
-    /// Returns a run folder of a hole that follows the law: grains leave at random, the hole widens.
+    /// Writes a run folder of a hole that follows the law: grains leave at random times and the hole widens.
     fn write_run(
         root: &Path,
         pressure: f64,
@@ -410,7 +410,7 @@ mod tests {
 
     const PRESSURES: [f64; 10] = [0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-    /// Returns the folder of the figures; `PLOT_TO` names another for inspection by eye.
+    /// Returns the folder of the figures; `PLOT_TO` sets another one for visual inspection.
     fn figures(folder: &Path) -> PathBuf {
         std::env::var_os("PLOT_TO").map_or_else(|| folder.join("out"), PathBuf::from)
     }
@@ -480,7 +480,7 @@ mod tests {
         for (moved, told) in [(2.5, 1), (0.1, 0), (f64::NAN, 0)] {
             let mut rows = read_rows::<ErosionRecord>(&file, |row| row.step).unwrap();
             for row in &mut rows {
-                // What moves later is no part of the mechanism.
+                // Later displacements are not part of the mechanism.
                 let late = row.eroded_fraction >= 0.1;
                 row.bulk_displacement = if late { 50.0 } else { moved };
             }
@@ -495,7 +495,7 @@ mod tests {
         }
     }
 
-    /// Grains that the cut left without bonds leave at any cohesion; without a broken bond nothing eroded.
+    /// Grains that the cut left without bonds leave at any cohesion; without a broken bond there is no erosion.
     #[test]
     fn loose_grains_are_no_erosion() {
         let root = tempfile::tempdir().unwrap();

@@ -87,11 +87,13 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
     }
 }
 
-/// Makes the figure of the settlement of the surface along the long axis, mean over the columns across, at several
-/// times: `settlement.svg`. The axis points down, so that two sinkholes with a middle that stays up make a W.
+/// Returns the figure of the settlement of the surface along the long axis, as the mean over the columns along the
+/// transverse axis, at several times: `settlement.svg`. The axis points down, so that two sinkholes with a higher
+/// middle form a W.
 #[must_use]
 pub fn settlement(rows: &[SurfaceRecord]) -> Figure {
-    // Per step: its time, and per column along the axis the place, the sum and the number of columns across.
+    // For each step: its time, and for each column along the axis its position, the sum of settlements and the
+    // number of columns along the transverse axis.
     type Section = (f64, BTreeMap<u64, (f64, f64, f64)>);
     let mut sections: BTreeMap<u64, Section> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.settlement.is_finite()) {

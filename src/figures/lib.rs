@@ -1,4 +1,4 @@
-//! Figures: SVG plots, pictures of the results of a run, and the figures of analyses and studies.
+//! Figures: SVG plots, pictures of the results of a run, and figures of analyses and studies.
 
 #![cfg_attr(
     test,

@@ -90,7 +90,7 @@ fn finite(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "a time in seconds".into())
 }
 
-/// Reads the part of a plane that a picture shows.
+/// Parses the part of a plane that a picture shows.
 fn crop(text: &str) -> Result<[f64; 4], String> {
     let numbers: Option<Vec<f64>> = text
         .split(',')
@@ -104,7 +104,8 @@ fn crop(text: &str) -> Result<[f64; 4], String> {
     }
 }
 
-/// Refuses to replace what is no plain file, and, unless that is asked for, what is no picture or belongs to a run.
+/// Refuses to replace anything but a plain file, and, without permission, a file that is not a picture or belongs
+/// to a run.
 fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Error> {
     let refused = |reason: &str| {
         Err(Error::Usage(format!(
@@ -132,7 +133,7 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
     )
 }
 
-/// View of a scene in space.
+/// Direction of view of a 3-D scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ViewDirection {
     /// Along -x: y to the right, z up.
@@ -149,10 +150,10 @@ const SAND: [f64; 3] = [214.0, 176.0, 120.0];
 const STONE: [f64; 3] = [150.0, 150.0, 150.0];
 const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 
-/// Draws a run and returns a line with the path of the picture. Serial.
+/// Draws a run and returns a line with the path of the picture. Runs on one process.
 ///
 /// # Errors
-/// [`Error::Io`] where the run has no output to draw, lacks the column, or the picture cannot be written.
+/// [`Error::Io`] if the run has no output to draw, lacks the column, or the picture cannot be written.
 pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let usual = run.join("picture.svg");
     let output = request.output.clone().unwrap_or_else(|| usual.clone());
@@ -191,7 +192,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     );
     let mut scenes = Vec::new();
     for moment in &chosen {
-        // Only what is of the same step: an older one would show things where they were.
+        // Only outputs of the same step are used: older ones would show earlier positions.
         let file = |series: &Option<Series>| {
             let series = series.as_ref()?;
             let known = series.moments().any(|m| m.step == moment.step);
@@ -210,7 +211,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
             grains: file(&grains)
                 .map(|path| {
                     let arrows = request.arrows.as_deref();
-                    // Lines of contacts are seen on grains of one light colour.
+                    // Lines of contacts are visible on grains of one light colour.
                     let colour = match (colour, request.contacts) {
                         (Some(column), _) => Some(Some(column)),
                         (None, true) => Some(None),
@@ -244,7 +245,7 @@ fn failed(path: &Path, reason: impl std::fmt::Display) -> Error {
     Error::Io(format!("{}: {reason}", path.display()))
 }
 
-/// Returns the outputs nearest to the asked times; without any, up to four over the run.
+/// Returns the outputs nearest to the requested times; without times, up to four over the run.
 fn choose(moments: &[OutputTime], times: &[f64]) -> Vec<OutputTime> {
     let last = moments.len().saturating_sub(1);
     let mut chosen: Vec<OutputTime> = if times.is_empty() {
@@ -274,14 +275,14 @@ struct Scene {
     grains: Option<Grains>,
     contacts: Option<Network>,
     faces: Option<Faces>,
-    /// Fields of a flow net, and what the ground holds.
+    /// Fields of a flow net, with the layers and structures of the ground.
     net: Option<FlowNet>,
     ground: Rc<Ground>,
-    /// Surfaces at rest.
+    /// Surfaces of stationary structures.
     structures: Option<Rc<Faces>>,
-    /// Walls of facets, which a section shows.
+    /// Walls of triangles, which a section shows.
     walls: Option<Faces>,
-    /// Outlines of the solids that a section cuts.
+    /// Outlines of the solids intersected by a section.
     cuts: Option<Cuts>,
 }
 
@@ -290,7 +291,7 @@ impl Scene {
     fn cut(mut self, section: Option<Section>) -> Self {
         let deep = self.water.as_ref().filter(|water| water.cells[2] > 1);
         let alone = self.grains.is_none() && self.faces.is_none();
-        // A scene without water at this time is cut all the same: all panels show the same plane.
+        // A scene without water at this time is cut too, so that all panels show the same plane.
         let Some(section) = section.or(deep.filter(|_| alone).map(Section::middle)) else {
             return self;
         };
@@ -314,15 +315,15 @@ impl Scene {
     }
 }
 
-/// A field on cells: magnitude of what was read.
+/// Field on cells; a vector field is reduced to its magnitude.
 struct Water {
-    /// Cells along x, y, z.
+    /// Number of cells along x, y, z.
     cells: [usize; 3],
     origin: [f64; 3],
     spacing: [f64; 3],
     values: Vec<f64>,
     solid: Vec<bool>,
-    /// Velocities (m/s), for streamlines.
+    /// Velocities (m/s) for streamlines.
     flow: Option<Vec<[f64; 3]>>,
     units: String,
 }
@@ -374,7 +375,7 @@ impl Water {
 struct Grains {
     positions: Vec<[f64; 3]>,
     radii: Vec<f64>,
-    /// Values that colour them, if any.
+    /// Values for the colours, if any.
     values: Option<Vec<f64>>,
     quantity: String,
     units: String,
@@ -383,8 +384,8 @@ struct Grains {
 }
 
 impl Grains {
-    /// Returns the grains of an output but those that are drawn with their faces. `colour`: the column, or none for one
-    /// colour; by default the velocity in space.
+    /// Returns the grains of an output except those drawn with their faces. `colour`: the column, or none for one
+    /// colour; by default the velocity in 3-D.
     fn read(
         path: &Path,
         colour: Option<Option<&str>>,
@@ -434,7 +435,7 @@ impl Grains {
     }
 }
 
-/// Returns the numbers as they are, vectors by their length.
+/// Returns numbers unchanged, and vectors as their magnitudes.
 fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
     if count == 0 {
         return Vec::new();
@@ -450,7 +451,7 @@ fn magnitudes(column: &Values, count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Returns the smallest and largest of the finite values; nothing if there are none.
+/// Returns the smallest and largest of the finite values; `None` without finite values.
 fn range<'a>(values: impl Iterator<Item = &'a f64>) -> Option<[f64; 2]> {
     values.filter(|v| v.is_finite()).fold(None, |range, &v| {
         Some(range.map_or([v, v], |[low, high]: [f64; 2]| [low.min(v), high.max(v)]))
@@ -465,7 +466,7 @@ fn fraction_of_range(value: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
-/// Returns a round length of about a fifth of another.
+/// Returns a round length of about a fifth of `length`.
 fn round_length(length: f64) -> f64 {
     let rough = length / 5.0;
     let power = 10.0_f64.powf(rough.log10().floor());
@@ -530,15 +531,15 @@ const GAP: usize = 24;
 const HEAD: usize = 22;
 const BAR: usize = 52;
 
-/// Scales that all panels share.
+/// Colour and length scales common to all panels.
 struct Scales {
-    /// Smallest and largest value of the water; none in space, where it is not drawn.
+    /// Smallest and largest value of the water; none in 3-D, where water is not drawn.
     water: Option<[f64; 2]>,
     /// Smallest and largest value of grains and faces.
     grains: Option<[f64; 2]>,
-    /// Longest arrow.
+    /// Magnitude of the longest arrow.
     longest: f64,
-    /// Largest force of a contact.
+    /// Largest contact force.
     largest: f64,
 }
 
@@ -565,12 +566,12 @@ impl Scales {
         }
     }
 
-    /// Returns the number of bars of colours.
+    /// Returns the number of colour bars.
     fn bars(&self) -> usize {
         usize::from(self.water.is_some()) + usize::from(self.grains.is_some())
     }
 
-    /// Writes the bars of colours one below the other; `field` is that of the water.
+    /// Writes the colour bars one below the other; `field` is the field of the water.
     fn write_bars(&self, svg: &mut String, scenes: &[Scene], field: &str, [x, mut y]: [usize; 2]) {
         let named = |quantity: &str, of: &str| {
             if self.bars() > 1 {
@@ -597,28 +598,28 @@ impl Scales {
     }
 }
 
-/// Places on the picture \[pixels\].
+/// Layout of the picture \[pixels\].
 struct Sheet {
-    /// Panels side by side.
+    /// Number of panels side by side.
     columns: usize,
     /// Width and height of a panel.
     panel: [usize; 2],
-    /// Level of the length and of the first bar of colours.
+    /// Vertical position of the scale bar and of the first colour bar.
     foot: usize,
-    /// Left end of the bars of colours.
+    /// Left end of the colour bars.
     bars: usize,
     /// Width and height of the picture.
     size: [usize; 2],
 }
 
 impl Sheet {
-    /// Places panels and bars of colours, and below them a key of so many characters.
+    /// Returns the layout of panels and colour bars, and below them a legend of `key` characters.
     fn new(first: &Raster, panels: usize, bars: usize, key: usize) -> Self {
         let (width, height) = (first.width, first.height);
-        // Wide panels one above the other, narrow ones side by side.
+        // Wide panels are stacked, narrow ones are side by side.
         let columns = if 2 * height < width { 1 } else { panels.min(2) };
         let below = panels.div_ceil(columns) * (height + HEAD + GAP);
-        // Right of the length, which needs some space in narrow pictures.
+        // Position to the right of the scale bar, which has a minimum width in narrow pictures.
         let x = GAP + (width / 3).max(110);
         let size = [
             (columns * width + (columns + 1) * GAP)
@@ -635,7 +636,7 @@ impl Sheet {
         }
     }
 
-    /// Returns the upper left corner of a panel.
+    /// Returns the upper left corner of panel `k`.
     fn corner(&self, k: usize) -> [usize; 2] {
         let [width, height] = self.panel;
         [
@@ -649,12 +650,12 @@ impl Sheet {
 struct Panel {
     time: f64,
     raster: Raster,
-    /// Vector graphics over the raster.
+    /// Vector graphics drawn over the raster.
     lines: String,
 }
 
 impl Panel {
-    /// Draws a scene; `drops` are those of its flow net.
+    /// Draws a scene; `drops` is the number of head drops of its flow net.
     fn new(scene: &Scene, scales: &Scales, frame: &Frame, (width, drops): (usize, u16)) -> Self {
         let mut raster = Raster::new(frame, width);
         if let (Some(field), Some(scale)) = (&scene.water, scales.water) {
@@ -730,7 +731,7 @@ impl Panel {
     }
 }
 
-/// Returns arrows and contacts of a panel.
+/// Returns the arrows and contacts of a panel as SVG.
 fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> String {
     let mut text = String::new();
     if let Some(cuts) = &scene.cuts {
@@ -747,7 +748,7 @@ fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> Strin
     text
 }
 
-/// Names the longest arrow, the widest line and the flow net of any panel; empty without them.
+/// Returns a text with the longest arrow, the widest line and the flow net of all panels; empty without them.
 fn key(scenes: &[Scene], scales: &Scales, drops: u16) -> String {
     let mut parts = Vec::new();
     let arrows = |s: &'_ Scene| -> Option<String> {
@@ -765,7 +766,7 @@ fn key(scenes: &[Scene], scales: &Scales, drops: u16) -> String {
     parts.join("; ")
 }
 
-/// Returns a bar of colours with ticks at its ends and its middle.
+/// Returns a colour bar with ticks at its ends and its middle.
 fn bar(
     svg: &mut String,
     [x, y]: [usize; 2],
@@ -799,7 +800,7 @@ fn bar(
             y - 8,
             y + 5,
             y + 16,
-            // A rounding error is zero.
+            // Rounding errors are shown as zero.
             short(
                 if value.abs() < 1e-9 * largest {
                     0.0
@@ -818,7 +819,7 @@ fn bar(
     );
 }
 
-/// Returns a number with this many digits, without zeros at its end.
+/// Returns a number with this many significant digits, without trailing zeros.
 fn short(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits - 1);
     let (mantissa, power) = scientific.split_once('e').unwrap_or((&scientific, "0"));

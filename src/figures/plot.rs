@@ -1,15 +1,15 @@
 //! Figures as SVG: axes, lines, points with error bars, bands and bounds.
 //!
-//! A [`Figure`] holds panels side by side, a [`Panel`] two axes and layers drawn in order. The text is the same for the
-//! same data on any machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]), ordered values use viridis
-//! ([`sequential`]). Both are distinguishable for colour-blind readers and in grey.
+//! A [`Figure`] contains panels side by side; a [`Panel`] contains two axes and layers drawn in order. The text
+//! is the same for the same data on any machine. Categories use the colours of Okabe and Ito ([`CATEGORY`]),
+//! ordered values use viridis ([`sequential`]). Both are distinguishable for colour-blind readers and in grey.
 //!
 //! Labels may contain `_{sub}` and `^{super}`.
 
 use base::number::real;
 use std::fmt::Write as _;
 
-/// Colours for kinds: black, blue, vermillion, green, purple, orange, sky, yellow (Okabe and Ito, 2008).
+/// Colours of categories: black, blue, vermillion, green, purple, orange, sky, yellow (Okabe and Ito, 2008).
 pub const CATEGORY: [&str; 8] = [
     "#222222", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442",
 ];
@@ -55,12 +55,12 @@ pub struct PlotAxis {
     pub unit: String,
     /// Mapping of values.
     pub scale: AxisScale,
-    /// First and last value; from the data where `None`.
+    /// First and last value; `None` takes them from the data.
     pub range: Option<(f64, f64)>,
 }
 
 impl PlotAxis {
-    /// Returns a linear axis that starts at zero where the data are not negative.
+    /// Returns a linear axis that starts at zero if the data are not negative.
     #[must_use]
     pub fn linear(quantity: &str, unit: &str) -> Self {
         Self {
@@ -90,7 +90,7 @@ impl PlotAxis {
     }
 }
 
-/// One point with its error bars: `(low, high)` ends, none where `None`.
+/// Point with error bars, each given by its `(low, high)` ends; `None` without a bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
     /// Position along x.
@@ -116,16 +116,16 @@ impl Mark {
     }
 }
 
-/// Mark of a point.
+/// Symbol of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// A disc of its colour.
+    /// Filled disc.
     Filled,
     /// A white disc with a rim.
     Hollow,
-    /// A wide ring, through which what lies beneath is seen.
+    /// Wide ring, through which underlying points are visible.
     Ring,
-    /// A square of its colour: a place of a map.
+    /// Filled square: a point of a map.
     Square,
     /// A white square with a rim.
     OpenSquare,
@@ -134,14 +134,14 @@ pub enum Style {
 /// Shape that a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// A line through the points.
+    /// Line through points.
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
         points: Vec<(f64, f64)>,
         /// `true` if it is dashed.
         dashed: bool,
     },
-    /// The area between two lines.
+    /// Area between two lines.
     Band {
         /// Points `(x, low, high)`.
         points: Vec<(f64, f64, f64)>,
@@ -153,9 +153,9 @@ pub enum Shape {
         /// Mark of the points.
         style: Style,
     },
-    /// Words to the upper right of points `(x, y, words)`.
+    /// Texts to the upper right of points `(x, y, text)`.
     Words {
-        /// The points with their words.
+        /// Points with their texts.
         words: Vec<(f64, f64, String)>,
     },
     /// Lower bounds: a bar from which an arrow points up.
@@ -165,10 +165,10 @@ pub enum Shape {
     },
 }
 
-/// Something drawn, with its colour and its entry in the legend (none where empty).
+/// Shape with its colour and its entry in the legend (none if empty).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Shape that is drawn.
+    /// Shape to draw.
     pub shape: Shape,
     /// Any SVG colour.
     pub colour: String,
@@ -191,7 +191,7 @@ impl Layer {
 /// Position of the legend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Legend {
-    /// Nowhere.
+    /// No legend.
     None,
     /// Position to the right of the panel.
     Right,
@@ -210,7 +210,7 @@ pub struct Panel {
     pub x: PlotAxis,
     /// Vertical axis.
     pub y: PlotAxis,
-    /// Drawn in this order.
+    /// Layers in the order of drawing.
     pub layers: Vec<Layer>,
     /// Place of the legend.
     pub legend: Legend,
@@ -255,7 +255,7 @@ impl Figure {
         };
         let height = (self.panels.iter().map(beside)).fold(TOP + PLOT_HEIGHT + BOTTOM, f64::max);
         let mut pen = Pen::default();
-        // Spaces are preserved, otherwise those next to a raised or lowered span are dropped.
+        // Spaces are preserved; otherwise those next to a superscript or subscript are dropped.
         pen.put(format_args!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" xml:space=\"preserve\" width=\"{width:.0}\" \
              height=\"{height:.0}\" \
@@ -311,7 +311,7 @@ struct Mapping {
     high: f64,
     /// Ticks with their labels; an empty label is a minor tick.
     ticks: Vec<(f64, String)>,
-    /// Power of ten taken out of the labels.
+    /// Power of ten factored out of the labels.
     power: i32,
 }
 
@@ -332,7 +332,7 @@ impl Mapping {
                 least
             };
             let room = 0.04 * (most - least);
-            // Zero stays the end of the axis where the data begin there.
+            // Zero remains the end of the axis if the data begin there.
             (
                 if least.abs() < f64::MIN_POSITIVE {
                     0.0
@@ -388,7 +388,7 @@ impl Mapping {
         let few = (high / low).log10() < 1.6;
         let mut ticks = Vec::new();
         let decades = whole(low.log10().floor())..=whole(high.log10().ceil());
-        // All labels plain or all powers: a mixture reads badly.
+        // All labels are plain or all are powers of ten.
         let simple = low > 0.9e-2 && high < 1.1e4;
         for decade in decades {
             for digit in 1..10 {
@@ -415,7 +415,8 @@ impl Mapping {
         }
     }
 
-    /// Returns 0 at the low end, 1 at the high end; `None` for what cannot be drawn.
+    /// Returns the position of a value on the axis, 0 at the low end and 1 at the high end; `None` for values that
+    /// cannot be drawn.
     fn fraction(&self, value: f64) -> Option<f64> {
         let share = match self.scale {
             AxisScale::Linear => (value - self.low) / (self.high - self.low),
@@ -426,7 +427,7 @@ impl Mapping {
     }
 }
 
-/// Returns the smallest and largest value; (0, 1) of nothing.
+/// Returns the smallest and largest value; (0, 1) without values.
 fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
         (low.min(v), high.max(v))
@@ -434,7 +435,7 @@ fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
     if low > high { (0.0, 1.0) } else { (low, high) }
 }
 
-/// Returns the next of 1, 2, 5 times a power of ten.
+/// Returns the next larger number that is 1, 2 or 5 times a power of ten.
 fn nice_step(rough: f64) -> f64 {
     let power = 10_f64.powf(rough.log10().floor());
     let digit = rough / power;
@@ -458,16 +459,16 @@ fn plain(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// Returns an integer with a real minus sign.
+/// Returns an integer with a typographic minus sign.
 fn minus(value: i32) -> String {
     value.to_string().replace('-', "\u{2212}")
 }
 
-/// Escapes text and turns `_{..}` and `^{..}` into lowered and raised spans.
+/// Escapes text and converts `_{..}` and `^{..}` to subscripts and superscripts.
 fn rich(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
-    // What brings the text after a raised or lowered span back to its line.
+    // Vertical shift that returns the text after a superscript or subscript to its line.
     let mut back = 0.0;
     let mut run = |text: &str, shift: f64, small: bool| {
         let size = if small { " font-size=\"10\"" } else { "" };
@@ -485,7 +486,7 @@ fn rich(text: &str) -> String {
         let inner = &mark[2..];
         let Some(end) = inner.find('}') else { break };
         run(before, back, false);
-        // Two spans in a row, as in `x_{i}^{2}`: the second starts from where the first lies.
+        // For two successive spans, as in `x_{i}^{2}`, the second starts from the position of the first.
         let from = if before.is_empty() { back } else { 0.0 };
         let shift = if mark.starts_with('_') { 3.5 } else { -5.0 };
         run(&inner[..end], from + shift, true);
@@ -502,7 +503,7 @@ fn escape(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
-/// Returns the width of a text, about: glyphs of the fonts named are near 0.55 em on average.
+/// Returns the approximate width of a text: glyphs of the listed fonts are about 0.55 em wide on average.
 fn text_width(text: &str) -> f64 {
     let glyphs = text.chars().filter(|c| !"_^{}".contains(*c)).count();
     0.56 * TEXT * real(glyphs)
@@ -554,7 +555,7 @@ impl<'a> Drawing<'a> {
     }
 
     fn position(&self, x: f64, y: f64) -> Option<(f64, f64)> {
-        // Points far outside are drawn to the clip only; huge coordinates trouble some viewers.
+        // Points far outside are drawn to the clip region only, because some viewers fail at huge coordinates.
         let x = self.x.fraction(x)?.clamp(-3.0, 4.0);
         let y = self.y.fraction(y)?.clamp(-3.0, 4.0);
         Some((self.left + x * PLOT_WIDTH, TOP + (1.0 - y) * PLOT_HEIGHT))
@@ -716,7 +717,7 @@ impl<'a> Drawing<'a> {
         };
         let bottom = TOP + PLOT_HEIGHT;
         if let Some((low, high)) = mark.y_bar {
-            // A bar that reaches below a logarithmic axis ends at its foot.
+            // An error bar that extends below a logarithmic axis ends at the axis.
             let low = self
                 .position(mark.x, low)
                 .map_or(bottom + 9.0, |place| place.1);
@@ -842,7 +843,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
         }
         Shape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));
-            // Space for the arrow, and for the legend above it.
+            // The range includes space for the arrow and for the legend above it.
             ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
         Shape::Band { points } => {
@@ -860,7 +861,8 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     }
 }
 
-/// Returns the label of an axis: quantity, and in brackets the unit with the power of ten taken out of the ticks.
+/// Returns the label of an axis: quantity, and in brackets the unit with the power of ten factored out of the
+/// ticks.
 fn label(axis: &PlotAxis, power: i32) -> String {
     let factor = if power == 0 {
         String::new()

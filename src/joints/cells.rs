@@ -9,7 +9,7 @@ use crate::polygon::Polygon;
 use base::number::{real, whole};
 use nalgebra::Vector2;
 
-/// Distance from the edges of the overlap below which a point of the grid is left out, over the spacing.
+/// Distance from the edges of the overlap, divided by the spacing, below which a point of the grid is omitted.
 const NEAR_EDGE: f64 = 0.25;
 /// Maximum number of cells along an axis of a joint.
 const MOST: usize = 1000;
@@ -26,9 +26,9 @@ pub enum Side {
 /// A cell of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Point where its pressure is defined, in the plane of the joint \[m\].
+    /// Point of the cell's pressure, in the plane of the joint \[m\].
     pub point: Vector2<f64>,
-    /// Its outline, with the neighbours behind its edges.
+    /// Outline of the cell, with the neighbours behind its edges.
     pub outline: Polygon<Side>,
     /// Area \[m²\].
     pub area: f64,
@@ -36,7 +36,7 @@ pub struct Cell {
     pub centroid: Vector2<f64>,
 }
 
-/// Points of a grid over an overlap.
+/// Points of a regular grid over an overlap.
 struct Grid {
     points: Vec<Vector2<f64>>,
     /// Cell of each position of the grid, if it has one.
@@ -77,7 +77,7 @@ impl Grid {
             }
         }
         if grid.points.is_empty() {
-            // No cell fits: the whole overlap is one.
+            // If no cell fits, the whole overlap is a single cell.
             let (_, centroid) = overlap.area_and_centroid();
             (grid.counts, grid.cell) = ([1, 1], vec![Some(0)]);
             (grid.points, grid.place) = (vec![centroid], vec![[0, 0]]);
@@ -103,7 +103,7 @@ impl Grid {
     }
 }
 
-/// Returns the cells of a joint, of about this size \[m\] or smaller.
+/// Returns the cells of a joint, of at most about this size \[m\].
 #[must_use]
 pub fn divide(joint: &Joint, size: f64) -> Vec<Cell> {
     let grid = Grid::new(&joint.overlap, size);
@@ -114,7 +114,7 @@ pub fn divide(joint: &Joint, size: f64) -> Vec<Cell> {
         let mut outline = Polygon::new(whole.clone());
         let least = grid.spacing.min();
         for ring in 1..grid.counts[0].max(grid.counts[1]) {
-            // A point farther away than twice the farthest corner takes nothing of the cell.
+            // A point further away than twice the farthest corner does not affect the cell.
             let far = |outline: &Polygon<Side>| {
                 let corners = outline.corners().iter();
                 corners.map(|(c, _)| (c - point).norm()).fold(0.0, f64::max)

@@ -1,45 +1,46 @@
-//! Edges of joints: where they meet other joints, and where they end.
+//! Edges of joints: junctions with other joints, and open edges.
 //!
-//! The edges of two joints meet where they run along each other and are no farther apart than the apertures of both:
-//! the four joints round the edge of four blocks end half an aperture from the line in which their planes meet. Edges
-//! that meet, directly or through others, share a line. The ends of their pieces divide the line into intervals, and
-//! each interval that two or more joints have in common is a junction, a point without volume whose discharges add up
-//! to zero. Pieces of edges that meet no other joint are open; water enters and leaves there if the scene has water
-//! in front of them. The loss of the corner itself, of the order of an aperture over the size of a cell, is left out.
+//! The edges of two joints meet where they run along each other and are no farther apart than the apertures of
+//! both: the four joints round the edge of four blocks end half an aperture from the line in which their planes
+//! meet. Edges that meet, directly or through others, share a line. The ends of their pieces divide the line into
+//! intervals, and each interval that two or more joints have in common is a junction, a point without volume whose
+//! discharges add up to zero. Pieces of edges that meet no other joint are open; water enters and leaves there if
+//! the scene has water outside them. The head loss of the corner itself, of the order of the aperture divided by
+//! the cell size, is neglected.
 
 use crate::cells::{Cell, Side};
 use crate::pairs::{Joint, PairLimits};
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
 
-/// Edges that touch are this far apart at most, over their length.
+/// Maximum distance of touching edges, divided by their length.
 const TOUCHING: f64 = 1e-6;
-/// Intervals shorter than this over the length of their line are left out.
+/// Length of an interval, divided by that of its line, below which it is omitted.
 const SHORT: f64 = 1e-9;
 
-/// Half a link: from the point of a cell to a piece of an edge of its joint.
+/// Half of a link: from the point of a cell to a piece of an edge of its joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// The joint.
+    /// Number of the joint.
     pub joint: usize,
-    /// The cell, by its number in the network.
+    /// Number of the cell in the network.
     pub cell: usize,
-    /// Beginning and end of the way of the water, in the plane of the joint \[m\].
+    /// Start and end of the flow path, in the plane of the joint \[m\].
     pub path: [Vector2<f64>; 2],
     /// Width of the piece \[m\].
     pub width: f64,
-    /// Direction out of the joint, in space.
+    /// Outward direction of the joint, in space.
     pub outward: Vector3<f64>,
-    /// Middle of the piece \[m\].
+    /// Midpoint of the piece \[m\].
     pub middle: Vector3<f64>,
 }
 
-/// A junction of two or more joints.
+/// Junction of two or more joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Junction {
     /// Position \[m\].
     pub position: Vector3<f64>,
-    /// The pieces of edges that meet.
+    /// Pieces of edges that meet in the junction.
     pub pieces: Vec<Piece>,
 }
 
@@ -48,11 +49,11 @@ pub struct Junction {
 pub struct Ends {
     /// Junctions.
     pub junctions: Vec<Junction>,
-    /// Pieces that meet no other joint.
+    /// Pieces without another joint.
     pub open: Vec<Piece>,
 }
 
-/// An edge of a joint in space, with its pieces.
+/// Edge of a joint in space, with its pieces.
 struct Edge {
     joint: usize,
     ends: [Vector3<f64>; 2],
@@ -61,7 +62,7 @@ struct Edge {
     /// Apertures at both ends \[m\].
     apertures: [f64; 2],
     outward: Vector2<f64>,
-    /// Cell, beginning and end along the edge \[m\], and distance of the point of the cell \[m\].
+    /// Pieces of the edge: cell, start and end along the edge \[m\], and distance of the cell's point \[m\].
     parts: Vec<(usize, [f64; 2], f64)>,
 }
 
@@ -76,12 +77,12 @@ impl Edge {
         self.ends[0] + self.direction * along
     }
 
-    /// Returns the position of a point along the edge \[m\].
+    /// Returns the coordinate of a point along the edge \[m\].
     fn along(&self, point: &Vector3<f64>) -> f64 {
         self.direction.dot(&(point - self.ends[0]))
     }
 
-    /// Returns `true` if another edge runs along this one within the apertures of both.
+    /// Returns `true` if another edge is parallel to this one, at a distance within the apertures of both.
     fn meets(&self, other: &Self, parallel: f64) -> bool {
         if self.direction.dot(&other.direction).abs() < parallel {
             return false;
@@ -100,7 +101,7 @@ impl Edge {
         (other.position(there) - middle).norm() <= near
     }
 
-    /// Returns the half link of a part of the edge between two positions along it \[m\].
+    /// Returns the half link of a piece of the edge between two positions along the edge \[m\].
     fn piece(&self, joint: &Joint, cells: &[Cell], part: usize, [from, to]: [f64; 2]) -> Piece {
         let (cell, _, distance) = self.parts[part];
         let middle = self.position(0.5 * (from + to));
@@ -137,7 +138,7 @@ pub fn ends(
     found
 }
 
-/// Returns the edges of all joints that have pieces, in the order of joints and edges.
+/// Returns the edges of all joints with pieces, in the order of joints and edges.
 fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> Vec<Edge> {
     let mut edges = Vec::new();
     for (number, joint) in joints.iter().enumerate() {
@@ -171,7 +172,7 @@ fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> V
     edges
 }
 
-/// Returns groups of edges that share a line, each in the order of the edges, in the order of their first edges.
+/// Returns groups of edges on a common line, each in the order of the edges, in the order of their first edges.
 fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
     let mut parents: Vec<usize> = (0..edges.len()).collect();
     fn root(parents: &mut [usize], mut edge: usize) -> usize {
@@ -229,7 +230,7 @@ fn divide(group: &[usize], edges: &[Edge], (joints, cells): (&[Joint], &[Cell]),
             .extend(parts.map(|(part, (_, span, _))| piece(alone, part, *span)));
         return;
     }
-    // Positions along the line are those along its first edge.
+    // Positions along the line are measured along its first edge.
     let line = &edges[group[0]];
     let mut spans = Vec::new();
     for &edge in group {

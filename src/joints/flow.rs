@@ -1,25 +1,25 @@
 //! Pressures and discharges of a network: steady, and implicit in time.
 //!
-//! The water of a node is kept: with the volume `V`, the density `r` over that at atmospheric pressure
+//! The water of a node is conserved: with the volume `V`, the density `r` relative to that at atmospheric pressure
 //! ([`crate::water`]) and the discharges `Q` of its links,
 //!
 //! ```text
 //! d(V r(p))/dt = sum of Q into the node,     V = integral of the aperture over the cell
 //! ```
 //!
-//! A junction has no volume. The discharge of a link follows from its drive `P = p_from - p_to + rho g.(x_to -
-//! x_from)`, less the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar resistance
-//! `R = 12 mu L/(w a³)`, or with the modes of [`crate::slot`] where inertia counts. Density in friction, inertia and
-//! weight is that at atmospheric pressure.
+//! A junction has no volume. The discharge of a link follows from its driving pressure `P = p_from - p_to + rho
+//! g.(x_to - x_from)`, minus the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar
+//! resistance `R = 12 mu L/(w a³)`, or with the modes of [`crate::slot`] if inertia is included. Density in
+//! friction, inertia and weight is that at atmospheric pressure.
 //!
 //! **In time** a step has two implicit stages with the diagonal `g = 1 - 1/√2` (Alexander, SIAM J. Numer. Anal. 14,
-//! 1006 (1977)): second order, L-stable, the last stage is the end of the step. The factor of an oscillation of the
-//! frequency `w` falls by `0.0037 (w dt)⁴` in a step, so that a sharp resonance keeps its width. No length of a step
-//! is unstable. A stage is a nonlinear system for the pressures alone: the modes are eliminated link by link. Newton's
-//! method solves it with direct factors ([`crate::ldl`]); with turbulent friction it halves a step that does not
-//! reduce the imbalance.
+//! 1006 (1977)): second order, L-stable, the last stage is the end of the step. The amplitude of an oscillation of
+//! the frequency `w` decreases by the fraction `0.0037 (w dt)⁴` per step, so that a sharp resonance keeps its
+//! width. The method is stable for any time step. A stage is a nonlinear system for the pressures only: the modes
+//! are eliminated link by link. Newton's method solves it with direct factors ([`crate::ldl`]); with turbulent
+//! friction it halves a step that does not reduce the imbalance.
 //!
-//! **The state** is the pressure of each node and the modes of each link, equal on every rank.
+//! **The state** consists of the pressure of each node and the modes of each link, equal on every rank.
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
@@ -32,47 +32,47 @@ use crate::water::Mixture;
 use decomposition::ExactSum;
 use nalgebra::{Vector3, Vector6};
 
-/// Pairs of the rotation rates of a block.
+/// Pairs of rotational degrees of freedom of a block.
 const TURNS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// Maximum number of Newton's steps.
+/// Maximum number of Newton iterations.
 const MOST: usize = 60;
-/// Change of the pressures at which Newton's method ends, over the largest pressure.
+/// Change of the pressures, relative to the largest, at which Newton's method ends.
 const CHANGE: f64 = 1e-12;
-/// Change of the pressures, over the largest one, below which a step that does not reduce the imbalance ends the
-/// search.
+/// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
+/// line search.
 const ROUNDING: f64 = 1e-8;
-/// Number of halvings of a step.
+/// Maximum number of halvings of a Newton step.
 const HALVINGS: usize = 12;
 
-/// Choices of a flow.
+/// Settings of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowSettings {
-    /// The water.
+    /// Properties of the water.
     pub water: Mixture,
-    /// Height of the roughness of the walls for turbulent friction \[m\]; none: the flow is laminar.
+    /// Roughness height of the walls for turbulent friction \[m\]; none for laminar flow.
     pub roughness: Option<f64>,
-    /// `true` if the inertia of the water counts.
+    /// `true` if the inertia of the water is included.
     pub inertia: bool,
     /// Acceleration of gravity [m/s²].
     pub gravity: Vector3<f64>,
 }
 
-/// A failed solution.
+/// Reason for a failed solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FlowError {
     /// The system has no unique solution at a node.
     #[error("the pressure of node {0} of the joints follows from no equation")]
     Singular(usize),
-    /// Newton's method did not end.
+    /// Newton's method did not converge.
     #[error(
         "the pressures in the joints did not converge: they still change by {change:e} Pa after {steps} steps"
     )]
     NotConverged {
-        /// Steps made.
+        /// Number of iterations.
         steps: usize,
-        /// Last change \[Pa\].
+        /// Last change of the pressures \[Pa\].
         change: f64,
     },
     /// The pressures are not finite.
@@ -80,49 +80,49 @@ pub enum FlowError {
     NotFinite,
 }
 
-/// A link as the equations see it.
+/// Coefficients of a link in the equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Channel {
-    /// Weight of the water between its ends, in the direction of the link \[Pa\].
+    /// Weight of the water between the ends of the link, positive along the link \[Pa\].
     lift: f64,
     /// Laminar resistance \[Pa s/m³\].
     resistance: f64,
-    /// `w a/(rho L)`, the gain of all modes together [m³/(Pa s²)].
+    /// Total gain `w a/(rho L)` of all modes [m³/(Pa s²)].
     gain: f64,
-    /// `4 nu/a²` of the modes [1/s].
+    /// Rate `4 nu/a²` of the modes [1/s].
     rate: f64,
     turbulence: Turbulence,
 }
 
-/// Answer of a link in a stage.
+/// Linear response of a link in a stage.
 #[derive(Clone, Copy, Debug, Default)]
 struct Answer {
-    /// Discharge without a drive \[m³/s\].
+    /// Discharge at zero driving pressure \[m³/s\].
     free: f64,
-    /// Change of the laminar discharge for a unit of the drive \[m³/(Pa s)\].
+    /// Derivative of the laminar discharge with respect to the driving pressure \[m³/(Pa s)\].
     slope: f64,
 }
 
-/// Changes of the network that a step follows.
+/// Boundary conditions of the network during a step.
 pub trait Drive {
-    /// Returns the pressure in front of an open piece of an edge at a time \[Pa\]; none where the piece is closed. A
-    /// piece stays open or closed.
+    /// Returns the pressure outside an open piece of an edge at a time \[Pa\]; `None` for a closed piece. A piece
+    /// is open or closed at all times.
     fn pressure(&self, open: usize, time: f64) -> Option<f64>;
 
-    /// Returns the gap of a joint at a time \[m\]; none if it is that of the network.
+    /// Returns the gap of a joint at a time \[m\]; `None` for the gap of the network.
     fn gap(&self, _joint: usize, _time: f64) -> Option<LinearField> {
         None
     }
 }
 
-/// Numbers of a step or a steady solution.
+/// Results of a step or of a steady solution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
-    /// Newton's steps.
+    /// Number of Newton iterations.
     pub newton: usize,
-    /// Volume of water that entered through open edges, at the density of atmospheric pressure \[m³\].
+    /// Volume of water that entered through open edges, at atmospheric density \[m³\].
     pub entered: f64,
-    /// Change of the water in the network that follows from no discharge \[m³\].
+    /// Change of the water volume in the network that is not due to discharges \[m³\].
     pub imbalance: f64,
 }
 
@@ -135,17 +135,17 @@ pub struct JointFlow {
     channels: Vec<Channel>,
     gaps: Vec<LinearField>,
     volumes: Vec<f64>,
-    /// Water of the nodes beyond that of their volumes and pressures, after blocks were placed \[m³\].
+    /// Water of the nodes in excess of their volumes and pressures, after blocks were placed \[m³\].
     surplus: Vec<f64>,
     pressure: Vec<f64>,
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
     discharge: Vec<f64>,
-    /// Node whose pressure is held in each part of the network that is closed; found by the first solution.
+    /// Node with fixed pressure in each closed part of the network, found by the first solution.
     held: Vec<usize>,
     factors: Factors,
     work: Work,
-    /// Blocks that move, and the cells at them.
+    /// Moving blocks, and the cells next to them.
     movers: Vec<Mover>,
     touches: Vec<Touch>,
     /// Gaps without their displacements \[m\].
@@ -158,7 +158,7 @@ struct Work {
     answers: Vec<Answer>,
     fronts: Vec<Option<f64>>,
     base: Vec<f64>,
-    /// Volumes at the beginning of the step \[m³\].
+    /// Volumes at the start of the step \[m³\].
     before: Vec<f64>,
     mode_base: Vec<f64>,
     imbalance: Vec<f64>,
@@ -166,18 +166,18 @@ struct Work {
     pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
-    /// Displacements and velocities of the moving blocks at the base of a stage.
+    /// Displacements and velocities of the moving blocks at the start of a stage.
     starts: Vec<[Vector6<f64>; 2]>,
 }
 
 impl JointFlow {
-    /// Returns the water of a network at the pressure 0 and without motion.
+    /// Returns the water of a network at zero pressure and at rest.
     #[must_use]
     pub fn new(network: Network, settings: FlowSettings) -> Self {
         Self::with_movers(network, settings, Vec::new())
     }
 
-    /// Returns the water of a network with blocks that move ([`crate::motion`]), at the pressure 0 and without motion.
+    /// Returns the water of a network with moving blocks ([`crate::motion`]), at zero pressure and at rest.
     #[must_use]
     pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
@@ -254,7 +254,7 @@ impl JointFlow {
         &self.pressure
     }
 
-    /// Returns the discharges of the links at the end of the last step, in their directions \[m³/s\].
+    /// Returns the discharges of the links at the end of the last step, positive along the links \[m³/s\].
     #[must_use]
     pub fn discharges(&self) -> &[f64] {
         &self.discharge
@@ -266,7 +266,7 @@ impl JointFlow {
         &self.gaps
     }
 
-    /// Returns the volume of water in the network at the density of atmospheric pressure \[m³\].
+    /// Returns the volume of water in the network at atmospheric density \[m³\].
     #[must_use]
     pub fn stored(&self) -> f64 {
         let mut sum = ExactSum::new();
@@ -305,7 +305,7 @@ impl JointFlow {
         }
     }
 
-    /// Returns the numbers of a link at the present gaps.
+    /// Returns the coefficients of a link at the present gaps.
     fn channel(&self, link: usize) -> Channel {
         let network = &self.network;
         let link = &network.links[link];
@@ -341,7 +341,7 @@ impl JointFlow {
         }
     }
 
-    /// Measures the volumes of the cells at the present gaps.
+    /// Computes the volumes of the cells at the present gaps.
     fn measure_volumes(&mut self) {
         let residual = self.network.settings.residual;
         let cells = self.network.cells.iter().zip(&self.network.joint_of);
@@ -350,7 +350,7 @@ impl JointFlow {
         }
     }
 
-    /// Takes the gaps and the pressures in front of the network at a time.
+    /// Updates the gaps and the pressures outside the network to a time.
     fn follow(&mut self, drive: &dyn Drive, time: f64) {
         for (number, front) in self.work.fronts.iter_mut().enumerate() {
             *front = drive.pressure(number, time);
@@ -367,7 +367,7 @@ impl JointFlow {
         }
     }
 
-    /// Takes gaps, volumes and channels from the present displacements of the blocks.
+    /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
     fn place_walls(&mut self) {
         for (joint, base) in self.base_gaps.iter().enumerate() {
             self.gaps[joint] = gap(&self.network, joint, base, &self.movers);
@@ -378,9 +378,8 @@ impl JointFlow {
         self.measure_volumes();
     }
 
-    /// Takes the positions of the blocks as they are. Each node keeps its water: where the faces are not exactly
-    /// those of the displacements of the last step, its pressure follows in the next one. Displacements count from
-    /// here.
+    /// Sets the positions of the blocks. Each node conserves its water: if the faces differ from the displacements
+    /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
     pub fn move_to(&mut self, rocks: &[Rock]) {
         for (surplus, volume) in self.surplus.iter_mut().zip(&self.volumes) {
             *surplus += volume;
@@ -394,7 +393,7 @@ impl JointFlow {
             mover.centroid = rocks[mover.rock].position;
         }
         self.touches = touches(&self.network, &self.movers);
-        // The pressure belongs to the volumes before.
+        // The pressure belongs to the previous volumes.
         for (number, surplus) in self.surplus.iter_mut().enumerate() {
             let (more, _) = self.settings.water.compression(self.pressure[number]);
             *surplus += self.volumes[number] * more;
@@ -407,18 +406,18 @@ impl JointFlow {
         }
     }
 
-    /// Returns the blocks that move.
+    /// Returns the moving blocks.
     #[must_use]
     pub fn movers(&self) -> &[Mover] {
         &self.movers
     }
 
-    /// Returns the blocks that move, to set their loads and velocities.
+    /// Returns the moving blocks, for setting their loads and velocities.
     pub fn movers_mut(&mut self) -> &mut [Mover] {
         &mut self.movers
     }
 
-    /// Takes the velocities of an iterate, and with them the gaps at the end of a stage.
+    /// Sets the velocities of an iterate, and the corresponding gaps at the end of a stage.
     fn move_blocks(&mut self, unknowns: &[f64], interval: f64) {
         if self.movers.is_empty() {
             return;
@@ -434,8 +433,8 @@ impl JointFlow {
         self.prepare_answers(interval);
     }
 
-    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: first pair of the
-    /// blocks.
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: index of the first
+    /// pair of the blocks.
     fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
         let nodes = self.volumes.len();
         let [imbalance, diagonal, pairs] = to;
@@ -468,7 +467,7 @@ impl JointFlow {
         }
     }
 
-    /// Returns the drive of a link at pressures \[Pa\]; none if its end is closed.
+    /// Returns the driving pressure of a link \[Pa\]; `None` if its end is closed.
     fn drive(&self, link: usize, pressure: &[f64]) -> Option<f64> {
         let ends = &self.network.links[link];
         let front = match ends.to {
@@ -478,7 +477,8 @@ impl JointFlow {
         Some(pressure[ends.from] - front + self.channels[link].lift)
     }
 
-    /// Returns the discharge of a link at pressures and its derivative by the drive; none if its end is closed.
+    /// Returns the discharge of a link and its derivative with respect to the driving pressure; `None` if its end
+    /// is closed.
     fn discharge_of(&self, link: usize, pressure: &[f64]) -> Option<(f64, f64)> {
         let drive = self.drive(link, pressure)?;
         let (answer, channel) = (self.work.answers[link], &self.channels[link]);
@@ -488,7 +488,7 @@ impl JointFlow {
         Some((discharge, part * answer.slope))
     }
 
-    /// Returns the sum of the squares of the imbalances of the nodes at pressures, and keeps the imbalances with their
+    /// Returns the sum of the squares of the nodal imbalances at pressures, and stores the imbalances with their
     /// derivatives. Without `stores` the flow is steady.
     fn imbalance(&mut self, pressure: &[f64], interval: f64, stores: bool) -> f64 {
         if stores {
@@ -503,7 +503,7 @@ impl JointFlow {
             if stores {
                 let (more, slope) = self.settings.water.compression(pressure[node]);
                 let volume = self.volumes[node];
-                // Still walls add no rounding of the volume itself.
+                // With stationary walls this form adds no rounding of the volume itself.
                 *number += volume * more + (volume - self.work.before[node]);
                 diagonal[node] = volume * slope;
             }
@@ -525,7 +525,7 @@ impl JointFlow {
         if !stores {
             for &node in &self.held {
                 work[node] = 0.0;
-                // A cell without a way out stands alone.
+                // A cell without open links is isolated.
                 diagonal[node] = if diagonal[node] > 0.0 {
                     2.0 * diagonal[node]
                 } else {
@@ -537,7 +537,7 @@ impl JointFlow {
             let blocks = [&mut work[..], &mut diagonal, &mut pairs];
             self.balance_blocks(pressure, interval, pair, blocks);
         } else {
-            // Blocks are held in a steady flow.
+            // Blocks are fixed in a steady flow.
             pairs[pair..].fill(0.0);
             diagonal[nodes..].fill(-1.0);
             work[nodes..].fill(0.0);
@@ -548,7 +548,7 @@ impl JointFlow {
         sum
     }
 
-    /// Solves for the pressures of a stage; returns the number of Newton's steps.
+    /// Solves for the pressures of a stage; returns the number of Newton iterations.
     fn solve(&mut self, interval: f64, stores: bool) -> Result<usize, FlowError> {
         let mut unknowns = std::mem::take(&mut self.pressure);
         let nodes = unknowns.len();
@@ -583,10 +583,10 @@ impl JointFlow {
                 <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..]);
             let mut trial = std::mem::take(&mut self.work.trial);
             let (mut part, mut new) = (1.0, 0.0);
-            // Laminar flow needs no search: its imbalance is concave.
+            // Laminar flow needs no line search: its imbalance is concave.
             let halvings = self.settings.roughness.map_or(0, |_| HALVINGS);
             for halving in 0..=halvings {
-                // Where no part helps, the full step does.
+                // If no reduced step decreases the imbalance, the full step is used.
                 if halving == halvings {
                     part = 1.0;
                 }
@@ -594,7 +594,7 @@ impl JointFlow {
                     *new = old - part * by;
                 }
                 new = self.imbalance(&trial, interval, stores);
-                // Below this change only rounding is left.
+                // Below this change only rounding remains.
                 if new < sum || full <= ROUNDING * size {
                     break;
                 }
@@ -618,7 +618,7 @@ impl JointFlow {
         })
     }
 
-    /// Finds the parts of the network without an open end: each has a node whose pressure is held.
+    /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.
     fn find_held(&mut self) {
         let parts = self.network.parts();
         let mut held = vec![true; self.pressure.len()];
@@ -636,8 +636,8 @@ impl JointFlow {
             .collect();
     }
 
-    /// Finds the steady flow under the pressures at a time. Parts of the network without an open end keep the
-    /// pressure of their first cell and are still.
+    /// Computes the steady flow under the pressures at a time. Parts of the network without an open end keep the
+    /// pressure of their first cell and have no flow.
     ///
     /// # Errors
     /// If there is no solution.
@@ -658,7 +658,7 @@ impl JointFlow {
             self.discharge[link] = discharge;
             if self.settings.inertia {
                 let channel = &self.channels[link];
-                // Steady modes share the discharge by their conductances.
+                // In the steady state the modes share the discharge in proportion to their conductances.
                 let modes = &mut self.mode[link * MODES..(link + 1) * MODES];
                 let groups = self.modes.weights.iter().zip(&self.modes.rates);
                 for (mode, (weight, rate)) in modes.iter_mut().zip(groups) {
@@ -674,7 +674,7 @@ impl JointFlow {
         })
     }
 
-    /// Prepares the answers of the links in a stage of this interval \[s\] from the base of their modes.
+    /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
     fn prepare_answers(&mut self, interval: f64) {
         for (link, channel) in self.channels.iter().enumerate() {
             let mut answer = Answer {
@@ -695,7 +695,7 @@ impl JointFlow {
         }
     }
 
-    /// Takes discharges and modes from the pressures at the end of a stage.
+    /// Computes discharges and modes from the pressures at the end of a stage.
     fn finish_stage(&mut self, interval: f64) {
         let pressure = std::mem::take(&mut self.pressure);
         for link in 0..self.channels.len() {
@@ -732,7 +732,7 @@ impl JointFlow {
         }
     }
 
-    /// Returns the discharge out of each open piece of an edge at the end of the last step \[m³/s\].
+    /// Returns the discharge out of each open piece at the end of the last step \[m³/s\].
     #[must_use]
     pub fn outflows(&self) -> Vec<f64> {
         let mut outflows = vec![0.0; self.network.open.len()];
@@ -781,7 +781,7 @@ impl JointFlow {
         self.finish_stage(stage);
         let mut entered = (1.0 - DIAGONAL) * interval * self.inflow();
         self.sum_discharges();
-        // The second stage begins with what the first one changed.
+        // The second stage starts with the extrapolated changes of the first.
         let carried = (1.0 - DIAGONAL) / DIAGONAL;
         for (base, net) in self.work.base.iter_mut().zip(&self.work.net) {
             *base += (1.0 - DIAGONAL) * interval * net;

@@ -1,7 +1,7 @@
 //! Friction in a joint: laminar flow between parallel walls, and turbulent flow over smooth and rough walls.
 //!
-//! With the hydraulic diameter `D = 2a`, the Reynolds number `Re = 2 a V/nu = 2 q/nu` and the discharge per width `q
-//! = a V` the pressure falls by `lambda rho V²/(2 D)` per length:
+//! With the hydraulic diameter `D = 2a`, the Reynolds number `Re = 2 a V/nu = 2 q/nu` and the discharge per width
+//! `q = a V`, the pressure gradient is `lambda rho V²/(2 D)`:
 //!
 //! ```text
 //! laminar            lambda = 96/Re                  (the cubic law)
@@ -9,43 +9,43 @@
 //! turbulent, rough   lambda = (2 lg(3.7 D/k))^(-2)   (Nikuradse 1933, Colebrook 1939)
 //! ```
 //!
-//! The largest of the three holds: laminar flow turns turbulent where the laws meet, at `Re = 2042` between smooth
-//! walls and earlier between rough ones. `Re` does not depend on the aperture, and each law falls with the cube of
-//! the aperture, so that a link of varying aperture has the cube of [`cube`].
+//! The largest of the three applies: laminar flow becomes turbulent where the laws intersect, at `Re = 2042`
+//! between smooth walls and earlier between rough ones. `Re` does not depend on the aperture, and each law scales
+//! with the inverse cube of the aperture, so that a link of varying aperture uses [`cube`].
 
-/// Turbulent friction of a link.
+/// Coefficients of turbulent friction of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Turbulence {
-    /// Reynolds number over the discharge \[s/m³\]; 0 where flow stays laminar.
+    /// Reynolds number divided by the discharge \[s/m³\]; 0 for laminar flow.
     pub reynolds: f64,
-    /// Fall of pressure over `lambda` and the square of the discharge \[Pa s²/m⁶\].
+    /// Pressure drop divided by `lambda` and the square of the discharge \[Pa s²/m⁶\].
     pub scale: f64,
-    /// `lambda` of the rough wall.
+    /// Friction factor `lambda` of the rough wall.
     pub rough: f64,
 }
 
-/// Returns the cube of the aperture of a layer in which it varies linearly between two numbers \[m³\]: the flow through
-/// it is that between parallel walls.
+/// Returns the effective cube of the aperture of a layer in which the aperture varies linearly between two values
+/// \[m³\]: the flow through the layer is that between parallel walls with this cube.
 #[must_use]
 pub fn cube([a, b]: [f64; 2]) -> f64 {
     2.0 * a * a * b * b / (a + b)
 }
 
-/// Returns the aperture of a layer for its inertia, the inverse of the mean of `1/a` \[m\].
+/// Returns the effective aperture of a layer for its inertia: the inverse of the mean of `1/a` \[m\].
 #[must_use]
 pub fn inertial([a, b]: [f64; 2]) -> f64 {
     let difference = (b - a) / a;
     if difference.abs() < 1e-4 {
-        // The series of d/ln(1 + d).
+        // Series of d/ln(1 + d).
         return a * (1.0 + difference * (0.5 - difference / 12.0));
     }
     a * difference / difference.ln_1p()
 }
 
-/// Returns `lambda` of the rough wall at a height of the roughness and an aperture \[m\].
+/// Returns the friction factor `lambda` of the rough wall for a roughness height and an aperture \[m\].
 #[must_use]
 pub fn rough(roughness: f64, aperture: f64) -> f64 {
-    // The law ends where the roughness fills the joint.
+    // The law is limited to a roughness that fills the joint.
     let relative = (roughness / (2.0 * aperture)).min(0.5);
     if relative <= 0.0 {
         return 0.0;
@@ -54,8 +54,8 @@ pub fn rough(roughness: f64, aperture: f64) -> f64 {
 }
 
 impl Turbulence {
-    /// Returns the fall of pressure beyond that of laminar flow at a discharge of zero or more, and its derivative.
-    /// `resistance` is that of laminar flow \[Pa s/m³\].
+    /// Returns the pressure drop in excess of the laminar one at a discharge of zero or more, and its derivative.
+    /// `resistance` is the laminar one \[Pa s/m³\].
     #[must_use]
     pub fn excess(&self, discharge: f64, resistance: f64) -> (f64, f64) {
         if self.reynolds <= 0.0 || discharge <= 0.0 {
@@ -75,14 +75,14 @@ impl Turbulence {
         (more, power * fall / discharge - resistance)
     }
 
-    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative by `laminar`. `answer`:
-    /// change of the discharge for a unit of pressure \[m³/(Pa s)\].
+    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative with respect to
+    /// `laminar`. `answer`: derivative of the discharge with respect to the pressure \[m³/(Pa s)\].
     #[must_use]
     pub fn discharge(&self, laminar: f64, answer: f64, resistance: f64) -> (f64, f64) {
         let target = laminar.abs();
         let mut found = target;
         let mut slope = 1.0;
-        // The excess is convex: from above, Newton's method falls to the answer.
+        // The excess is convex: Newton's method converges monotonically from above.
         for _ in 0..60 {
             let (excess, rise) = self.excess(found, resistance);
             slope = 1.0 / answer.mul_add(rise, 1.0);
@@ -136,7 +136,7 @@ mod tests {
         law.rough = rough(0.066 * aperture, aperture);
         assert_eq!(at(&law, 1612.0), 0.0);
         assert!(at(&law, 1614.0) > 0.0);
-        // The discharge of a gradient: lambda rho V²/(4 a) is the gradient.
+        // For a given pressure gradient, lambda rho V²/(4 a) equals the gradient.
         let drive = 5e4;
         let (discharge, slope) = law.discharge(drive / resistance, 1.0 / resistance, resistance);
         let speed = discharge / (width * aperture);

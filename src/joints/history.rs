@@ -1,4 +1,4 @@
-//! Pressure in front of a mouth as a function of time.
+//! Pressure at a mouth as a function of time.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ impl PressureHistory {
         }
     }
 
-    /// Returns the largest and the smallest pressure within a time from 0 \[Pa\].
+    /// Returns the largest and the smallest pressure between the time 0 and `end` \[Pa\].
     #[must_use]
     pub fn bounds(&self, end: f64) -> [f64; 2] {
         match self {

@@ -5,28 +5,28 @@
 //! approximate minimum degree on the quotient graph (George and Liu, SIAM Review 31, 1 (1989); Amestoy, Davis and Duff,
 //! SIAM J. Matrix Anal. Appl. 17, 886 (1996)); the factors are computed row by row along the elimination tree
 //! (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4). The pattern is analysed once; further
-//! factorisations allocate nothing. The work is done in one order, so that the bits are the same on every rank.
+//! factorisations allocate nothing. The order of operations is fixed, so that the bits are the same on every rank.
 
 use std::collections::BTreeSet;
 
-/// No parent, or an entry that is not there.
+/// Value for a missing parent or a missing entry.
 const NONE: usize = usize::MAX;
 
-/// The factors of a symmetric matrix of one pattern.
+/// Factors of a symmetric matrix with a fixed pattern.
 #[derive(Clone, Debug)]
 pub(crate) struct Factors {
-    /// Position of each unknown in the order of elimination.
+    /// Position of each unknown in the elimination order.
     position: Vec<usize>,
     /// Unknown at each position.
     order: Vec<usize>,
-    /// Entries above the diagonal, column by column in the order of elimination: rows, and which pair they are.
+    /// Entries above the diagonal, by columns in the elimination order: rows, and indices of the pairs.
     upper_starts: Vec<usize>,
     upper_rows: Vec<usize>,
     upper_pairs: Vec<usize>,
-    /// Columns of the rows of `L`, in an order in which they may be eliminated.
+    /// Columns of the rows of `L`, in a valid elimination order.
     row_starts: Vec<usize>,
     row_columns: Vec<usize>,
-    /// Columns of `L`: rows and numbers.
+    /// Columns of `L`: rows and values.
     column_starts: Vec<usize>,
     column_rows: Vec<usize>,
     lower: Vec<f64>,
@@ -35,13 +35,13 @@ pub(crate) struct Factors {
     work: Vec<f64>,
 }
 
-/// A pivot that is zero or no number, at this unknown.
+/// Zero or undefined pivot, at this unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Singular(pub(crate) usize);
 
 impl Factors {
-    /// Returns the analysis of the pattern of a matrix of `count` unknowns with nonzero entries at `pairs` of different
-    /// unknowns. A pair may occur several times.
+    /// Returns the symbolic factorisation of a matrix of `count` unknowns with nonzero entries at `pairs` of
+    /// different unknowns. A pair may occur several times.
     pub(crate) fn new(count: usize, pairs: &[[usize; 2]]) -> Self {
         let order = minimum_degree(count, pairs);
         let mut position = vec![0; count];
@@ -81,8 +81,8 @@ impl Factors {
         self.lower.len()
     }
 
-    /// Computes the factors of the matrix with this diagonal and these numbers at its pairs. Numbers of a pair that
-    /// occurs several times add up.
+    /// Computes the factors of the matrix with this diagonal and these values at its pairs. Values of a repeated
+    /// pair are added.
     ///
     /// # Errors
     /// If a pivot is zero or no number.
@@ -143,7 +143,7 @@ impl Factors {
     }
 }
 
-/// Returns the entries above the diagonal by columns in the order of elimination: starts, rows and pairs.
+/// Returns the entries above the diagonal by columns in the elimination order: starts, rows and pairs.
 fn columns_above(
     count: usize,
     pairs: &[[usize; 2]],
@@ -206,14 +206,14 @@ fn rows_of_factor(parents: &[usize], starts: &[usize], rows: &[usize]) -> (Vec<u
                 node = parents[node];
             }
         }
-        // A column has a larger number than those that change it.
+        // A column has a larger number than the columns that update it.
         columns[begin..].sort_unstable();
         row_starts.push(columns.len());
     }
     (row_starts, columns)
 }
 
-/// Returns an order of elimination with little fill.
+/// Returns an elimination order with little fill.
 fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
     let mut variables = vec![Vec::new(); count];
     for &[a, b] in pairs {
@@ -224,7 +224,7 @@ fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
         list.sort_unstable();
         list.dedup();
     }
-    // An eliminated unknown stands for the clique of those that it joins.
+    // An eliminated unknown represents the clique of its neighbours.
     let mut cliques: Vec<Vec<usize>> = vec![Vec::new(); count];
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); count];
     let mut degree: Vec<usize> = variables.iter().map(Vec::len).collect();
@@ -253,7 +253,7 @@ fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
             variables[other].retain(|&v| mark[v] != pivot);
             cliques[other].retain(|clique| !absorbed.contains(clique));
         }
-        // Members of the other cliques that the new one does not have.
+        // Members of other cliques that are not in the new one.
         for &other in &joined {
             for &clique in &cliques[other] {
                 if counted[clique] != pivot {
@@ -264,7 +264,7 @@ fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
             }
         }
         for &other in &joined {
-            // A clique within the new one adds nothing.
+            // A clique contained in the new one is redundant.
             cliques[other].retain(|&clique| outside[clique] > 0);
             let through: usize = cliques[other].iter().map(|&clique| outside[clique]).sum();
             cliques[other].push(pivot);
@@ -295,7 +295,7 @@ mod tests {
     fn a_quasi_definite_system_is_solved_like_a_dense_one() {
         let n = 7;
         let mut pairs = grid(n);
-        // Two more unknowns with negative diagonals, each joined to some points; one pair occurs twice.
+        // Two additional unknowns with negative diagonals, each connected to some points; one pair is repeated.
         let count = n * n + 2;
         for k in 0..12 {
             pairs.push([n * n, 3 * k]);
@@ -316,7 +316,7 @@ mod tests {
         let side = DVector::from_fn(count, |k, _| f64::from(u32::try_from(k % 5).unwrap()) - 1.5);
         let exact = dense.lu().solve(&side).unwrap();
         let mut factors = Factors::new(count, &pairs);
-        // The second factorisation forgets the first.
+        // The second factorisation is independent of the first.
         factors
             .factorise(&vec![1.0; count], &vec![0.0; pairs.len()])
             .unwrap();
@@ -331,7 +331,7 @@ mod tests {
 
     #[test]
     fn a_grid_fills_little() {
-        // Point after point along the rows, n times n points leave n³ entries.
+        // In row-by-row order, n times n points give n³ entries.
         for n in [40, 120] {
             let entries = Factors::new(n * n, &grid(n)).entries();
             println!("{n} times {n} points: {entries} entries of {}", n * n * n);

@@ -1,4 +1,4 @@
-//! Water in the joints between blocks of rock: a network of thin layers of water with pressures of their own.
+//! Water in the joints between blocks of rock: a network of thin water layers with their own pressures.
 //!
 //! A joint is the space between two faces that are nearly parallel and closer than a stated limit. It is thinner than a
 //! cell of any lattice, so that its water is described by pressures and discharges in its plane (lubrication).
@@ -11,16 +11,16 @@
 //! | `edges` | edges where joints meet, and edges that are open |
 //! | `network` | nodes and links |
 //! | `friction` | laminar and turbulent friction |
-//! | `slot` | inertia with a friction that depends on the frequency |
+//! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
 //! | `ldl` | direct solution of sparse symmetric systems |
 //! | `flow` | pressures and discharges, steady and in time |
-//! | `history` | pressure in front of a mouth in time |
+//! | `history` | pressure at a mouth as a function of time |
 //! | `motion` | motion of blocks together with the pressures |
 //! | `loads` | force and moment on the blocks |
 //!
-//! Every rank holds the whole network and does the same work in the same order, so that its bits depend neither on the
-//! number of ranks nor on that of threads.
+//! Every rank stores the whole network and does the same operations in the same order, so that the bits depend
+//! neither on the number of ranks nor on that of threads.
 
 #![cfg_attr(
     test,

@@ -1,7 +1,7 @@
 //! Force and moment of the water of a network on the faces of its blocks.
 //!
-//! The pressure of a cell acts on its area of both faces, along the normals of the faces. Its work on a small motion
-//! of the blocks is the pressure times the change of the volume of the cell.
+//! The pressure of a cell acts on its area on both faces, normal to the faces. Its work in a small motion of the
+//! blocks is the pressure times the change of the cell's volume.
 
 use crate::network::Network;
 use nalgebra::Vector3;
@@ -15,7 +15,7 @@ pub struct RockLoad {
     pub moment: Vector3<f64>,
     /// Area of its faces in joints \[m²\].
     pub area: f64,
-    /// Smallest and largest gauge pressure on it \[Pa\]; infinite where no joint is next to it.
+    /// Smallest and largest gauge pressure on the block \[Pa\]; infinite without adjacent joints.
     pub pressure: [f64; 2],
 }
 

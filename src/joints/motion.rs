@@ -1,4 +1,4 @@
-//! Motion of blocks in the water of their joints, solved together with its pressures.
+//! Motion of blocks in the water of their joints, solved together with the water pressures.
 //!
 //! A block has the mass `m` and the inertia `J`; its velocity `v` and its rotation rate follow from the external load
 //! and the pressures of the cells on its faces ([`crate::loads`]). The volume of a cell changes with the motion by
@@ -10,9 +10,10 @@
 //! m dv_b/dt = F_b + sum over cells of S_ib p_i
 //! ```
 //!
-//! A thin layer resists the motion like a damper of `mu L^4/h^3` and carries an added mass of `rho L^3 w/(12 h)`; both
-//! grow without bound as it closes, so that a load that is only updated between steps is unstable in thin joints. Here
-//! the velocities are unknowns of each implicit stage next to the pressures: in the small system
+//! A thin layer resists the motion like a damper of `mu L^4/h^3` and carries an added mass of `rho L^3 w/(12 h)`;
+//! both grow without bound as the layer closes, so that a load that is only updated between steps is unstable in
+//! thin joints. The velocities are therefore unknowns of each implicit stage together with the pressures: in the
+//! small system
 //!
 //! ```text
 //! | S' + g L     g S  |
@@ -25,31 +26,31 @@
 //! **Another integrator.** The stages give the displacement of a step as well. A program that takes the load of a
 //! step as constant and moves the block itself, by the mean of its old and new velocities, is unstable in thin
 //! joints: with the distance `e` between its position and that of the water, the limit of a massless block gives
-//! `e_(n+1) = e_n + k (e_n + e_(n-1))/2` with `k = (1 - 2g)/g² = 4.8`, which grows. It has to take displacement and
-//! velocity from here.
+//! `e_(n+1) = e_n + k (e_n + e_(n-1))/2` with `k = (1 - 2g)/g² = 4.8`, which grows. Such a program must use the
+//! displacement and velocity computed here.
 //!
-//! **Small motion.** The faces move as planes, to first order in the rotation, and the overlap of a joint stays that
-//! of the network. A block that slides or turns by more than a small part of a cell needs a new network.
+//! **Small motion.** The faces move as planes, to first order in the rotation, and the overlap of a joint is
+//! constant. A block that slides or rotates by more than a small fraction of a cell requires a new network.
 
 use crate::network::Network;
 use crate::polygon::LinearField;
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 
-/// Number of unknowns of a block.
+/// Number of degrees of freedom of a block.
 pub const FREEDOMS: usize = 6;
 
-/// A block that moves.
+/// Moving block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mover {
     /// Number of the block in the list of the network.
     pub rock: usize,
     /// Mass \[kg\].
     pub mass: f64,
-    /// Inertia about the centroid, along the axes of space [kg m²].
+    /// Moment of inertia about the centroid, along the axes of space [kg m²].
     pub inertia: Matrix3<f64>,
     /// Centroid in the network \[m\].
     pub centroid: Vector3<f64>,
-    /// External force \[N\] and moment \[N m\], constant over a step.
+    /// External force \[N\] and moment \[N m\], constant during a step.
     pub load: Vector6<f64>,
     /// Displacement \[m\] and rotation \[rad\] since the network was made.
     pub displacement: Vector6<f64>,
@@ -58,7 +59,7 @@ pub struct Mover {
 }
 
 impl Mover {
-    /// Returns a block at rest in its place.
+    /// Returns a stationary block in its initial position.
     #[must_use]
     pub fn new(rock: usize, mass: f64, inertia: Matrix3<f64>, centroid: Vector3<f64>) -> Self {
         Self {
@@ -72,7 +73,7 @@ impl Mover {
         }
     }
 
-    /// Returns the product of mass and inertia with a velocity.
+    /// Returns the momentum and angular momentum at a velocity.
     #[must_use]
     pub fn momentum(&self, velocity: &Vector6<f64>) -> Vector6<f64> {
         let linear = velocity.fixed_rows::<3>(0) * self.mass;
@@ -83,16 +84,16 @@ impl Mover {
     }
 }
 
-/// A cell that touches a moving block: how its pressure loads the block.
+/// Cell next to a moving block, with the load of its pressure on the block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Touch {
     pub(crate) cell: usize,
     pub(crate) mover: usize,
-    /// Force and moment of a unit of pressure \[m²\], \[m³\].
+    /// Force and moment per unit of pressure \[m²\], \[m³\].
     pub(crate) arm: Vector6<f64>,
 }
 
-/// Returns the cells at moving blocks, cell by cell.
+/// Returns the cells next to moving blocks, in the order of the cells.
 pub(crate) fn touches(network: &Network, movers: &[Mover]) -> Vec<Touch> {
     let mut all = Vec::new();
     for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {

@@ -1,21 +1,21 @@
-//! A network of joints as nodes and links: cells, junctions, and the ways of the water between them.
+//! Network of joints as nodes and links: cells, junctions, and flow paths between them.
 //!
-//! Node numbers: the cells, joint after joint, then the junctions. A link joins two nodes, or a cell with an open piece
-//! of an edge. All numbers follow from the blocks alone, in the order of their ids.
+//! Nodes are numbered by cells, joint after joint, then junctions. A link connects two nodes, or a cell with an
+//! open piece of an edge. All numbers depend on the blocks only, in the order of their ids.
 
 use crate::cells::{Cell, Side, divide};
 use crate::edges::{Junction, Piece, ends};
 use crate::pairs::{Joint, PairLimits, Rock, joints};
 use nalgebra::{Vector2, Vector3};
 
-/// Choices of a network.
+/// Settings of a network.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NetworkSettings {
     /// Limits within which faces form a joint.
     pub limits: PairLimits,
-    /// Smallest aperture with which a joint conducts and stores water \[m\]: its roughness keeps it open.
+    /// Minimum aperture for the conductivity and storage of a joint \[m\], which its roughness keeps open.
     pub residual: f64,
-    /// Largest size of a cell \[m\].
+    /// Maximum size of a cell \[m\].
     pub cell: f64,
 }
 
@@ -28,16 +28,16 @@ pub enum End {
     Open(usize),
 }
 
-/// A way of the water within a joint.
+/// Flow path within a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// The joint.
+    /// Number of the joint.
     pub joint: usize,
-    /// Cell where it begins.
+    /// Cell at the start of the link.
     pub from: usize,
-    /// End.
+    /// End of the link.
     pub to: End,
-    /// Beginning and end in the plane of the joint \[m\].
+    /// Start and end in the plane of the joint \[m\].
     pub path: [Vector2<f64>; 2],
     /// Width \[m\].
     pub width: f64,
@@ -45,10 +45,10 @@ pub struct Link {
     pub length: f64,
 }
 
-/// A network of joints.
+/// Network of joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
-    /// Settings that it was made with.
+    /// Settings of the network.
     pub settings: NetworkSettings,
     /// Joints, in the order of their faces.
     pub joints: Vec<Joint>,
@@ -56,9 +56,9 @@ pub struct Network {
     pub cells: Vec<Cell>,
     /// Joint of each cell.
     pub joint_of: Vec<usize>,
-    /// First cell of each joint, and the number of all cells at the end.
+    /// Number of the first cell of each joint, and number of all cells at the end.
     pub firsts: Vec<usize>,
-    /// Junctions; their nodes follow those of the cells.
+    /// Junctions; their nodes follow the nodes of the cells.
     pub junctions: Vec<Junction>,
     /// Open pieces of edges.
     pub open: Vec<Piece>,
@@ -127,11 +127,11 @@ impl Network {
         self.positions.len()
     }
 
-    /// Returns the part of the network that each node belongs to: the number of its first node.
+    /// Returns the connected part of the network that contains each node, as the number of its first node.
     #[must_use]
     pub fn parts(&self) -> Vec<usize> {
         let mut part: Vec<usize> = (0..self.nodes()).collect();
-        // Numbers only fall; as many rounds as the longest chain needs.
+        // Numbers only decrease, in as many rounds as the longest chain requires.
         let mut changed = true;
         while changed {
             changed = false;
@@ -165,7 +165,7 @@ fn links_between(cells: &[Cell], joint_of: &[usize], firsts: &[usize]) -> Vec<Li
                 joint,
                 from,
                 to: End::Node(to),
-                // Through the middle of the common edge.
+                // The path crosses the midpoint of the common edge.
                 path: [middle - 0.5 * step, middle + 0.5 * step],
                 width: (end - start).norm(),
                 length: step.norm(),

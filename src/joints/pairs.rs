@@ -1,43 +1,45 @@
-//! Joints: pairs of faces of two blocks that are nearly parallel, face each other and lie closer than a stated limit.
+//! Joints: pairs of faces of two blocks that are nearly parallel, face each other and are closer than a stated
+//! limit.
 //!
 //! The plane of a joint lies in the middle between the two faces. Both faces are projected onto it along its normal;
 //! their overlap is a convex polygon ([`Polygon`]), over which the gap between the planes of the faces is a linear
-//! function of the position ([`LinearField`]). A joint conducts with an aperture of at least the residual one.
+//! function of the position ([`LinearField`]). The conducting aperture of a joint is at least the residual
+//! aperture.
 //!
-//! The two faces of a pair are joined where no third block lies between them. The limit has therefore to be smaller
-//! than the thinnest block, which [`PairLimits::distance`] states.
+//! A pair of faces forms a joint if no third block is between them. The limit must therefore be smaller than the
+//! thinnest block ([`PairLimits::distance`]).
 //!
-//! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the number
-//! of a joint is a function of the blocks alone.
+//! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the
+//! number of a joint depends on the blocks only.
 
 use crate::polygon::{LinearField, Polygon};
 use dem::polyhedron::Polyhedron;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-/// Overlaps smaller than this in each direction, over the size of the faces, are left out.
+/// Minimum extent of an overlap in each direction, divided by the size of the faces.
 const THIN: f64 = 1e-6;
 
-/// A block of the network.
+/// Block of the network.
 #[derive(Clone, Debug)]
 pub struct Rock<'a> {
-    /// Its shape, in its own frame.
+    /// Shape in the block's own frame.
     pub shape: &'a Polyhedron,
     /// Position of its centroid \[m\].
     pub position: Vector3<f64>,
-    /// Rotation from its own frame.
+    /// Rotation from the block's own frame.
     pub orientation: UnitQuaternion<f64>,
 }
 
 /// Limits within which two faces form a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairLimits {
-    /// Largest distance of the faces at the centroid of their overlap \[m\]; smaller than the thinnest block.
+    /// Maximum distance of the faces at the centroid of their overlap \[m\]; smaller than the thinnest block.
     pub distance: f64,
-    /// Largest angle between the faces \[rad\].
+    /// Maximum angle between the faces \[rad\].
     pub angle: f64,
 }
 
-/// A face of a block: number of the block in the list, and of its face.
+/// Face of a block, given by the numbers of the block and of its face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RockFace {
     /// Number of the block.
@@ -46,10 +48,10 @@ pub struct RockFace {
     pub face: usize,
 }
 
-/// Two faces with water between them.
+/// Joint between two faces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// The two faces, that of the earlier block first.
+    /// Both faces, that of the earlier block first.
     pub faces: [RockFace; 2],
     /// Origin of the plane of the joint \[m\]: the centroid of the overlap.
     pub origin: Vector3<f64>,
@@ -57,30 +59,30 @@ pub struct Joint {
     pub axes: [Vector3<f64>; 2],
     /// Unit normal of the plane, from the first face to the second.
     pub normal: Vector3<f64>,
-    /// Overlap, in the plane; the tag of an edge is its number.
+    /// Overlap in the plane; the tag of an edge is its number.
     pub overlap: Polygon<usize>,
-    /// Distance of the faces \[m\], negative where they overlap.
+    /// Distance of the faces \[m\], negative for overlapping blocks.
     pub gap: LinearField,
-    /// Outward normals of the two faces over their component along the normal of the joint: the force of a pressure on
-    /// an area of the plane is minus this vector times both, with the sign of the face.
+    /// Outward normals of both faces divided by their component along the normal of the joint: the force of a
+    /// pressure on an area of the plane is minus this vector times both, with the sign of the face.
     pub tilts: [Vector3<f64>; 2],
 }
 
 impl Joint {
-    /// Returns a point of the plane in space \[m\].
+    /// Returns the position in space of a point of the plane \[m\].
     #[must_use]
     pub fn point(&self, at: &Vector2<f64>) -> Vector3<f64> {
         self.origin + self.axes[0] * at.x + self.axes[1] * at.y
     }
 
-    /// Returns a direction of the plane in space.
+    /// Returns the direction in space of a direction in the plane.
     #[must_use]
     pub fn direction(&self, along: &Vector2<f64>) -> Vector3<f64> {
         self.axes[0] * along.x + self.axes[1] * along.y
     }
 }
 
-/// Returns gap and tilts of a joint whose blocks have moved, in the plane that the joint has.
+/// Returns gap and tilts of a joint after a motion of its blocks, in the joint's unchanged plane.
 #[must_use]
 pub fn moved(joint: &Joint, rocks: &[Rock]) -> (LinearField, [Vector3<f64>; 2]) {
     let faces = joint.faces.map(|name| {
@@ -101,7 +103,7 @@ pub fn moved(joint: &Joint, rocks: &[Rock]) -> (LinearField, [Vector3<f64>; 2]) 
     (gap, faces.map(|face| face.1))
 }
 
-/// A face where it stands.
+/// Face in its current position.
 struct Standing {
     normal: Vector3<f64>,
     corners: Vec<Vector3<f64>>,
@@ -150,7 +152,7 @@ pub fn joints(rocks: &[Rock], limits: &PairLimits) -> Vec<Joint> {
             faces.push((RockFace { rock, face }, Standing::new(block, face)));
         }
     }
-    // Sweep along the first axis: a face meets those that begin before it ends.
+    // Sweep along the first axis: a face is compared with those that begin before it ends.
     let mut order: Vec<usize> = (0..faces.len()).collect();
     order.sort_by(|&a, &b| {
         faces[a]
@@ -204,7 +206,7 @@ fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], limits: &PairLimits
         let mut overlap = Polygon::new(corners.zip(0..).collect());
         let ends = other.corners.iter();
         let ends: Vec<Vector2<f64>> = ends.map(|corner| flat(corner, origin, axes)).collect();
-        // Seen along the same normal the second face runs clockwise.
+        // Seen along the same normal the second face is clockwise.
         for k in 0..ends.len() {
             let (to, from) = (ends[k], ends[(k + 1) % ends.len()]);
             let outward = Vector2::new((to - from).y, -(to - from).x).normalize();
@@ -245,14 +247,14 @@ fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], limits: &PairLimits
     })
 }
 
-/// Returns two axes across a normal; the first one along the first edge of a polygon.
+/// Returns two axes normal to a vector, the first one along the first edge of a polygon.
 fn plane_axes(normal: &Vector3<f64>, corners: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
     let edge = corners[1] - corners[0];
     let first = (edge - normal * normal.dot(&edge)).normalize();
     [first, normal.cross(&first)]
 }
 
-/// Returns axes whose first one runs along the longest edge of the overlap; of equal edges along the first one.
+/// Returns axes with the first one along the longest edge of the overlap; of equal edges the first is used.
 fn along_longest(
     overlap: &Polygon<usize>,
     axes: &[Vector3<f64>; 2],

@@ -2,24 +2,24 @@
 
 use nalgebra::Vector2;
 
-/// Edges shorter than this over the size of the polygon are left out.
+/// Length of an edge, divided by the size of the polygon, below which it is omitted.
 const SHORT: f64 = 1e-10;
 
 /// A convex polygon, corners counter-clockwise; each edge has a tag of its own. Lengths in m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Polygon<T> {
-    /// Corners \[m\] with the tag of the edge that begins there.
+    /// Corners \[m\] with the tag of the edge that begins at each.
     corners: Vec<(Vector2<f64>, T)>,
 }
 
 impl<T: Copy> Polygon<T> {
-    /// Returns a polygon with these corners \[m\], counter-clockwise, and the tags of the edges that begin there.
+    /// Returns a polygon with these corners \[m\], counter-clockwise, and the tags of the edges that begin at them.
     #[must_use]
     pub fn new(corners: Vec<(Vector2<f64>, T)>) -> Self {
         Self { corners }
     }
 
-    /// Returns the corners \[m\] with the tags of the edges that begin there.
+    /// Returns the corners \[m\] with the tags of the edges that begin at them.
     #[must_use]
     pub fn corners(&self) -> &[(Vector2<f64>, T)] {
         &self.corners
@@ -32,7 +32,7 @@ impl<T: Copy> Polygon<T> {
         edges.map(|(&(from, tag), &(to, _))| (from, to, tag))
     }
 
-    /// Returns `true` if no corner is left.
+    /// Returns `true` if the polygon has no corners.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.corners.is_empty()
@@ -57,7 +57,7 @@ impl<T: Copy> Polygon<T> {
         })
     }
 
-    /// Cuts off the part with `normal . x > offset`; the new edge has the tag.
+    /// Cuts off the part with `normal . x > offset`; the new edge has this tag.
     pub fn clip(&mut self, normal: Vector2<f64>, offset: f64, tag: T) {
         let height = |corner: &Vector2<f64>| normal.dot(corner) - offset;
         if self.corners.iter().all(|(corner, _)| height(corner) <= 0.0) {
@@ -71,7 +71,7 @@ impl<T: Copy> Polygon<T> {
                 (true, true) => kept.push((from, own)),
                 (true, false) => {
                     kept.push((from, own));
-                    // A corner on the line itself needs no second one.
+                    // A corner on the line itself is not duplicated.
                     if start < 0.0 {
                         kept.push((crossing(), tag));
                     } else if let Some(last) = kept.last_mut() {
@@ -90,7 +90,7 @@ impl<T: Copy> Polygon<T> {
         self.drop_short_edges();
     }
 
-    /// Leaves out edges that rounding made, and polygons that have no area left.
+    /// Removes edges created by rounding, and all corners of a polygon without area.
     fn drop_short_edges(&mut self) {
         let least = SHORT * self.size();
         let mut k = 0;
@@ -127,7 +127,7 @@ impl<T: Copy> Polygon<T> {
         }
     }
 
-    /// Returns the integral over the polygon of the larger of a linear function `plane` and the number `least`
+    /// Returns the integral over the polygon of the maximum of a linear function `plane` and the number `least`
     /// \[m³ for lengths\].
     #[must_use]
     pub fn integral_above(&self, plane: &LinearField, least: f64) -> f64 {
@@ -142,7 +142,7 @@ impl<T: Copy> Polygon<T> {
         if high <= least || self.corners.is_empty() {
             return area * least;
         }
-        // The part where the function is above: what the other side leaves.
+        // Part of the polygon in which the function is larger.
         let mut open = self.clone();
         let tag = self.corners[0].1;
         open.clip(-plane.slope, plane.constant - least, tag);
@@ -151,7 +151,7 @@ impl<T: Copy> Polygon<T> {
     }
 }
 
-/// A linear function of the position in the plane of a joint: `constant + slope . x`.
+/// Linear function of the position in the plane of a joint: `constant + slope . x`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinearField {
     /// Value at the origin.
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(tags, [0, 9, 2, 3]);
         cut.clip(Vector2::new(1.0, 0.0), -1.0, 9);
         assert!(cut.is_empty());
-        // A line through two corners adds no edge without length.
+        // A line through two corners adds no edge of zero length.
         let mut half = square();
         half.clip(Vector2::new(1.0, 1.0), 2.0, 9);
         assert_eq!(half.corners().len(), 3);
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn the_integral_of_an_aperture_with_a_least_value_is_exact() {
-        // max(x - 1, 1/2) over the square: 1.5 wide at 1/2, then a trapezium from 1/2 to 1.
+        // max(x - 1, 1/2) over the square: a width of 1.5 at 1/2, then a trapezium from 1/2 to 1.
         let plane = LinearField {
             constant: -1.0,
             slope: Vector2::new(1.0, 0.0),

@@ -1,4 +1,4 @@
-//! Inertia of the water in a joint with the exact friction of laminar flow at every frequency.
+//! Inertia of the water in a joint with the exact laminar friction at every frequency.
 //!
 //! Between parallel walls at a distance `a` the discharge per width under an oscillating gradient is
 //!
@@ -6,7 +6,7 @@
 //! i w rho q = -a dp/dx (1 - tanh(s)/s),     s² = i w a²/(4 nu)
 //! ```
 //!
-//! The profile of the velocity is a sum of the eigenfunctions of the layer, and its discharge with them (expansion of
+//! The velocity profile is a sum of the eigenfunctions of the layer, and so is the discharge (expansion of
 //! `tanh(s)/s` in partial fractions):
 //!
 //! ```text
@@ -14,24 +14,24 @@
 //! w_k = 2/b_k²,     r_k = 4 nu b_k²/a²,     b_k = (k - 1/2) pi,     k = 1, 2, ...
 //! ```
 //!
-//! Each `q_k` decays, so that the sum gives no energy to the water. Neighbouring terms are joined to [`MODES`]
-//! groups, each with the sum of their `w_k` and the sum of their `w_k/r_k`; the last group holds all that follow. The
-//! cubic law at low and the inertia at high frequencies are therefore exact for any number of groups. Up to `|s| =
-//! 100` the resistance is within 1 % and the inertia within 0.1 % of the exact ones (tests).
+//! Each `q_k` decays, so that the sum adds no energy to the water. Neighbouring terms are joined to [`MODES`]
+//! groups, each with the sum of their `w_k` and the sum of their `w_k/r_k`; the last group contains all remaining
+//! terms. The cubic law at low and the inertia at high frequencies are therefore exact for any number of groups. Up
+//! to `|s| = 100` the resistance is within 1 % and the inertia within 0.1 % of the exact ones (tests).
 
 use std::f64::consts::PI;
 
 /// Number of groups.
 pub const MODES: usize = 12;
-/// Terms of a new group over those of all groups before it.
+/// Number of terms of a new group divided by that of all previous groups.
 const GROWTH: f64 = 0.35;
 
 /// Weights and rates of the groups for a layer with `a²/(4 nu) = 1`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modes {
-    /// Part of the inertial answer.
+    /// Contribution of each group to the inertial response.
     pub weights: [f64; MODES],
-    /// Rate of decay, times `a²/(4 nu)`.
+    /// Decay rate of each group, times `a²/(4 nu)`.
     pub rates: [f64; MODES],
 }
 
@@ -40,7 +40,7 @@ impl Modes {
     #[must_use]
     pub fn new() -> Self {
         let (mut weights, mut rates) = ([0.0; MODES], [0.0; MODES]);
-        // Sums over all terms: tanh(s)/s and its derivative by s² at zero.
+        // Sums over all terms: tanh(s)/s and its derivative with respect to s² at zero.
         let (mut weight_left, mut conductance_left) = (1.0, 1.0 / 3.0);
         let mut first = 1.0_f64;
         for group in 0..MODES - 1 {
@@ -79,7 +79,7 @@ mod tests {
         let modes = Modes::new();
         let mut worst = [0.0_f64; 2];
         for step in 0..=160 {
-            // |s| from 0.01 to 100.
+            // Values of |s| from 0.01 to 100.
             let size = 10_f64.powf(-2.0 + 4.0 * f64::from(step) / 160.0);
             let square = Complex::new(0.0, size * size);
             let root = square.sqrt();

@@ -1,8 +1,8 @@
-//! Density of water that holds air, and cavitation.
+//! Density of water that contains air, and cavitation.
 //!
-//! The mixture has a part `x` of air by volume at atmospheric pressure `P`. With the gauge pressure `p`, the bulk
-//! modulus `K` of water and the exponent `n` of the air (1 isothermal, 1.4 adiabatic) its density over that at `p =
-//! 0` is
+//! The mixture has the volume fraction `x` of air at atmospheric pressure `P`. With the gauge pressure `p`, the
+//! bulk modulus `K` of water and the exponent `n` of the air (1 isothermal, 1.4 adiabatic), its density relative to
+//! that at `p = 0` is
 //!
 //! ```text
 //! 1/r = x (P/(P + p))^(1/n) + (1 - x) (1 - p/K)
@@ -12,16 +12,17 @@
 //! mixture (Wood, A Textbook of Sound, 1930): 1 % of air at 1 bar gives 101 m/s. The mass of the air is left out, and
 //! air neither dissolves nor rises.
 //!
-//! Water does not pull: below the vapour pressure vapour fills what the water leaves. There the density falls linearly
-//! to zero within [`VAPOUR`] pascals, so that mass is kept and no pressure is lower than the vapour pressure less that
-//! number. This is the smooth form of the mass-conserving conditions of Jakobsson, Floberg and Olsson (Elrod, J.
-//! Lubrication Technol. 103, 350 (1981)). The density is a concave function of the pressure, for which Newton's
-//! method converges from any pressures where the friction is laminar: after one step it rises to the solution.
+//! Water carries no tension: below the vapour pressure, vapour fills part of the volume. There the density
+//! decreases linearly to zero within [`VAPOUR`] pascals, so that mass is conserved and no pressure is lower than
+//! the vapour pressure minus this number. This is the smooth form of the mass-conserving conditions of Jakobsson,
+//! Floberg and Olsson (Elrod, J. Lubrication Technol. 103, 350 (1981)). The density is a concave function of the
+//! pressure, for which Newton's method converges from any pressures where the friction is laminar: after one step
+//! it rises to the solution.
 
-/// Fall of pressure below that of vapour within which the density falls to zero \[Pa\].
+/// Pressure range below the vapour pressure within which the density decreases to zero \[Pa\].
 pub const VAPOUR: f64 = 100.0;
 
-/// Water with air.
+/// Mixture of water and air.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mixture {
     /// Density of the water without air [kg/m³].
@@ -30,13 +31,13 @@ pub struct Mixture {
     pub viscosity: f64,
     /// Bulk modulus of the water without air \[Pa\].
     pub bulk_modulus: f64,
-    /// Volume of air over that of the mixture at atmospheric pressure.
+    /// Volume fraction of air at atmospheric pressure.
     pub air: f64,
     /// Exponent of the compression of air: 1 isothermal, 1.4 adiabatic.
     pub exponent: f64,
-    /// Atmospheric pressure \[Pa\], from which all pressures count.
+    /// Atmospheric pressure \[Pa\], the reference of all pressures.
     pub atmosphere: f64,
-    /// Vapour pressure, absolute \[Pa\].
+    /// Absolute vapour pressure \[Pa\].
     pub vapour: f64,
 }
 
@@ -62,7 +63,7 @@ impl Mixture {
         (1.0 - self.air) * self.density
     }
 
-    /// Returns the speed of waves at a gauge pressure above the vapour pressure [m/s].
+    /// Returns the wave speed at a gauge pressure above the vapour pressure [m/s].
     #[must_use]
     pub fn wave_speed(&self, pressure: f64) -> f64 {
         let (_, slope) = self.compression(pressure);
@@ -75,7 +76,7 @@ impl Mixture {
         self.vapour - self.atmosphere
     }
 
-    /// Returns the density over that at atmospheric pressure, less 1, and its derivative [1/Pa].
+    /// Returns the density relative to that at atmospheric pressure, minus 1, and its derivative [1/Pa].
     #[must_use]
     pub fn compression(&self, pressure: f64) -> (f64, f64) {
         let boiling = self.vapour_gauge();
@@ -88,7 +89,7 @@ impl Mixture {
     }
 
     fn compression_of_liquid(&self, pressure: f64) -> (f64, f64) {
-        // Differences from 1, so that small pressures keep their digits.
+        // Differences from 1 preserve the digits of small pressures.
         let gained = -(pressure / self.atmosphere).ln_1p() / self.exponent;
         let (air, water) = (self.air, 1.0 - self.air);
         let shrunk = water * pressure / self.bulk_modulus - air * gained.exp_m1();
@@ -103,7 +104,7 @@ impl Mixture {
 mod tests {
     use super::*;
 
-    /// Speeds of waves at 1 bar in water of 1000 kg/m³ and 2.2 GPa, from the formula in the head.
+    /// Wave speeds at 1 bar in water of 1000 kg/m³ and 2.2 GPa, from the formula in the module documentation.
     const SPEEDS: [(f64, f64); 8] = [
         (0.0, 1483.0),
         (1e-5, 1343.0),
@@ -126,7 +127,7 @@ mod tests {
                 ..Mixture::default()
             };
             let mixture = water.wave_speed(0.0);
-            // The figures take the density of water without air up to a tenth.
+            // The numbers use the density of water without air, for up to a tenth of air.
             let plain = mixture * (1.0 - air).sqrt();
             let nearest = (mixture - speed).abs().min((plain - speed).abs());
             println!("air {air}: {mixture:.1} m/s, {plain:.1} with the density of water; {speed}");

@@ -1,31 +1,31 @@
-//! Cells of a slab that are worked on together.
+//! Blocks of cells of a slab that are processed together.
 
 use std::ops::Range;
 
-/// Rows of planes.
+/// Block of rows in several planes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RowBlock {
-    /// Planes across the slab axis.
+    /// Planes normal to the slab axis.
     pub planes: Range<usize>,
-    /// Rows of each.
+    /// Rows in each of these planes.
     pub rows: Range<usize>,
 }
 
-/// Items at equal distances in memory along a row of a plane, or one in each of consecutive rows.
+/// Items at equal distances in memory along a row of a plane, or one item in each of consecutive rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     /// Number of items.
     pub(crate) count: u32,
-    /// Distance from one to the next.
+    /// Distance between consecutive items in memory.
     pub(crate) stride: u32,
-    /// The row of the first.
+    /// Row of the first item.
     row: u32,
-    /// `true` if there is one in each row; otherwise all are in one.
+    /// `true` if there is one item in each row; otherwise all items are in one row.
     down: bool,
 }
 
 impl Line {
-    /// Returns one in a row.
+    /// Returns a line with a single item in a row.
     pub(crate) fn single(row: u32) -> Self {
         Self {
             count: 1,
@@ -35,7 +35,8 @@ impl Line {
         }
     }
 
-    /// Returns the line with one more, `apart` from the first and in this row, where that continues it.
+    /// Returns the line extended by an item in this row at the distance `apart` from the first, if it continues the
+    /// line.
     pub(crate) fn with(self, row: u32, apart: u32) -> Option<Self> {
         let (stride, down) = if self.count == 1 {
             (apart, row > self.row)
@@ -53,12 +54,12 @@ impl Line {
         })
     }
 
-    /// Returns the row of number `k`.
+    /// Returns the row of item number `k`.
     pub(crate) fn row(&self, k: u32) -> u32 {
         self.row + k * u32::from(self.down)
     }
 
-    /// Returns the range of items in some rows.
+    /// Returns the range of items in a range of rows.
     pub(crate) fn within(&self, rows: &Range<usize>) -> Range<usize> {
         let (first, count) = (self.row as usize, self.count as usize);
         if self.down {

@@ -1,34 +1,35 @@
 //! Boundaries of the domain: a rule for each population that would enter from outside.
 //!
-//! Every rule acts on links half-way across the face, so the fluid fills the domain exactly from face to face. A link
-//! that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]), in the
-//! order wall, velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall therefore always
-//! closes its corners.
+//! Every rule acts on links half-way across the face, so that the fluid fills the domain exactly from face to face.
+//! A link that leaves through an edge or a corner belongs to the face with the strongest condition ([`Strength`]),
+//! in the order wall, velocity (turbulent or not), pressure, outflow (convective or not), free slip; a wall
+//! therefore always closes its corners.
 //!
-//! A boundary is one file. It holds, in this order:
+//! A boundary is one file. It contains, in this order:
 //!
 //! 1. the formula and its source;
-//! 2. the parameters as they stand in a case, in SI, with the unit, range and default of each;
-//! 3. what the program asks about them ([`BoundaryModel`]): the kind of the boundary, what is wrong with the
-//!    parameters, the speed, the pressure and the inflow that they impose, and the rule on the lattice;
-//! 4. the rule of a patch in lattice units ([`Rule`]): which links it takes and what enters through them.
+//! 2. the parameters in a case, in SI units, with unit, range and default of each;
+//! 3. its interface to the program ([`BoundaryModel`]): the kind of the boundary, the findings about its
+//!    parameters, the imposed speed, pressure and inflow, and the rule on the lattice;
+//! 4. the rule of a patch in lattice units ([`Rule`]): the links that it acts on and the populations that enter
+//!    through them.
 //!
 //! To add a boundary, write the file and add one line to the list below. The name of the module is its name in a case.
 //! `tests/toy.rs` is the smallest example.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
-//! | `discharge`, `level`, `outfall` | an opening of water with a free surface each |
-//! | `model` | [`BoundaryModel`], what the program asks a boundary of a case |
-//! | `kind`, `site` | the kind of a boundary, and where it is imposed |
-//! | `rule`, `links` | [`Rule`], what a boundary does on the lattice, and the links that it does it to |
+//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | one boundary each |
+//! | `discharge`, `level`, `outfall` | one opening of water with a free surface each |
+//! | `model` | [`BoundaryModel`], interface of a boundary of a case |
+//! | `kind`, `site` | the kind of a boundary, and the part of the domain where it is imposed |
+//! | `rule`, `links` | [`Rule`], the action of a boundary on the lattice, and its links |
 //! | `wall` | half-way bounce-back at walls and imposed velocities, also during the pass |
-//! | `profile` | a velocity over a face |
-//! | `turbulent` | turbulence over an imposed velocity |
+//! | `profile` | velocity profile over a face |
+//! | `turbulent` | turbulent fluctuations added to an imposed velocity |
 //! | `sound` | the plane wave that leaves through an opening |
-//! | `covered` | openings where solids cover their cells |
-//! | `flux` | what crosses each patch |
+//! | `covered` | openings with cells covered by solids |
+//! | `flux` | mass and momentum through each patch |
 
 mod covered;
 mod flux;
@@ -66,8 +67,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Makes a list of boundaries: the modules that hold them, and the enum that a case chooses from. The name of a
-/// boundary in a case is that of its module.
+/// Defines a list of boundaries: their modules, and the enum of a case. The name of a boundary in a case is that of
+/// its module.
 macro_rules! boundaries {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
         $(pub mod $module;)*
@@ -100,8 +101,8 @@ macro_rules! boundaries {
                 }
             }
 
-            /// Returns the boundary with its parameters checked and its tables read; what is wrong goes to the report.
-            /// The path of the site is that of the condition.
+            /// Returns the boundary with checked parameters and its tables read; findings go to the report. The
+            /// path of the site is that of the condition.
             #[must_use]
             pub fn resolved(
                 &self,
@@ -121,7 +122,7 @@ macro_rules! boundaries {
             /// Returns the rule on the lattice.
             ///
             /// # Errors
-            /// Where the cells of the patch show that the parameters cannot hold.
+            /// If the cells of the patch show that the parameters cannot hold.
             pub fn rule<S: Stored>(
                 &self,
                 place: &Place<'_>,
@@ -150,14 +151,14 @@ boundaries! {
     outfall Outfall,
 }
 
-/// A value that goes linearly from `start` to `end` during `steps`, then stays.
+/// Value that changes linearly from `start` to `end` during `steps`, and then is constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     /// Value at step 0.
     pub start: f64,
     /// Value from `steps` on.
     pub end: f64,
-    /// Length in steps; 0 for a step change.
+    /// Number of steps of the change; 0 for a step change.
     pub steps: f64,
 }
 
@@ -191,9 +192,9 @@ pub struct Patch<S: Stored = f64> {
     pub axis: usize,
     /// `true` if it is at the upper end of the axis.
     pub upper: bool,
-    /// Corners of the part in cells (the components along the axis are not used); later patches win.
+    /// Corners of the part in cells (the components along the axis are not used). Later patches take precedence.
     pub range: [[f64; 2]; 3],
-    /// The rule.
+    /// Rule of the patch.
     pub rule: Box<dyn Rule<S>>,
 }
 
@@ -214,7 +215,7 @@ impl<S: Stored> Patch<S> {
     }
 }
 
-/// Returns the last patch that holds a position on a face; none where only the default wall does.
+/// Returns the last patch that contains a position on a face; `None` if only the default wall contains it.
 #[must_use]
 pub fn patch_at<S: Stored>(
     patches: &[Patch<S>],
@@ -227,7 +228,7 @@ pub fn patch_at<S: Stored>(
         .rposition(|patch| patch.axis == axis && patch.upper == upper && patch.holds(position))
 }
 
-/// Returns points of a face around the one at which a link crosses it: a link at an angle to the normal crosses between
+/// Returns points of a face around the point at which a link crosses the face: an oblique link crosses between
 /// cells, where patches may meet.
 fn around(
     frame: &Frame,
@@ -260,12 +261,12 @@ fn around(
     })
 }
 
-/// Returns the patch of a link that crosses a face between those of the cells `beside` with their centres, and the part
-/// of these that imposes a velocity.
+/// Returns the patch of a link that crosses a face between the cells `beside` with the given centres, and the
+/// fraction of these cells that imposes a velocity.
 ///
-/// Both links that cross at a point belong to one patch, so that what leaves along one may enter along the other. On a
-/// border a velocity is imposed in part: the flow through the face is then that of the cells of the patch, and the same
-/// at both of its ends. Between others the stronger one has the border.
+/// Both links that cross at a point belong to one patch, so that a population that leaves along one may enter along
+/// the other. At a border a velocity is imposed in part: the flow through the face is then that of the cells of the
+/// patch, equal at both of its ends. Between other patches the stronger one takes the border.
 fn on_border<S: Stored>(
     patches: &[Patch<S>],
     middle: [f64; 3],
@@ -293,7 +294,7 @@ fn on_border<S: Stored>(
     }
 }
 
-/// Number of faces of the domain, each with a wall of its own behind all patches.
+/// Number of faces of the domain; each has a wall of its own below all patches.
 const FACES: usize = 6;
 
 /// Returns a no-slip wall on each face of the domain.
@@ -311,14 +312,14 @@ fn no_slip_walls<S: Stored>() -> impl Iterator<Item = Patch<S>> {
     })
 }
 
-/// Returns the middle of a link from a cell, in cells; the first cell spans 0..1.
+/// Returns the midpoint of a link from a cell, in cells; the first cell spans 0..1.
 fn middle_of(cell: [usize; 3], c: [i8; 3]) -> [f64; 3] {
-    // Along a face through which the link does not leave, the crossing point; through a face, the face.
+    // Along a face that the link does not cross, the crossing point; through a face, the face.
     std::array::from_fn(|a| real(cell[a]) + 0.5 + 0.5 * f64::from(c[a]))
 }
 
-/// Returns the patch of a link that leaves the domain along the axes `outside`, and the part of its surroundings that
-/// imposes a velocity; the last patches are the walls of the faces.
+/// Returns the patch of a link that leaves the domain along the axes `outside`, and the fraction of the surrounding
+/// cells that imposes a velocity. The last patches are the walls of the faces.
 fn crossed<S: Stored>(
     patches: &[Patch<S>],
     frame: &Frame,
@@ -343,22 +344,22 @@ fn crossed<S: Stored>(
         .unwrap_or((defaults, 1.0))
 }
 
-/// All boundary links of one slab, ready to be applied without a choice in the loop: those at walls together, the
+/// Boundary links of one slab, sorted so that loops over them contain no branches: links at walls together, the
 /// others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
-    /// The patches from the strongest to the weakest.
+    /// Numbers of the patches from the strongest to the weakest.
     order: Vec<usize>,
     walls: wall::Walls,
     open: covered::OpenCells,
-    /// Patches whose rules need sums over all ranks, and a buffer for these.
+    /// Patches whose rules need sums over all ranks, and a buffer for the sums.
     summed: Vec<usize>,
     sums: Vec<u128>,
 }
 
 /// Position of a cell in the whole domain.
 pub struct Frame {
-    /// Cells of the whole domain.
+    /// Number of cells of the whole domain.
     pub cells: [usize; 3],
     /// First cell of the slab.
     pub start: [usize; 3],
@@ -383,7 +384,7 @@ impl<S: Stored> Boundaries<S> {
         mut patches: Vec<Patch<S>>,
         coverable: bool,
     ) -> Self {
-        // Last resort, weakest in the search below because later patches win.
+        // Default walls; they are the weakest in the search below, because later patches take precedence.
         patches.extend(no_slip_walls());
         let mut walls = Vec::new();
         let mut open = covered::OpenCells::default();
@@ -447,7 +448,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Positions of the ghost cells that links to walls at rest lead to; some of them more than once.
+    /// Returns the positions of the ghost cells at the ends of links to stationary walls; some occur more than
+    /// once.
     pub fn behind_walls_at_rest(
         &self,
         populations: &Populations<S>,
@@ -459,20 +461,20 @@ impl<S: Stored> Boundaries<S> {
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
-    /// Returns the factor of the velocity of a patch at a step: that of its ramp.
+    /// Returns the factor of the velocity of a patch at a step, given by its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
         self.patches[patch].rule.factor(step)
     }
 
-    /// Returns the links at walls as copies of numbers after a pass of this parity, with the patch of each for its
-    /// factor. `plane` is the distance from plane to plane.
+    /// Returns the links at walls as copies between array positions after a pass of this parity, with the patch of
+    /// each for its velocity factor. `plane` is the distance between planes in memory.
     pub(crate) fn wall_copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         self.walls.copies(parity, plane)
     }
 
-    /// Returns the patches through which water with a free surface passes: the number of each, the axis of its face and
-    /// `true` for the upper end, and what is outside.
+    /// Returns the openings of water with a free surface: the number of the patch, the axis of its face, `true` for
+    /// the upper end, and the state outside.
     pub(crate) fn outsides(&self) -> impl Iterator<Item = (usize, (usize, bool), Outside)> + '_ {
         let patches = self.patches.iter().enumerate();
         patches.filter_map(|(n, patch)| {
@@ -481,7 +483,7 @@ impl<S: Stored> Boundaries<S> {
         })
     }
 
-    /// Returns the links through a patch by rising cell and direction.
+    /// Returns the links through a patch in ascending order of cell and direction.
     pub(crate) fn links_of(
         &self,
         patch: usize,
@@ -503,7 +505,7 @@ impl<S: Stored> Boundaries<S> {
         links
     }
 
-    /// Returns the velocity that a patch imposes at a point of the face, before the factor of the step.
+    /// Returns the velocity imposed by a patch at a point of the face, before the factor of the step.
     pub(crate) fn imposed(&self, patch: usize, position: [f64; 3]) -> [f64; 3] {
         let rule = &self.patches[patch].rule;
         rule.velocity(position).unwrap_or_default()
@@ -514,7 +516,7 @@ impl<S: Stored> Boundaries<S> {
         self.patches.len()
     }
 
-    /// Returns `true` for each end of an axis where a plane of symmetry is the last patch that covers the whole face.
+    /// Returns `true` for each end of an axis whose last patch is a symmetry plane over the whole face.
     #[must_use]
     pub fn mirrored(&self) -> [[bool; 2]; 3] {
         let mut mirrored = [[false; 2]; 3];
@@ -530,15 +532,15 @@ impl<S: Stored> Boundaries<S> {
         self.patches.iter().map(|p| p.name.as_str())
     }
 
-    /// Notes what the rules need of the state before a pass.
+    /// Stores the data that the rules need before a pass.
     pub fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
         for patch in &mut self.patches {
             patch.rule.remember(populations, half_force);
         }
     }
 
-    /// Returns `true` if the links at walls of a plane may be given as soon as the cells next to it have collided:
-    /// other rules may read populations that the walls give, or ghosts next to them.
+    /// Returns `true` if the wall links of a plane may be applied as soon as the cells next to it have collided.
+    /// Otherwise other rules read populations that the walls set, or ghosts next to them.
     #[must_use]
     pub fn walls_stand_alone(&self) -> bool {
         self.patches
@@ -546,14 +548,13 @@ impl<S: Stored> Boundaries<S> {
             .all(|patch| patch.rule.walls_stand_alone())
     }
 
-    /// Returns `true` if the rules only give their links to the walls, so that [`Self::give_walls`] is all that a step
-    /// needs.
+    /// Returns `true` if all rules are walls, so that [`Self::give_walls`] is sufficient in a step.
     #[must_use]
     pub fn are_walls(&self) -> bool {
         self.patches.iter().all(|patch| patch.rule.is_wall())
     }
 
-    /// Gives some cells the populations that return from the walls, ahead of [`Self::apply`].
+    /// Sets the populations that return from the walls in some cells, ahead of [`Self::apply`].
     ///
     /// # Safety
     /// `numbers` must be those of the slab, in the order of `parity`, and no other thread may access these cells or
@@ -570,19 +571,20 @@ impl<S: Stored> Boundaries<S> {
         unsafe { self.walls.give(cells, speed, parity, numbers) };
     }
 
-    /// Returns the values that the rules keep from step to step, by patch.
+    /// Returns the values that the rules keep between steps, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.patches.iter().map(|patch| patch.rule.memory())
     }
 
-    /// Sets what the rules remember.
+    /// Restores the values that the rules keep between steps.
     pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
         for (patch, memory) in self.patches.iter_mut().zip(memories) {
             patch.rule.recall(memory);
         }
     }
 
-    /// Lets the stated discharges in: at the rim of an opening some links belong to walls. Collective.
+    /// Scales the velocities of openings to the stated discharges, because some links at the rim of an opening
+    /// belong to walls. Collective.
     pub(super) fn balance(&mut self, communicator: &Communicator) {
         let given = self.patches.iter().map(|patch| patch.rule.given());
         let mut given: Vec<u128> = given.map(i128::cast_unsigned).collect();
@@ -618,8 +620,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Gives every population that enters through a face its value, after [`Self::measure`]. `half_force` is F/2 of the
-    /// body force; the walls of other planes than `planes` have been given theirs.
+    /// Sets every population that enters through a face, after [`Self::measure`]. `half_force` is F/2 of the body
+    /// force. The walls of planes other than `planes` have already been applied.
     pub fn apply(
         &mut self,
         populations: &mut Populations<S>,
@@ -628,7 +630,8 @@ impl<S: Stored> Boundaries<S> {
         planes: impl Iterator<Item = Range<usize>>,
     ) {
         let moment = RuleStep { step, half_force };
-        // Pressure reads whole cells, so it goes before what is weaker; the others touch only their own two numbers.
+        // Pressure rules read whole cells and therefore precede weaker rules; the others access only the two
+        // numbers of their links.
         for &patch in &self.order {
             self.patches[patch].rule.apply(populations, &moment);
         }
@@ -641,8 +644,8 @@ impl<S: Stored> Boundaries<S> {
         }
     }
 
-    /// Closes open faces where solids cover their cells, after [`Self::apply`]: `fraction` is the solid part of a cell,
-    /// by its position within an array and by its place in the slab.
+    /// Closes open faces at cells covered by solids, after [`Self::apply`]: `fraction` is the solid fraction of a
+    /// cell, by its position within an array and its indices in the slab.
     pub fn close_covered(
         &self,
         fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,
@@ -651,7 +654,7 @@ impl<S: Stored> Boundaries<S> {
         self.open.close(fraction, populations);
     }
 
-    /// Returns the last step in which a value at a face still changes by its ramp.
+    /// Returns the last step at which the ramp of a face still changes a value.
     #[must_use]
     pub fn ramps_end(&self) -> f64 {
         let ramps = self.patches.iter().map(|patch| patch.rule.ramp_end());

@@ -1,8 +1,9 @@
 //! Collision operators, one file each.
 //!
-//! A file holds the parameters of an operator as they stand in a case, its description and its limits. Its kernel
-//! stands below, or in a file `kernel` next to it where it also runs on GPUs ([`super::gpu`]). The kernel is written
-//! once for scalars, vectors and GPUs. The list of operators generates the enum of the case and the choice of the pass.
+//! A file contains the parameters of an operator in a case, its description and its limits. Its kernel follows in
+//! the same file, or in a file `kernel` next to it if it also runs on GPUs ([`super::gpu`]). The kernel is written
+//! once for scalars, vectors and GPUs. The list of operators generates the enum of the case and the choice of the
+//! pass.
 //!
 //! Populations are stored as deviations g_i = f_i - w_i (exact where the fluid is at rest). With δρ = Σ g and
 //! momentum m = Σ c g + F/2 (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308; F = 0 without a body force) and
@@ -29,8 +30,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trt::AntisymmetricRate;
 
-/// Makes a list of operators: the modules that hold them, and the enum that a case chooses from. The name of an
-/// operator in a case is that of its module.
+/// Defines a list of operators: their modules, and the enum of a case. The name of an operator in a case is that of
+/// its module.
 macro_rules! operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident $parameters:ident,)*) => {
         $(pub mod $module;)*
@@ -63,7 +64,7 @@ macro_rules! operators {
                 }
             }
 
-            /// Hands over the kernels of the operator.
+            /// Passes the kernels of the operator to a receiver.
             pub fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
                 match self {
                     $(Self::$operator(parameters) => parameters.dispatch(to),)*
@@ -90,77 +91,76 @@ impl Default for Operator {
     }
 }
 
-/// A collision operator of a case: its parameters and its interface to the program.
+/// Collision operator of a case: its parameters and its interface to the program.
 pub trait CollisionModel {
-    /// Returns the operator for `plan`, at the relaxation time of the fluid.
+    /// Returns the description of the operator for `plan`, at the relaxation time of the fluid.
     fn describe(&self, relaxation_time: f64) -> Description;
 
-    /// Returns the only velocity set that the operator works on; none if it works on all.
+    /// Returns the only velocity set on which the operator works; `None` if it works on all.
     fn only_on(&self) -> Option<VelocitySet> {
         None
     }
 
-    /// Returns the rate of the antisymmetric parts of the populations, where one rate holds for all symmetric parts and
-    /// one for all antisymmetric parts.
+    /// Returns the rate of the antisymmetric parts of the populations, if all symmetric parts have one rate and all
+    /// antisymmetric parts another.
     fn antisymmetric_rate(&self) -> Option<AntisymmetricRate> {
         None
     }
 
-    /// Returns a finding for parameters that are wrong at the relaxation time of the fluid. `path` is the place of the
-    /// family in the case.
+    /// Returns a finding for parameters that are invalid at the relaxation time of the fluid. `path` is the JSON
+    /// path of the operator in the case.
     fn check(&self, path: &str, relaxation_time: f64) -> Option<Finding> {
         let _ = (path, relaxation_time);
         None
     }
 
-    /// Returns the limit up to which similar runs held; none if no map judges this operator.
+    /// Returns the limit up to which similar runs were stable; `None` if no stability map covers this operator.
     fn border(&self, situation: &Situation) -> Option<Border>;
 
-    /// Returns the border for a body that moves through the fluid; none if no map judges this operator.
+    /// Returns the limit for a body that moves through the fluid; `None` if no stability map covers this operator.
     fn border_of_moving(&self, body: &MovingBody) -> Option<Border>;
 
     /// Returns the cell Reynolds number U h/ν at which runs with interpolated links to the faces of polyhedra failed.
     fn fails_at_faces(&self) -> f64;
 
-    /// Returns the wave that grows fastest in fluid at rest, where [`CollisionModel::check`] does not report it at
-    /// every number of steps.
+    /// Returns the fastest growing wave in fluid at rest, unless [`CollisionModel::check`] reports it.
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let _ = relaxation_time;
         None
     }
 
-    /// Hands over the kernels of these parameters.
+    /// Passes the kernels of these parameters to a receiver.
     fn dispatch<D: Dispatch>(&self, to: D) -> D::Output
     where
         Self: Sized;
 }
 
-/// The kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ
+/// Kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ
 /// of the fluid.
 pub trait Kernels: Copy + Send + Sync + 'static {
-    /// Kernel for one viscosity and open cells, with a body force if `FORCED`.
+    /// Kernel for uniform viscosity and open cells, with a body force if `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
-    /// Kernel for cells with viscosities of their own. The force may be zero: one kernel fewer to compile, and what a
-    /// kernel without a force saves is little compared with the velocity gradients.
+    /// Kernel for cells with different viscosities. The force may be zero: this avoids another kernel to compile,
+    /// and a kernel without force would save little compared with the cost of the velocity gradients.
     type Local: Collision + 'static;
     /// Kernel for cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;
 
-    /// Returns the kernel: see [`Kernels::Uniform`].
+    /// Returns the kernel [`Kernels::Uniform`].
     fn uniform<const FORCED: bool>(&self, omega: f64, force: [f64; 3]) -> Self::Uniform<FORCED>;
-    /// Returns the kernel: see [`Kernels::Local`].
+    /// Returns the kernel [`Kernels::Local`].
     fn local(&self, omega: f64, force: [f64; 3]) -> Self::Local;
-    /// Returns the kernel: see [`Kernels::Covered`].
+    /// Returns the kernel [`Kernels::Covered`].
     fn covered(&self, omega: f64, force: [f64; 3]) -> Self::Covered;
 }
 
-/// Receives the kernels of an operator, to choose a pass by them once at the start.
+/// Receiver of the kernels of an operator, which selects a pass once at the start.
 pub trait Dispatch {
     /// Result of the dispatch.
     type Output;
-    /// Kernels that work on every velocity set.
+    /// Processes kernels that work on every velocity set.
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output;
-    /// Kernels that work on D3Q27 only.
+    /// Processes kernels that work on D3Q27 only.
     fn on_d3q27<K: Kernels>(self, kernels: K) -> Self::Output;
 }
 

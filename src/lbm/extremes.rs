@@ -6,13 +6,13 @@ use super::lanes::Stored;
 use super::populations::Populations;
 use base::thread_pool;
 
-/// The extreme values of the rows of a slab, in the order of [`Populations::rows`]; a reusable buffer.
+/// Extreme values of the rows of a slab, in the order of [`Populations::rows`]; a reusable buffer.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
     threads: Vec<Share>,
 }
 
-/// The rows of one thread.
+/// Rows of one thread.
 #[derive(Clone, Debug, Default)]
 struct Share {
     /// Moments of a row.
@@ -55,15 +55,15 @@ impl Rows {
         });
     }
 
-    /// Returns the result.
+    /// Returns the extreme values of each row.
     pub fn iter(&self) -> impl Iterator<Item = &Extremes> {
         self.threads.iter().flat_map(|share| &share.found)
     }
 }
 
 impl<S: Stored> Populations<S> {
-    /// Moments of a row as [`Self::row_moments`], and the extreme values of its cells, with `half` of the body force in
-    /// the momentum.
+    /// Computes the moments of a row like [`Self::row_moments`], and the extreme values of its cells, with `half`
+    /// of the body force in the momentum.
     #[inline(never)]
     pub fn row_extremes(
         &self,
@@ -75,7 +75,7 @@ impl<S: Stored> Populations<S> {
         self.row_moments(cell, length, moments);
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has it.
+            // SAFETY: the processor has these instructions.
             return unsafe { extremes_avx2(moments, half) };
         }
         extremes(moments, half)
@@ -98,19 +98,19 @@ pub(super) fn of_velocities([drho, u, v, w]: &[Vec<f64>; 4]) -> Extremes {
     found
 }
 
-/// The extreme values of the cells of a row.
+/// Extreme values of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
     /// Largest squared speed.
     pub squared_speed: f64,
-    /// Largest size of the density deviation.
+    /// Largest absolute density deviation.
     pub compression: f64,
     /// `true` if every number is finite.
     pub finite: bool,
 }
 
-/// Returns the squared speed of a cell from its density deviation, its momentum and half of the body force: one
-/// formula, so that a cell has the same bits alone and in its row.
+/// Returns the squared speed of a cell from its density deviation, its momentum and half of the body force. There
+/// is a single formula, so that the result of a cell has the same bits alone and in its row.
 #[inline(always)]
 #[must_use]
 pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
@@ -118,15 +118,14 @@ pub fn squared_speed(drho: f64, momentum: [f64; 3], half: [f64; 3]) -> f64 {
     (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / ((1.0 + drho) * (1.0 + drho))
 }
 
-/// Cells that are compared at a time.
+/// Number of cells compared at a time.
 const AT_ONCE: usize = 8;
 
 #[inline(always)]
 fn extremes(moments: &[Vec<f64>; 4], half: [f64; 3]) -> Extremes {
     let [drho, m @ ..] = moments;
     let (mut fastest, mut squeezed) = ([0.0_f64; AT_ONCE], [0.0_f64; AT_ONCE]);
-    // A product with 0 is 0 for all numbers that are finite, and no number for the others; comparisons would pass them
-    // by.
+    // A product with 0 is 0 for finite numbers and NaN otherwise; comparisons would ignore NaN.
     let mut zero = [0.0_f64; AT_ONCE];
     let mut look = |k: usize, d: f64, m: [f64; 3]| {
         let squared = squared_speed(d, m, half);

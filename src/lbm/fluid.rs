@@ -1,4 +1,4 @@
-//! One slab of fluid: the fused step with its halo and boundaries.
+//! One slab of fluid: the fused collision and streaming step with its halo and boundaries.
 
 mod dispatch;
 mod force;
@@ -37,25 +37,25 @@ use std::ops::Range;
 pub struct Setup<S: Stored = f64> {
     /// Velocity set.
     pub set: VelocitySet,
-    /// Operator.
+    /// Collision operator.
     pub operator: Operator,
-    /// Relaxation time τ of the fluid itself, above ½.
+    /// Relaxation time τ of the fluid without eddy viscosity, above ½.
     pub relaxation_time: f64,
     /// Eddy viscosity; none if all scales are resolved.
     pub turbulence: Option<EddyViscosity>,
     /// Body force.
     pub force: Force,
-    /// Cells of the whole domain along x, y, z.
+    /// Number of cells of the whole domain along x, y, z.
     pub cells: [usize; 3],
     /// Periodic axes.
     pub periodic: [bool; 3],
     /// Patches of the faces; faces without one are no-slip walls.
     pub patches: Vec<Patch<S>>,
-    /// The action of solids on covered cells; none if no cell can be covered.
+    /// Method for cells covered by solids; none if no cell can be covered.
     pub saturation: Option<SaturationMethod>,
-    /// Device that it runs on.
+    /// Device on which the fluid runs.
     pub device: Device,
-    /// Terms of the step that are added to force, boundaries, eddies and covered cells.
+    /// Additional terms of the step.
     pub terms: Vec<term::Make<S>>,
 }
 
@@ -128,23 +128,23 @@ fn terms<'a, S: Stored>(
     built_in.into_iter().flatten().chain(added)
 }
 
-/// Cells of a thread from which on it is worth waking.
+/// Minimum number of cells per thread.
 const CELLS_PER_THREAD: usize = 1000;
 
-/// Returns the planes of worker t.
+/// Returns the planes of thread t.
 fn planes_of(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     let begin = |t: usize| planes.start + planes.len() * t / threads;
     begin(t)..begin(t + 1)
 }
 
-/// Returns the planes of a share that have both neighbours in it.
+/// Returns the planes of a thread whose both neighbours belong to the same thread.
 fn inner(share: &Range<usize>) -> Range<usize> {
     let first = share.start + 1;
     first..(share.end - 1).max(first)
 }
 
-/// Returns the planes of a slab from which nothing has followed (see [`Fluid::run_followed`]): all that are not
-/// [`inner`] ones of the shares of the planes between its ends.
+/// Returns the planes of a slab without following work (see [`Fluid::run_followed`]): all that are not [`inner`]
+/// planes of the threads' parts of the planes between its ends.
 fn unfollowed(planes: usize, threads: usize) -> impl Iterator<Item = Range<usize>> {
     let followed = move |t: usize| inner(&planes_of(&between(planes), threads, t));
     (0..=threads).map(move |t| {
@@ -165,13 +165,14 @@ fn between(planes: usize) -> Range<usize> {
 
 /// One slab of fluid.
 pub struct Fluid<S: Stored> {
-    /// The GPU that makes the steps, if one does. It uses the memory of the populations: goes before them.
+    /// GPU that makes the steps, if there is one. It uses the memory of the populations and is therefore dropped
+    /// first.
     gpu: Option<Gpu>,
     populations: Populations<S>,
     boundaries: Boundaries<S>,
     halo: Halo,
     turbulence: Option<EddyViscosity>,
-    /// Velocities for the eddy viscosity; none without one.
+    /// Velocities from which the eddy viscosity is computed, if there is one.
     field: Option<VelocityField>,
     /// Cover of the cells by solids, if cells can be covered.
     cover: Option<Cover>,
@@ -191,7 +192,7 @@ pub struct Fluid<S: Stored> {
     communicator: Communicator,
     threads: usize,
     step: u64,
-    /// `true` if the GPU holds equal populations.
+    /// `true` if the GPU has the same populations.
     shared_with_gpu: bool,
 }
 
@@ -226,7 +227,7 @@ impl<S: Stored> Fluid<S> {
             Some(_) => Some(VelocityField::new(&populations, &frame, &patches, domain)?),
         };
         let threads = thread_pool::threads();
-        // Structures may cover the cells at the faces as well.
+        // Structures may also cover cells at the faces.
         let mut boundaries = Boundaries::new(&populations, &frame, patches, true);
         boundaries.balance(domain.communicator());
         let cover = setup.cover(&populations, &boundaries, threads);
@@ -262,7 +263,7 @@ impl<S: Stored> Fluid<S> {
         let halo = Halo::new(&populations, domain)?;
         let mut periodic_within = setup.periodic;
         periodic_within[split] = false;
-        // There is nothing to go round.
+        // There is no periodicity along a missing axis.
         periodic_within[populations.velocities().dimension..].fill(false);
         setup.report(&populations, &boundaries, domain.rank(), threads);
         Ok(Self {
@@ -313,8 +314,8 @@ impl<S: Stored> Fluid<S> {
         self.renew_velocities();
     }
 
-    /// Gives a cell, whose momentum holds the uniform force alone, the momentum at which its velocity is the same with
-    /// all terms.
+    /// Adjusts the momentum of a cell, which contains the uniform force only, so that the velocity is unchanged
+    /// with all terms.
     fn shift_to_velocity(&mut self, cell: usize, half: [f64; 3]) {
         let (drho, momentum) = self.populations.moments(cell);
         let u = std::array::from_fn(|a| (momentum[a] + half[a]) / (1.0 + drho));
@@ -337,7 +338,7 @@ impl<S: Stored> Fluid<S> {
         for i in 0..self.populations.velocities().q() {
             let v = self.populations.velocities();
             let (w, c) = (v.w[i], v.c[i]);
-            // The velocity holds half the force: the momentum that came in does not.
+            // The velocity contains half of the force; the incoming momentum does not.
             let odd = (0..3).map(|a| f64::from(c[a]) * half[a]).sum::<f64>();
             let g = initial::equilibrium(w, c, drho, u) - 3.0 * w * odd;
             let position = self.populations.incoming(cell, i);
@@ -345,18 +346,18 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Returns the values that the openings keep from step to step, by patch.
+    /// Returns the values that the openings keep between steps, by patch.
     pub fn memories(&self) -> impl Iterator<Item = Option<f64>> + '_ {
         self.boundaries.memories()
     }
 
-    /// Sets what the openings remember, on a restart.
+    /// Restores the values that the openings keep between steps, at a restart.
     pub fn recall(&mut self, memories: impl Iterator<Item = Option<f64>>) {
         self.boundaries.recall(memories);
     }
 
-    /// Returns the number of steps that may be made at once, if no code reads the populations between them. It is equal
-    /// on every rank.
+    /// Returns the number of steps that can be made in one call if no code reads the populations between them. It
+    /// is equal on every rank.
     #[must_use]
     pub fn at_once(&self) -> u64 {
         if self.gpu.is_some() {
@@ -371,7 +372,7 @@ impl<S: Stored> Fluid<S> {
     /// Makes steps between which no code reads the populations, at most [`Self::at_once`]. Collective.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn advance_many(&mut self, steps: u64) -> Result<(), String> {
         if self.gpu.is_some() {
             return self.advance_on_gpu(steps);
@@ -385,8 +386,9 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// Makes one step on the processor: collide and stream every cell, exchange, apply the boundaries. Afterwards every
-    /// incoming population of the slab is in place, except those at moving bodies, which the coupling sets.
+    /// Makes one step on the processor: collides and streams every cell, exchanges populations, and applies the
+    /// boundaries. Afterwards every incoming population of the slab is set, except those at moving bodies, which
+    /// the coupling sets.
     #[inline(never)]
     pub fn advance(&mut self) {
         self.shared_with_gpu = false;
@@ -399,11 +401,11 @@ impl<S: Stored> Fluid<S> {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = (self.step + 1) as f64;
         if planes == 0 {
-            // The other ranks wait for its part of the sums.
+            // The other ranks wait for the contribution of this rank to the sums.
             let populations = &self.populations;
             self.boundaries
                 .measure(populations, time, half, &self.communicator);
-            // All ranks agree on which pass is next, also those without planes.
+            // All ranks agree on the next pass, including those without planes.
             self.populations.flip();
             self.step += 1;
             return;
@@ -414,7 +416,7 @@ impl<S: Stored> Fluid<S> {
             surface.prepare(&mut self.populations, half, viscosity);
         }
         self.hide_dry(true);
-        // End planes first: their populations travel while the interior is updated.
+        // The end planes come first: their populations are sent while the interior is updated.
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         let cover = self
             .cover
@@ -447,7 +449,7 @@ impl<S: Stored> Fluid<S> {
         if reversed && round_middle {
             wrap(&mut self.populations, 1..last);
         } else if round_middle {
-            // Ghost planes too: beyond a free-slip face they hold populations on their way back.
+            // Ghost planes are included: beyond a free-slip face they contain populations that are mirrored back.
             wrap(&mut self.populations, -1..last + 2);
         }
         self.step += 1;
@@ -476,14 +478,14 @@ impl<S: Stored> Fluid<S> {
         self.complete_velocities(unfollowed(planes, threads));
     }
 
-    /// Closes openings before cells of the slab that bodies hold, after a step: no water enters a body.
+    /// Closes openings at cells of the slab covered by bodies, after a step, so that no water enters a body.
     pub fn close_openings(&mut self, held: impl Fn([usize; 3]) -> bool + Sync) {
         let fraction = |_: usize, local: [usize; 3]| f64::from(u8::from(held(local)));
         self.boundaries
             .close_covered(fraction, &mut self.populations);
     }
 
-    /// Fills the ghosts of the velocities that follow from the cells of some planes.
+    /// Fills the ghosts of the velocities that depend on the cells of some planes.
     fn complete_velocities(&mut self, planes: impl Iterator<Item = Range<usize>>) {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = self.step as f64;
@@ -493,7 +495,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Sets the velocities of the next eddy viscosity to the present ones of the cells. Collective.
+    /// Sets the velocities for the next eddy viscosity to the present ones of the cells. Collective.
     pub fn renew_velocities(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
         if self.field.is_none() || planes == 0 {
@@ -510,7 +512,7 @@ impl<S: Stored> Fluid<S> {
         self.spread_velocities();
     }
 
-    /// Ghosts of the velocities that were set cell by cell. Collective.
+    /// Fills the ghosts of velocities that were set for single cells. Collective.
     #[inline(never)]
     pub fn spread_velocities(&mut self) {
         if let Some(field) = &mut self.field {
@@ -520,23 +522,23 @@ impl<S: Stored> Fluid<S> {
         self.complete_velocities(std::iter::once(0..planes));
     }
 
-    /// Returns the velocities of the next eddy viscosity; none without turbulence model.
+    /// Returns the velocities for the next eddy viscosity; `None` without a turbulence model.
     #[must_use]
     pub fn velocities(&self) -> Option<&VelocityField> {
         self.field.as_ref()
     }
 
-    /// Returns the velocities for changes on a restart and inside bodies; then call [`Self::spread_velocities`].
+    /// Returns the velocities for changes at a restart and inside bodies; [`Self::spread_velocities`] must follow.
     pub fn velocities_mut(&mut self) -> Option<&mut VelocityField> {
         self.field.as_mut()
     }
 
-    /// Closes the openings before the cells of structures, given by position.
+    /// Closes the openings at the cells of structures, given by position.
     pub fn close(&mut self, cells: impl Iterator<Item = usize>) {
         self.closed.close(&self.populations, cells);
     }
 
-    /// Returns everything that acts on the populations in addition to collision and streaming.
+    /// Returns all terms in addition to collision and streaming.
     pub fn terms(&self) -> impl Iterator<Item = &dyn Term<S>> {
         terms(
             &self.force,
@@ -549,8 +551,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Returns the eddy viscosity of an interior cell in lattice units, as the next collision has it; 0 without
-    /// turbulence.
+    /// Returns the eddy viscosity of an interior cell in lattice units for the next collision; 0 without a
+    /// turbulence model.
     #[must_use]
     pub fn eddy_viscosity(&self, cell: usize) -> f64 {
         let Some(field) = &self.field else { return 0.0 };
@@ -558,27 +560,27 @@ impl<S: Stored> Fluid<S> {
             .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
     }
 
-    /// Returns the number of threads that work on some planes.
+    /// Returns the number of threads for some planes.
     fn workers(&self, planes: &Range<usize>) -> usize {
         self.threads.min(planes.len())
     }
 
-    /// Collides and streams some planes, each thread its share.
+    /// Collides and streams some planes, divided among threads.
     fn run(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
         let threads = self.workers(&planes);
         if threads <= 1 {
-            // SAFETY: the only worker.
+            // SAFETY: there is only one worker.
             unsafe { self.pass.pass(shared, force, &shared.planes(planes), 0) };
             return;
         }
         thread_pool::each(threads, |t| {
             let cells = shared.planes(planes_of(&planes, threads, t));
-            // SAFETY: the shares of planes are disjoint, and each worker has one.
+            // SAFETY: the parts of the planes are disjoint, and each worker has one.
             unsafe { self.pass.pass(shared, force, &cells, t) };
         });
     }
 
-    /// Collides and streams the first and the last plane, the rows of both shared out to the threads.
+    /// Collides and streams the first and the last plane, with the rows of both divided among threads.
     fn run_ends(&self, shared: &Shared<S>, force: [f64; 3]) {
         let planes = self.populations.cells()[self.populations.order()[0]];
         let rows = shared.rows();
@@ -595,16 +597,16 @@ impl<S: Stored> Fluid<S> {
                     planes: plane..plane + 1,
                     rows: part(mine.start)..part(mine.end),
                 };
-                // SAFETY: the shares of rows are disjoint, and each worker has one.
+                // SAFETY: the parts of the rows are disjoint, and each worker has one.
                 unsafe { self.pass.pass(shared, force, &cells, t) };
             }
         });
     }
 
-    /// Does [`Self::run`]; values that follow from the cells of the [`inner`] planes of each share are computed as soon
-    /// as the planes next to them are done, while their numbers are in the cache: velocities of the eddies beyond
-    /// faces, and, if `walls` has the time of the step, walls. A separate loop over the walls of a cube of 200³ cells
-    /// costs an eighth of the pass.
+    /// Collides and streams like [`Self::run`]. Values that depend on the cells of the [`inner`] planes of each
+    /// thread are computed as soon as the adjacent planes are done, while their numbers are in the cache:
+    /// velocities for the eddy viscosity beyond faces, and walls, if `walls` contains the time of the step. A
+    /// separate loop over the walls of a cube of 200³ cells costs an eighth of the pass.
     fn run_followed(
         &self,
         shared: &Shared<S>,
@@ -628,14 +630,14 @@ impl<S: Stored> Fluid<S> {
             let share = planes_of(&planes, threads, t);
             let followed = inner(&share);
             for plane in share {
-                // SAFETY: the shares of planes are disjoint, and each worker has one.
+                // SAFETY: the parts of the planes are disjoint, and each worker has one.
                 unsafe { pass.pass(shared, force, &shared.planes(plane..plane + 1), t) };
                 if !followed.contains(&(plane - 1)) {
                     continue;
                 }
                 let cells = shared.planes(plane - 1..plane);
                 if walls.is_some() {
-                    // SAFETY: this worker has the planes on both sides too, and is done with them.
+                    // SAFETY: the planes on both sides belong to this worker and are done.
                     unsafe { boundaries.give_walls(&cells, time, parity, shared.numbers()) };
                 }
                 if let Some(ghosts) = &ghosts {
@@ -647,7 +649,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Returns the patches by name, in the order of [`Fluid::fluxes`].
+    /// Returns the boundaries, whose patches are in the order of [`Fluid::fluxes`].
     #[must_use]
     pub fn boundaries(&self) -> &Boundaries<S> {
         &self.boundaries
@@ -664,32 +666,32 @@ impl<S: Stored> Fluid<S> {
         self.cover.as_mut()
     }
 
-    /// Returns the lattice array.
+    /// Returns the populations of the slab.
     #[must_use]
     pub fn populations(&self) -> &Populations<S> {
         &self.populations
     }
 
-    /// Returns the lattice array, for the coupling and for restarts.
+    /// Returns the populations of the slab, for the coupling and for restarts.
     pub fn populations_mut(&mut self) -> &mut Populations<S> {
         self.shared_with_gpu = false;
         &mut self.populations
     }
 
-    /// Steps done.
+    /// Returns the number of steps done.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.step
     }
 
-    /// Continues from a saved step; the populations must have been set to their own cells.
+    /// Sets the number of steps after a restart; the populations must have been set.
     pub fn set_steps(&mut self, step: u64) {
         self.step = step;
         self.shared_with_gpu = false;
         self.populations.set_home();
     }
 
-    /// Returns the cells of the whole domain.
+    /// Returns the number of cells of the whole domain.
     #[must_use]
     pub fn domain_cells(&self) -> [usize; 3] {
         self.cells

@@ -1,32 +1,33 @@
-//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, by the very operators of the
+//! The fluid on a GPU: the pass over the cells, the walls and the periodic axes, with the same operators as on the
 //! processor.
 //!
-//! Velocity sets, operators and the work on a cell are compiled twice, for the processor and, from the same files, for
-//! GPUs (the crate root `src/lbm/kernels.rs`). All operations are rounded the same, so that a run has the same bits on
-//! both. `gpu/build.sh` makes the PTX in `gpu/kernels.ptx.gz`, which the driver of the GPU compiles for the GPU at hand
-//! when the run starts. The driver is loaded then; without one the program runs as before.
+//! Velocity sets, operators and the work on a cell are compiled twice from the same files: for the processor and
+//! for GPUs (the crate root `src/lbm/kernels.rs`). All operations are rounded in the same way, so that a run has
+//! the same bits on both. `gpu/build.sh` compiles the PTX in `gpu/kernels.ptx.gz`, from which the driver generates
+//! code for the available GPU at the start of the run. The driver is loaded at that time; without a driver the
+//! program runs on the processor.
 //!
 //! | file | content |
 //! |---|---|
-//! | `cell` | the pass over one cell, one thread each; also compiled for GPUs |
-//! | `copies` | what enters at walls and goes round periodic axes; also compiled for GPUs |
+//! | `cell` | the pass over one cell in one thread; also compiled for GPUs |
+//! | `copies` | populations that enter at walls and cross periodic axes; also compiled for GPUs |
 //! | `covered`, `loads`, `sums` | the pass over a covered cell, and the forces on solids; also compiled for GPUs |
 //! | `balls` | the cover of the cells by balls; also compiled for GPUs |
 //! | `lists` | the lists of the covered cells; also compiled for GPUs |
-//! | `warp` | what the threads of a warp share; for GPUs alone |
+//! | `warp` | common operations of the threads of a warp; for GPUs only |
 //! | `cover` | the cover of the cells on the GPU |
 //! | `moments` | the extreme values of rows, for the checks of a run; also compiled for GPUs |
 //! | `program` | a step of a slab as passes and copies |
-//! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and what it made: `zcat` shows it |
+//! | `build.sh`, `kernels.ptx.gz` | the command that compiles the kernels, and its result, which `zcat` shows |
 //!
-//! The slab stays on the GPU while steps are made and its rows are checked, and is copied back when populations are
-//! read. Kernels are added once they have run on a GPU and left the bits of the processor: D3Q27 with BGK, TRT and MRT,
-//! and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64 without a force. A
-//! GPU does not run several ranks, structures, eddies and openings yet ([`Fluid::new`](super::fluid::Fluid::new)
-//! refuses them).
+//! The slab remains on the GPU while steps are made and its rows are checked, and is copied back when populations
+//! are read. A kernel is included after it has run on a GPU with the same bits as the processor: D3Q27 with BGK,
+//! TRT and MRT, and with TRT and MRT partially saturated cells; D3Q19 with TRT; D3Q19 and D2Q9 with BGK in f64
+//! without a force. Several ranks, structures, eddy viscosities and openings are not available on a GPU yet
+//! ([`Fluid::new`](super::fluid::Fluid::new) refuses them).
 //!
-//! If all bodies are balls with exact fractions, the GPU finds the cells that they cover by itself, and the processor
-//! gets them on demand. The processor finds the cells of other bodies and sends them.
+//! If all bodies are balls with exact fractions, the GPU computes the cells that they cover, and the processor
+//! reads the result on demand. For other bodies the processor computes the cover and sends it.
 
 pub mod balls;
 pub mod cell;
@@ -66,7 +67,7 @@ use std::io::Read;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// Device that the fluid runs on.
+/// Device on which the fluid runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -76,17 +77,17 @@ pub enum Device {
     Cpu,
     /// A GPU of NVIDIA.
     Gpu,
-    /// A GPU where there is one and the scene is one that it can run, else the processor.
+    /// A GPU if there is one and it can run the scene; otherwise the processor.
     Auto,
 }
 
-/// PTX of the kernels, compressed, as `build.sh` made it.
+/// Compressed PTX of the kernels, made by `build.sh`.
 const ARCHIVE: &[u8] = include_bytes!("gpu/kernels.ptx.gz");
 
 /// Start of the first line of each text in the archive, before its name.
 const TITLE: &str = "// Kernels: ";
 
-/// PTX by name. The archive is read where a case asks for a GPU.
+/// PTX by name. The archive is read if a case requests a GPU.
 static KERNELS: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
     let mut text = String::new();
     if let Err(error) = MultiGzDecoder::new(ARCHIVE).read_to_string(&mut text) {
@@ -100,18 +101,18 @@ static KERNELS: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
     named.collect()
 });
 
-/// Returns the PTX that has a kernel.
+/// Returns the PTX that contains a kernel.
 fn ptx_of(name: &str) -> Option<&'static str> {
     let entry = format!(".entry {name}(");
     let file = KERNELS.iter().find(|(_, text)| text.contains(&entry));
     file.map(|(_, text)| text.as_str())
 }
 
-/// The kernels for an operator: its name on GPUs, and the velocity set.
+/// Kernels for an operator: its name on GPUs, and the velocity set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// Name of the operator: see [`Collision::ON_GPU`]; if solids may cover cells, without the force, which is always
-    /// there.
+    /// Name of the operator: see [`Collision::ON_GPU`]. If solids may cover cells, the name does not include the
+    /// force, which is always present.
     pub operator: &'static str,
     /// Name of the velocity set: see [`super::lattice::Lattice::NAME`].
     pub set: &'static str,
@@ -132,13 +133,13 @@ impl Kernel {
     }
 }
 
-/// Rectangles on the GPU, one for each block.
+/// List of rectangles on the GPU, one for each block.
 struct List {
     rectangles: CudaSlice<u8>,
     count: u32,
 }
 
-/// A slab on a GPU.
+/// Slab on a GPU.
 pub struct Gpu {
     stream: Arc<CudaStream>,
     name: String,
@@ -146,15 +147,15 @@ pub struct Gpu {
     copy: CudaFunction,
     extremes: CudaFunction,
     moments: CudaFunction,
-    /// The populations on the host, held in place for transfers: goes first.
+    /// Pinned memory of the populations on the host, for transfers; it is dropped first.
     pinned: Option<Pinned>,
     numbers: CudaSlice<u8>,
     /// Cover of the cells, if they can be covered.
     cover: Option<OnGpu>,
     program: Program,
-    /// The copies after the even and the odd pass.
+    /// Copies after the even and the odd pass.
     lists: [Vec<List>; 2],
-    /// Factors of the velocities of the patches: on the GPU, and what they are.
+    /// Velocity factors of the patches: on the GPU, and their current values.
     factors: CudaSlice<f64>,
     held: Vec<f64>,
 }
@@ -167,16 +168,16 @@ impl fmt::Debug for Gpu {
     }
 }
 
-/// Memory of the host that the GPU reads and writes by itself, at several times the speed.
+/// Pinned memory of the host, which the GPU accesses directly at several times the speed.
 struct Pinned(*mut c_void);
 
-// SAFETY: an address, which is used to give the memory free.
+// SAFETY: an address that is only used to release the memory.
 unsafe impl Send for Pinned {}
 // SAFETY: as above.
 unsafe impl Sync for Pinned {}
 
 impl Pinned {
-    /// Holds the memory of some numbers in place; none if the system does not allow it.
+    /// Pins the memory of some numbers; returns `None` if the system does not allow it.
     ///
     /// # Safety
     /// The memory must stay until this is dropped.
@@ -190,17 +191,17 @@ impl Pinned {
 
 impl Drop for Pinned {
     fn drop(&mut self) {
-        // SAFETY: was registered by `new`.
+        // SAFETY: the memory was registered by `new`.
         unsafe { sys::cuMemHostUnregister(self.0) };
     }
 }
 
-/// An argument of a kernel: its bytes are the same on the host and on the GPU.
+/// Argument of a kernel with the same bytes on the host and on the GPU.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 struct Argument<T>(T);
 
-// SAFETY: made here of types with `repr(C)` and of numbers alone.
+// SAFETY: arguments are made here from types with `repr(C)` and from numbers only.
 unsafe impl<T> DeviceRepr for Argument<T> {}
 
 /// Returns the error of the driver as a sentence.
@@ -210,18 +211,18 @@ fn failed(error: DriverError) -> String {
 
 /// Returns the first GPU, if there is a driver and a GPU.
 fn context() -> Result<Arc<CudaContext>, String> {
-    // SAFETY: searches for a library.
+    // SAFETY: the call only searches for a library.
     if !unsafe { sys::is_culib_present() } {
         return Err("there is no CUDA driver (libcuda.so.1) on this machine".into());
     }
     CudaContext::new(0).map_err(failed)
 }
 
-/// Returns the name of the first GPU, and the bytes per second, read and written, of a copy within its memory: what a
-/// pass is measured by. `bytes` are copied at a time.
+/// Returns the name of the first GPU, and the rate in bytes per second, read and written, of a copy within its
+/// memory, with which a pass is compared. `bytes` are copied at a time.
 ///
 /// # Errors
-/// When there is no GPU, or it fails.
+/// If there is no GPU, or it fails.
 pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
     const TURNS: u32 = 10;
     let context = context()?;
@@ -246,14 +247,14 @@ pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
 }
 
 impl Gpu {
-    /// Allocates memory for the numbers of a slab, and for its cover if there is one, and loads the kernels for this
-    /// operator and velocity set. `factors` are the patches with a factor of their own.
+    /// Allocates memory for the numbers of a slab, and for its cover if there is one, and loads the kernels for
+    /// this operator and velocity set. `factors` is the number of patches with a velocity factor.
     ///
     /// # Safety
     /// The cover must be that of each later call, and outlive this.
     ///
     /// # Errors
-    /// When there is no GPU, or its memory is too small.
+    /// If there is no GPU, or its memory is too small.
     pub unsafe fn new<S: Stored>(
         kernel: &Kernel,
         program: Program,
@@ -286,8 +287,8 @@ impl Gpu {
         let copy = function(&format!("copies_{stored}")).map_err(failed)?;
         let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
         let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
-        // SAFETY: all work is on streams that wait for each other by the events below, and is done before any memory
-        // goes.
+        // SAFETY: all work is on streams that wait for each other by the events below, and is complete before any
+        // memory is released.
         unsafe { context.disable_event_tracking() };
         let stream = context.new_stream().map_err(failed)?;
         let cover = cover.map(|cover| {
@@ -309,7 +310,7 @@ impl Gpu {
         let lists: [Result<Vec<List>, DriverError>; 2] = [lists(even), lists(odd)];
         let [even, odd] = lists;
         let held = vec![f64::NAN; factors.max(1)];
-        // SAFETY: written before it is read, by `give`.
+        // SAFETY: the memory is written by `give` before it is read.
         let room = unsafe { stream.alloc::<u8>(bytes) }.map_err(failed)?;
         log::info!("the fluid runs on the GPU {name}: {kernel:?}, {bytes} bytes");
         Ok(Self {
@@ -335,7 +336,7 @@ impl Gpu {
     /// These must be the same numbers in each call, and outlive the GPU.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub unsafe fn give<S: Stored>(&mut self, numbers: &[S]) -> Result<(), String> {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
         if self.pinned.is_none() {
@@ -349,7 +350,7 @@ impl Gpu {
         self.record(|there| &there.ready)
     }
 
-    /// Records for the stream of the bodies that the fluid has reached an event.
+    /// Records on the stream of the bodies that the fluid has reached an event.
     fn record(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
         match &self.cover {
             Some(there) => so_far(there).record(&self.stream).map_err(failed),
@@ -365,10 +366,10 @@ impl Gpu {
         }
     }
 
-    /// Brings the numbers of the slab back.
+    /// Copies the numbers of the slab back to the host.
     ///
     /// # Errors
-    /// When the GPU fails, also in a step before.
+    /// If the GPU fails, also in a step before.
     pub fn take<S: Stored>(&self, numbers: &mut [S]) -> Result<(), String> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(numbers);
         self.stream
@@ -377,11 +378,11 @@ impl Gpu {
             .map_err(failed)
     }
 
-    /// Returns the extreme values of the rows, of populations of a parity, in the order of the rows: the largest
-    /// squared speed, the largest size of the density deviation, and whether every number is finite. `half` is F/2.
+    /// Returns the extreme values of the rows of populations of a parity, in the order of the rows: the largest
+    /// squared speed, the largest absolute density deviation, and `true` if every number is finite. `half` is F/2.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn extremes(
         &self,
         parity: Parity,
@@ -413,10 +414,10 @@ impl Gpu {
             .collect())
     }
 
-    /// Computes the density deviation and momenta of the cells of a row, of populations of a parity.
+    /// Computes the density deviation and momentum of the cells of a row, for populations of a parity.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn row_moments(
         &self,
         parity: Parity,
@@ -447,19 +448,19 @@ impl Gpu {
         Ok(())
     }
 
-    /// Waits until the GPU is done.
+    /// Waits until all work of the GPU is complete.
     ///
     /// # Errors
-    /// When it failed.
+    /// If it failed.
     pub fn wait(&self) -> Result<(), String> {
         self.stream.synchronize().map_err(failed)
     }
 
-    /// Starts the pass over all cells that follows populations of a parity; `viscosity` is that of the fluid, in
-    /// lattice units.
+    /// Starts the pass over all cells after populations of a parity; `viscosity` is that of the fluid in lattice
+    /// units.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn pass<C: Collision>(
         &mut self,
         before: Parity,
@@ -478,15 +479,15 @@ impl Gpu {
             // allocated.
             return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
         };
-        // The covered cells first.
+        // The covered cells come first.
         let beside = &cover.stream;
         beside.wait(&cover.ready).map_err(failed)?;
         let view = Argument(cover.view);
         let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
         let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
         let bodies = cover.bodies;
-        // As many threads as there are cells: the GPU alone knows how many are covered, and the others have nothing to
-        // do.
+        // There are as many threads as cells, because only the GPU knows the number of covered cells; the other
+        // threads do nothing.
         let of_all = launch_of(cover.covered.cells.div_ceil(BLOCK));
         let mut launch = beside.launch_builder(&cover.kernels.mixed);
         launch
@@ -525,10 +526,10 @@ impl Gpu {
         cover.done(&self.stream).map_err(failed)
     }
 
-    /// Sends to the GPU the cover of the cells, before a pass or a check of them.
+    /// Sends the cover of the cells to the GPU, before a pass or a check of the cells.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn give_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => {
@@ -542,7 +543,7 @@ impl Gpu {
     /// Clears the forces on the bodies of the cover, before a pass.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => {
@@ -553,10 +554,10 @@ impl Gpu {
         }
     }
 
-    /// Reads the fractions of the cells of a row of the cover that was given last, from a position on.
+    /// Reads the fractions of the cells of a row in the last cover, from a position on.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), String> {
         match &self.cover {
             Some(there) => there.fractions(first, fractions).map_err(failed),
@@ -564,10 +565,10 @@ impl Gpu {
         }
     }
 
-    /// Waits for the forces of a pass, though not for the open cells, and adds them to the sums of the cover.
+    /// Waits for the forces of a pass, but not for the open cells, and adds them to the sums of the cover.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => there.take_loads(cover).map_err(failed),
@@ -575,11 +576,11 @@ impl Gpu {
         }
     }
 
-    /// Starts the copies after the pass that follows populations of a parity; `factor` is that of the velocity of a
+    /// Starts the copies after the pass that follows populations of a parity; `factor` is the velocity factor of a
     /// patch.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn copy(&mut self, before: Parity, factor: impl Fn(usize) -> f64) -> Result<(), String> {
         let mut same = true;
         for (patch, held) in self.held.iter_mut().enumerate() {
@@ -604,7 +605,7 @@ impl Gpu {
                 .arg(&mut self.numbers)
                 .arg(&list.rectangles)
                 .arg(&self.factors);
-            // SAFETY: as above; the rectangles lie within the slab.
+            // SAFETY: as above; the rectangles are within the slab.
             unsafe { launch.launch(shape) }.map_err(failed)?;
         }
         self.record(|there| &there.ready)
@@ -612,7 +613,7 @@ impl Gpu {
 }
 
 impl Drop for Gpu {
-    /// Waits for the end of all work before memory is freed.
+    /// Waits for the end of all work before memory is released.
     fn drop(&mut self) {
         let streams = [
             Some(&self.stream),
@@ -626,7 +627,7 @@ impl Drop for Gpu {
     }
 }
 
-/// Returns the shape of a launch of this many blocks.
+/// Returns the shape of a launch with this number of blocks.
 fn launch_of(count: u32) -> LaunchConfig {
     LaunchConfig {
         grid_dim: (count, 1, 1),
@@ -648,13 +649,13 @@ impl Program {
     }
 }
 
-/// Rectangles as the bytes that the GPU reads.
+/// Returns rectangles as the bytes that the GPU reads.
 fn as_bytes(copies: &[Copies]) -> &[u8] {
-    // SAFETY: numbers with `repr(C)` and no gaps between them.
+    // SAFETY: the types consist of numbers with `repr(C)` without padding.
     unsafe { std::slice::from_raw_parts(copies.as_ptr().cast(), size_of_val(copies)) }
 }
 
-/// Converts bytes to 10⁹ bytes.
+/// Converts bytes to gigabytes (10⁹ bytes).
 fn giga(bytes: usize) -> f64 {
     base::number::real(bytes) * 1e-9
 }

@@ -1,7 +1,7 @@
 //! Exchange of the populations that leave a slab, and their copies across periodic axes within it.
 //!
-//! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. In memory: after an
-//! even pass a ghost plane receives the slots that point away from the slab; after an odd pass it returns them.
+//! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. After an even pass
+//! a ghost plane receives the slots that point away from the slab; after an odd pass it returns them.
 
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
@@ -10,22 +10,22 @@ use decomposition::{Domain, HaloBytes, HaloExchange};
 /// Message tag of the populations.
 const TAG: u8 = 1;
 
-/// The exchange of one slab along the split axis.
+/// Exchange of one slab along the split axis.
 pub struct Halo {
     exchange: HaloExchange,
     /// Directions that point to lower planes, and to higher ones.
     down: Vec<usize>,
     up: Vec<usize>,
-    /// Positions in a plane, ghosts included, relative to its cell (0, 0).
+    /// Positions in a plane, including ghosts, relative to its cell (0, 0).
     plane: Vec<isize>,
     planes: isize,
 }
 
 impl Halo {
-    /// Sets up the exchange for the slab of `populations` in `domain`; all ranks call it together.
+    /// Sets up the exchange for the slab of `populations` in `domain`. Collective.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Result<Self, String> {
         let [slow, middle, fast] = populations.order();
         let velocities = populations.velocities();
@@ -70,14 +70,15 @@ impl Halo {
         })
     }
 
-    /// Packs what leaves and starts sending; call when the first and the last plane have been updated.
+    /// Packs the leaving populations and starts sending, after the first and the last plane have been updated.
     pub fn start<S: Stored>(&mut self, populations: &Populations<S>) {
         let exchange = &mut self.exchange;
         let (to_lower, to_upper) = match populations.parity() {
             Parity::Reversed => (0, self.planes - 1),
             Parity::Home => (-1, self.planes),
         };
-        // After an even pass the neighbour's ghosts want the slots that point away from it, hence towards us.
+        // After an even pass the neighbour's ghosts need the slots that point away from it, that is, towards this
+        // rank.
         let (lower_slots, upper_slots) = match populations.parity() {
             Parity::Reversed => (&self.up, &self.down),
             Parity::Home => (&self.down, &self.up),
@@ -92,7 +93,7 @@ impl Halo {
         exchange.start();
     }
 
-    /// Waits for the neighbours and unpacks.
+    /// Waits for the messages of the neighbours and unpacks them.
     pub fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let exchange = &mut self.exchange;
         exchange.finish();
@@ -154,11 +155,11 @@ fn plane_origin<S: Stored>(populations: &Populations<S>, plane: isize) -> usize 
     populations.cell(at)
 }
 
-/// Copies round the middle axis for some planes of the slab, where it is periodic; the pass takes what leaves along
-/// rows to their other ends.
+/// Copies populations across the middle axis for some planes of the slab, if it is periodic; the pass copies
+/// populations along the rows.
 ///
-/// After an even pass ghosts are filled, after an odd pass they are delivered, rows as a whole: with their ghosts, so
-/// that corners follow.
+/// After an even pass ghosts are filled, after an odd pass they are delivered. Whole rows are copied with their
+/// ghosts, so that corners are correct.
 pub fn wrap<S: Stored>(populations: &mut Populations<S>, planes: std::ops::Range<isize>) {
     let [slow, middle, fast] = populations.order();
     let rows = populations.cells()[middle].cast_signed();

@@ -9,7 +9,7 @@ use super::populations::Populations;
 
 use base::thread_pool;
 
-/// The most populations of a cell.
+/// Maximum number of populations of a cell.
 const MOST: usize = 27;
 
 /// Density deviation and velocity (lattice units) at a position in cells of the whole domain.
@@ -33,13 +33,13 @@ pub fn equilibrium(w: f64, c: [i8; 3], drho: f64, u: [f64; 3]) -> f64 {
     w * (drho + rho * (3.0 * cu + 4.5 * cu * cu - 1.5 * uu))
 }
 
-/// The populations of a slab while threads fill their planes.
+/// Pointer to the populations of a slab while threads fill their planes.
 struct Numbers<S>(*mut S);
 // SAFETY: each thread writes to the cells of its own planes, whose positions differ from all others.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
-/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2 so that u includes it. Each
-/// thread fills the planes of which it makes the passes, so that their memory lies near it.
+/// Fills every interior cell; `start` is the first cell of the slab, `half_force` is F/2, so that u includes it.
+/// Each thread fills the planes of its passes, so that their memory is close to it.
 pub fn fill<S: Stored>(
     populations: &mut Populations<S>,
     start: [usize; 3],
@@ -76,14 +76,15 @@ pub fn fill<S: Stored>(
                     )]
                     let position = std::array::from_fn(|a| (local[a] + start[a]) as f64 + 0.5);
                     let given = state.given(field, position);
-                    // Most cells start like the one before.
+                    // Most cells have the same state as the previous one.
                     let of_cell = match &last {
                         Some((before, of_cell)) if same(before, &given) => of_cell,
                         _ => &last.insert((given, state.populations(&given))).1,
                     };
                     for (i, number) in of_cell.iter().enumerate().take(state.velocities.q()) {
                         let slot = populations.slot(cell, i);
-                        // SAFETY: the position of a cell of the slab, which is within the memory, and of this thread.
+                        // SAFETY: the position of a cell of the slab, which is within the memory and belongs to
+                        // this thread.
                         unsafe { *numbers.0.add(slot) = S::from_f64(*number) };
                     }
                 }
@@ -103,7 +104,7 @@ fn same(a: &Given, b: &Given) -> bool {
         && a.2.iter().zip(&b.2).all(|(a, b)| same(a, b))
 }
 
-/// Data that the initial populations of all cells follow from, in addition to the field.
+/// Data for the initial populations of all cells in addition to the field.
 struct State<'a> {
     velocities: &'a Velocities,
     relaxation_time: f64,
@@ -146,8 +147,8 @@ impl State<'_> {
                 }
             }
             let departure = -3.0 * w * (1.0 + drho) * self.relaxation_time * strain;
-            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002): water at rest then
-            // stays at rest.
+            // Half of the term that the collision adds for the force (Guo, Zheng and Shi 2002), so that water at
+            // rest remains at rest.
             let along = |v: [f64; 3]| (0..3).map(|a| f64::from(c[a]) * v[a]).sum::<f64>();
             let cf = along(half_force);
             let half_source = w * (3.0 * (cf - uf) + 9.0 * along(u) * cf);

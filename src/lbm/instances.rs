@@ -1,14 +1,14 @@
-//! The generic code that this package compiles, so that no package above compiles it again.
+//! Generic code compiled by this package, so that no dependent package compiles it again.
 //!
-//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled in a
-//! package below is taken from there. The functions of these lists are such functions (`#[inline(never)]`), and they
-//! are the doors to the kernels of fluids: what they call is compiled here with them.
+//! A generic function is compiled in each package that uses it. A function that is never inlined and was compiled
+//! in a dependency is reused. The functions of these lists are such functions (`#[inline(never)]`) and entry points
+//! to the kernels of fluids, so that the functions that they call are compiled here as well.
 
 use crate::fluid::Fluid;
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// The address of a function: it has to be compiled.
+/// Address of a function, which forces its compilation.
 type Address = *const ();
 
 /// Lists a lattice of a storage.
@@ -23,7 +23,7 @@ fn lattice<S: Stored>() -> Vec<Address> {
     ]
 }
 
-/// Lists all of them, for both storages.
+/// Returns the addresses for both storages.
 #[must_use]
 pub fn all() -> Vec<Address> {
     [lattice::<f64>(), lattice::<f32>()].concat()

@@ -1,8 +1,8 @@
 //! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
 //!
 //! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written
-//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells lie in
-//! ghosts and padding, whose contents the boundaries renew after every pass.
+//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells
+//! are ghosts and padding, whose contents the boundaries reset after every pass.
 
 use super::block::RowBlock;
 use super::collision::{Collision, Site};
@@ -18,19 +18,19 @@ use base::number::to_u32;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// Bytes of a cache line.
+/// Size of a cache line in bytes.
 const LINE: usize = 64;
 
-/// Returns the bytes from the cells at work to those that are prefetched. The work on a vector of cells of 19 or 27
-/// populations is longer than the prefetch distance of the processor. Nine populations it prefetches by itself, but not
-/// beyond the end of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is 15 % faster where memory is slow, and
-/// one in the cache as fast as without.
+/// Returns the prefetch distance in bytes. The work on a vector of cells with 19 or 27 populations is longer than
+/// the prefetch distance of the processor. Nine populations are prefetched by the hardware, but not beyond the end
+/// of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is 15 % faster on slow memory, and one in the cache
+/// as fast as without.
 const fn bytes_ahead<const Q: usize>() -> usize {
     if Q > 9 { 4 * LINE } else { 8 * LINE }
 }
 
-/// Returns `true` if each vector of a population is whole cache lines, so that the next ones are prefetched as it is
-/// read: the address is available then. Otherwise they are prefetched once a line.
+/// Returns `true` if each vector of a population consists of whole cache lines, so that the next ones are
+/// prefetched as it is read, when the address is available. Otherwise they are prefetched once per line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
 }
@@ -42,14 +42,14 @@ pub struct Update<C, T> {
     pub collision: C,
     /// Eddy viscosity.
     pub eddies: T,
-    /// Viscosity of the fluid itself, lattice units.
+    /// Viscosity of the fluid without eddy viscosity, in lattice units.
     pub viscosity: f64,
     /// Number of the worker, from 0.
     pub worker: usize,
 }
 
-/// One pass over some cells of a slab, chosen once at start for lattice, operator, eddies, solids, storage and
-/// processor.
+/// Pass over some cells of a slab, selected once at the start for lattice, operator, eddy viscosity, solids,
+/// storage and processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &RowBlock);
 
 /// Data that the threads of one pass share.
@@ -63,7 +63,7 @@ pub struct Shared<S> {
     cells: usize,
     velocity: View,
     cover: CoverView,
-    /// Every row as a whole, the part of a row that the pass collides without a free surface.
+    /// Range of a whole row, collided by the pass without a free surface.
     whole: [u32; 2],
     /// Wet parts of the rows of each plane; null without a free surface.
     wet: *const WetPlane,
@@ -73,7 +73,8 @@ pub struct Shared<S> {
 }
 
 // SAFETY: in one pass each number is read and written by exactly one cell (see `populations`), and each row of
-// cells is given to one thread, so no two threads touch the same number; sums over bodies are one for each worker.
+// cells belongs to one thread, so that no two threads access the same number; sums over bodies are separate for
+// each worker.
 unsafe impl<S> Sync for Shared<S> {}
 
 impl<S> Shared<S> {
@@ -92,12 +93,12 @@ impl<S> Shared<S> {
         self.rows
     }
 
-    /// Returns the cells of a row.
+    /// Returns the number of cells of a row.
     pub(crate) fn cells(&self) -> usize {
         self.cells
     }
 
-    /// Leaves out the cells that hold no water. The lists of the planes must stay as they are during the pass.
+    /// Excludes the cells without water. The lists of the planes must not change during the pass.
     pub(crate) fn only_wet(mut self, planes: &[WetPlane]) -> Self {
         self.wet = planes.as_ptr();
         self
@@ -112,12 +113,12 @@ impl<S> Shared<S> {
         if self.wet.is_null() {
             std::slice::from_ref(&self.whole)
         } else {
-            // SAFETY: there are lists for each plane, for as long as the pass takes.
+            // SAFETY: there are lists for each plane, which are valid during the pass.
             unsafe { (*self.wet.add(plane)).spans(row) }
         }
     }
 
-    /// Returns some whole planes.
+    /// Returns the block of some whole planes.
     pub(crate) fn planes(&self, planes: Range<usize>) -> RowBlock {
         RowBlock {
             planes,
@@ -127,9 +128,9 @@ impl<S> Shared<S> {
 
     /// Applies periodicity at the ends of the row that starts `start` numbers after the first one.
     ///
-    /// The number that the first cell left for the cell before it belongs to the cell behind the last one as well, and
-    /// the reverse; after an even pass these are what the ghosts of the row have to hold, after an odd pass they are
-    /// delivered. Both are the same copies.
+    /// The population that the first cell left for the cell before it also belongs to the cell after the last one,
+    /// and the reverse. After an even pass these are the contents of the ghosts of the row, after an odd pass they
+    /// are delivered. Both are the same copies.
     ///
     /// # Safety
     /// The cells of the row must be done, and no other thread may access them.
@@ -139,19 +140,19 @@ impl<S> Shared<S> {
         let [forth, back] = &self.around;
         for &first in forth {
             let at = row.wrapping_add(first);
-            // SAFETY: the numbers of the first cell and of the one behind the last, which no other cell has.
+            // SAFETY: the numbers belong to the first cell and to the one after the last, and to no other cell.
             unsafe { at.add(self.cells).write(at.read()) };
         }
         for &first in back {
             let at = row.wrapping_add(first);
-            // SAFETY: the numbers of the last cell and of the one before the first.
+            // SAFETY: the numbers belong to the last cell and to the one before the first.
             unsafe { at.sub(1).write(at.add(self.cells - 1).read()) };
         }
     }
 }
 
 impl<S: Stored> Shared<S> {
-    /// Describes the coming pass over `populations`; `round` where the axis of the rows is periodic.
+    /// Describes the next pass over `populations`; `round` is `true` if the axis of the rows is periodic.
     pub(crate) fn new<const Q: usize>(
         populations: &mut Populations<S>,
         velocity: View,
@@ -235,19 +236,19 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
 }
 
-/// Positions of the numbers of the cells at work: an address for each (c_y, c_z) of [`ACROSS`], and the distances from
-/// there to where c_x is 1 and -1 (see [`super::populations`]).
+/// Positions of the numbers of the current cells: an address for each (c_y, c_z) of [`ACROSS`], and the distances
+/// from there to the populations with c_x = 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
     at: &'a [*mut S; 9],
     along: [isize; 2],
     lattice: PhantomData<L>,
 }
 
-/// The velocities of a set by their places in memory.
+/// Velocities of a set by their positions in memory.
 struct Places<L, const Q: usize>(PhantomData<L>);
 
 impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
-    /// The place of (c_y, c_z) of each population in [`ACROSS`].
+    /// Index of (c_y, c_z) of each population in [`ACROSS`].
     const ACROSS: [usize; Q] = {
         let mut places = [0; Q];
         let mut i = 0;
@@ -262,7 +263,7 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
         }
         places
     };
-    /// The population with c_x = 0 for each of [`ACROSS`]; that at rest, where the set has none.
+    /// Population with c_x = 0 for each of [`ACROSS`]; the population at rest if the set has none.
     const FIRST: [usize; 9] = {
         let mut first = [0; 9];
         let mut i = 0;
@@ -274,7 +275,7 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
         }
         first
     };
-    /// The populations along x and against it.
+    /// Populations along x and against it.
     const ALONG: [usize; 2] = {
         let mut along = [0; 2];
         let mut i = 0;
@@ -313,7 +314,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         }
     }
 
-    /// Returns the population that [`Site::leave`] left along i.
+    /// Returns the population that [`Site::leave`] wrote along i.
     #[inline(always)]
     fn outgoing<N: super::lanes::Lanes>(&self, i: usize) -> N
     where
@@ -323,7 +324,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         unsafe { <S as Memory<N>>::load(self.address(L::OPPOSITE[i])) }
     }
 
-    /// Asks for the numbers that are needed some vectors later.
+    /// Prefetches the numbers that are needed some vectors later.
     #[inline(always)]
     fn prefetch(&self, i: usize) {
         prefetch(
@@ -351,8 +352,8 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
     }
 }
 
-/// Hides from the compiler that the distances are the same in every turn of the loop: it would make 27 addresses of
-/// nine before the loop, and fetch most of them from the stack in every turn.
+/// Hides from the compiler that the distances are constant in the loop: it would otherwise compute 27 addresses
+/// from nine before the loop, and load most of them from the stack in every iteration.
 #[inline(always)]
 fn opaque(along: &mut [isize; 2]) {
     #[cfg(target_arch = "x86_64")]
@@ -390,7 +391,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     f64: Memory<N>,
     N: Covers,
 {
-    // A copy on the stack that nothing else can change keeps the operator's rates in registers.
+    // A copy on the stack, which no other code can change, keeps the operator's rates in registers.
     let Update {
         collision,
         eddies,
@@ -407,18 +408,19 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
         ahead.wrapping_sub(shared.first[0]).cast_signed(),
         behind.wrapping_sub(shared.first[0]).cast_signed(),
     ];
-    // Of covered cells: what came in, what the collision of the fluid left, and what leaves. Made once, since clearing
-    // them takes time.
+    // Buffers for covered cells: incoming populations, populations after the fluid collision, and outgoing
+    // populations. They are created once, because clearing them takes time.
     let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
     for plane in block.planes.clone() {
         for row in block.rows.clone() {
             let start = plane * shared.plane + row * shared.row;
-            // Population 0 is at its cell, so that its position is that of the cell in other arrays too.
+            // Population 0 is stored at its cell, so that its position is that of the cell in other arrays too.
             let cell = shared.first[0] + start;
             // SAFETY: promised by the caller.
             for &[begin, end] in unsafe { shared.spans(plane, row) } {
                 let (mut k, end) = (begin as usize, end as usize);
-                // The addresses move with the cells, so that each number is an address and at most one distance away.
+                // The addresses advance with the cells, so that each number is at an address plus at most one
+                // distance.
                 let mut at = [std::ptr::null_mut::<S>(); 9];
                 unroll!(nine n < 9 => {
                     let first = shared.first[Places::<L, Q>::FIRST[n]];
@@ -453,7 +455,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     };
                     // SAFETY: an interior cell.
                     let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
-                    // Eddies ask for the velocity of the fluid there, too.
+                    // The eddy viscosity needs the velocity of the fluid there, too.
                     let mut deep = false;
                     if covered {
                         unroll!(populations i < Q => {
@@ -493,7 +495,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                             });
                         }
                     } else {
-                        // Rounded once, after both.
+                        // The result is rounded once, after both operations.
                         fluid = before;
                         u = collision.collide::<L, N, _, Q>(&mut fluid, &rates);
                         // SAFETY: as above.
@@ -512,7 +514,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                         });
                     }
                     if T::ACTIVE && eddies.present() {
-                        // SAFETY: this cell is ours, and ghosts are renewed after the pass.
+                        // SAFETY: this cell belongs to this thread, and ghosts are reset after the pass.
                         unsafe { velocity.leave(cell + k, u) };
                     }
                     k += N::WIDTH;

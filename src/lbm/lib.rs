@@ -9,23 +9,23 @@
 //! |---|---|
 //! | `fluid` | one slab of fluid: the step, its state, wall surfaces for the eddy-viscosity model |
 //! | `kernel` | the fused pass over the rows of a slab |
-//! | `gpu` | the pass and the walls on a GPU, by the same operators |
-//! | `populations`, `pages` | the array of a slab and the addresses in it; its memory |
+//! | `gpu` | the pass and the walls on a GPU, with the same operators |
+//! | `populations`, `pages` | the populations of a slab and their addresses; their memory |
 //! | `halo` | populations that leave a slab |
 //! | `initial` | populations from density and velocity at the start |
 //! | `lattice` | velocity sets |
 //! | `lanes` | numbers and vectors of numbers in the pass |
 //! | `collision` | collision operators, one file each |
-//! | `turbulence` | eddy viscosities, one file each, and the velocities that they read |
+//! | `turbulence` | eddy viscosities, one file each, and the velocities from which they are computed |
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
 //! | `surface` | free surface of water: kinds of cells, exchange of mass, conversions |
 //! | `synthetic` | synthetic turbulence of inlets and initial flows |
 //! | `links` | bounce-back on links that cross the surface of a body or of a structure |
 //! | `rigid` | the motion of a body |
 //! | `saturation` | partially saturated cells, solid collision operators |
-//! | `term` | everything that acts on the populations in a step; porous zones |
+//! | `term` | all terms that act on the populations in a step; porous zones |
 //! | `extremes` | largest speed and compression of each row |
-//! | `quanta` | sums that do not depend on the order |
+//! | `quanta` | sums that are independent of the order |
 
 #![cfg_attr(
     test,

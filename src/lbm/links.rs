@@ -1,20 +1,20 @@
 //! Moving bounce-back on the links that cross the surface of a body, with the load on the body (A. J. C. Ladd, J. Fluid
 //! Mech. 271 (1994) 285).
 //!
-//! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the shell is
-//! kept (Ladd 1994), so that both ends bounce back:
+//! A link leaves a cell x outside the body along i and ends in a cell y = x + c_i inside. The fluid inside the
+//! shell is retained (Ladd 1994), so that both ends bounce back:
 //!
 //! f_ī(x, t+1) = f*_i(x) - T,  f_i(y, t+1) = f*_ī(y) + T,  T = 6 w_i c_i·u_w (ρ = 1).
 //!
-//! This only exchanges the two numbers of the link and conserves the mass of the whole lattice to round-off. u_w is the
-//! velocity of the body's surface at the middle of the link. The body receives 2 f*_i - T along c_i.
+//! This only exchanges the two numbers of the link and conserves the mass of the whole lattice up to rounding. u_w
+//! is the velocity of the body's surface at the midpoint of the link. The body receives 2 f*_i - T along c_i.
 //!
 //! The interpolated scheme computes the outer half by the central linear interpolation of Ginzburg, Verhaeghe and
 //! d'Humières 2008 ("CLI"). It is of second order for a surface at any fraction q of the link, measured from x:
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - 3 α w_i c_i·u_w,  κ = (1-2q)/(1+2q),  α = 4/(1+2q),
 //!
-//! wherever the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for
+//! if the cell behind x is fluid; otherwise the link is half-way. q is exact: the first root of a quadratic for
 //! discs and spheres, the last face that the link enters for convex polyhedra.
 //!
 //! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not
@@ -30,34 +30,34 @@ use super::quanta::quanta;
 pub(crate) use super::rigid::surface_velocity;
 use base::thread_pool;
 
-/// The two numbers of a link and where it crosses the surface.
+/// Positions of the two numbers of a link, and the point at which it crosses the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyLink {
     /// Positions of the two populations.
     pub link: Link,
-    /// Middle of the link in half cells, in the frame of the body's raw position.
+    /// Midpoint of the link in half cells, in the frame of the body's raw position.
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// `true` if the outer cell is fluid of this slab: the link counts in the load.
+    /// `true` if the outer cell is fluid of this slab, so that the link counts in the load.
     pub loads: bool,
-    /// `true` if the wall's velocity enters (not in narrow gaps).
+    /// `true` if the wall velocity is used (not in narrow gaps).
     pub moves: bool,
     /// `true` if the cell behind the outer one is fluid.
     pub backed: bool,
 }
 
-/// The half-space `normal . x <= offset` of a convex polyhedron, in cells.
+/// Half-space `normal . x <= offset` of a convex polyhedron, in cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellPlane {
     /// Unit normal, outwards.
     pub normal: [f64; 3],
-    /// Distance from the origin along it.
+    /// Distance from the origin along the normal.
     pub offset: f64,
 }
 
 impl CellPlane {
-    /// Returns the height of a point over it \[cells\].
+    /// Returns the height of a point above the plane \[cells\].
     #[inline(always)]
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {
@@ -68,16 +68,17 @@ impl CellPlane {
 /// Force, and twice the moment about the origin of the cells, in quanta.
 pub type Load = [i128; 6];
 
-/// Method by which the surface is placed on a link.
+/// Position of the surface on a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
-    /// At the middle of the link.
+    /// Midpoint of the link.
     HalfWay,
-    /// At the exact position of the surface.
+    /// Exact position of the surface.
     Interpolated,
 }
 
-/// Adds `g` quanta along direction `c` at a point given in half cells: one product of 64 by 64 bits for each moment.
+/// Adds `g` quanta along direction `c` at a point given in half cells, with one product of 64 by 64 bits for each
+/// moment.
 #[inline(always)]
 fn add_along<const D: usize>(load: &mut Load, g: i64, c: [i64; 3], at: [i32; 3]) {
     let lever = |a: usize, b: usize| {
@@ -94,7 +95,8 @@ fn add_along<const D: usize>(load: &mut Load, g: i64, c: [i64; 3], at: [i32; 3])
     }
 }
 
-/// Adds a force in quanta at a point given in half cells: multiplications of 64 by 64 bits, as |f| stays below 2^63.
+/// Adds a force in quanta at a point given in half cells. Products of 64 by 64 bits are sufficient, because |f| is
+/// below 2^63.
 #[inline(always)]
 pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
     for a in 0..D {
@@ -103,7 +105,7 @@ pub fn add_force<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
     add_moment::<D>(load, f, at);
 }
 
-/// Adds the moment of a force `f` at `at` alone; units as in [`add_force`].
+/// Adds only the moment of a force `f` at `at`; units as in [`add_force`].
 #[inline(always)]
 pub fn add_moment<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
     let moment = |a: usize, b: usize| {
@@ -118,18 +120,18 @@ pub fn add_moment<const D: usize>(load: &mut Load, f: [i64; 3], at: [i32; 3]) {
 
 /// Pointer to the populations, shared by the threads of one call.
 struct Numbers<S>(*mut S);
-// SAFETY: each link owns its two numbers, and every link stands in one list only, so threads that work on different
-// lists never touch the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
+// SAFETY: each link owns its two numbers, and every link is in one list only, so that threads on different lists
+// never access the same number; the interpolated scheme also reads numbers that no link writes (see `bounce`).
 unsafe impl<S> Sync for Numbers<S> {}
 
-/// Bodies from which a thread pays. Whoever makes their links by threads cuts them as often, so that a thread finds the
-/// links that it made.
+/// Minimum number of bodies per thread. Code that creates links in parallel should divide bodies in the same way,
+/// so that a thread processes the links that it made.
 pub const BODIES_PER_THREAD: usize = 16;
 
-/// Links that are fetched ahead: their numbers lie scattered, two cache lines each.
+/// Prefetch distance in links: their numbers are scattered, in two cache lines each.
 const AHEAD: usize = 16;
 
-/// Asks for a number that is needed soon.
+/// Prefetches a number that is needed soon.
 #[inline(always)]
 fn prefetch<S>(numbers: *const S, at: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -142,8 +144,8 @@ fn prefetch<S>(numbers: *const S, at: usize) {
     let _ = (numbers, at);
 }
 
-/// Bounces the populations on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]`
-/// belong to body k, and so do its `faces`: those of a polyhedron, none of a disc or sphere.
+/// Applies bounce-back on every link of every body and computes the loads. `links[k]`, `motion[k]`, `loads[k]` and
+/// `faces` of index k belong to body k; a polyhedron has faces, a disc or sphere none.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.
@@ -161,7 +163,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     let numbers = &numbers;
     thread_pool::each_item_in_runs(loads, BODIES_PER_THREAD, |k, load| {
         let (links, motion, faces) = (&links[k], &motion[k], faces(k));
-        // Kept in registers while the links pass.
+        // The sum is kept in registers during the loop.
         let mut sum = [0; 6];
         let all = Along {
             numbers: numbers.0,
@@ -187,7 +189,7 @@ pub fn bounce<'a, S: Stored, const D: usize>(
     });
 }
 
-/// Data that the links of a body share.
+/// Data common to the links of a body.
 struct Along<'a, S> {
     numbers: *mut S,
     parity: Parity,
@@ -195,7 +197,7 @@ struct Along<'a, S> {
     motion: &'a Rigid,
 }
 
-/// Calls `each` with every link, its numbers fetched ahead.
+/// Calls `each` with every link, after prefetching its numbers.
 #[inline(always)]
 fn walk<S>(links: &[BodyLink], all: &Along<S>, mut each: impl FnMut(&BodyLink)) {
     for (n, link) in links.iter().enumerate() {
@@ -217,8 +219,8 @@ fn into_ball<const D: usize>(d: [f64; 3], c: [f64; 3], radius: f64) -> f64 {
     (-dc - root) / cc
 }
 
-/// Returns the point of entry, like [`into_ball`], for a convex polyhedron about `centre`: it is entered through the
-/// last of the faces that have the link's start in front of them.
+/// Returns the point of entry, like [`into_ball`], for a convex polyhedron about `centre`: a link enters through
+/// the last of the faces that have its start in front of them.
 #[inline(always)]
 fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[CellPlane]) -> f64 {
     let start = std::array::from_fn(|a| centre[a] + d[a]);
@@ -226,7 +228,8 @@ fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[CellPlane]) -
     for face in faces {
         let height = face.height(start);
         if height > 0.0 {
-            // A face that the link leaves in front of it is one that the body has turned away since the link was found.
+            // A face with both ends of the link in front of it has been turned away by the rotation of the body
+            // since the link was found.
             let descent = -dot::<3>(face.normal, c);
             q = q.max(if descent > height {
                 height / descent
@@ -242,15 +245,15 @@ fn into_block(d: [f64; 3], c: [f64; 3], centre: [f64; 3], faces: &[CellPlane]) -
 #[derive(Clone, Copy, Default)]
 struct Direction {
     c: [f64; 3],
-    /// 6 w_i.
+    /// Factor 6 w_i.
     six_weights: f64,
     ci: [i64; 3],
-    /// Distance from slot ī of x to slot i of x, and to slot ī of x - c_i.
+    /// Distance in memory from slot ī of x to slot i of x, and to slot ī of x - c_i.
     swap: isize,
     behind: isize,
 }
 
-/// All directions, as many as a byte can name: no lookup is out of bounds.
+/// Data of all directions, with as many entries as a byte has values, so that no access is out of bounds.
 struct Table([Direction; 32]);
 
 impl Table {
@@ -333,8 +336,8 @@ unsafe fn interpolated<S: Stored, const D: usize>(
     cut: impl Fn([f64; 3], [f64; 3]) -> f64,
 ) {
     if !(link.loads && link.backed) {
-        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell stay half-way. A link whose
-        // outer cell belongs to the neighbouring slab is interpolated there. SAFETY: promised by the caller.
+        // Links between bodies, into ghosts of the lattice, or out of gaps of one cell remain half-way. A link with
+        // its outer cell in the neighbouring slab is interpolated there. SAFETY: promised by the caller.
         unsafe { half_way::<S, D>(all, link, load) };
         return;
     }
@@ -393,7 +396,7 @@ mod tests {
     use super::*;
     use base::random::Stream;
 
-    /// Returns a turned cuboid about a centre that no cell favours.
+    /// Returns a rotated cuboid about a centre without symmetry relative to the cells.
     fn cuboid(centre: [f64; 3]) -> Vec<CellPlane> {
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.3, 0.5, 0.7));
         let edges = [5.0, 6.0, 7.0];
@@ -451,7 +454,7 @@ mod tests {
             offset: 4.0,
         }];
         let q = |z: f64, c: f64| into_block([0.0, 0.0, z], [0.0, 0.0, c], [0.0; 3], &faces);
-        // Beyond the end of the link, away from it, and already inside.
+        // The surface is beyond the end of the link; the link points away from it; the start is already inside.
         assert!((q(5.5, -1.0) - 1.0).abs() < 1e-15);
         assert!((q(4.5, 1.0) - 1.0).abs() < 1e-15);
         assert!(q(3.9, -1.0).abs() < 1e-15);

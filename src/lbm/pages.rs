@@ -9,7 +9,7 @@ use base::allocator;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 
-/// Zeroed memory straight from the operating system.
+/// Zeroed memory obtained directly from the operating system.
 pub(super) struct Pages<S> {
     start: *mut S,
     len: usize,
@@ -66,7 +66,7 @@ impl<S: Stored> DerefMut for Pages<S> {
 
 impl<S> Drop for Pages<S> {
     fn drop(&mut self) {
-        // SAFETY: the memory taken in `new`, given back once.
+        // SAFETY: the memory was allocated in `new` and is released once.
         unsafe {
             allocator::unmap(self.start.cast(), self.len * size_of::<S>());
         }

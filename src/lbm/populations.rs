@@ -1,4 +1,4 @@
-//! The lattice array: populations of one slab, streamed in place.
+//! Populations of one slab in memory, streamed in place.
 //!
 //! # Position of a population
 //!
@@ -10,9 +10,9 @@
 //! | odd pass | slot i of x + c_i | slot j of x |
 //!
 //! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either
-//! pass; only their roles change ([`Link`]). Every boundary and every moving body is a rule for "in" given "out"; only
-//! this file depends on the parity. Each number is accessed by exactly one cell per pass, so that the order of cells,
-//! threads and ranks has no effect.
+//! pass; only their roles change ([`Link`]). Every boundary and every moving body is a rule for the incoming number
+//! as a function of the outgoing one; only this file depends on the parity. Each number is accessed by exactly one
+//! cell per pass, so that the order of cells, threads and ranks has no effect.
 //!
 //! # Layout
 //!
@@ -23,8 +23,8 @@
 //!
 //! The address of an array is the sum of two parts, one of c_x and one of (c_y, c_z). After either pass the numbers
 //! that a cell reads and writes therefore lie at nine addresses and two distances from them, which fit into the
-//! registers of the processor; 27 addresses do not. D3Q19 leaves four places unused; they are never accessed and cost
-//! no memory.
+//! registers of the processor; 27 addresses do not. D3Q19 does not use four of these arrays; they are never
+//! accessed and take no physical memory.
 
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{Avx2, Avx512};
@@ -35,16 +35,17 @@ use super::quanta::{quanta, sum_of_quanta};
 use base::number::real;
 use base::thread_pool;
 
-/// Parity of the last pass, even or odd: it decides which end of a link is "in".
+/// Parity of the last pass, which determines the incoming end of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parity {
-    /// Populations lie in their own cell: the state at start and after an odd pass.
+    /// State at the start and after an odd pass: populations are stored in their own cells.
     Home,
-    /// State after an even pass: outgoing populations still lie, reversed, where they were read.
+    /// State after an even pass: outgoing populations are stored, reversed, in the positions from which they were
+    /// read.
     Reversed,
 }
 
-/// The two numbers at the ends of a link from cell x along direction i: positions in the whole array.
+/// Positions in the whole array of the two numbers at the ends of a link from cell x along direction i.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Slot ī of x.
@@ -53,8 +54,8 @@ pub struct Link {
     pub far: u32,
 }
 
-/// Returns the axis of unit stride: of those across the split one the longer (the first if equal), since the faces at
-/// the ends of rows cost most: one cache line per value.
+/// Returns the axis of unit stride: the longer one of those normal to the split axis (the first if equal), because
+/// the faces at the ends of rows cost most: one cache line per value.
 fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
     (0..dimension)
         .filter(|&a| a != split)
@@ -63,14 +64,14 @@ fn fastest(cells: [usize; 3], dimension: usize, split: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// Sums of a thread over rows and the moments of one row: buffers, reused between rows.
+/// Buffers of a thread for sums over rows and for the moments of one row, reused between rows.
 #[derive(Clone, Debug, Default)]
 pub struct RowSums {
     sums: [i128; 4],
     moments: [Vec<f64>; 4],
 }
 
-/// Populations that a cell has at most.
+/// Maximum number of populations of a cell.
 const MOST_VELOCITIES: usize = 27;
 
 impl Link {
@@ -100,7 +101,7 @@ impl Link {
 /// Local cell coordinates run from -1 (ghost) over `0..cells` to `cells` (ghost) along each axis.
 pub struct Populations<S: Stored> {
     memory: Pages<S>,
-    /// Interior cells along x, y, z (z = 1 in 2-D).
+    /// Number of interior cells along x, y, z (z = 1 in 2-D).
     cells: [usize; 3],
     /// Distance in elements between neighbours along x, y, z.
     strides: [usize; 3],
@@ -114,34 +115,34 @@ pub struct Populations<S: Stored> {
     order: [usize; 3],
     velocities: Velocities,
     parity: Parity,
-    /// Instructions for sums over rows.
+    /// Instruction set for sums over rows.
     level: Level,
-    /// `true` if the current values are on the GPU; this copy is stale.
+    /// `true` if the current values are on the GPU and this copy is outdated.
     away: bool,
 }
 
-/// Places of a slab in memory.
+/// Layout of a slab in memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// Numbers from row to row.
+    /// Distance between rows in numbers.
     pitch: usize,
-    /// Rows of a plane, with ghosts.
+    /// Number of rows of a plane, including ghosts.
     rows: usize,
-    /// Planes, with ghosts.
+    /// Number of planes, including ghosts.
     planes: usize,
-    /// Numbers from one population to the next.
+    /// Distance between the arrays of two populations in numbers.
     array: usize,
 }
 
 impl Layout {
-    /// Returns the places of a slab of `cells` (x, y, z) with the slab axis `split`.
+    /// Returns the layout of a slab of `cells` (x, y, z) with the slab axis `split`.
     #[must_use]
     pub fn for_slab<S>(velocities: &Velocities, cells: [usize; 3], split: usize) -> Self {
         let fast = fastest(cells, velocities.dimension, split);
         let middle = 3 - split - fast;
-        // Capacity for whole vectors beyond the last cell; never a multiple of a page.
+        // The pitch has capacity for whole vectors beyond the last cell and is never a multiple of a page.
         let mut pitch = 8 + cells[fast].next_multiple_of(8) + 8;
         if pitch.is_multiple_of(512) {
             pitch += 8;
@@ -161,7 +162,7 @@ impl Layout {
         }
     }
 
-    /// Places of cells, with ghosts and the ends of rows.
+    /// Returns the number of positions of an array, including ghosts and the padding of rows.
     #[must_use]
     pub fn positions(&self) -> f64 {
         real(self.pitch) * real(self.rows) * real(self.planes)
@@ -212,7 +213,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Returns the interior cells along x, y, z.
+    /// Returns the number of interior cells along x, y, z.
     #[must_use]
     pub fn cells(&self) -> [usize; 3] {
         self.cells
@@ -230,25 +231,25 @@ impl<S: Stored> Populations<S> {
         &self.velocities
     }
 
-    /// Returns which pass ran last.
+    /// Returns the parity of the last pass.
     #[must_use]
     pub fn parity(&self) -> Parity {
         self.parity
     }
 
-    /// Returns the bytes held.
+    /// Returns the size of the memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.memory.len() * size_of::<S>()
     }
 
-    /// Returns the number of positions of a cell-sized array that shares this layout (for flags and maps).
+    /// Returns the length of an array with one entry per position of this layout (for flags and maps).
     #[must_use]
     pub fn cell_positions(&self) -> usize {
         self.array
     }
 
-    /// Returns the position within one array of a cell, ghosts included.
+    /// Returns the position of a cell or ghost cell within one array.
     #[inline(always)]
     #[must_use]
     pub fn cell(&self, at: [isize; 3]) -> usize {
@@ -258,7 +259,7 @@ impl<S: Stored> Populations<S> {
             .wrapping_add_signed(at[2] * self.strides[2].cast_signed())
     }
 
-    /// Returns the position of a cell that is no ghost.
+    /// Returns the position of an interior cell.
     #[must_use]
     pub fn interior_cell(&self, at: [usize; 3]) -> usize {
         self.cell(at.map(usize::cast_signed))
@@ -321,7 +322,7 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Returns the whole array.
+    /// Returns the numbers of all populations.
     ///
     /// # Panics
     /// If the numbers are on a GPU and have not been fetched: an old state would pass for the present one.
@@ -331,7 +332,7 @@ impl<S: Stored> Populations<S> {
         &self.memory
     }
 
-    /// Returns the whole array, to write.
+    /// Returns the numbers of all populations for writing.
     ///
     /// # Panics
     /// On the conditions of [`Self::numbers`].
@@ -340,7 +341,7 @@ impl<S: Stored> Populations<S> {
         &mut self.memory
     }
 
-    /// Starts over with populations in their own cells (after filling every incoming population).
+    /// Sets the parity to that of the start, after every incoming population has been filled.
     pub fn set_home(&mut self) {
         self.parity = Parity::Home;
     }
@@ -362,8 +363,8 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Returns every row of interior cells along the fastest axis, in the same order: local coordinates and position of
-    /// its first cell.
+    /// Returns every row of interior cells along the fastest axis in memory order: local coordinates and position
+    /// of its first cell.
     pub fn rows(&self) -> impl Iterator<Item = ([usize; 3], usize)> + use<'_, S> {
         let [s, m, _] = self.order;
         let cells = self.cells;
@@ -384,8 +385,8 @@ impl<S: Stored> Populations<S> {
         };
     }
 
-    /// Returns, for each population, the position from which a row of cells starting at `cell` reads it; the opposite
-    /// is written there.
+    /// Returns, for each population, the position from which a row of cells starting at `cell` reads it; the
+    /// opposite population is written there.
     pub(crate) fn row_positions<const Q: usize>(&self, cell: usize) -> [usize; Q] {
         std::array::from_fn(|i| self.incoming(cell, i))
     }
@@ -395,7 +396,7 @@ impl<S: Stored> Populations<S> {
         self.away
     }
 
-    /// Marks the numbers as held by the GPU, or as current again.
+    /// Sets if the current numbers are on the GPU.
     pub(crate) fn set_away(&mut self, away: bool) {
         self.away = away;
     }
@@ -405,18 +406,17 @@ impl<S: Stored> Populations<S> {
         self.memory.start()
     }
 
-    /// Returns the density deviation and momentum Σ c g of a cell from its incoming populations (Home or Reversed
-    /// alike).
+    /// Returns the density deviation and momentum Σ c g of a cell from its incoming populations, for either parity.
     #[must_use]
     pub fn moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.incoming(cell, i))
     }
 
-    /// Computes the moments of a row of `length` cells along the fastest axis from `cell` on, equal to the bit, in the
-    /// order in which they lie in memory: density deviation, then the three momenta.
+    /// Computes the moments of a row of `length` cells along the fastest axis from `cell` on, with the same bits as
+    /// [`Self::moments`], in memory order: density deviation, then the three components of the momentum.
     #[inline(never)]
     pub fn row_moments(&self, cell: usize, length: usize, moments: &mut [Vec<f64>; 4]) {
-        // Whole vectors: a row has capacity for them.
+        // The length is rounded up to whole vectors, for which a row has capacity.
         let padded = length.next_multiple_of(WIDEST);
         for m in moments.iter_mut() {
             m.clear();
@@ -443,13 +443,13 @@ impl<S: Stored> Populations<S> {
         }
     }
 
-    /// Returns the sum of values of cells in quanta, in any order the same.
+    /// Returns the sum of values of cells in quanta, independent of the order.
     #[must_use]
     pub fn in_quanta(&self, values: &[f64]) -> i128 {
         sum_of_quanta(self.level, values)
     }
 
-    /// Returns the density deviation and momenta of all interior cells in quanta, summed by all threads.
+    /// Returns the density deviation and momentum of all interior cells in quanta, summed on all threads.
     #[must_use]
     pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
         self.sum_rows(room, |_, moments, sums| {
@@ -459,7 +459,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Sums the density of all cells and the momenta of some cells only.
+    /// Returns the sum of the density deviation over all cells and of the momentum over selected cells.
     #[must_use]
     pub fn totals_within(
         &self,
@@ -480,7 +480,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Sums over the moments of all rows, by all threads.
+    /// Sums functions of the moments of all rows, on all threads.
     fn sum_rows(
         &self,
         room: &mut Vec<RowSums>,
@@ -504,8 +504,8 @@ impl<S: Stored> Populations<S> {
         totals
     }
 
-    /// Calls `each` with the first cell of every row, by as many threads as there are places to gather in, each with a
-    /// place of its own.
+    /// Calls `each` with the first cell of every row, on as many threads as `gathered` has entries, each with its
+    /// own entry.
     pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
         let [slow, middle, _] = self.order;
         let rows = self.cells[slow] * self.cells[middle];
@@ -524,7 +524,8 @@ impl<S: Stored> Populations<S> {
     pub fn coordinates(&self, position: usize) -> [isize; 3] {
         let [slow, middle, fast] = self.order;
         let mut at = [0; 3];
-        // From the first ghost of all, so that no part is negative; rows have 8 positions before their first cell.
+        // Coordinates are counted from the first ghost cell, so that none is negative; rows have 8 positions before
+        // their first cell.
         let ghosts = |axis: usize| usize::from(axis < self.velocities.dimension);
         let first = 8 - ghosts(fast).min(8);
         let rest = position - first;
@@ -535,7 +536,7 @@ impl<S: Stored> Populations<S> {
         at
     }
 
-    /// Returns the moments of the outgoing populations: momentum after the collision.
+    /// Returns the moments of the outgoing populations, that is, the state after the collision.
     #[must_use]
     pub fn outgoing_moments(&self, cell: usize) -> (f64, [f64; 3]) {
         self.sums(|i| self.outgoing(cell, i))
@@ -557,7 +558,7 @@ impl<S: Stored> Populations<S> {
     }
 }
 
-/// The order of (c_y, c_z) in memory: those of D2Q9 first, those that D3Q19 does not combine with c_x last.
+/// Order of (c_y, c_z) in memory: those of D2Q9 first, those that D3Q19 does not combine with c_x last.
 pub(super) const ACROSS: [[i8; 2]; 9] = [
     [0, 0],
     [1, 0],
@@ -582,10 +583,10 @@ fn rank(c: [i8; 3], velocities: &Velocities) -> usize {
     along * all + across
 }
 
-/// Bytes ahead that are asked for where rows are summed.
+/// Prefetch distance in bytes for sums over rows.
 const AHEAD: usize = 256;
 
-/// Adds the density deviation and momenta of the cells of a row from where it has each population.
+/// Adds the density deviation and momentum of the cells of a row, given the start of the row for each population.
 ///
 /// # Safety
 /// Each of `rows` that a velocity has must be followed by as many numbers as `moments` has; the processor must offer
@@ -602,7 +603,7 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
         let mut sum = N::splat(0.0);
         let mut m = [sum; 3];
         for (c, row) in velocities.iter().zip(rows) {
-            // The processor follows fewer streams by itself.
+            // The hardware prefetches fewer streams.
             prefetch(row.wrapping_add(k + AHEAD / size_of::<S>()));
             // SAFETY: promised by the caller.
             let g = unsafe { <S as Memory<N>>::load(row.add(k)) };
@@ -621,7 +622,7 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
             (&mut *y, m[1]),
             (&mut *z, m[2]),
         ] {
-            // SAFETY: there is capacity for whole vectors.
+            // SAFETY: the buffer has capacity for whole vectors.
             unsafe { <f64 as Memory<N>>::store(values.as_mut_ptr().add(k), value) };
         }
     }

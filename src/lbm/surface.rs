@@ -1,63 +1,63 @@
 //! Free surface of water: volume of fluid on the lattice.
 //!
-//! A cell is liquid, gas, or an interface cell that the surface passes (C. Körner, M. Thies, T. Hofmann, N.
-//! Thürey, U. Rüde, J. Stat. Phys. 121 (2005) 179). An interface cell has a mass m and a fill level ε = m/ρ.
-//! Gas has no dynamics; its pressure is the datum, zero. A step is that of the water alone
-//! ([`super::fluid::Fluid::advance`]) with this before and behind it:
+//! A cell is liquid, gas, or an interface cell that the surface passes (C. Körner, M. Thies, T. Hofmann, N. Thürey,
+//! U. Rüde, J. Stat. Phys. 121 (2005) 179). An interface cell has a mass m and a fill level ε = m/ρ. Gas has no
+//! dynamics; its pressure is the datum, zero. A step is that of water without a surface
+//! ([`super::fluid::Fluid::advance`]) with the following work before and after it:
 //!
-//! | when | work | needs of other cells |
+//! | time | work | data of other cells |
 //! |---|---|---|
 //! | before the pass | surface in interface cells, state of carried cells | fill levels, moments of liquid |
-//! | the pass | leaves out vectors of cells without water | |
-//! | behind boundaries and structures | links of carried cells ([`carried`]) | surface in carried cells |
+//! | pass | omits vectors of cells without water | |
+//! | after boundaries and structures | links of carried cells ([`carried`]) | surface in carried cells |
 //! | | mass, reconstruction ([`exchange`]) | kinds, fill levels, density of liquid |
 //! | | conversions, excess mass ([`conversion`]) | kinds, three times; moments next to new interface cells |
 //!
-//! The surface acts in place, on the numbers of a link as the last pass left them ([`super::populations`]):
-//! of each link of an interface cell, what left the cell and what comes back are the same two numbers after
-//! an even and an odd pass. What comes from gas is
+//! The surface acts in place, on the numbers of a link as stored after the last pass ([`super::populations`]): for
+//! each link of an interface cell, the outgoing and the incoming population are the same two numbers after an even
+//! and an odd pass. The population from the gas is
 //!
 //! f_ī(x, t+1) = 2 f⁺ - f*_i(x, t),
 //!
-//! with f⁺ from the traction of the water half-way between the two cells; nothing else is reconstructed. In the
-//! scheme of Körner et al. f⁺ is that of the pressure of the gas there, which is of the first order in space
+//! with f⁺ from the traction of the water half-way between the two cells; no other population is reconstructed. In
+//! the scheme of Körner et al. f⁺ is that of the pressure of the gas there, which is of the first order in space
 //! (S. Bogner, R. Ammer, U. Rüde, J. Comput. Phys. 297 (2015) 1): the surface lies up to half a cell away, the
-//! empty part of an interface cell has inertia, and half of the viscous stress does its work in the wrong place.
-//! Here the traction, pressure and viscous stress, is continued from the liquid cell inside through zero at the
-//! surface in the middle of the step ([`facet`]). A cell whose centre lies outside the water is carried by the
-//! liquid cell inside ([`carried`]) where the flow is smooth.
+//! empty part of an interface cell has inertia, and half of the viscous stress acts at a wrong position. Here the
+//! traction (pressure and viscous stress) is extrapolated from the liquid cell inside through zero at the surface
+//! at the middle of the step ([`facet`]). A cell whose centre lies outside the water is carried by the liquid cell
+//! inside ([`carried`]) where the flow is smooth.
 //!
 //! A standing wave of 40 cells then has its frequency within 0.5 % and its damping within 5 % of those of linear
-//! viscous theory at relaxation times from 0.51 to 0.53 and depths of 0.2 to 0.5 wave lengths, and both errors fall
-//! with the square of the cell. At 0.55 the frequency is up to 1.2 % low. Below 0.51 the wave of 40 cells gains up
-//! to 2 % of its amplitude in a period.
+//! viscous theory at relaxation times from 0.51 to 0.53 and depths of 0.2 to 0.5 wave lengths, and both errors
+//! decrease with the square of the cell size. At 0.55 the frequency is up to 1.2 % low. Below 0.51 the wave of 40
+//! cells gains up to 2 % of its amplitude in a period.
 //!
-//! **The same bits on any ranks and threads.** Every value is gathered by its own cell, in the order of the
-//! directions, from cells that do not change in the same phase. Ghost cells hold the kinds and values of the
-//! cells that they repeat ([`ghosts`]).
+//! **The same bits on any number of ranks and threads.** Every cell computes its own values, in the order of the
+//! directions, from cells that do not change in the same phase. Ghost cells contain the kinds and values of the
+//! cells that they copy ([`ghosts`]).
 //!
-//! **Mass.** What one cell gives along a link, the other one takes, to the bit. A cell that becomes liquid or
-//! gas shares its excess mass among the neighbouring interface cells, which take it in the next step. Where
-//! there are none, the mass is lost and counted: drops of one cell, and pockets of air that close.
+//! **Mass.** The mass that one cell gives along a link equals, bit by bit, that which the other one receives. A
+//! cell that becomes liquid or gas distributes its excess mass among the neighbouring interface cells, which
+//! receive it in the next step. Without such neighbours the mass is lost and counted: drops of one cell, and
+//! pockets of air that close.
 //!
-//! Cells that hold no water and no number of water have no defined populations: outputs, checkpoints and
-//! hashes take zeros there.
+//! Cells without water have no defined populations: outputs, checkpoints and hashes use zeros there.
 //!
 //! | file | content |
 //! |---|---|
 //! | `kind` | kinds of cells |
 //! | `cells` | kind, mass and fill level of the cells of a slab |
 //! | `lists` | interface cells and wet parts of rows, by plane |
-//! | `ghosts` | state beyond the slab |
+//! | `ghosts` | state of the cells outside the slab |
 //! | `moments` | density, velocity and stress of a cell |
-//! | `cut` | plane that cuts a part from a cell |
+//! | `cut` | plane that intersects a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
-//! | `bodies` | bodies that fill cells in part or whole |
-//! | `carrier` | part of a facet that the links of other cells need |
+//! | `bodies` | bodies that fill cells in part or completely |
+//! | `carrier` | part of a facet required by the links of other cells |
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
-//! | `opening` | openings: what enters and leaves through them |
+//! | `opening` | openings: inflow and outflow |
 
 pub(crate) mod bodies;
 mod carried;
@@ -88,10 +88,10 @@ use ghosts::Ghosts;
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
 
-/// Fill levels this near to empty or full are empty or full at the start.
+/// Distance of a fill level from 0 or 1 below which a cell is empty or full at the start.
 const ROUND: f64 = 1e-9;
 
-/// Kind, mass and unshared excess of a cell, as a checkpoint has them.
+/// Kind, mass and undistributed excess of a cell in a checkpoint.
 pub type SavedCell = [f64; 3];
 
 /// Free surface of one slab.
@@ -100,26 +100,26 @@ pub struct SlabSurface {
     planes: Vec<Plane>,
     ghosts: Ghosts,
     work: conversion::Work,
-    /// Cells and directions of links that a plane of symmetry reflects into a solid: they bounce back.
+    /// Cells and directions of links that a symmetry plane reflects into a solid: they bounce back.
     corners: Vec<(u32, u8)>,
-    /// Bodies over the cells; none in water alone.
+    /// Bodies in the cells; none for water without bodies.
     bodies: Option<Box<Bodies>>,
     /// `true` after a restart, until bodies are known.
     restored: bool,
-    /// Carried ghost cells of a step; the list keeps its memory.
+    /// Carried ghost cells of a step; a reusable buffer.
     beyond: Vec<(usize, carrier::Carrier)>,
-    /// Mass that could not be shared, on this rank, in quanta.
+    /// Mass on this rank that could not be distributed, in quanta.
     lost: i128,
     openings: Vec<Opening>,
-    /// Dry cells of a step that stand against water outside; the list keeps its memory.
+    /// Dry cells of a step next to water outside an opening; a reusable buffer.
     fed: Vec<conversion::Fed>,
 }
 
 impl SlabSurface {
-    /// Returns the surface of a slab of gas; all ranks call it together.
+    /// Returns the surface of a slab of gas. Collective.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         ends: Ends,
@@ -142,19 +142,20 @@ impl SlabSurface {
         })
     }
 
-    /// Makes cells solid, by position, ghost cells included.
+    /// Makes cells solid, given by position, including ghost cells.
     pub fn stand_in(&mut self, solid: impl Iterator<Item = usize>) {
         for cell in solid {
             self.cells.kind[cell] = SOLID;
         }
     }
 
-    /// Closes the link of a cell along a direction: a sheet cuts it.
+    /// Closes the link of a cell along a direction that a sheet intersects.
     pub fn cut(&mut self, cell: usize, direction: usize) {
         self.cells.close(cell, direction);
     }
 
-    /// Fills the cells at the start; `fill` gives the fill level of a cell by its place in the slab. Collective.
+    /// Fills the cells at the start; `fill` returns the fill level of a cell from its indices in the slab.
+    /// Collective.
     pub fn begin<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -193,7 +194,8 @@ impl SlabSurface {
         self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
-    /// Sets the cells on a restart, after the populations; `saved` has one entry for each of `cells`. Collective.
+    /// Restores the cells at a restart, after the populations; `saved` has one entry for each of `cells`.
+    /// Collective.
     pub fn restore<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -215,7 +217,7 @@ impl SlabSurface {
         self.corners = self.ghosts.around().corners(populations, &self.cells);
     }
 
-    /// Returns kind, mass and unshared excess of a cell.
+    /// Returns kind, mass and undistributed excess of a cell.
     #[must_use]
     pub fn saved(&self, cell: usize) -> SavedCell {
         let kind = match self.cells.kind[cell] {
@@ -227,24 +229,25 @@ impl SlabSurface {
         [f64::from(kind), mass, self.cells.share[cell]]
     }
 
-    /// Returns mass that could not be shared so far, on this rank, in quanta: positive for mass that left the water.
+    /// Returns the mass on this rank that could not be distributed so far, in quanta: positive for mass that left
+    /// the water.
     #[must_use]
     pub fn lost(&self) -> i128 {
         self.lost
     }
 
-    /// Sets the mass that could not be shared, on a restart.
+    /// Sets the mass that could not be distributed, at a restart.
     pub fn set_lost(&mut self, lost: i128) {
         self.lost = lost;
     }
 
-    /// Opens faces of the domain: one opening for each patch that lets water through, equal on all ranks but for its
-    /// links.
+    /// Opens faces of the domain: one opening for each permeable patch, equal on all ranks except for its links.
     pub(crate) fn open(&mut self, openings: Vec<Opening>) {
         self.openings = openings;
     }
 
-    /// Finds the state outside the openings at a step; `factor` gives that of the velocity of a patch. Collective.
+    /// Computes the state outside the openings at a step; `factor` returns the velocity factor of a patch.
+    /// Collective.
     pub(crate) fn measure(
         &mut self,
         step: f64,
@@ -261,13 +264,13 @@ impl SlabSurface {
         }
     }
 
-    /// Returns the patches of the openings with the mass that has passed each on this rank.
+    /// Returns the patches of the openings with the mass that has passed through each on this rank.
     pub fn passed(&self) -> impl Iterator<Item = (usize, Passed)> + '_ {
         let openings = self.openings.iter();
         openings.map(|opening| (opening.patch(), opening.passed()))
     }
 
-    /// Sets the mass that has passed the openings, in their order, on a restart.
+    /// Sets the mass that has passed through the openings, in their order, at a restart.
     pub fn set_passed(&mut self, passed: impl Iterator<Item = Passed>) {
         for (opening, passed) in self.openings.iter_mut().zip(passed) {
             opening.set_passed(passed);
@@ -280,7 +283,7 @@ impl SlabSurface {
         openings.map(|opening| (opening.patch(), opening.last()))
     }
 
-    /// Returns the fill level of the free part of a cell: 0 of gas and solids, 1 of liquid.
+    /// Returns the fill level of the free part of a cell: 0 for gas and solids, 1 for liquid.
     #[must_use]
     pub fn fill(&self, cell: usize) -> f64 {
         if self.cells.kind[cell] == HELD {
@@ -290,7 +293,7 @@ impl SlabSurface {
         }
     }
 
-    /// Returns `true` if a cell holds water.
+    /// Returns `true` if a cell contains water.
     #[inline]
     #[must_use]
     pub fn is_wet(&self, cell: usize) -> bool {
@@ -309,7 +312,7 @@ impl SlabSurface {
         self.planes.iter().map(|plane| plane.surface.len()).sum()
     }
 
-    /// Returns the mass of the water of this rank in quanta; bodies take the place of water of density 1.
+    /// Returns the mass of the water of this rank in quanta; bodies replace water of density 1.
     #[must_use]
     pub fn mass<S: Stored>(&self, populations: &Populations<S>) -> i128 {
         let mut sum = 0;
@@ -333,19 +336,19 @@ impl SlabSurface {
         from_quanta(self.lost)
     }
 
-    /// Returns the bytes held.
+    /// Returns the size of the memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.cells.bytes() + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
     }
 
-    /// Returns the cells that the surface entered in the last step, with their velocities.
+    /// Returns the cells reached by the surface in the last step, with their velocities.
     pub(crate) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
         self.work.entered()
     }
 
-    /// Returns the cells of gas of the slab next to interface cells and held cells along the axes, with the mean
-    /// velocity of their wet neighbours; some of them more than once. `velocity` gives that of a cell.
+    /// Returns the gas cells of the slab that are next to interface cells and held cells along the axes, with the
+    /// mean velocity of their wet neighbours; some occur more than once. `velocity` returns the velocity of a cell.
     pub(crate) fn shore<S: Stored>(
         &self,
         populations: &Populations<S>,
@@ -391,7 +394,8 @@ impl SlabSurface {
         &self.planes
     }
 
-    /// Finds the surface in the interface cells before a pass. `half_force` is F/2, and `viscosity` that of the water.
+    /// Computes the surface in the interface cells before a pass. `half_force` is F/2, and `viscosity` that of the
+    /// water.
     pub(crate) fn prepare<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -407,13 +411,13 @@ impl SlabSurface {
         carried::set(&mut self.cells, &mut self.planes, populations);
     }
 
-    /// Sets what cells of gas sent in the pass to zero.
+    /// Sets the populations that gas cells sent in the pass to zero.
     pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
         exchange::silence(&self.cells, &mut self.planes, populations);
         exchange::bounce(&self.corners, populations);
     }
 
-    /// Moves the surface, when all populations that come from water and solids are in place. Collective.
+    /// Moves the surface, after all populations that come from water and solids are set. Collective.
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let (cells, planes) = (&self.cells, &self.planes);
         let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
@@ -457,8 +461,7 @@ impl SlabSurface {
         self.settle(populations);
     }
 
-    /// Shares excess mass and makes the state of ghost cells and the lists follow from the cells of the slab.
-    /// Collective.
+    /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);
@@ -479,7 +482,7 @@ impl SlabSurface {
         (self.cells.fill, self.cells.share) = (fill, share);
     }
 
-    /// Makes the lists of the planes whose cells have changed kind.
+    /// Updates the lists of the planes whose cells have changed kind.
     fn list<S: Stored>(&mut self, populations: &Populations<S>) {
         let [slow, middle, fast] = populations.order();
         let cells = populations.cells();
@@ -496,7 +499,7 @@ impl SlabSurface {
             };
             plane.find(&kinds.kind, (0..cells[middle]).map(first), cells[fast]);
             if !made {
-                // Liquid is full from the start.
+                // Liquid cells are full from the start.
                 for row in 0..cells[middle] {
                     let row = first(row)..first(row) + cells[fast];
                     for (fill, kind) in kinds.fill[row.clone()].iter_mut().zip(&kinds.kind[row]) {
@@ -508,7 +511,7 @@ impl SlabSurface {
     }
 }
 
-/// Returns the directions of a velocity set with a component.
+/// Returns the directions of a velocity set with a nonzero component.
 fn directions(velocities: &Velocities) -> std::ops::Range<usize> {
     1..velocities.q()
 }

@@ -6,8 +6,9 @@
 //! exp(-k² σ²/2):
 //! |k| σ is the length of a vector of D + 2 normal numbers. The longitudinal correlation of the ensemble is
 //! f(r) = exp(-r²/(2 σ²)), with the integral length L = σ (π/2)^½ (Batchelor 1953, section 3.4). Modes come in
-//! groups of D: in a random frame the mode along each axis points along the next one. Their a_n are an orthogonal
-//! frame, so that the mean square of every component is exactly one, not only on average over seeds.
+//! groups of D: in a random frame, the wave vector of each mode is along one axis and its amplitude along the next.
+//! The a_n of a group are orthogonal, so that the mean square of every component is exactly one, not only on
+//! average over seeds.
 //!
 //! All values are functions of seed and position: they are the same on any rank, in any order, and after a restart.
 
@@ -39,7 +40,7 @@ pub struct Fluctuations {
 }
 
 impl Fluctuations {
-    /// Refuses eddies smaller than a few cells of an edge \[m\], which cannot live on the lattice.
+    /// Refuses eddies smaller than a few cells of edge `spacing` \[m\], which the lattice cannot resolve.
     pub fn check(&self, spacing: f64, path: &str, report: &mut dyn Report) {
         let least = 2.0 * spacing;
         if self.length_scale < least {
@@ -66,20 +67,20 @@ impl Fluctuations {
         Modes::new(self.seed, length, dimension)
     }
 
-    /// Returns the largest over mean speed; 1 without fluctuations. They rarely go beyond three times their root mean
-    /// square.
+    /// Returns the ratio of maximum to mean speed; 1 without fluctuations. Fluctuations rarely exceed three times
+    /// their root mean square.
     #[must_use]
     pub fn gusts(fluctuations: Option<&Self>) -> f64 {
         1.0 + 3.0 * fluctuations.map_or(0.0, |f| f.intensity)
     }
 }
 
-/// Modes of a field; divided by two and by three.
+/// Number of modes of a field, divisible by two and by three.
 const COUNT: usize = 96;
 /// Purpose of the random numbers.
 const PURPOSE: u32 = 31;
 
-/// One wave.
+/// Single wave.
 #[derive(Clone, Copy, Debug)]
 pub struct Mode {
     /// Wave vector [1/cell].
@@ -90,7 +91,7 @@ pub struct Mode {
     pub amplitude: [f64; 3],
 }
 
-/// A field of unit root mean square in every component.
+/// Field with unit root mean square in every component.
 #[derive(Clone, Debug)]
 pub struct Modes {
     list: Vec<Mode>,
@@ -121,7 +122,7 @@ impl Modes {
         Self { list, dimension }
     }
 
-    /// Returns the nearest field that repeats along the axes that have a length in cells.
+    /// Returns the closest field that is periodic along the axes with a given length in cells.
     #[must_use]
     pub fn periodic(mut self, lengths: [Option<f64>; 3]) -> Self {
         for mode in &mut self.list {
@@ -136,13 +137,13 @@ impl Modes {
         self
     }
 
-    /// Returns the waves.
+    /// Returns the waves of the field.
     #[must_use]
     pub fn list(&self) -> &[Mode] {
         &self.list
     }
 
-    /// Returns the velocity at a place in cells.
+    /// Returns the velocity at a position in cells.
     #[must_use]
     pub fn velocity_at(&self, place: [f64; 3]) -> [f64; 3] {
         let mut u = [0.0; 3];
@@ -173,13 +174,14 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
     v.map(|x| x / size)
 }
 
-/// Returns a normal number (Box and Muller 1958).
+/// Returns a normally distributed number (Box and Muller 1958).
 fn normal(draws: &mut Stream) -> f64 {
     let radius = (-2.0 * (1.0 - draws.uniform()).ln()).sqrt();
     radius * (TAU * draws.uniform()).cos()
 }
 
-/// Returns an orthogonal frame of uniform direction; in two dimensions its first two axes lie in the plane.
+/// Returns an orthogonal frame with a uniformly random direction; in two dimensions its first two axes lie in the
+/// plane.
 fn frame(draws: &mut Stream, dimension: usize) -> [[f64; 3]; 3] {
     if dimension == 2 {
         let (s, c) = (TAU * draws.uniform()).sin_cos();
@@ -191,7 +193,7 @@ fn frame(draws: &mut Stream, dimension: usize) -> [[f64; 3]; 3] {
     [first, cross(third, first), third]
 }
 
-/// Returns the part of `v` across `k`, as long as `v` was; in two dimensions within the plane.
+/// Returns the part of `v` normal to `k`, with the length of `v`; in two dimensions within the plane.
 fn across(k: [f64; 3], v: [f64; 3], dimension: usize) -> [f64; 3] {
     let squared = dot(k, k);
     if squared <= 0.0 {
@@ -200,7 +202,7 @@ fn across(k: [f64; 3], v: [f64; 3], dimension: usize) -> [f64; 3] {
     let along = dot(k, v) / squared;
     let mut rest: [f64; 3] = std::array::from_fn(|a| v[a] - along * k[a]);
     if dot(rest, rest) < 1e-4 * dot(v, v) {
-        // Rounding has turned k into v: any direction across is as good.
+        // Rounding has made v parallel to k: any direction normal to k can be used.
         rest = if dimension == 2 {
             [-k[1], k[0], 0.0]
         } else {
@@ -218,7 +220,7 @@ fn across(k: [f64; 3], v: [f64; 3], dimension: usize) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// Averages over space of one field: the intensity is exact, for every seed.
+    /// Spatial averages of one field: the intensity is exact for every seed.
     #[test]
     fn every_component_has_unit_mean_square() {
         for dimension in [2, 3] {
@@ -237,8 +239,8 @@ mod tests {
         }
     }
 
-    /// The correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), across it that plus r/(D - 1)
-    /// times its derivative (Batchelor 1953). Averages over space of a sum of waves are sums over waves.
+    /// Correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), normal to r that plus r/(D - 1)
+    /// times its derivative (Batchelor 1953). Spatial averages of a sum of waves are sums over waves.
     #[test]
     fn correlations_are_those_of_the_length() {
         let length = 3.0;

@@ -1,9 +1,9 @@
-//! Terms of the fluid step: everything that acts on the populations in addition to collision and streaming.
+//! Terms of the fluid step: all operations on the populations in addition to collision and streaming.
 //!
-//! The step asks the list of its terms ([`super::fluid::Fluid::terms`]) what they allow and what they did: whether two
-//! steps may be made in one sweep, whether a GPU runs them, the momentum that they gave to the water, and the velocity
-//! of a cell between two steps. The defaults of [`Term`] are the cautious answers, so that a term without an answer of
-//! its own costs speed and not correctness.
+//! The step queries the list of its terms ([`super::fluid::Fluid::terms`]): may two steps be made in one sweep, can
+//! a GPU run the term, which momentum did it add to the water, and what is the velocity of a cell between two
+//! steps? The defaults of [`Term`] are on the safe side, so that a term that does not override them costs speed and
+//! not correctness.
 //!
 //! | term | acts | file |
 //! |---|---|---|
@@ -15,9 +15,9 @@
 //! | free surface | around the collision | `surface.rs` |
 //! | porous zones | before the collision, through [`Term::act`] | `term/porous.rs` |
 //!
-//! A new term that acts on the populations that come into its cells is a file with a type that implements [`Term`], and
-//! a line where the lattice of a plan is set up (`simulation::setup`); what a plan has to know of it is a
-//! [`scene term`](crate::term) next to the scene's.
+//! A new term that acts on the incoming populations of its cells is a file with a type that implements [`Term`],
+//! and a line in the set-up of the lattice of a plan (`simulation::setup`). The data that a plan needs are a
+//! [`scene term`](crate::term) in the scene.
 
 pub mod porous;
 
@@ -29,30 +29,30 @@ use super::saturation::Cover;
 use super::surface::SlabSurface;
 use super::turbulence::EddyViscosity;
 
-/// Makes a term for the slab of these populations, whose first cell is given in cells of the domain.
+/// Function that makes a term for the slab of these populations, whose first cell is given in cells of the domain.
 pub type Make<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
 
-/// Something that acts on the fluid in a step.
+/// Operation on the fluid in a step.
 pub trait Term<S: Stored> {
-    /// Returns its name for messages: "a GPU does not run ... yet".
+    /// Returns the name of the term in messages: "a GPU does not run ... yet".
     fn name(&self) -> &'static str;
 
-    /// Returns `true` if two steps may be made in one sweep: it needs nothing but the collision and the walls between
-    /// them.
+    /// Returns `true` if two steps may be made in one sweep, because the term requires only the collision and the
+    /// walls between them.
     fn allows_two_steps(&self) -> bool {
         false
     }
 
-    /// Returns `true` if kernels of a GPU run it.
+    /// Returns `true` if GPU kernels support the term.
     fn runs_on_gpu(&self) -> bool {
         false
     }
 
-    /// Acts on the populations that come into the cells, before they collide with `half` of the body force.
+    /// Changes the incoming populations of the cells, before they collide with `half` of the body force.
     fn act(&mut self, _populations: &mut Populations<S>, _half: [f64; 3], _cover: Option<&Cover>) {}
 
-    /// Returns the momentum that those cells for which `counts` holds (local coordinates) received in the last step, in
-    /// quanta; the uniform body force is counted elsewhere.
+    /// Returns the momentum that the cells for which `counts` is true (local coordinates) received in the last
+    /// step, in quanta; the uniform body force is counted elsewhere.
     fn impulse(
         &self,
         _populations: &Populations<S>,
@@ -61,12 +61,12 @@ pub trait Term<S: Stored> {
         [0; 3]
     }
 
-    /// Returns `true` if the velocities between two steps are not those of momentum and body force alone.
+    /// Returns `true` if the term changes the velocities between two steps, in addition to momentum and body force.
     fn changes_velocities(&self) -> bool {
         false
     }
 
-    /// Returns the velocity of the cell at a position from that of its momentum and half of the body force.
+    /// Returns the velocity of the cell at a position, given that from its momentum and half of the body force.
     fn velocity(
         &self,
         _position: usize,
@@ -135,15 +135,15 @@ impl<S: Stored> Term<S> for SlabSurface {
     }
 }
 
-/// Cells of structures: openings before them are closed.
+/// Cells of structures, at which openings are closed.
 #[derive(Clone, Debug, Default)]
 pub struct ClosedCells {
-    /// `true` for the cells of structures, by position; empty where there are none.
+    /// `true` for the cells of structures, by position; empty without structures.
     closed: Vec<bool>,
 }
 
 impl ClosedCells {
-    /// Closes the cells at these positions of a slab.
+    /// Marks the cells at these positions of a slab as closed.
     pub fn close<S: Stored>(
         &mut self,
         populations: &Populations<S>,
@@ -155,13 +155,13 @@ impl ClosedCells {
         }
     }
 
-    /// Returns `true` if no structures are known.
+    /// Returns `true` if there are no structures.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.closed.is_empty()
     }
 
-    /// Returns the part of the cell at a position that is solid, 0 or 1.
+    /// Returns the solid fraction of the cell at a position, 0 or 1.
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(u8::from(self.closed[position]))

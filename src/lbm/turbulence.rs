@@ -2,10 +2,10 @@
 //! that of the fluid. One file per model.
 //!
 //! Each cell collides with its own rate ω = 1/τ, τ = 3 (ν + ν_t) + ½. The gradient is that of the velocity with
-//! which the cells collided **one step before**, by second-order central differences. The pass writes the velocity of
-//! each cell in addition to the populations and reads the field of the previous step ([`field`]), so that the field
-//! costs 36 bytes per cell and step and no separate pass. The delay is of the order of dt, far below the time scale of
-//! resolved eddies.
+//! which the cells collided **one step before**, by second-order central differences. The pass writes the velocity
+//! of each cell in addition to the populations and reads the field of the previous step ([`field`]), so that the
+//! field costs 36 bytes per cell and step and no separate pass. The delay of one step is far below the time scale
+//! of resolved eddies.
 
 pub mod field;
 
@@ -15,8 +15,8 @@ use base::family::{self, Description};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Makes the list of models: the modules that hold them, and the enum that a case chooses from. The name of a model in
-/// a case is that of its module.
+/// Defines the list of models: their modules, and the enum of a case. The name of a model in a case is that of its
+/// module.
 macro_rules! eddy_viscosities {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
         $(pub mod $module;)*
@@ -33,7 +33,7 @@ macro_rules! eddy_viscosities {
         }
 
         impl $list {
-            /// Returns the model for `plan`.
+            /// Returns the description of the model for `plan`.
             #[must_use]
             pub fn describe(&self) -> Description {
                 match self {
@@ -41,8 +41,8 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the
-            /// family in the case.
+            /// Returns a finding if the model is invalid in a domain of `dimension` axes. `path` is the JSON path
+            /// of the model in the case.
             #[must_use]
             pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
                 match self {
@@ -50,7 +50,7 @@ macro_rules! eddy_viscosities {
                 }
             }
 
-            /// Returns ν_t of a cell in lattice units.
+            /// Returns the eddy viscosity ν_t of a cell in lattice units.
             #[must_use]
             pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
                 match self {
@@ -76,44 +76,44 @@ eddy_viscosities! {
     smagorinsky Smagorinsky,
 }
 
-/// A model of an eddy viscosity with its parameters as they stand in a case.
+/// Model of an eddy viscosity with its parameters in a case.
 pub trait TurbulenceModel {
-    /// Returns the model for `plan`.
+    /// Returns the description of the model for `plan`.
     fn describe(&self) -> Description;
 
-    /// Returns a finding if the model is wrong in a domain of `dimension` axes. `path` is the place of the family in
-    /// the case.
+    /// Returns a finding if the model is invalid in a domain of `dimension` axes. `path` is the JSON path of the
+    /// model in the case.
     fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
         let _ = (path, dimension);
         None
     }
 
-    /// Returns the numerator and denominator, which is never zero, of ν_t in lattice units of cells with the velocity
-    /// gradient g_ab = ∂u_a/∂x_b.
+    /// Returns the numerator and the denominator, which is never zero, of ν_t in lattice units for cells with the
+    /// velocity gradient g_ab = ∂u_a/∂x_b.
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// Returns ν_t in lattice units.
+    /// Returns the eddy viscosity ν_t in lattice units.
     fn viscosity<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
         numerator / denominator
     }
 }
 
-/// Reason for a model, in `plan`.
+/// Reason for the choice of a model in `plan`.
 const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
 
-/// The eddy viscosity of a pass.
+/// Eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {
-    /// `true` if cells have rates of their own.
+    /// `true` if cells have different relaxation rates.
     const ACTIVE: bool;
-    /// Returns `true` if there is a model at all, for types that do not decide it.
+    /// Returns `true` if there is a model, for types that do not determine it.
     fn present(&self) -> bool {
         Self::ACTIVE
     }
     /// Returns the fraction of the model: see [`TurbulenceModel::fraction`].
     fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N);
 
-    /// Returns ω = 1 / (3 (ν + ν_t) + ½), with one division: the pass waits for it.
+    /// Returns the relaxation rate ω = 1 / (3 (ν + ν_t) + ½), with one division, on which the pass waits.
     #[inline(always)]
     fn rate<N: Lanes>(&self, viscosity: f64, gradient: &[[N; 3]; 3]) -> N {
         let (numerator, denominator) = self.fraction(gradient);
@@ -135,8 +135,8 @@ impl Eddies for Resolved {
     }
 }
 
-/// One of the models, or none. The pass asks which for each vector of cells, a branch that always goes the same way, so
-/// that it need not be compiled for each.
+/// One of the models, or none. The pass selects the model for each vector of cells by a branch that is always
+/// predicted, so that it need not be compiled for each model.
 impl Eddies for Option<EddyViscosity> {
     const ACTIVE: bool = true;
 

@@ -1,7 +1,7 @@
 //! Time averages of the velocity and of its products in every cell, and their means over planes.
 //!
-//! From a start time on and at a given interval, each cell whose centre is in the fluid adds its state to eleven sums:
-//! the number of samples, the density deviation, the velocity and its six products. From these follow
+//! From a start time on and at a given interval, the state of each cell whose centre is in the fluid is added to
+//! eleven sums: the number of samples, the density deviation, the velocity and its six products. From these follow
 //!
 //! ```text
 //! <u_a>,  <p>,  <u_a' u_b'> = <u_a u_b> - <u_a> <u_b>
@@ -11,8 +11,8 @@
 //! (`averages_profile.csv`): mean velocity and Reynolds stresses against the distance from a wall. The stresses of the
 //! profile are relative to the mean of the plane. They do not contain eddies smaller than a cell.
 //!
-//! A sum belongs to its cell, so that it does not depend on ranks and threads. Sums over planes are exact. The sums are
-//! part of a checkpoint and of the hash of the state.
+//! Each cell has its own sums, so that they do not depend on ranks and threads. Sums over planes are exact. The
+//! sums are part of a checkpoint and of the hash of the state.
 
 use base::error::Error;
 use base::number::real;
@@ -48,7 +48,7 @@ pub(super) const HEADINGS: [(&str, &str); 13] = [
     ("stress_xz", "m2/s2"),
 ];
 
-/// The sums of a slab.
+/// Sums of the cells of a slab.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Averages {
     first: u64,
@@ -59,7 +59,7 @@ pub struct Averages {
     states: Scratch,
 }
 
-/// Buffer for a band of states: no part of the averages.
+/// Buffer for a band of states, which is not part of the averages.
 #[derive(Clone, Debug, Default)]
 struct Scratch(BandStates);
 
@@ -70,7 +70,7 @@ impl PartialEq for Scratch {
 }
 
 impl Averages {
-    /// Returns the averages of a plan in the slab of `fluid`, without samples.
+    /// Returns empty averages of a plan for the slab of `fluid`; none if the plan requests none.
     #[must_use]
     pub fn new(plan: &Plan, fluid: &dyn FluidView) -> Option<Self> {
         let (first, every) = Self::schedule(plan)?;
@@ -91,12 +91,11 @@ impl Averages {
         Some((first, plan.clock.every(written.sample_every)))
     }
 
-    /// Compares the samples of a plan with those of the run that it continues at `step`. Returns `true` if the sums so
-    /// far continue, `false` if the averages begin anew.
+    /// Compares the sampling schedule of a plan with that of the run that it continues at `step`. Returns `true` if
+    /// the sums so far continue, `false` if the averages begin anew.
     ///
-    /// # Errors
-    /// The field that changed, where samples before `step` would count that the plan does not ask for, or with another
-    /// weight.
+    /// If samples before `step` would be included that the plan does not request, or with another weight; the error
+    /// is the field that changed.
     pub fn continues(old: &Plan, new: &Plan, step: u64) -> Result<bool, &'static str> {
         let (Some((old_first, old_every)), Some((first, every))) =
             (Self::schedule(old), Self::schedule(new))
@@ -106,7 +105,7 @@ impl Averages {
         if (old_first, old_every) == (first, every) {
             return Ok(true);
         }
-        // Nothing was summed up yet, or the new averages start later.
+        // Either no sample was taken yet, or the new averages start later.
         if old_first > step || first > step {
             return Ok(false);
         }
@@ -117,7 +116,7 @@ impl Averages {
         })
     }
 
-    /// Adds the state after `step` steps, where it is due.
+    /// Adds the state after `step` steps, if a sample is due.
     pub fn sample(&mut self, step: u64, fluid: &dyn FluidView) {
         if step < self.first || !self.every.falls_on(step - self.first) {
             return;
@@ -142,7 +141,7 @@ impl Averages {
         }
     }
 
-    /// Samples taken.
+    /// Returns the number of samples taken.
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.samples
@@ -161,7 +160,7 @@ impl Averages {
     }
 }
 
-/// Means of some sums in SI: velocity, pressure, products; NaN without samples.
+/// Returns the means of some sums in SI: velocity, pressure, products; NaN without samples.
 fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
     let n = sums[0];
     let u: [f64; 3] = std::array::from_fn(|a| sums[2 + a] / n);
@@ -175,7 +174,7 @@ fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
     (u.map(|u| units.velocity_to_si(u)), pressure, products)
 }
 
-/// Fields of the averages; buffers reused. The table of the profile is on rank 0.
+/// Output fields of the averages, in buffers that are reused. The table of the profile is on rank 0.
 #[derive(Debug)]
 pub(super) struct AverageFields {
     velocity: Vec<f64>,
@@ -235,7 +234,7 @@ impl AverageFields {
     }
 }
 
-/// Returns the rows of the profile across `axis` without their time, one for each plane of cells. Collective.
+/// Returns the rows of the profile across `axis`, without the time: one row per plane of cells. Collective.
 pub(super) fn profile(
     averages: &Averages,
     fluid: &dyn FluidView,
@@ -276,12 +275,13 @@ pub(super) fn profile(
         .collect()
 }
 
-/// Returns the table of the profile.
+/// Returns the path of the table of the profile.
 pub(super) fn profile_path(folder: &Path) -> PathBuf {
     folder.join("averages_profile.csv")
 }
 
-/// Opens the table of the profile, on rank 0; `resumed_at` is a step, and whether its rows are whole.
+/// Opens the table of the profile, on rank 0; `resumed_at` has the step of a restart, and `true` if the rows of
+/// that step are complete.
 pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<CsvTable, io::Error> {
     match resumed_at {
         None | Some((0, false)) => CsvTable::create(path, &HEADINGS),
@@ -290,7 +290,7 @@ pub(super) fn open(path: &Path, resumed_at: Option<(u64, bool)>) -> Result<CsvTa
     }
 }
 
-/// Returns the error of averages without a lattice.
+/// Returns the error for averages without a lattice.
 pub(super) fn none() -> Error {
     Error::Internal("there are no averages to write".into())
 }
@@ -347,7 +347,7 @@ mod tests {
         let plan = Plan::prepare(document).unwrap();
         let units = plan.units.unwrap();
         let mut averages = Averages::new(&plan, &Swing(units, 0.0)).unwrap();
-        // Due are 10, 12, 14 ...: the sign of the state changes from one of them to the next.
+        // Samples are due at 10, 12, 14 ...: the sign of the state changes from one of them to the next.
         for step in 0..=24_u32 {
             let sign = if (step / 2) % 2 == 0 { 1.0 } else { -1.0 };
             averages.sample(u64::from(step), &Swing(units, 0.1 * sign));
@@ -409,7 +409,8 @@ mod tests {
         assert_eq!(straight, other);
     }
 
-    /// Sums of the past continue under the same schedule, are dropped by one that starts later, and forbid any other.
+    /// Checks that past sums continue under the same schedule, are dropped by one that starts later, and forbid any
+    /// other.
     #[test]
     fn sums_go_on_only_under_the_same_schedule() {
         let plan = |set: &[&str]| {
@@ -431,7 +432,7 @@ mod tests {
         );
         let later = ["output.averages.from=6", "output.averages.sample_every=0.5"];
         assert_eq!(restart(&later, 50), Ok(false));
-        // Nothing was summed up yet.
+        // No sample was taken yet.
         assert_eq!(restart(&["output.averages.sample_every=0.5"], 8), Ok(false));
     }
 }

@@ -1,7 +1,7 @@
-//! Blocks as surfaces: the faces of every polyhedron, by rising id, so that a file does not depend on the number of
-//! ranks.
+//! Blocks as surfaces: the faces of every polyhedron in ascending order of ids, so that a file does not depend on
+//! the number of ranks.
 //!
-//! Every face carries the values of its block. `body` is the number of the named body, or -1. `rotation` is the
+//! Every face has the values of its block. `body` is the number of the named body, or -1. `rotation` is the
 //! rotation since the start as a vector: its direction is the axis, its length the angle.
 
 use super::grains::{space_vector, spin_vector, wrapped};
@@ -15,7 +15,7 @@ use io::{Cells, Column, Data, MeshData};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use plan::scene::Scene;
 
-/// Faces of the blocks of one output; buffers reused.
+/// Faces of the blocks of one output, in buffers that are reused.
 #[derive(Debug, Default)]
 pub(crate) struct Blocks {
     points: Vec<f64>,
@@ -31,7 +31,7 @@ pub(crate) struct Blocks {
     rotation: Vec<f64>,
 }
 
-/// Id, material, whether forces do not move it, four vectors, the quaternion.
+/// Numbers per row: id, material, 1 if forces do not move the block, four vectors, the quaternion.
 const NUMBERS: usize = 3 + 4 * 3 + 4;
 
 impl Blocks {
@@ -51,7 +51,7 @@ impl Blocks {
         Ok(())
     }
 
-    /// Adds the faces of a row's block.
+    /// Adds the faces of the block in a row.
     fn push(&mut self, row: &[u64; NUMBERS], scene: &Scene) {
         let Some(solid) = scene.polyhedron(row[0]) else {
             return;
@@ -106,7 +106,7 @@ impl Blocks {
         }
     }
 
-    /// This rank's faces.
+    /// Returns the faces of this rank.
     pub(crate) fn mesh(&self) -> MeshData<'_> {
         let column = |name, units, components, data| Column {
             name,
@@ -141,7 +141,7 @@ impl Blocks {
     }
 }
 
-/// Returns a block as numbers; none for what has no faces.
+/// Returns a block as numbers; none for a particle without faces.
 fn row<S: Space>(particles: &Particles<S>, k: usize, scene: &Scene) -> Option<[u64; NUMBERS]> {
     let (_, state) = particles.polyhedron(k)?;
     let (body, motion) = (&particles.body[k], &particles.motion[k]);
@@ -207,7 +207,8 @@ mod tests {
         volume
     }
 
-    /// A block that left through a periodic face and turned: its surface is closed, its columns are its own.
+    /// Checks a block that left through a periodic face and rotated: its surface is closed and its columns are
+    /// those of the block.
     #[test]
     fn surfaces_stand_where_the_blocks_are() {
         let plan = Document::read(CASE, &[], Path::new(""))

@@ -1,8 +1,8 @@
 //! Conversion of the state to named arrays and back, and the hash of the state.
 //!
-//! A checkpoint holds the whole state in global order, so that any number of ranks can continue from it: every incoming
-//! population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the counters of the
-//! run in its manifest. A continued run gives the same bits as an uninterrupted one.
+//! A checkpoint contains the whole state in global order, so that any number of ranks can continue from it: every
+//! incoming population of every cell as `[z][y][x][i]`, the grains and contacts as columns keyed by id, and the
+//! counters of the run in its manifest. A continued run gives the same bits as an uninterrupted one.
 
 mod check;
 
@@ -35,8 +35,8 @@ fn as_error(error: io::Error) -> Error {
     Error::Io(error.to_string())
 }
 
-/// Calls `visit` with each cell of a slab of which a range holds numbers, by its position, and with the range of its
-/// numbers, where an array in the order `[z][y][x]` has `per_cell` numbers a cell.
+/// Calls `visit` for each cell of a slab whose numbers intersect a range of an array in the order `[z][y][x]` with
+/// `per_cell` numbers per cell; passes the position of the cell and its part of the range.
 fn each_cell_of<S: Stored>(
     populations: &Populations<S>,
     per_cell: usize,
@@ -52,7 +52,7 @@ fn each_cell_of<S: Stored>(
     }
 }
 
-/// Returns the incoming populations of a slab in the order `[z][y][x][i]`, made while they are written: a second copy
+/// Returns the incoming populations of a slab in the order `[z][y][x][i]`, generated while they are written: a copy
 /// would double the memory of a run.
 fn gather<S: SavedNumber>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     let populations = fluid.populations();
@@ -65,7 +65,7 @@ fn gather<S: SavedNumber>(fluid: &Fluid<S>) -> impl io::Make + '_ {
     })
 }
 
-/// Takes the populations of a range of what [`gather`] makes.
+/// Stores the populations of a range of the array of [`gather`] in the lattice.
 fn scatter<S: Stored>(populations: &mut Populations<S>, range: &Range<usize>, some: &[S]) {
     let q = populations.velocities().q();
     let mut slots = Vec::with_capacity(some.len());
@@ -87,8 +87,8 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
         .map(|at| (at, populations.cell(at.map(usize::cast_signed))))
 }
 
-/// Velocities of a slab from which the next eddy viscosity comes, in the order `[z][y][x][component]`; none without
-/// turbulence.
+/// Returns the velocities of a slab from which the next eddy viscosity is computed, in the order
+/// `[z][y][x][component]`; none without turbulence.
 fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let field = fluid.velocities()?;
     let populations = fluid.populations();
@@ -105,8 +105,8 @@ fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> 
     }))
 }
 
-/// Returns the kind, mass and unshared excess of the cells of a slab below a free surface, in the order
-/// `[z][y][x][number]`; none without one.
+/// Returns the kind, mass and unshared excess mass of the cells of a slab below a free surface, in the order
+/// `[z][y][x][number]`; none without a free surface.
 fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     let surface = fluid.surface()?;
     let populations = fluid.populations();
@@ -118,7 +118,7 @@ fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
     }))
 }
 
-/// Returns the box of a slab in an array of `q` numbers a cell: shape, start and count.
+/// Returns the box of a slab in an array of `q` numbers per cell: shape, start and count.
 fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     let (all, start, count) = (
         fluid.domain_cells(),
@@ -132,7 +132,7 @@ fn box_of<S: Stored>(fluid: &Fluid<S>, q: usize) -> [[usize; 4]; 3] {
     ]
 }
 
-/// Returns the part of a slab of an array with `q` numbers a cell.
+/// Returns the part of a slab in an array with `q` numbers per cell.
 fn slab<'a, S: Stored>(fluid: &Fluid<S>, name: &'a str, q: usize, data: Numbers<'a>) -> Array<'a> {
     let [shape, start, count] = box_of(fluid, q).map(|v| v.to_vec());
     Array {
@@ -154,7 +154,7 @@ fn column_names(tables: &[NamedColumns; 3]) -> Vec<String> {
     names.collect()
 }
 
-/// Adds the columns of the tables that have rows on any rank; returns how many rows each has. Collective.
+/// Adds the columns of the tables that have rows on any rank; returns the number of rows of each table. Collective.
 fn add_tables<'a>(
     arrays: &mut Vec<Array<'a>>,
     tables: &'a [NamedColumns; 3],
@@ -196,33 +196,33 @@ fn columns_to_json(table: &NamedColumns) -> Value {
         .collect()
 }
 
-/// A stored number that files support.
+/// Stored number type that files support.
 pub trait SavedNumber: Stored + io::data::Element {}
 impl SavedNumber for f64 {}
 impl SavedNumber for f32 {}
 
-/// The state of a run, lent for saving.
+/// State of a run, borrowed for saving.
 pub struct RunState<'a, Sp: Space, S: Stored> {
-    /// The fluid, if any.
+    /// Fluid, if any.
     pub fluid: Option<&'a Fluid<S>>,
-    /// Sums over time, if any.
+    /// Time averages, if any.
     pub averages: Option<&'a Averages>,
-    /// Numbers of the seepage or of the water in joints, the same on every rank; none without these.
+    /// State of the seepage or of the water in joints, the same on every rank; empty without these.
     pub seepage: Vec<f64>,
     /// Grains and bodies.
     pub particles: &'a Particles<Sp>,
-    /// Contacts, if any.
+    /// Solver of contacts and motion, if any.
     pub dem: Option<&'a Dem<Sp>>,
-    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, with which a
-    /// preparation compares; not part of the hash.
+    /// Velocities of the fluid at an earlier step, three numbers per cell in the order `[z][y][x]`, to which a
+    /// warm-up compares the present ones; not part of the hash.
     pub earlier: Option<&'a [f64]>,
 }
 
-/// Numbers of a cell below a free surface.
+/// Numbers per cell below a free surface.
 const SURFACE_NUMBERS: usize = 3;
 const SURFACE: &str = "free_surface";
 const SURFACE_LOSS: &str = "free_surface_loss";
-/// Mass that has entered and left through each opening of a free surface, in quanta.
+/// Name of the array of the masses that have entered and left through each opening of a free surface, in quanta.
 const SURFACE_PASSED: &str = "free_surface_passed";
 const OPENINGS: &str = "openings";
 const EARLIER: &str = "earlier_velocities";
@@ -232,7 +232,7 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
     /// Writes a checkpoint. Collective.
     ///
     /// # Errors
-    /// The error of the file system; [`io::Error::Space`] leaves everything as it was.
+    /// If a file cannot be written; [`io::Error::Space`] leaves all files as they were.
     pub fn write(
         &self,
         folder: &Path,
@@ -288,7 +288,7 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         }
         if let Some(fluid) = self.fluid {
             attributes["fluid_steps"] = json!(fluid.steps());
-            // Bits, so that nothing is rounded.
+            // Stored as bits, so that nothing is rounded.
             let memories = fluid.memories();
             attributes[OPENINGS] = memories.map(|memory| memory.map(f64::to_bits)).collect();
         }
@@ -312,7 +312,7 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         Ok(())
     }
 
-    /// Returns the numbers of the seepage, which the first rank writes; none without one.
+    /// Returns the state of the seepage as an array, which the first rank writes; none without seepage.
     fn seepage_array(&self, first: bool) -> Option<Array<'_>> {
         let total = self.seepage.len();
         let mine = if first { total } else { 0 };
@@ -325,7 +325,8 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         })
     }
 
-    /// Returns the hash of the whole state: 32 hexadecimal digits, the same for any ranks and threads. Collective.
+    /// Returns the hash of the whole state: 32 hexadecimal digits, the same for any number of ranks and threads.
+    /// Collective.
     #[must_use]
     pub fn hash(&self, communicator: &Communicator) -> String {
         let mut hash = StateHash::new();
@@ -335,8 +336,8 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
             let populations = fluid.populations();
             let cells = populations.cells();
             let kinds = fluid.surface().map(SlabSurface::kinds);
-            // The sum is the same in any order: planes in parallel, and in a plane one population after the other, as
-            // they lie in memory.
+            // The sum does not depend on the order: planes are added in parallel, and in a plane the populations
+            // one after the other, as they lie in memory.
             let [slow, middle, fast] = populations.order();
             let of_plane = |plane: usize| {
                 let mut part = StateHash::new();
@@ -418,7 +419,8 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         hash.all_reduce(communicator).hex()
     }
 
-    /// Adds grains and contacts, column by column and contact by contact, so that the hash needs no copy of the state.
+    /// Adds grains and contacts, column by column and contact by contact, so that the hash needs no copy of the
+    /// state.
     fn add_grains(&self, hash: &mut StateHash) {
         let mut ids = Vec::new();
         self.particles.each_hashed_column(|name, values| {
@@ -443,7 +445,7 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         let [first, second] = ["contacts_first", "contacts_second"].map(field_key);
         let [grain, wall, facet] =
             ["grain", "wall", "facet"].map(|name| field_key(&format!("wall_contacts_{name}")));
-        // Contacts are named by both ends.
+        // Contacts are identified by both partners.
         let (mut with_grains, mut with_walls) = (StateHash::new(), StateHash::new());
         let (mut history, mut at_wall) = (Vec::new(), Vec::new());
         dem.each_contact(
@@ -470,7 +472,7 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
     }
 }
 
-/// Returns the column key of each number that a law keeps of a contact, with the number; `keys` are made once.
+/// Returns the numbers of a contact that a law stores, each with the key of its column; `keys` are computed once.
 fn history_keys<'a>(
     keys: &'a mut Vec<u64>,
     kind: &str,
@@ -486,7 +488,7 @@ fn table_to_json(table: &NamedColumns) -> Value {
         .columns
         .iter()
         .map(|(name, values)| match values {
-            // Bits, so that nothing is rounded.
+            // Stored as bits, so that nothing is rounded.
             Values::Real(values) => json!([
                 name,
                 "real",
@@ -517,7 +519,7 @@ fn table_from_json(value: &Value) -> NamedColumns {
     table
 }
 
-/// Refuses numbers that no run would have written.
+/// Refuses values that are not finite, which no run would have written.
 fn finite(name: &str, all_finite: bool) -> Result<(), Error> {
     if all_finite {
         return Ok(());
@@ -553,7 +555,7 @@ pub fn read_fluid<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Resu
     fluid.recall(memories.into_iter());
     read_surface(fluid, reader)?;
     if reader.attributes()["velocities"] != json!(true) {
-        // The turbulence was added at this restart.
+        // Turbulence was added at this restart.
         fluid.renew_velocities();
         return Ok(());
     }
@@ -573,7 +575,7 @@ pub fn read_fluid<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Resu
     Ok(())
 }
 
-/// Reads the free surface, if there is one. The first rank takes the loss of all.
+/// Reads the free surface, if there is one. The first rank takes the mass loss of all ranks.
 fn read_surface<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Result<(), Error> {
     if fluid.surface().is_none() {
         return Ok(());
@@ -602,31 +604,31 @@ fn read_surface<S: SavedNumber>(fluid: &mut Fluid<S>, reader: &Reader) -> Result
     Ok(())
 }
 
-/// Returns the sum of a number in quanta over all ranks. Collective.
+/// Returns the sum over all ranks of a number in quanta. Collective.
 fn sum_of_ranks(communicator: &Communicator, value: i128) -> i128 {
     communicator
         .all_reduce_sum_u128(value.cast_unsigned())
         .cast_signed()
 }
 
-/// Velocities at an earlier step of a slab from a checkpoint, as [`RunState::earlier`].
+/// Returns the velocities of a slab at an earlier step from a checkpoint, as in [`RunState::earlier`].
 ///
 /// # Errors
-/// When it holds none.
+/// If the checkpoint contains none.
 pub fn read_earlier<S: SavedNumber>(fluid: &Fluid<S>, reader: &Reader) -> Result<Vec<f64>, Error> {
     let [_, start, count] = box_of(fluid, 3).map(|v| v.to_vec());
     reader.read(EARLIER, &start, &count).map_err(as_error)
 }
 
-/// Returns the local cells of a slab in the order in which checkpoints hold them.
+/// Returns the local cells of a slab in the order of the arrays of checkpoints.
 pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
 
-/// Sums over time of a slab from a checkpoint; they stay at nothing if it holds none.
+/// Reads the time averages of a slab from a checkpoint; they remain empty if it contains none.
 ///
 /// # Errors
-/// When they cannot be read.
+/// If they cannot be read.
 pub fn read_averages<S: SavedNumber>(
     averages: &mut Averages,
     fluid: &Fluid<S>,
@@ -643,10 +645,10 @@ pub fn read_averages<S: SavedNumber>(
     Ok(())
 }
 
-/// Returns the numbers of the seepage in a checkpoint, on every rank; none if there are none.
+/// Returns the state of the seepage in a checkpoint, on every rank; empty if it contains none.
 ///
 /// # Errors
-/// When they cannot be read.
+/// If they cannot be read.
 pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     match to_usize(reader.attributes()["seepage"].as_u64().unwrap_or(0)) {
         0 => Ok(Vec::new()),
@@ -658,11 +660,11 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Returns grains and contacts of a checkpoint. Every rank reads the contacts of all; the grains go to the first rank
-/// and from there to their owners.
+/// Returns grains and contacts of a checkpoint. Every rank reads all contacts; the first rank reads the grains,
+/// which later go to their owners.
 ///
 /// # Errors
-/// When a column is missing or broken.
+/// If a column is missing or malformed.
 pub fn read_tables(reader: &Reader, rank: usize) -> Result<(NamedColumns, Contacts), Error> {
     let attributes = reader.attributes();
     let mut tables = Vec::new();

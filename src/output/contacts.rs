@@ -11,7 +11,7 @@ use dem::{Contact, Dem};
 use io::{Cells, Column, Data, MeshData};
 use plan::scene::grid::Grid;
 
-/// Columns of the contacts of one output; buffers reused.
+/// Contacts of one output as lines, in buffers that are reused.
 #[derive(Debug, Default)]
 pub(crate) struct Contacts {
     points: Vec<f64>,
@@ -24,7 +24,7 @@ pub(crate) struct Contacts {
     bonded: Vec<u8>,
 }
 
-/// Grain, other or [`NONE`], wall or [`NONE`], bonded, force, overlap, then both ends.
+/// Numbers per row: grain, other grain or [`NONE`], wall or [`NONE`], bonded, force, overlap, then both ends.
 const NUMBERS: usize = 6 + 2 * 3;
 const NONE: u64 = u64::MAX;
 
@@ -72,7 +72,7 @@ impl Contacts {
         self.bonded.clear();
     }
 
-    /// This rank's lines.
+    /// Returns the lines of this rank.
     pub(crate) fn mesh(&self, dimension: usize) -> MeshData<'_> {
         let column = |name, units, data| Column {
             name,
@@ -106,7 +106,8 @@ fn row<S: Space>(contact: &Contact<S>, particles: &Particles<S>, grid: &Grid) ->
     let normal = space_vector(&contact.normal);
     let shaped = |k: usize| particles.polyhedron(k).is_some();
     let block = shaped(contact.grain) || contact.other.is_some_and(shaped);
-    // Along the normal, so that a contact through a periodic face is a short line that leaves the domain.
+    // The arm lies along the normal, so that a contact through a periodic face is a short line that leaves the
+    // domain.
     let arm = match contact.other {
         Some(other) => radius + particles.body[other].radius - contact.overlap,
         None => 0.5 * contact.overlap - radius,

@@ -1,7 +1,7 @@
 //! Fields of the fluid as an image, one value per cell, in SI.
 //!
-//! Covered cells hold the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a central
-//! difference, one-sided in the cells at a face that is not periodic.
+//! Covered cells contain the state of the fictitious fluid inside a body; `solid` marks them. The vorticity is a
+//! central difference, one-sided in the cells at a face that is not periodic.
 
 use super::vorticity::Velocities;
 use base::error::Error;
@@ -12,9 +12,9 @@ use decomposition::Domain;
 use io::{Column, Data, Element, Image};
 use plan::scene::grid::Grid;
 
-/// A number type of a field in a file.
+/// Number type of a field in a file.
 pub(crate) trait Number: Element {
-    /// Returns the value, rounded to the nearest.
+    /// Returns the nearest number of this type.
     fn from_value(value: f64) -> Self;
 }
 
@@ -34,7 +34,7 @@ impl Number for f32 {
     }
 }
 
-/// The columns of one output; buffers reused.
+/// Columns of one output, in buffers that are reused.
 #[derive(Debug)]
 pub(crate) enum Fields {
     Single(Buffers<f32>),
@@ -49,7 +49,7 @@ impl Fields {
         }
     }
 
-    /// Reads the slab. Collective.
+    /// Reads the fields of the slab. Collective.
     pub(crate) fn read(
         &mut self,
         fluid: &dyn FluidView,
@@ -62,7 +62,7 @@ impl Fields {
         }
     }
 
-    /// This rank's box of the image.
+    /// Returns the box of this rank in the image.
     pub(crate) fn image<'a>(&'a self, fluid: &dyn FluidView, grid: &Grid) -> Image<'a> {
         Image {
             origin: [0.0; 3],
@@ -154,7 +154,7 @@ impl<T: Number> Buffers<T> {
                     FieldName::Fill => {
                         to.extend(band.clone().map(|cell| T::from_value(fluid.fill(cell))));
                     }
-                    // Refused by the plan.
+                    // The plan refuses these fields.
                     FieldName::Head | FieldName::StreamFunction | FieldName::Saturation => {}
                     FieldName::Solid => {
                         for cell in band.clone() {
@@ -181,7 +181,7 @@ impl<T: Number> Buffers<T> {
                 FieldName::EddyViscosity => ("eddy_viscosity", "m2/s"),
                 FieldName::Solid => ("solid", "-"),
                 FieldName::Fill => ("fill", "-"),
-                // Refused by the plan.
+                // The plan refuses these fields.
                 FieldName::Head | FieldName::StreamFunction | FieldName::Saturation => continue,
             };
             let data = if *field == FieldName::Solid {

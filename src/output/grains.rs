@@ -1,4 +1,5 @@
-//! Grains and bodies as points: one vertex each, by rising id, so that a file does not depend on the number of ranks.
+//! Grains and bodies as points: one vertex each, in ascending order of ids, so that a file does not depend on the
+//! number of ranks.
 
 use super::order::{sorted, vector};
 use base::error::Error;
@@ -10,7 +11,7 @@ use dem::space::{Components, Space};
 use io::{Cells, Column, Data, MeshData};
 use plan::scene::grid::Grid;
 
-/// Columns of the grains of one output; buffers reused.
+/// Grains of one output as columns, in buffers that are reused.
 #[derive(Debug, Default)]
 pub(crate) struct Grains {
     position: Vec<f64>,
@@ -22,16 +23,16 @@ pub(crate) struct Grains {
     fluid_force: Vec<f64>,
     contact_force: Vec<f64>,
     material: Vec<i32>,
-    /// Empty unless the case requests it.
+    /// Displacement from the start \[m\]; empty unless the case requests it.
     displacement: Vec<f64>,
     displaced: bool,
 }
 
-/// Id, radius, material, then six vectors.
+/// Numbers per row: id, radius, material, then six vectors.
 const NUMBERS: usize = 3 + 6 * 3;
 
 impl Grains {
-    /// Makes an empty record; with the displacements if `displaced`.
+    /// Returns empty columns; with displacements if `displaced`.
     pub(crate) fn new(displaced: bool) -> Self {
         Self {
             displaced,
@@ -109,7 +110,7 @@ impl Grains {
         self
     }
 
-    /// This rank's rows.
+    /// Returns the rows of this rank.
     pub(crate) fn mesh(&self, dimension: usize) -> MeshData<'_> {
         let force = force_unit(dimension);
         let column = |name, units, components, data| Column {
@@ -150,7 +151,7 @@ impl Grains {
     }
 }
 
-/// Returns the position of owned grain `k` inside the domain (m), whenever it was wrapped last.
+/// Returns the position of owned grain `k` wrapped into the domain \[m\].
 pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid) -> [f64; 3] {
     let raw = space_vector(&particles.motion[k].position);
     std::array::from_fn(|axis| {
@@ -158,7 +159,8 @@ pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid)
         if axis >= S::DIMENSION || !grid.periodic[axis] {
             return raw[axis];
         }
-        // From the raw position in one step, so that the bits do not depend on the shift that the entry carries.
+        // Computed from the raw position in one step, so that the bits do not depend on the shift stored with the
+        // grain.
         let periods = -(raw[axis] / length).floor();
         let at = raw[axis] + periods * length;
         if at < 0.0 {
@@ -171,7 +173,7 @@ pub(crate) fn wrapped<S: Space>(particles: &Particles<S>, k: usize, grid: &Grid)
     })
 }
 
-/// Returns a vector of the plane or of space with three components.
+/// Returns a vector with three components from one in the plane or in space.
 pub(crate) fn space_vector<C: Components>(value: &C) -> [f64; 3] {
     std::array::from_fn(|k| if k < C::COUNT { value.get(k) } else { 0.0 })
 }
@@ -185,7 +187,7 @@ pub(crate) fn spin_vector<C: Components>(value: &C) -> [f64; 3] {
     }
 }
 
-/// Returns the unit of forces: in the plane they are per metre of depth.
+/// Returns the unit of forces; in the plane forces are per metre of depth.
 pub(crate) fn force_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "N/m" } else { "N" }
 }

@@ -1,14 +1,14 @@
-//! The ranks of a run as the group that writes a file together, and the handling of its errors.
+//! The ranks of a run as the group that writes a file together, and the handling of the errors of such a write.
 
 use base::error::Error;
 use decomposition::{Communicator, RawCommunicator};
 use io::group::{Group, on_root};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Exit code of a run that ends over a file.
+/// Exit code of a run that ends because of a file error.
 const INPUT_OUTPUT: i32 = 5;
 
-/// All ranks of a communicator as a group of [`io`]: it writes outputs, tables and checkpoints.
+/// All ranks of a communicator as a group of [`io`], which writes outputs, tables and checkpoints.
 #[derive(Clone, Copy, Debug)]
 pub struct RankGroup<'a>(pub &'a Communicator);
 
@@ -35,7 +35,7 @@ impl Group for RankGroup<'_> {
         self.0.barrier();
     }
     fn give_up(&self, error: &io::Error) {
-        // One rank cannot keep another waiting, so its error takes the ordinary way.
+        // A single rank keeps no other rank waiting, so that its error can be returned.
         if self.0.size() > 1 {
             log::error!("rank {}: {error}", self.0.rank());
             self.0.abort(INPUT_OUTPUT);
@@ -47,7 +47,7 @@ impl RankGroup<'_> {
     /// Runs `work` on rank 0 and gives its result to every rank. Collective.
     ///
     /// # Errors
-    /// Rank 0's error, on every rank.
+    /// If the work on rank 0 fails; its error is returned on every rank.
     pub fn on_root<T: Serialize + DeserializeOwned>(
         &self,
         work: impl FnOnce() -> io::Result<T>,
@@ -55,12 +55,12 @@ impl RankGroup<'_> {
         self.checked(on_root(self, work))
     }
 
-    /// Returns the result of a joint write as one of this program. A write that failed half-way leaves HDF5 in a state
-    /// from which it cannot be shut down, so that the job ends here, on all ranks, with the exit code of an error of
-    /// input or output.
+    /// Converts the result of a joint write to one of this program. A write that failed half-way leaves HDF5 in a
+    /// state in which it cannot shut down; the job then ends here, on all ranks, with the exit code of a file
+    /// error.
     ///
     /// # Errors
-    /// [`Error::Io`] with the words of the error.
+    /// [`Error::Io`] with the text of the error.
     pub fn checked<T>(&self, result: io::Result<T>) -> Result<T, Error> {
         result.map_err(|error| {
             if error.must_abort() {

@@ -16,10 +16,10 @@ use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Describes a file or folder; `json` for scripts, else text for people. Serial.
+/// Describes a file or folder as JSON, or as text if `json` is `false`. Serial.
 ///
 /// # Errors
-/// [`Error::Io`] where it cannot be read or is of no known kind. A damaged checkpoint is described, not an error.
+/// [`Error::Io`] if it cannot be read or is of no known kind. A damaged checkpoint is described without an error.
 pub fn info(path: &Path, json: bool) -> Result<String, Error> {
     let value = if path.is_dir() {
         folder(path)?
@@ -75,7 +75,8 @@ fn read_json(path: &Path) -> Result<Value, Error> {
     serde_json::from_str(&text).map_err(|error| failed(path, error))
 }
 
-/// Returns a folder and the folders in it, one level deep: checkpoints may have their own.
+/// Returns the description of a folder and of the folders in it, one level deep: checkpoints may have their own
+/// folder.
 fn folder(path: &Path) -> Result<Value, Error> {
     let mut files = Vec::new();
     for entry in entries(path)? {
@@ -93,7 +94,7 @@ fn folder(path: &Path) -> Result<Value, Error> {
         let short = one.strip_prefix(path).unwrap_or(one);
         list.insert(short.display().to_string(), value);
     };
-    // A file that cannot be read is reported in its place and does not hide the others.
+    // A file that cannot be read is reported in its own entry and does not hide the others.
     let described = |result: Result<Value, Error>| result.unwrap_or_else(|e| json!(e.to_string()));
     for one in &files {
         match extension(one) {
@@ -200,7 +201,7 @@ fn series(path: &Path) -> Result<Value, Error> {
 fn table(path: &Path) -> Result<Value, Error> {
     let text =
         io::plain::text(path, io::plain::LONGEST_TABLE).map_err(|e| Error::Io(e.to_string()))?;
-    // A last line without its end is a row that is being written.
+    // A last line without a line end is a row that is being written.
     let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
     let (mut rows, mut last, mut headings) = (0_u64, None, Vec::new());
     if let Some(mut reader) = Reader::new(whole) {
@@ -227,7 +228,7 @@ fn table(path: &Path) -> Result<Value, Error> {
     Ok(Value::Object(all))
 }
 
-/// Returns a checkpoint by its manifest, verified bit by bit.
+/// Returns the description of a checkpoint from its manifest, with the checksums verified.
 fn checkpoint(path: &Path, arrays: bool) -> Value {
     let manifest = match io::checkpoint::verify(path, &Alone) {
         Ok(found) => found.manifest,
@@ -256,7 +257,7 @@ fn checkpoint(path: &Path, arrays: bool) -> Value {
     all
 }
 
-/// Writes nested names and values, two spaces a level.
+/// Writes nested names and values, indented by two spaces per level.
 fn write_value(text: &mut String, value: &Value, level: usize) {
     let indent = "  ".repeat(level);
     // Writing to a String cannot fail.

@@ -11,9 +11,10 @@
 //! | `view` | access to the state of a run |
 //! | `fluid`, `vorticity` | fields of the fluid; the vorticity, with the adjacent planes of other slabs |
 //! | `averages` | time averages and their profile |
-//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in the same order on any ranks |
-//! | `structures` | surfaces at rest, once |
-//! | `walls` | walls of facets as they stand at time 0, once |
+//! | `grains`, `contacts`, `blocks`, `order` | grains, contacts and faces of blocks, in an order independent of the
+//! ranks |
+//! | `structures` | stationary surfaces, written once |
+//! | `walls` | walls of facets at time 0, written once |
 //! | `probes` | values over time |
 //! | `info` | description of a file or folder |
 //!
@@ -74,7 +75,7 @@ use seepage::SeepageFields;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A series of files and when it is due.
+/// Series of files and its schedule.
 #[derive(Debug)]
 struct Output<T> {
     series: Series,
@@ -83,14 +84,14 @@ struct Output<T> {
     buffers: T,
 }
 
-/// Fields of whichever fluid there is.
+/// Output fields of the lattice or of the seepage.
 #[derive(Debug)]
 enum FluidFields {
     Lattice(Box<Fields>),
     Seepage(SeepageFields),
 }
 
-/// All outputs of a run over time, except checkpoints and analyses.
+/// All outputs of a run over time, except checkpoints and the tables of analyses.
 #[derive(Debug)]
 pub struct Outputs {
     folder: PathBuf,
@@ -106,10 +107,10 @@ pub struct Outputs {
 
 impl Outputs {
     /// Writes the series `structures` and `walls` and opens `fluid`, `grains`, `contacts`, `blocks` and the tables
-    /// `probe_NAME.csv` in `folder`, which is there.
+    /// `probe_NAME.csv` in the existing folder `folder`.
     ///
-    /// Without `resumed_at` what an earlier run left under these names is removed; with it, a step, what was written
-    /// up to that step is kept and what came later is dropped. `provenance` goes into every series file. Collective.
+    /// Without `resumed_at` the files of an earlier run with these names are removed; otherwise rows and files up
+    /// to that step are kept and later ones dropped. `provenance` goes into every series file. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -152,7 +153,7 @@ impl Outputs {
             .map(|output| place.open("blocks", Some(output.every), Blocks::default()))
             .transpose()?;
         let averages = written.averages.as_ref().map(|output| {
-            // Without an interval only the end of the run is left.
+            // Without an interval there is output only at the end of the run.
             let fields = AverageFields::new(output.profile.map(Axis::index));
             let mut averages = place.open("averages", output.every, fields)?;
             averages.open_profile(folder, &place.group, resumed_at)?;
@@ -193,8 +194,8 @@ impl Outputs {
         );
     }
 
-    /// Writes the outputs due at the step of the view. Call it before the first step, after a restart too, and after
-    /// every step, before the checkpoint of that step. Collective: every rank calls it at the same steps.
+    /// Writes the outputs due at the step of the view. Call it before the first step, also after a restart, and
+    /// after every step before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
@@ -220,11 +221,11 @@ impl Outputs {
         Ok(())
     }
 
-    /// Writes everything as it is now, unless that was done at this step: the end of a run is the last output of each
-    /// series and the last row of each probe. Collective.
+    /// Writes all outputs for the present state, unless they were written at this step: the end of a run is the
+    /// last output of each series and the last row of each probe. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::write_due`].
+    /// If [`Self::write_due`] fails.
     pub fn write_all_now<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         self.write_series(view, |_| true)?;
         for probe in &mut self.probes {
@@ -237,8 +238,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Drops what is there of `step` only because a run ended there. Call it where a run that was resumed at `step` is
-    /// about to continue, so that its files become those of a run that never ended there. Collective.
+    /// Drops the outputs of `step` that were written only because a run ended there. Call it when a run resumed at
+    /// `step` is about to continue, so that its files equal those of a run that did not end there. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -281,7 +282,7 @@ impl Outputs {
         self.next
     }
 
-    /// Flushes all tables to the disk itself, as before a checkpoint. Collective.
+    /// Synchronises all tables to disk, as before a checkpoint. Collective.
     ///
     /// # Errors
     /// [`Error::Io`], the same on all ranks.
@@ -357,7 +358,7 @@ impl Outputs {
     }
 }
 
-/// The folder of all outputs, and the step at which a resumed run opens them.
+/// Folder of all outputs, and the step at which a resumed run opens them.
 struct Place<'a> {
     plan: &'a Plan,
     folder: &'a Path,
@@ -366,7 +367,8 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Opens a series with an output every so many seconds, if any. Collective.
+    /// Opens a series with an output every `every` seconds; without an interval only at the end of the run.
+    /// Collective.
     fn open<T>(&self, name: &str, every: Option<f64>, buffers: T) -> Result<Output<T>, Error> {
         let (group, folder) = (&self.group, self.folder);
         let every = every.map(|interval| self.plan.clock.every(interval));
@@ -392,7 +394,7 @@ impl Place<'_> {
     }
 }
 
-/// The parts that the files of all series at one step have in common.
+/// Parts that the files of all series at one step have in common.
 struct File<'a> {
     when: OutputTime,
     provenance: &'a [(String, String)],
@@ -458,7 +460,7 @@ impl FluidFields {
 }
 
 impl AverageFields {
-    /// Writes a row of the profile, if one is requested, and the fields. Collective.
+    /// Writes a row of the profile, if requested, and the fields. Collective.
     fn write<S: Space>(
         &mut self,
         averages: &Averages,
@@ -484,12 +486,12 @@ impl AverageFields {
 }
 
 impl<T> Output<T> {
-    /// Drops the output of `step` where it is not one of its interval; whether it did. Collective.
+    /// Drops the output of `step` if its schedule has none there; returns `true` if it did. Collective.
     fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<bool, Error> {
         if self.schedule.falls_on(step) {
             return Ok(false);
         }
-        // Step 0 has an output of every interval; only averages without one have none.
+        // Every schedule has an output at step 0, except averages without an interval.
         let Some(before) = step.checked_sub(1) else {
             return Ok(false);
         };
@@ -498,7 +500,7 @@ impl<T> Output<T> {
         Ok(true)
     }
 
-    /// Writes the output of `step` where it is due and not written yet. Collective.
+    /// Writes the output of `step` if it is due and not written yet. Collective.
     fn write(
         &mut self,
         step: u64,

@@ -1,14 +1,13 @@
-//! Rows in an order that does not depend on the ranks that own them, so that files do not depend on the number of
-//! ranks.
+//! Sorting of rows over ranks, so that the order in files does not depend on the number of ranks.
 
 use base::error::Error;
 use decomposition::{Communicator, exchange};
 
-/// Sorts rows of numbers over all ranks: each rank gets the rows whose first number (an id) lies in its share of all
-/// ids, sorted, so that the rows of rank 0, 1, … in turn are sorted as a whole. Collective.
+/// Sorts rows of numbers over all ranks. Each rank receives the rows whose first number (an id) lies in its
+/// interval of ids, sorted, so that the rows of rank 0, 1, … form one sorted list. Collective.
 ///
 /// # Errors
-/// [`Error::Internal`] where a message is no list of rows.
+/// [`Error::Internal`] if a message is not a list of rows.
 pub(crate) fn sorted<const N: usize>(
     communicator: &Communicator,
     mut rows: Vec<[u64; N]>,
@@ -43,7 +42,7 @@ pub(crate) fn sorted<const N: usize>(
     Ok(rows)
 }
 
-/// Returns three numbers of a row.
+/// Returns three consecutive numbers of a row, from index `first`.
 pub(crate) fn vector<const N: usize>(row: &[u64; N], first: usize) -> [f64; 3] {
     std::array::from_fn(|k| f64::from_bits(row[first + k]))
 }

@@ -1,9 +1,9 @@
-//! Values over time at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
+//! Time series at points, lines, planes, bodies and faces: one CSV file `probe_NAME.csv` each.
 //!
-//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last step,
-//! so that their `time` is half a step before the end of `step`; the load of the water on a body is the mean over the
-//! last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered from the
-//! ranks that own it, or summed without rounding, so that it does not depend on their number.
+//! Every file begins with the columns `step` and `time`. Forces on walls and structures are means over the last
+//! step, so that their `time` is half a step before the end of `step`; the load of the water on a body is the mean
+//! over the last two steps, at `fluid_force_time`. The columns are the same in 2-D and 3-D. Every value is gathered
+//! from the rank that owns it, or summed without rounding, so that it does not depend on the number of ranks.
 //!
 //! | probe | columns |
 //! |---|---|
@@ -28,10 +28,10 @@
 //! | bed | surface, scour, shear stress, Shields number and bedload of a bed of grains |
 //!
 //! **Points** are interpolated linearly along each axis from the cell centres; in the half cell next to a face the
-//! values are extrapolated. Covered cells count with their values. **Planes** are interpolated between the two adjacent
-//! planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill levels.
+//! values are extrapolated. Covered cells are included with their values. **Planes** are interpolated between the
+//! two adjacent planes of cells; only cells whose centre is in the fluid count, below a free surface by their fill
+//! levels.
 //! **Faces**: see [`wall`]. **Walls of grains**: see [`wall_load`]. **Beds**: see [`bed`]. **Grains**: see [`fabric`].
-
 //!
 //! A quantity is one file here, which holds its columns and its samples, and a line in the list [`sampled`];
 //! `case::observe` has its fields and `plan::scene::observe` its checks.
@@ -74,18 +74,18 @@ use quantity::Quantity;
 use sampled::Sampled;
 use std::path::{Path, PathBuf};
 
-/// A probe with its file.
+/// Probe with its table.
 #[derive(Debug)]
 pub(crate) struct Probe {
     pub(crate) schedule: Schedule,
     quantity: Sampled,
-    /// The step of the last sample, where it is known.
+    /// Step of the last sample, if known.
     pub(crate) last: Option<u64>,
     path: PathBuf,
     headings: Vec<Heading>,
     /// Table of the probe, on rank 0.
     table: Option<CsvTable>,
-    /// The rows of one sample, on rank 0; reused.
+    /// Rows of one sample, on rank 0; the buffer is reused.
     rows: Vec<Vec<f64>>,
 }
 
@@ -178,7 +178,7 @@ impl Probe {
         })
     }
 
-    /// Drops the sample of `step` where that is none of its interval. Collective.
+    /// Drops the sample of `step` if its schedule has none there. Collective.
     pub(crate) fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<(), Error> {
         if self.last != Some(step) || self.schedule.falls_on(step) {
             return Ok(());
@@ -196,14 +196,14 @@ impl Probe {
         })
     }
 
-    /// Flushes the rows to the disk itself, on rank 0.
+    /// Synchronises the table to disk, on rank 0.
     pub(crate) fn sync(&self) -> io::Result<()> {
         self.table.as_ref().map_or(Ok(()), CsvTable::sync)
     }
 }
 
-/// Opens a new table, or that of an earlier part of the run; returns also `true` if it holds a whole sample of the step
-/// that the run continues from.
+/// Opens a new table, or that of an earlier part of the run; returns also `true` if the table contains a complete
+/// sample of the step at which the run continues.
 fn open(
     path: &Path,
     headings: &[Heading],
@@ -219,11 +219,11 @@ fn open(
     if there == 0 || there == rows {
         return Ok((table, there > 0));
     }
-    // A sample cut short by the end of the run is taken again.
+    // A sample that was cut off at the end of the run is taken again.
     Ok((before(path, headings, step)?, false))
 }
 
-/// Returns the table without its rows from `step` on.
+/// Returns the table without the rows from `step` on.
 fn before(path: &Path, headings: &[Heading], step: u64) -> io::Result<CsvTable> {
     match step.checked_sub(1) {
         Some(before) => CsvTable::resume(path, headings, before),
@@ -282,7 +282,7 @@ fn area_unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m" } else { "m2" }
 }
 
-/// Returns the edge (2-D, m) or face (3-D, m²) of a cell.
+/// Returns the edge length (2-D, m) or face area (3-D, m²) of a cell.
 fn face_area(units: &LatticeUnits) -> f64 {
     if units.dimension == 2 {
         units.spacing

@@ -2,7 +2,7 @@
 
 use plan::interval::Interval;
 
-/// The steps of an interval from step 0 on, or none at all.
+/// Steps at an interval, starting at step 0; or no steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Schedule {
     every: Option<Interval>,
@@ -10,7 +10,8 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// Starts a schedule: due at step 0, then at every step of the interval; without an interval never.
+    /// Returns a schedule from step 0: due at step 0, then at every step of the interval; never due without an
+    /// interval.
     pub(crate) fn new(every: Option<Interval>) -> Self {
         Self {
             every,
@@ -18,7 +19,8 @@ impl Schedule {
         }
     }
 
-    /// Continues a schedule after a restart at `step`; `written`: what was due at that very step is there already.
+    /// Returns a schedule after a restart at `step`; `written` is `true` if the output of that very step exists
+    /// already.
     pub(crate) fn resumed(every: Option<Interval>, step: u64, written: bool) -> Self {
         let mut schedule = Self::new(every);
         if written {
@@ -29,24 +31,24 @@ impl Schedule {
         schedule
     }
 
-    /// Returns `true` if it is due at `step`. A step that was passed is not made up for.
+    /// Returns `true` if the output is due at `step`. A missed step is not made up for.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         step >= self.next && self.falls_on(step)
     }
 
-    /// Continues past `step`: outputs due there have happened or were passed.
+    /// Continues past `step`: outputs due up to there were written or missed.
     pub(crate) fn pass(&mut self, step: u64) {
         if step >= self.next {
             self.next = self.next_from(step + 1);
         }
     }
 
-    /// Returns the next step at which it is due.
+    /// Returns the next step at which the output is due.
     pub(crate) fn next(&self) -> u64 {
         self.next
     }
 
-    /// Returns `true` if `step` is one of those at which there is an output, rather than the end of a run.
+    /// Returns `true` if the schedule has an output at `step`, so that it was not written only because a run ended.
     pub(crate) fn falls_on(&self, step: u64) -> bool {
         self.every.is_some_and(|every| every.falls_on(step))
     }

@@ -1,6 +1,6 @@
 //! Fields of the seepage as cell data of its coarse grid, in SI.
 //!
-//! Every rank knows the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the
+//! Every rank has the whole grid; the first one writes it. `velocity` is the Darcy flux (interstitial in the
 //! equations as printed); cells outside the walls have porosity 0.
 
 use super::fluid::Number;
@@ -10,7 +10,7 @@ use coupling::seepage::Seepage;
 use dem::space::Space;
 use io::{Column, Image};
 
-/// The columns of one output; buffers reused.
+/// Columns of one output, in buffers that are reused.
 #[derive(Debug)]
 pub(crate) enum SeepageFields {
     Single(Buffers<f32>),
@@ -44,7 +44,7 @@ impl SeepageFields {
         }
     }
 
-    /// This rank's box of the image.
+    /// Returns the box of this rank in the image.
     pub(crate) fn image<'a, S: Space>(&'a self, seepage: &Seepage<S>, first: bool) -> Image<'a> {
         let grid = seepage.grid();
         Image {

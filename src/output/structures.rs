@@ -1,4 +1,4 @@
-//! Structures as surfaces, written once: they are at rest.
+//! Structures as surfaces, written once because they are stationary.
 
 use super::group::RankGroup;
 use base::error::Error;
@@ -7,10 +7,10 @@ use io::{Cells, Column, Data, MeshData, Mode, OutputTime, Series};
 use plan::scene::Scene;
 use std::path::Path;
 
-/// A facet leaves a round surface by no more than this part of the domain.
+/// Maximum distance between a facet and the round surface that it approximates, as a fraction of the domain.
 const SAGITTA: f64 = 1e-4;
 
-/// Writes the series `structures` of one output at time 0, by the first rank. Collective.
+/// Writes the series `structures`, with one output at time 0, on the first rank. Collective.
 pub(super) fn write(
     scene: &Scene,
     folder: &Path,

@@ -10,7 +10,7 @@ use dem::particles::Particles;
 use dem::space::Space;
 use plan::Plan;
 
-/// The state between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains
+/// State of a run between two steps. Named bodies of the case have the ids 0, 1, … in the order of the case; grains
 /// follow.
 #[derive(Clone, Copy)]
 pub struct StateView<'a, S: Space> {
@@ -24,13 +24,13 @@ pub struct StateView<'a, S: Space> {
     pub seepage: Option<&'a Seepage<S>>,
     /// The water in the joints, if it is the fluid; the same on every rank.
     pub joints: Option<&'a JointWater>,
-    /// Sums over time of this rank's slab, if the scene has averages.
+    /// Time averages of the slab of this rank, if the scene has averages.
     pub averages: Option<&'a Averages>,
-    /// Grains and bodies of this rank, ghosts up to date.
+    /// Grains and bodies of this rank, with up-to-date ghosts.
     pub particles: &'a Particles<S>,
-    /// Contacts, if anything moves.
+    /// Solver of contacts and motion, if anything moves.
     pub dem: Option<&'a Dem<S>>,
-    /// Steps done, without the warm-up.
+    /// Number of steps done, without the warm-up.
     pub step: u64,
     /// Time \[s\], 0 at the end of the warm-up.
     pub time: f64,

@@ -1,10 +1,11 @@
-//! The vorticity of the fluid: derivatives of the velocities of a slab and of the adjacent planes of other slabs.
+//! Vorticity of the fluid: derivatives of the velocities of a slab and of the adjacent planes of other slabs.
 
 use base::error::Error;
 use coupling::{BandStates, FluidView, bands};
 use decomposition::{Domain, exchange};
 
-/// Velocities (lattice units) of a slab of fluid with one plane of each neighbour along the split axis; buffers reused.
+/// Velocities of a slab of fluid, in lattice units, with one plane of each neighbour along the split axis; the
+/// buffers are reused.
 #[derive(Debug, Default)]
 pub(crate) struct Velocities {
     cells: [usize; 3],
@@ -16,7 +17,7 @@ pub(crate) struct Velocities {
 }
 
 impl Velocities {
-    /// Reads the slab and trades the outer planes with the neighbours, periodic ones included. Collective.
+    /// Reads the slab and exchanges the outer planes with the neighbours, including periodic ones. Collective.
     pub(crate) fn read(&mut self, fluid: &dyn FluidView, domain: &Domain) -> Result<(), Error> {
         self.cells = fluid.cells();
         self.axis = domain.axis().index();
@@ -37,7 +38,7 @@ impl Velocities {
         (self.below, self.above) = (None, None);
         for (source, bytes) in exchange(domain.communicator(), messages) {
             let mut planes = bytes.chunks_exact((size * 24).max(1));
-            // A rank sends its first plane first; it is the one above this slab.
+            // Every rank sends its first plane first; received from a rank above, it is the plane above this slab.
             if upper == Some(source) {
                 self.above = planes.next().map(from_bytes);
             }
@@ -96,7 +97,7 @@ impl Velocities {
         self.own[self.index(cell)]
     }
 
-    /// Returns the velocity of the next cell along `axis`, up or down; none outside the domain.
+    /// Returns the velocity of the adjacent cell along `axis`, up or down; none outside the domain.
     fn beside(&self, cell: [usize; 3], axis: usize, up: bool, periodic: bool) -> Option<[f64; 3]> {
         let last = self.cells[axis] - 1;
         let at_end = cell[axis] == if up { last } else { 0 };
@@ -119,8 +120,8 @@ impl Velocities {
         Some(self.velocity_at(next))
     }
 
-    /// Returns the derivative of the velocity along `axis` per cell: central, one-sided in the cells at a face of the
-    /// domain.
+    /// Returns the derivative of the velocity along `axis` per cell: central, or one-sided in the cells at a face
+    /// of the domain.
     fn derivative(&self, cell: [usize; 3], axis: usize, periodic: bool) -> [f64; 3] {
         let here = self.velocity_at(cell);
         let low = self.beside(cell, axis, false, periodic);
@@ -134,7 +135,7 @@ impl Velocities {
         std::array::from_fn(|k| (to[k] - from[k]) * over)
     }
 
-    /// Returns the vorticity (per step) of a cell; in 2-D only the last component is not zero.
+    /// Returns the vorticity of a cell, per step; in 2-D only the last component is non-zero.
     pub(crate) fn vorticity(&self, cell: [usize; 3], periodic: [bool; 3]) -> [f64; 3] {
         let [dx, dy, dz] = std::array::from_fn(|axis| self.derivative(cell, axis, periodic[axis]));
         [dy[2] - dz[1], dz[0] - dx[2], dx[1] - dy[0]]

@@ -1,4 +1,4 @@
-//! Walls of facets as surfaces, written once: where they stand at time 0, and the velocity with which they move.
+//! Walls of facets as surfaces, written once: their position at time 0, and the velocity with which they move.
 
 use super::group::RankGroup;
 use base::error::Error;
@@ -9,14 +9,14 @@ use plan::scene::Scene;
 use plan::scene::walls::SceneWall;
 use std::path::Path;
 
-/// Returns the walls that are surfaces of their own, with their numbers: planes have no end, and structures
-/// have a series.
+/// Returns the walls that are written as surfaces, with their numbers: planes are infinite, and structures have a
+/// series of their own.
 pub(super) fn surfaces(scene: &Scene) -> impl Iterator<Item = (usize, &SceneWall)> {
     let walls = scene.walls.iter().enumerate();
     walls.filter(|(_, wall)| wall.surface.is_some() && wall.structure.is_none())
 }
 
-/// Writes the series `walls` of one output at time 0, by the first rank. Collective.
+/// Writes the series `walls`, with one output at time 0, on the first rank. Collective.
 pub(super) fn write(
     scene: &Scene,
     folder: &Path,

@@ -1,8 +1,8 @@
 //! Added-mass stability: the smallest density ratio of a free body and the fluid.
 //!
-//! The load of a step is known only after the body has moved. A body much lighter than the fluid then oscillates with a
-//! growing amplitude. The parameters are s = ρ_s/ρ_f and the radius R in cells, for other shapes n V/A in n
-//! dimensions.
+//! The load of a step is known only after the body has moved. A body much lighter than the fluid then oscillates
+//! with a growing amplitude. The parameters are the density ratio s = ρ_s/ρ_f and the radius R in cells; for other
+//! shapes R = n V/A in n dimensions.
 //!
 //! *Links* resist a change of the velocity with 6 Σ w c c over the links, which is ρ_f/3 across a flat wall and ρ_f
 //! along its normal for each cell of its area: on average 2/3 for a disc and 5/9 for a sphere. Divided by the mass this
@@ -20,14 +20,16 @@
 //!
 //! The limits of links are in this file, those of saturated cells in the file of each operator
 //! ([`lbm::saturation`]). They are measured over radii, positions relative to the cells and relaxation times
-//! (`benches/stability/README.md`): every body lighter than `fails` was unstable, no body heavier than `holds`. The
-//! limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly to follow a step, below 0.6 it
-//! keeps the disturbance by the body. The number of solid steps has no effect, because the load is constant over them.
+//! (`benches/stability/README.md`): every body lighter than `fails` was unstable, every body heavier than `holds`
+//! was stable. The limits of links depend on the relaxation time: above 1 the fluid relaxes too slowly to follow a
+//! step, below 0.6 it keeps the disturbance by the body. The number of solid steps has no effect, because the load
+//! is constant over them.
 //!
-//! *Packed grains in saturated cells* ([`packed`](crate::scene::packed)): the water in the cells between grains that
-//! touch is held by all of them, and the resistance that a grain meets within one step is that of a body with a layer
-//! of it. The bound rises with the relaxation time, as momentum spreads farther in a step, and falls with the radius:
-//! with 4 cells per diameter and tau = 1.5 grains in a bed need 3.5 times the density of the fluid, alone 1.1 times.
+//! *Packed grains in saturated cells* ([`packed`](crate::scene::packed)): the water in the cells between grains
+//! that touch is coupled to all of them, and the resistance to a grain within one step is that of a body with a
+//! layer of this water. The bound rises with the relaxation time, as momentum spreads farther in a step, and falls
+//! with the radius: with 4 cells per diameter and tau = 1.5 grains in a bed need 3.5 times the density of the
+//! fluid, alone 1.1 times.
 //!
 //! A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285, gives s > 1 + 10/R for shells with internal fluid. Lighter bodies are
 //! stable without it.
@@ -41,7 +43,7 @@ use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
 use lbm::saturation::{DensityRatios, LightBody};
 
-/// s R of links from which on bodies hold, by relaxation time: discs, spheres.
+/// Values of s R above which bodies with links are stable, by relaxation time: discs, spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
     &[
         (0.5, 1.0),
@@ -63,8 +65,8 @@ const LINKS: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// s from which on bodies in saturated cells hold where the water inside is left in, by relaxation time: discs,
-/// spheres.
+/// Values of s above which bodies in saturated cells are stable without compensation of the internal fluid, by
+/// relaxation time: discs, spheres.
 const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     &[
         (0.5, 0.41),
@@ -82,7 +84,7 @@ const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     ],
 ];
 
-/// Interpolates between the points of a table, and on along its last stretch.
+/// Interpolates linearly between the points of a table, and extrapolates its last segment.
 fn between(table: &[(f64, f64)], x: f64) -> f64 {
     let next = table.iter().position(|p| p.0 > x).unwrap_or(table.len());
     let [(x0, y0), (x1, y1)] = [
@@ -93,7 +95,7 @@ fn between(table: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).max(0.0)
 }
 
-/// Returns the bounds of a body of radius R in cells.
+/// Returns the bounds of the density ratio for a body of radius R in cells.
 fn bounds(
     coupling: &Coupling,
     operator: Option<SolidOperator>,
@@ -122,14 +124,15 @@ fn bounds(
     }
 }
 
-/// Depth of the cells of a body that take part in the flow below a free surface, in cells from its surface.
+/// Depth below the surface of a body, in cells, of the cells that take part in the flow below a free surface.
 const DEPTH: f64 = 2.0;
 
-/// Returns the bounds of a body of radius R in cells below a free surface.
+/// Returns the bounds of the density ratio for a body of radius R in cells below a free surface.
 ///
-/// Only the cells next to water hold fluid there, and the inertia of that fluid alone is left out: the bounds are those
-/// of the whole body times the share of these cells in its volume. No body is refused: there is no map of runs that
-/// failed below a surface, and discs of 0.5 and 0.6 times the density of water and 7 to 20 cells float.
+/// There only the cells next to water contain fluid, and only the inertia of that fluid is missing: the bounds are
+/// those of the whole body times the fraction of its volume in these cells. No body is refused, because no map of
+/// failed runs below a surface exists, and discs of 0.5 and 0.6 times the density of water and 7 to 20 cells were
+/// stable.
 fn below_surface(bounds: DensityRatios, dimension: usize, radius: f64) -> DensityRatios {
     let inside = (1.0 - DEPTH / radius).max(0.0);
     let inside = if dimension == 2 {
@@ -146,9 +149,9 @@ fn below_surface(bounds: DensityRatios, dimension: usize, radius: f64) -> Densit
 /// A kind of body that moves by forces.
 struct Kind {
     material: usize,
-    /// Radius that the water sees, in cells.
+    /// Effective hydrodynamic radius in cells.
     radius: f64,
-    /// `true` if it is among others of its kind.
+    /// `true` if it is surrounded by others of its kind.
     packed: bool,
 }
 
@@ -186,7 +189,7 @@ fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     kinds
 }
 
-/// Adds the margin of the lightest body, and refuses or reports bodies that were unstable.
+/// Adds the margin of the lightest body, and refuses or reports bodies that were unstable in the maps.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
@@ -265,7 +268,7 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// Returns 2 where the plan refuses for the density, 1 where it warns.
+    /// Returns 2 if the plan refuses the density, 1 if it warns.
     fn verdict(coupling: &str, density: f64) -> u8 {
         let text = format!(
             r#"{{
@@ -287,7 +290,7 @@ mod tests {
         found.map_or(0, |p| if p.severity == Severity::Error { 2 } else { 1 })
     }
 
-    /// The bounds enclose the border of every run.
+    /// Checks that the bounds enclose the stability limit of every run.
     #[test]
     fn no_measured_border_is_outside_the_bounds() {
         let table = include_str!("../../benches/stability/added_mass.csv");
@@ -327,7 +330,7 @@ mod tests {
         assert_eq!(rows, 308);
     }
 
-    /// Between the points of a table the straight line, after the last point that of the last stretch.
+    /// Checks linear interpolation between the points of a table, and extrapolation of the last segment.
     #[test]
     fn tables_are_read_between_their_points() {
         let table = [(0.5, 1.0), (1.0, 2.0), (2.0, 1.0)];
@@ -335,7 +338,8 @@ mod tests {
         assert_eq!(read, [1.0, 1.0, 1.5, 2.0, 1.5, 0.0]);
     }
 
-    /// Runs of the disc of five cells turn at s = 0.136 with links and 0.47 with saturated cells.
+    /// Checks bodies near the measured stability limits of the disc of five cells: s = 0.136 with links and 0.47
+    /// with saturated cells.
     #[test]
     fn a_light_body_is_refused_and_a_heavy_one_is_not() {
         let links = r#"{"bounce_back": {}}"#;

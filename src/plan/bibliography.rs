@@ -121,7 +121,7 @@ impl Publication {
     pub fn bibtex(&self) -> String {
         let year = self.year.to_string();
         let authors = self.authors.join(" and ");
-        // An en dash joins pages, and a second pair of braces keeps the capitals of a title.
+        // Pages are joined by an en dash; a second pair of braces keeps the capitals of a title.
         let pages = self.pages.as_ref().map(|pages| pages.replace('-', "--"));
         let title = format!("{{{}}}", escaped(&self.title));
         let optional = |text: &Option<String>| text.as_deref().map(escaped);

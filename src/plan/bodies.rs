@@ -1,6 +1,6 @@
 //! Smallest resolution of a body on the lattice; [`super::added_mass`] limits its density.
 //!
-//! * A disc or sphere is at least four cells across, because fewer cells do not represent its shape.
+//! * A disc or sphere is at least four cells in diameter: fewer cells do not represent its shape.
 //! * A block is at least one cell thick. A block of less than two cells may cover all of its cells only in part, and
 //!   with the viscous weighting a partly covered cell becomes permeable as τ approaches ½: a stream at τ = 0.50006
 //!   passed through a plate of half a cell, and through a plate of one cell that straddled two, with less than 4 % of
@@ -14,11 +14,11 @@ use crate::scene::grains::GrainSource;
 use base::error::Remedy;
 use case::coupling::Coupling;
 
-/// Fewest cells in a diameter.
+/// Minimum number of cells in a diameter.
 const FEWEST_CELLS: f64 = 4.0;
-/// Fewest cells in the thickness of a block.
+/// Minimum number of cells in the thickness of a block.
 const THINNEST: f64 = 1.0;
-/// Thickness of a plate \[cells\] that contains full cells in any position on the lattice.
+/// Minimum thickness of a plate \[cells\] that contains full cells at any position on the lattice.
 const SOLID: f64 = 2.0;
 
 /// Checks all limits of bodies in the fluid.
@@ -84,8 +84,8 @@ fn diameters(
     }
 }
 
-/// Proposes the coarsest spacing, at most `finest`, that divides the present one and so all that it divides; none where
-/// that would be more than eight times as fine.
+/// Proposes the coarsest spacing of at most `finest` that divides the present spacing, so that it divides all
+/// lengths that the present one divides; none if the present spacing is more than eight times as large.
 pub(super) fn finer(scene: &Scene, finest: f64, text: String) -> Remedy {
     let h = scene.grid.spacing;
     let parts = (h / finest * (1.0 - 1e-9)).ceil();

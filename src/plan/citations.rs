@@ -1,4 +1,4 @@
-//! The papers of the models that a case uses.
+//! Papers of the models that a case uses.
 //!
 //! [`MODELS`] gives the keys of the bibliography ([`super::bibliography`]) for every model of every
 //! family, by the names of the models in a case. A new model needs a line here; a test compares the
@@ -387,7 +387,7 @@ fn opening_options(
         let patches = flow.patches();
         patches.filter(|p| p.condition.name() == name).count()
     };
-    // Left out, an imposed pressure absorbs sound where it is the only opening besides imposed velocities.
+    // By default an imposed pressure absorbs sound if it is the only opening besides imposed velocities.
     let only_outlet = condition.name() == "pressure"
         && written["sound"].is_null()
         && imposes("pressure") == 1
@@ -460,7 +460,7 @@ fn grain_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     }
 }
 
-/// Adds the models whose names only the text of the case has.
+/// Adds the models whose names are only in the text of the case.
 fn written_models(case: &Value, used: &mut Vec<(&'static str, String)>) {
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
     let lattice = &case["fluid"]["lattice_boltzmann"];

@@ -43,7 +43,7 @@ use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::{BondOpening, ContactModel, Depth, StaticContact};
 
-/// Returns the step at which `dt² stiffness + 2 dt dashpot` is 4: both over mass.
+/// Returns the time step at which `dt² stiffness + 2 dt dashpot` is 4, with both divided by the mass.
 fn limit(stiffness: f64, dashpot: f64) -> f64 {
     4.0 / (dashpot + (dashpot * dashpot + 4.0 * stiffness).sqrt())
 }
@@ -53,7 +53,7 @@ fn turning(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }
 
-/// Returns the limit of the densest packing of a kind of grain with `partners` at most round each.
+/// Returns the limit of the densest packing of one kind of grain, each with at most `partners` neighbours.
 fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
@@ -87,12 +87,12 @@ fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partner
     shortest
 }
 
-/// Returns `true` if contacts at the start are bonded.
+/// Returns `true` if contacts are bonded at the start.
 fn bonds(scene: &Scene, law: &dyn ContactModel) -> bool {
     law.bonds() && scene.grains.as_ref().is_some_and(|g| g.bond_at_start)
 }
 
-/// Returns the maximum number of bodies that a grain can touch: all others, and the walls.
+/// Returns the maximum number of bodies that a grain can touch: all other bodies and the walls.
 fn others(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
@@ -100,7 +100,8 @@ fn others(scene: &Scene) -> f64 {
     base::number::real(all.saturating_sub(1))
 }
 
-/// Returns the limit of the densest packing of the grains over their critical step; infinite if nothing moves.
+/// Returns the limit of the densest packing of the grains divided by their critical step; infinite if nothing
+/// moves.
 pub fn of_packing(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
         (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {
@@ -174,9 +175,9 @@ pub(super) fn check(
     }
 }
 
-/// Returns the longest solid step \[s\] up to `step` that [`check`] accepts: the automatic one.
+/// Returns the longest solid step \[s\] of at most `step` that [`check`] accepts, which is the automatic one.
 pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
-    /// The limit of contacts that are pressed depends a little on the step.
+    /// Maximum number of iterations: the stiffness of compressed contacts depends slightly on the step.
     const ROUNDS: usize = 4;
     let Some(contact) = &scene.contact else {
         return step;
@@ -197,7 +198,7 @@ pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
 }
 
 impl Limits {
-    /// Returns the limit \[s\] that a step is above, if it is refused.
+    /// Returns the limit \[s\] that a step exceeds, if the step is refused.
     fn refuse(&self, step: f64) -> Option<f64> {
         let worst = self.sticking.min(self.packing);
         let unstable = step > worst && (step > self.sticking || !self.held);
@@ -210,26 +211,26 @@ impl Limits {
     }
 }
 
-/// Stable time steps of bodies \[s\].
+/// Stable time steps of bodies \[s\], by assumption about their contacts.
 struct Limits {
-    /// Limit with the contacts at the start as they slip; infinite if they are not known or far from it.
+    /// Limit with the initial contacts, which may slip; infinite if they are not known or far from the limit.
     slipping: f64,
-    /// Limit with the same contacts as they stick and are pressed.
+    /// Limit with the initial contacts, which stick and are compressed.
     sticking: f64,
-    /// Limit in a packing.
+    /// Limit in a packing of the smallest grains.
     packing: f64,
-    /// `true` if contacts at the start hold all bodies, so that they do not form a packing at once.
+    /// `true` if initial contacts hold all bodies, so that they do not form a new packing at once.
     held: bool,
 }
 
-/// Opening of a bond over the diameter of the smallest grain from which on a third grain fits between the two.
+/// Opening of a bond, in diameters of the smallest grain, above which a third grain fits between the two.
 const A_GRAIN_BETWEEN: f64 = 1.0;
-/// Opening of a bond over the diameter of the smallest grain from which on the bond is longer than the contact that it
+/// Opening of a bond, in diameters of the smallest grain, above which the bond is longer than the contact that it
 /// represents.
 const LONG: f64 = 0.1;
 
-/// Checks the opening at which a bond breaks: lists of neighbours reach that far. A strength with a spring that is too
-/// soft for it makes bonds across other grains, and lists without end.
+/// Checks the opening at which a bond breaks, which is the range of the neighbour lists. A spring too soft for the
+/// strength gives bonds across other grains, and very long lists.
 fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let kinds = moving(scene);
     let smallest = 2.0 * kinds.iter().map(|k| k.1).fold(f64::INFINITY, f64::min);
@@ -279,8 +280,8 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     }
 }
 
-/// Part of the limit of the densest packing from which on the contacts of the start are looked at: they can be this
-/// much stiffer, pressed together or between unequal grains.
+/// Fraction of the limit of the densest packing above which the initial contacts are evaluated: they can be stiffer
+/// by the inverse of this factor if compressed or between unequal grains.
 const LOOK: f64 = 0.25;
 
 fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
@@ -288,7 +289,7 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     let mut kinds = moving(scene);
     kinds.retain(|(material, _)| *material < scene.materials.len());
     kinds.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    // The smallest grains of a material swing fastest.
+    // The smallest grains of a material have the highest frequency.
     kinds.dedup_by_key(|(material, _)| *material);
     let limits = kinds
         .into_iter()
@@ -321,7 +322,7 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     }
 }
 
-/// Returns the path of the field that determines the solid step.
+/// Returns the JSON path of the field that determines the solid step.
 fn path(scene: &Scene) -> &'static str {
     if scene.flow.is_some() {
         "time.solid_steps_per_fluid_step"
@@ -333,8 +334,8 @@ fn path(scene: &Scene) -> &'static str {
 }
 
 fn remedy(scene: &Scene, clock: &Clock, limit: f64) -> Remedy {
-    // The limit of what is pressed depends a little on the step. The part of the critical step that is allowed may be
-    // shorter.
+    // The limit of compressed contacts depends slightly on the step. The allowed fraction of the critical step may
+    // be shorter.
     let critical = clock.critical_solid_time_step.unwrap_or(f64::INFINITY);
     let safe = if scene.flow.is_some() || scene.time.solid_time_step.is_some() {
         critical * scene.time.solid_time_step_safety

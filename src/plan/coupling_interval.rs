@@ -1,12 +1,9 @@
 //! The longest coupling interval of a seepage: how long the load of the water on a bed may stay constant.
 //!
-//! The load foresees what drag does to a grain within the interval T, but not what its contacts do
-//! ([`coupling::seepage`]). Where the
-//! interval resolves the contacts that does not matter. Where it does not, the drag of an outdated velocity
-//! pumps energy into the
-//! contacts, slowly if it is weak, and dashpots have to take it out. Four times of a bed of grains of
-//! diameter d, density rho_s and springs k,
-//! of the height H, decide:
+//! The load anticipates the effect of drag on a grain within the interval T, but not that of its contacts
+//! ([`coupling::seepage`]). This does not matter if the interval resolves the contacts. Otherwise the drag of an
+//! outdated velocity adds energy to the contacts, slowly if the drag is weak, and dashpots must dissipate it. Four
+//! times decide, for a bed of height H with grains of diameter d, density rho_s and contact stiffness k:
 //!
 //! ```text
 //! contact        1/w = (m/k)^½
@@ -18,10 +15,10 @@
 //! ```
 //!
 //! with the damping ratio zeta of the contacts. The factors are measured (`jobs/verification/coupling-interval`):
-//! within them the settlement of columns and beds differs from that of an interval of one step by at most 2 % at any
-//! time; from about twice as much on beds without dashpots explode. Sampled drag feeds a mode of frequency w_i with at
-//! most 0.5/(w_i T) of what it takes from a slow one; the dashpots take `zeta w_i²/w`, which has its minimum relative
-//! to it at `w_i T = 4.5`.
+//! within them the settlement of columns and beds differs from that of an interval of one step by at most 2 % at
+//! any time; from about twice as much on beds without dashpots explode. Sampled drag feeds a mode of frequency w_i
+//! with at most 0.5/(w_i T) of the energy that it dissipates in a slow mode; the dashpots dissipate `zeta w_i²/w`,
+//! and the ratio of dissipation to input is smallest at `w_i T = 4.5`.
 
 use super::Clock;
 use super::critical_step::moving;
@@ -37,27 +34,27 @@ use darcy::drag::GrainSize;
 use dem::contact::{Depth, StaticContact};
 use std::f64::consts::PI;
 
-/// Factors of the module's formulas.
+/// Factors of the formulas of this module.
 const OF_CONTACT: f64 = 0.7;
 const OF_DRAG: f64 = 0.5;
 const OF_DAMPING: f64 = 40.0;
 const OF_BED: f64 = 0.35;
-/// Porosity of a bed in which listed grains may gather.
+/// Porosity of a bed in which listed grains may settle.
 const PACKED: f64 = 0.4;
 /// Porosity of prepared beds: random close packing of spheres; in 2-D of discs.
 const CLOSE: [f64; 2] = [0.16, 0.36];
 const PATH: &str = "fluid.darcy.coupling_interval";
 
-/// The limits of the interval \[s\].
+/// Limits of the interval \[s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Limits {
-    /// Limit by the period of the contacts.
+    /// Limit from the period of the contacts.
     pub(crate) contact: f64,
-    /// Limit by the time in which drag stops a bed.
+    /// Limit from the stopping time of the bed by drag.
     pub(crate) drag: f64,
-    /// Limit by the energy that the dashpots of the contacts take out.
+    /// Limit from the dissipation in the dashpots of the contacts.
     pub(crate) damping: f64,
-    /// Limit by the slowest oscillation and the consolidation of the bed.
+    /// Limit from the slowest oscillation and the consolidation of the bed.
     pub(crate) bed: f64,
 }
 
@@ -67,7 +64,7 @@ impl Limits {
         self.contact.max(self.drag.min(self.damping).min(self.bed))
     }
 
-    /// Returns the limit that decides, as the plan names it.
+    /// Returns the name and value of the deciding limit, as printed by the plan.
     fn deciding(&self) -> (&'static str, f64) {
         let slow = [
             ("the time in which drag stops a bed", self.drag),
@@ -81,7 +78,7 @@ impl Limits {
     }
 }
 
-/// Returns the limits of a scene; none without seepage, or without grains that it moves.
+/// Returns the limits of a scene; none without seepage, or without grains that the water can move.
 pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let seepage = scene.seepage.as_ref()?;
     let (dimension, written) = (scene.grid.dimension, &seepage.written);
@@ -92,7 +89,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         }
         _ => CLOSE[dimension - 2],
     };
-    // Crossed limits are a finding of their own.
+    // Exceeded limits are reported separately.
     let eps = packed
         .max(written.least_porosity)
         .min(written.porosity_cap());
@@ -128,7 +125,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         let contact = OF_CONTACT * period;
         let drag = OF_DRAG * stops;
         let found = Limits {
-            // Drag that is taken at the start of the interval is stable no longer than it takes to stop a grain.
+            // Drag evaluated at the start of the interval is stable only up to the stopping time of a grain.
             contact: if written.semi_implicit_drag {
                 contact
             } else {
@@ -148,7 +145,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     all
 }
 
-/// Returns the damping ratio of the normal dashpot between two grains of a size.
+/// Returns the damping ratio of the normal dashpot between two grains of this radius.
 fn damping(scene: &Scene, material: usize, radius: f64) -> f64 {
     let Some(contact) = &scene.contact else {
         return 0.0;
@@ -179,7 +176,7 @@ pub(super) fn check(
         return;
     };
     let interval = clock.time_step;
-    // One of the two ways is enough: the table lists the one that allows the longer interval.
+    // Either of the two limits suffices: the table lists the one that allows the longer interval.
     let of_contact = [("coupling interval / period of the contacts", limits.contact)];
     let of_bed = [
         ("coupling interval / stopping time of a bed", limits.drag),
@@ -199,7 +196,7 @@ pub(super) fn check(
         margins.push(margin(limit, interval, *allowed, PATH));
     }
     let longest = limits.longest();
-    // Coupled in each solid step there is no shorter one.
+    // Coupling at each solid step is the shortest interval possible.
     if interval <= longest * (1.0 + 1e-9) || clock.solid_steps_per_step <= 1 {
         return;
     }
@@ -232,7 +229,7 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// Returns eight grains of 1 mm on each other in a column of liquid.
+    /// Returns eight grains of 1 mm on top of each other in a column of liquid.
     fn column(
         viscosity: f64,
         damping: f64,
@@ -265,8 +262,8 @@ mod tests {
         Plan::prepare(document)
     }
 
-    /// 1/w = 3.73e-5 s; in oil of 1 Pa s a bed stops within 3.0e-6 s, in water within 3.0e-3 s; the slowest
-    /// oscillation takes 8 grains.
+    /// Checks the limits with 1/w = 3.73e-5 s: in oil of 1 Pa s a bed stops within 3.0e-6 s, in water within 3.0e-3
+    /// s; the slowest oscillation involves 8 grains.
     #[test]
     fn limits_are_those_of_contacts_drag_and_bed() {
         let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();

@@ -6,16 +6,16 @@ use crate::scene::grains::GrainSource;
 use base::number::to_u32;
 use dem::contact::TimeLimits;
 
-/// The critical time step and the grain that decides it.
+/// Critical time step and the grain that determines it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Critical {
     /// The shortest limit of any grain \[s\].
     pub(crate) time_step: f64,
-    /// Shortest 2 sqrt(m/k) and shortest time of Rayleigh \[s\].
+    /// Shortest 2 sqrt(m/k) and shortest Rayleigh time \[s\].
     pub(crate) limits: TimeLimits,
 }
 
-/// Returns the material and radius (m) of spheres and discs that move by forces, the smallest of each source.
+/// Returns the material and radius \[m\] of spheres and discs that move under forces: the smallest of each source.
 pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     let mut moving: Vec<(usize, f64)> = Vec::new();
     if let Some(grains) = &scene.grains {
@@ -59,8 +59,8 @@ pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
         .map(|(_, grain)| grain)
 }
 
-/// Returns 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, of elastic spheres Rayleigh's time
-/// as well; of a block with all its faces in touch.
+/// Returns 2 sqrt(m/k) of the lightest grain or free body with its stiffest contact, and for elastic spheres the
+/// Rayleigh time as well; for a block with all its faces in contact.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let law = scene.contact.as_ref()?.model();
     let of_spheres = moving(scene)

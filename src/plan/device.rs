@@ -1,7 +1,7 @@
 //! Features that prevent running on a GPU.
 //!
 //! A GPU runs the lattices that have kernels between walls and periodic axes, with bodies in partially saturated cells
-//! ([`lbm::gpu`]). The presence of a GPU is known when the run starts.
+//! ([`lbm::gpu`]). The presence of a GPU is checked when the run starts.
 
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
@@ -67,7 +67,7 @@ fn obstacles(scene: &Scene) -> Vec<String> {
 #[must_use]
 pub fn device(scene: &Scene) -> Device {
     let wish = scene.flow.as_ref().map_or(Device::Cpu, |flow| flow.device);
-    // The kernels of GPUs are read only where one is asked for.
+    // The compiled GPU kernels are read only if a GPU is requested.
     if wish == Device::Cpu || obstacles(scene).is_empty() {
         wish
     } else {
@@ -75,7 +75,7 @@ pub fn device(scene: &Scene) -> Device {
     }
 }
 
-/// Refuses a GPU that is asked for where something stands against it.
+/// Refuses a requested GPU if a feature of the scene prevents its use.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let asked = |flow: &crate::scene::flow::Flow| flow.device == Device::Gpu;
     if !scene.flow.as_ref().is_some_and(asked) {
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn a_gpu_is_refused_with_every_reason() {
         let gpu = "fluid.lattice_boltzmann.device=gpu";
-        // In 3-D with the velocities that have kernels.
+        // The cavity in 3-D, with the velocity sets that have kernels.
         let cavity = [
             "domain={\"size\": [0.01, 0.01, 0.01], \"spacing\": 5e-4}",
             "fluid.lattice_boltzmann.lattice=d3q27",

@@ -1,4 +1,4 @@
-//! Distance of the closed ends of a seepage from what drives it.
+//! Distance of the closed ends of a seepage model from its imposed heads.
 //!
 //! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k,
 //! water leaks into a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27,
@@ -10,8 +10,8 @@
 //! q(L) / q(∞) = (B + 2 λ) / (B + λ coth(L1/λ) + λ coth(L2/λ))
 //! ```
 //!
-//! At L = 3 λ an end takes less than 1 % of the discharge. The formula needs layers along the axis of gravity with
-//! stated conductivities; structures are no part of it.
+//! At L = 3 λ an end reduces the discharge by less than 1 %. The formula needs layers along the axis of gravity
+//! with stated conductivities; it neglects structures.
 
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -21,12 +21,12 @@ use case::darcy::ZonePermeability;
 use case::geometry::{Axis, Region};
 use darcy::Condition;
 
-/// Loss of discharge from which the plan warns.
+/// Relative loss of discharge above which the plan warns.
 const LOSS: f64 = 0.02;
-/// Distance of an end from the last edge, in leakage lengths, beyond which it does not matter.
+/// Distance of an end from the last edge, in leakage lengths, beyond which its effect is negligible.
 const FAR: f64 = 3.0;
 
-/// Warns of ends that are too close.
+/// Warns of closed ends that are too close to the heads.
 pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let dimension = scene.grid.dimension;
     let up = dimension - 1;
@@ -66,11 +66,13 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
 /// Closed ends of a seepage and the distance to which an estimate moves them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FarEnds {
-    /// Axis along which they lie.
+    /// Axis on which they lie.
     pub axis: usize,
-    /// Distance of the lower and the upper end from the nearest edge of an imposed head \[m\]; none for an open end.
+    /// Distance of the lower and the upper end from the nearest edge of an imposed head \[m\]; none for an open
+    /// end.
     pub distances: [Option<f64>; 2],
-    /// Distance beyond which they take less than 1 % of the discharge \[m\]; 0 if the leakage length is not known.
+    /// Distance beyond which they reduce the discharge by less than 1 % \[m\]; 0 if the leakage length is not
+    /// known.
     pub enough: f64,
 }
 
@@ -92,7 +94,8 @@ impl FarEnds {
         })
     }
 
-    /// Returns the lengths by which the ends move \[m\]: to `enough`, and at least to twice their distance.
+    /// Returns the distances by which the ends must be moved \[m\]: to `enough`, and at least to twice their
+    /// distance.
     #[must_use]
     pub fn added(&self) -> [f64; 2] {
         self.distances
@@ -137,7 +140,7 @@ impl Ends {
         })
     }
 
-    /// Returns the part of the discharge that the ends take, for a leakage length \[m\].
+    /// Returns the relative loss of discharge caused by the ends, for a leakage length \[m\].
     fn loss(&self, length: f64) -> f64 {
         let entry = |distance: &Option<f64>| {
             distance.map_or(length, |distance| length / (distance / length).tanh())
@@ -147,8 +150,8 @@ impl Ends {
     }
 }
 
-/// Returns the conductivity of each layer of cells along the vertical axis, in any unit; none unless zones state it for
-/// all as layers.
+/// Returns the conductivity of each layer of cells along the vertical axis, in arbitrary units; none unless zones
+/// give it for all cells in layers.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let conducts = seepage.written.density * strength / seepage.written.viscosity;

@@ -1,7 +1,7 @@
-//! Distances from the limits of the method, before a single step.
+//! Distance of a case from the limits of the method, before the first step.
 //!
 //! Velocities that are not imposed are estimated from above by [`crate::scene::speed`]. The lattice velocity is U/C
-//! with C = h/dt, and at a given tau C = 3 nu/(h (tau - 1/2)): the spacing decides how fast a flow may be.
+//! with C = h/dt, and at a given tau C = 3 nu/(h (tau - 1/2)): the spacing determines the maximum velocity.
 
 use super::Clock;
 use super::critical_step::{Critical, critical_solid_time_step};
@@ -15,10 +15,10 @@ use crate::scene::initial::Initial;
 use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
 use base::error::Remedy;
 use base::number::real;
-/// Relative change of density by an imposed pressure from which on the plan warns.
+/// Relative density change by an imposed pressure above which the plan warns.
 const USUAL_COMPRESSION: f64 = 0.03;
 
-/// Returns all limits; those crossed become findings.
+/// Returns the margins to all limits; exceeded limits are also reported as findings.
 pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Vec<Margin> {
     let mut margins = Vec::new();
     if let Some(flow) = &scene.flow {
@@ -112,7 +112,7 @@ fn lattice_velocity(
             );
             let remedy = remedy(flow, h, nu, speed.value);
             if speed.what == SETTLING {
-                // From above, as neighbours and walls slow what settles.
+                // This is an upper estimate, because neighbours and walls slow settling bodies.
                 findings.unstable(&speed.path, reason, remedy);
             } else {
                 findings.error(&speed.path, reason, remedy);
@@ -138,7 +138,7 @@ fn lattice_velocity(
     }
 }
 
-/// Remedies that reduce the lattice velocity to the usual one.
+/// Returns the remedies that reduce the lattice velocity to the usual one.
 fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     let dt = USUAL_LATTICE_VELOCITY * h / velocity;
     let tau = 0.5 + 3.0 * nu * dt / (h * h);
@@ -160,7 +160,7 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     slower_clock(flow, h, dt / flow.time_step, text)
 }
 
-/// Checks dp/(rho c_s²), which must stay small because the lattice takes pressure for density.
+/// Checks dp/(rho c_s²), which must be small because pressure on the lattice is density.
 fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let units = flow.units(&scene.grid);
     let most = scene.guards.max_compression;
@@ -196,7 +196,7 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             "{what} changes the density of the lattice fluid by {} %",
             number(100.0 * change)
         );
-        // The change goes with the square of the time step.
+        // The density change is proportional to the square of the time step.
         let part = 0.99 * (USUAL_COMPRESSION / change).sqrt();
         let remedy = slower_clock(
             flow,
@@ -214,7 +214,7 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
                 remedy,
             );
         } else if change > USUAL_COMPRESSION * (1.0 + 1e-6) {
-            // The automatic step gives the usual change itself.
+            // The automatic time step itself gives the usual density change.
             findings.warn(
                 &path,
                 format!("{reason}; better below {} %", 100.0 * USUAL_COMPRESSION),
@@ -230,7 +230,8 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
     }
 }
 
-/// Compares the density changes that the flow needs with the guard: all together are an upper estimate.
+/// Compares the density change that the flow requires with the limit of the guard; the sum over all causes is an
+/// upper estimate.
 fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let (h, dt, most) = (
         scene.grid.spacing,
@@ -276,8 +277,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     );
 }
 
-/// Returns the largest Reynolds number a passage of height b admits at a lattice velocity of 0.1: U b/nu with U = 0.1
-/// C.
+/// Returns the largest Reynolds number U b/nu of a passage of height b at a lattice velocity of 0.1: U = 0.1 C.
 #[must_use]
 pub fn largest_reynolds(scene: &Scene) -> Option<f64> {
     let flow = scene.flow.as_ref()?;

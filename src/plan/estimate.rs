@@ -19,13 +19,14 @@ use base::number::{common_divisor, real, whole};
 use serde::Serialize;
 use time::Seconds;
 
-/// Speed of one core of a machine over one core of the reference machine.
+/// Speed of one core of a machine relative to one core of the reference machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Machine {
-    /// The pass over the lattice with the operator, the eddies and the storage of the plan.
+    /// Relative speed of the pass over the lattice with the operator, the eddy viscosity and the storage of the
+    /// plan.
     pub fluid: f64,
-    /// Grains in contact, and all other work that is no pass over the lattice: links, openings, maps, seepage, guards,
-    /// hashes.
+    /// Relative speed of grains in contact, and of all other work except the pass over the lattice: links,
+    /// openings, maps, seepage, guards, hashes.
     pub grains: f64,
     /// Time to write a small file to the disk \[s\].
     pub file_seconds: f64,
@@ -41,78 +42,78 @@ impl Default for Machine {
     }
 }
 
-/// The costs of a run.
+/// Costs of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// Bytes of a cell: populations with their ghosts, and the data that eddies, coupling and averages add.
+    /// Bytes per cell: populations with their ghosts, and the data of eddy viscosity, coupling and averages.
     pub bytes_per_cell: f64,
-    /// Number of grains, blocks and bodies as the run begins.
+    /// Number of grains, blocks and bodies at the start of the run.
     pub grains: f64,
-    /// Largest memory of all ranks together \[bytes\].
+    /// Maximum memory of all ranks together \[bytes\].
     pub memory_bytes: f64,
-    /// One fluid output \[bytes\].
+    /// Size of one fluid output \[bytes\].
     pub fluid_output_bytes: f64,
     /// Number of fluid outputs.
     pub fluid_outputs: f64,
-    /// One checkpoint \[bytes\].
+    /// Size of one checkpoint \[bytes\].
     pub checkpoint_bytes: f64,
-    /// All outputs and the checkpoints kept \[bytes\].
+    /// Size of all outputs and of the checkpoints kept \[bytes\].
     pub disk_bytes: f64,
     /// Million lattice updates per second of one core, without solids; 0 without a lattice.
     pub mlups: f64,
-    /// Speed of the machine at hand; 1 where it was not measured.
+    /// Speed of the present machine; 1 if it was not measured.
     pub machine: Machine,
     /// Time of each phase on one core \[s\].
     pub seconds: Seconds,
     /// Time of the run on one core \[s\].
     pub seconds_on_one_core: f64,
-    /// Time on the cores that were asked for.
+    /// Time on the requested cores; none if none were requested.
     pub on_cores: Option<OnCores>,
 }
 
-/// The time of a run on several cores.
+/// Time of a run on several cores.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OnCores {
-    /// MPI ranks.
+    /// Number of MPI ranks.
     pub ranks: usize,
-    /// Threads of each.
+    /// Threads per rank.
     pub threads: usize,
-    /// Speed of a core in its part of the lattice while all pass theirs, over that of one core in the whole.
+    /// Speed of a core in its part of the lattice while all cores work, relative to one core in the whole lattice.
     pub crowded: f64,
-    /// Planes of the thickest slab over the mean.
+    /// Number of planes of the thickest slab divided by the mean.
     pub unevenness: f64,
     /// Time of the run \[s\].
     pub seconds: f64,
 }
 
-/// Quantities that the costs depend on.
+/// Quantities on which the costs depend.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Amounts {
-    /// Cells of the lattice.
+pub struct CostQuantities {
+    /// Number of lattice cells.
     cells: f64,
-    /// Cells of the seepage.
+    /// Number of cells of the seepage.
     seepage_cells: f64,
-    /// Links of a network of joints.
+    /// Number of links in a network of joints.
     joint_links: f64,
-    /// Grains, after cutting.
+    /// Number of grains after cutting.
     grains: f64,
-    /// Grains before cutting.
+    /// Number of grains before cutting.
     prepared: f64,
-    /// Blocks, those among the bodies included.
+    /// Number of blocks, including those among the bodies.
     blocks: f64,
-    /// Bodies with a name, discs and spheres.
+    /// Number of named bodies that are discs or spheres.
     bodies: f64,
-    /// Cells that solids cover.
+    /// Number of cells covered by solids.
     covered: f64,
-    /// Cells at the surfaces of solids.
+    /// Number of cells at the surfaces of solids.
     surface: f64,
-    /// Cells at the surfaces of named bodies and blocks that move.
+    /// Number of cells at the surfaces of named bodies and blocks that move.
     moving_surface: f64,
-    /// Cells at the surfaces of grains.
+    /// Number of cells at the surfaces of grains.
     bed_surface: f64,
 }
 
-impl Amounts {
+impl CostQuantities {
     fn new(scene: &Scene) -> Self {
         let dimension = scene.grid.dimension;
         let spacing = scene.grid.spacing;
@@ -171,20 +172,20 @@ impl Amounts {
         all
     }
 
-    /// Returns everything that the contact search knows.
+    /// Returns the number of grains, blocks and bodies in the contact search.
     fn moving(&self) -> f64 {
         self.grains + self.blocks + self.bodies
     }
 }
 
-/// Outputs of an interval \[s\]: at 0, at its multiples, and at the end.
+/// Returns the number of outputs at an interval \[s\]: at 0, at multiples of the interval, and at the end.
 fn outputs(every: f64, end: f64) -> f64 {
     (end / every - 1e-9).ceil().max(0.0) + 1.0
 }
 
 impl Estimate {
     pub(crate) fn for_scene(scene: &Scene, clock: &Clock, findings: &mut Findings) -> Self {
-        let amounts = Amounts::new(scene);
+        let amounts = CostQuantities::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
             mlups: scene.flow.as_ref().map_or(0.0, |flow| {
@@ -204,7 +205,7 @@ impl Estimate {
         self.seconds = Seconds::for_scene(
             scene,
             clock,
-            &Amounts::new(scene),
+            &CostQuantities::new(scene),
             self.machine,
             self.checkpoint_bytes,
         );
@@ -221,8 +222,9 @@ impl Estimate {
         }
     }
 
-    /// Takes a number of ranks and threads. Start, end and output are the work of one core; all other work is shared,
-    /// the pass over the lattice at the speed of cores that pass at the same time. Messages are not counted.
+    /// Estimates the time on this number of ranks and threads. Start, end and output use one core; all other work
+    /// is divided among the cores, the pass over the lattice at the speed of cores that work at the same time.
+    /// Messages are not included.
     pub fn on_cores(&mut self, scene: &Scene, ranks: usize, threads: usize, crowded: f64) {
         let planes = scene.grid.cells[scene.grid.split_axis.min(2)];
         let cores = real(ranks * threads);
@@ -239,20 +241,20 @@ impl Estimate {
         });
     }
 
-    /// Returns the smallest spacing \[m\] of whole cells whose memory is at most `available` \[bytes\]; none without a
-    /// lattice, or where grains alone need more.
+    /// Returns the smallest spacing \[m\] with whole cells along every edge for which the memory is at most
+    /// `available` \[bytes\]; none without a lattice, or if the grains alone need more.
     fn spacing_within(&self, scene: &Scene, available: f64) -> Option<f64> {
         scene.flow.as_ref()?;
         let grid = &scene.grid;
         let cells = &grid.cells[..grid.dimension];
         let mut lattice = self.bytes_per_cell * cells.iter().map(|c| real(*c)).product::<f64>();
-        // What is gathered for an output grows with the cells, too.
-        if self.fluid_output_bytes > disk::tables(&Amounts::new(scene)) {
+        // The memory in which an output is gathered grows with the number of cells, too.
+        if self.fluid_output_bytes > disk::tables(&CostQuantities::new(scene)) {
             lattice += self.fluid_output_bytes;
         }
         let room = available - (self.memory_bytes - lattice);
         let coarser = (lattice / room).powf(1.0 / real(grid.dimension));
-        // Edges stay whole numbers of cells where the numbers of cells of all edges are divided in the same ratio.
+        // Edges remain whole numbers of cells if the cells along all edges are divided in the same ratio.
         let common = cells.iter().fold(0, |a, b| common_divisor(a, *b));
         let fewer = whole((real(common) / coarser).floor());
         (room > 0.0 && fewer > 0).then(|| grid.spacing * real(common) / real(fewer))
@@ -363,7 +365,7 @@ mod tests {
 
     #[test]
     fn too_much_memory_comes_with_a_spacing_that_fits() {
-        // 1.6e9 cells of nine numbers each.
+        // 1.6e9 cells with nine populations each.
         let fine = "domain.spacing=2.5e-7";
         let limit = "guards.memory_gib=8";
         let problems = planned("taylor-green", &[fine, limit]).unwrap_err();
@@ -385,7 +387,7 @@ mod tests {
         let whole = planned("piping", &["grains.cut=[]"]).unwrap();
         let cut = planned("piping", &[]).unwrap();
         let part = cut.estimate.grains / whole.estimate.grains;
-        // The hole and the margins next to the bulk.
+        // The part contains the hole and the margins next to the bulk.
         assert!((0.3..0.7).contains(&part), "{part}");
         assert!(cut.estimate.seconds.grains < whole.estimate.seconds.grains);
         approx::assert_relative_eq!(

@@ -1,14 +1,14 @@
-//! The explicit-drag limit: the longest coupling interval that explicit drag of seeping water allows.
+//! Limit of explicit drag: the longest coupling interval for which the drag of seeping water is stable.
 //!
-//! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` of the velocity at its
-//! start a grain of mass m goes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate, twice the time in which drag
-//! stops it, its velocity changes sign and grows. The drag at the end of the interval (`coupling::seepage`,
-//! `semi_implicit_drag`) is stable for any interval.
+//! The force of a coupling stays constant over its interval T. With the drag `pull - rate v` at the start of the
+//! interval, the velocity of a grain of mass m changes from v to v + T/m (pull - rate v). Beyond T = 2 m/rate,
+//! twice the time in which drag stops it, its velocity changes sign and grows. The drag at the end of the interval
+//! (`coupling::seepage`, `semi_implicit_drag`) is stable for any interval.
 //!
-//! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused where
-//! the interval is too long for the loosest ground that the case knows, the cap of the permeability. It is unstable
-//! where the interval is too long for the fullest cell of the listed grains, or for the densest packing of equal
-//! grains.
+//! In creeping flow the stopping time is longest in loose ground and shortest in the densest. A case is refused if
+//! the interval is too long even for the loosest ground, at the maximum porosity of the permeability. It is
+//! unstable if the interval is too long for the densest cell of the listed grains, or for the densest packing of
+//! equal grains.
 
 use super::Clock;
 use super::margin::{Margin, margin};
@@ -79,7 +79,7 @@ pub(super) fn check(
     }
 }
 
-/// Radius and material of the smallest grain.
+/// Returns radius and material of the smallest grain.
 fn lightest(scene: &Scene) -> Option<(f64, usize)> {
     let kinds = super::critical_step::moving(scene).into_iter();
     kinds
@@ -87,7 +87,7 @@ fn lightest(scene: &Scene) -> Option<(f64, usize)> {
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// Returns the times in which drag stops a grain of this mass \[kg\] at rest relative to the water \[s\]: one for each
+/// Returns the times in which drag stops a grain of this mass \[kg\] relative to the water \[s\], one for each
 /// medium of the zones.
 pub(super) fn stopping_times(
     seepage: &Seepage,
@@ -121,8 +121,8 @@ pub(super) fn stopping_times(
     })
 }
 
-/// Returns the porosity and permeability \[m2\] of a bed of this porosity and mean diameter \[m\] under a gradient
-/// \[Pa/m\]: in each medium of the zones, and outside them.
+/// Returns the porosity and permeability \[m²\] of a bed of this porosity and mean diameter \[m\] under a gradient
+/// \[Pa/m\]: in each medium of the zones, and outside the zones.
 pub(super) fn beds(
     seepage: &Seepage,
     (porosity, diameter): (f64, f64),
@@ -145,7 +145,7 @@ pub(super) fn beds(
         .collect()
 }
 
-/// Returns the coarse grid in `dimension` axes, with the part of each cell and face that is inside the walls.
+/// Returns the coarse grid in `dimension` dimensions, with the fraction of each cell and face inside the walls.
 #[must_use]
 pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     let grid = seepage.coarse_grid(dimension);
@@ -160,7 +160,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
         .with_drains(&drains)
 }
 
-/// Returns the pores of the coarse grid with the porosity method of the case, without grains.
+/// Returns the pores of the coarse grid without grains, with the porosity method of the case.
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     Pores::new(
@@ -170,8 +170,8 @@ pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     )
 }
 
-/// Returns the porosity of the fullest cell of listed grains; of the densest packing of equal grains where they are
-/// prepared.
+/// Returns the porosity of the densest cell of listed grains, or that of the densest packing of equal grains for a
+/// preparation.
 pub(super) fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
     let dimension = scene.grid.dimension;
     let densest = if dimension == 2 { 0.0931 } else { 0.2595 };

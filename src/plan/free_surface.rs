@@ -1,10 +1,10 @@
 //! Stability of water that falls with a free surface.
 //!
-//! The surface folds within a cell where water meets water or a wall. The cell Reynolds number U h/ν decides if a
-//! run holds, with U = (2 g H)^½ the speed of a fall over the drop H of the water at the start. The maps
-//! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` show a column that falls, runs against a wall and
-//! back. Water that stands at a level has no drop, and a wave has twice its amplitude. A body that falls into the water
-//! or moves in it is judged by its own speed where that is larger; there is no map of bodies.
+//! The surface folds within a cell where water meets water or a wall. Stability depends on the cell Reynolds number
+//! U h/ν, with U = (2 g H)^½ the speed of a fall over the drop H of the water at the start. The maps
+//! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` are of a column that falls, runs against a wall and
+//! returns. Water with a level surface has no drop; the drop of a wave is twice its amplitude. A body that falls
+//! into the water or moves in it is judged by its own speed if that is larger; there is no map of bodies.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -19,8 +19,8 @@ use serde_json::json;
 /// Factor by which a value written with few digits may pass its bound.
 const SLACK: f64 = 1.0 + 1e-6;
 
-/// Limits of the cell Reynolds number: the largest value up to which all runs of a map ended, and the smallest at
-/// which one failed. Operators that no run broke have none.
+/// Limits of the cell Reynolds number: the largest value up to which all runs of a map were stable, and the
+/// smallest at which one failed. Operators with which no run failed have no limits.
 struct Limits {
     map: &'static str,
     holds: f64,
@@ -28,7 +28,7 @@ struct Limits {
 }
 
 /// Returns the limits of an operator, with an eddy viscosity or without one, for a lattice velocity U dt/h of the
-/// fall; `None` where every run of the map ended or none was made.
+/// fall; `None` if every run of the map was stable or there was none.
 fn limits(
     operator: &Operator,
     dimension: usize,
@@ -47,7 +47,7 @@ fn limits(
     Some(Limits { map, holds, fails })
 }
 
-/// Adds the margin, and a finding where runs like this one failed.
+/// Adds the margin, and a finding if similar runs failed.
 pub(super) fn check(
     scene: &Scene,
     flow: &Flow,
@@ -79,7 +79,7 @@ struct Cause {
     what: String,
 }
 
-/// Returns the speed at which a body meets the highest water.
+/// Returns the speed with which a body enters the water at its highest level.
 fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
     let body = &scene.bodies[n];
     let squares = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
@@ -97,7 +97,7 @@ fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
     }
 }
 
-/// Adds the margin of a cause, and a finding where runs like this one failed.
+/// Adds the margin for a cause, and a finding if similar runs failed.
 fn judge(
     scene: &Scene,
     flow: &Flow,
@@ -147,10 +147,11 @@ fn judge(
     }
 }
 
-/// Returns settings that hold at this cell Reynolds number, or the viscosity and the spacing that lower it by a factor.
+/// Returns settings that were stable at this cell Reynolds number, or the viscosity and the spacing that reduce it
+/// by a factor.
 ///
-/// In 2-D one rate with the eddy viscosity of Smagorinsky holds at every value of the map; in 3-D multiple rates do
-/// without an eddy viscosity.
+/// In 2-D a single rate with the Smagorinsky eddy viscosity is stable at every value of the map; in 3-D multiple
+/// rates are stable without an eddy viscosity.
 fn remedy(scene: &Scene, flow: &Flow, factor: f64) -> Remedy {
     let finer = format!(
         "a viscosity of at least {} m2/s, or a spacing of at most {} m",
@@ -180,7 +181,7 @@ mod tests {
 
     const LATTICE: &str = "fluid.lattice_boltzmann";
 
-    /// Returns the findings on the fall of the water in the dam break with other settings.
+    /// Returns the findings on the fall of the water in the dam-break example with changed settings.
     fn found(set: &[String]) -> Vec<Problem> {
         let text = examples::find("dam-break").unwrap().text;
         let document = Document::read(text, set, Path::new(".")).unwrap();
@@ -189,7 +190,7 @@ mod tests {
         warnings.into_iter().filter(of_fall).collect()
     }
 
-    /// Rows of `benches/stability/dam-break-30/map.csv`.
+    /// Checks rows of `benches/stability/dam-break-30/map.csv`.
     #[test]
     fn a_fall_at_low_viscosity_is_unstable_before_the_run() {
         let viscosity = |value: f64| format!("{LATTICE}.kinematic_viscosity={value}");

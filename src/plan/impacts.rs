@@ -1,21 +1,22 @@
 //! Estimated maximum overlap of contacts from impacts.
 //!
-//! A body of mass m that meets a spring k with dashpot c at speed v presses it by
+//! A body of mass m that hits a spring k with dashpot c at speed v compresses it by
 //!
 //! ```text
 //! delta = v (m/k)^½ exp(-zeta/(1 - zeta²)^½ arctan((1 - zeta²)^½/zeta)),   zeta = c/(2 (m k)^½)
 //! delta = (15 m v²/(8 K))^(2/5)       where the stiffness hardens as K delta^½
 //! ```
 //!
-//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact mechanics,
-//! 1985, sections 4.2 and 11.4). Contacts are small compared with the bodies: at delta = 0.1 R the circle of contact
-//! with a plane has 0.44 R, far from the small contact that all laws assume (Johnson, section 4.1), and the plan warns.
-//! At delta = R the centre of the body is in the surface: it leaves a thin wall on the other side, and two bodies
-//! change places. Runs beyond that were seen to do so.
+//! the first maximum of a damped oscillation and the energy of a Hertzian contact (K. L. Johnson, Contact
+//! mechanics, 1985, sections 4.2 and 11.4). Contacts are small compared with the bodies: at delta = 0.1 R the
+//! circle of contact with a plane has 0.44 R, far from the small contact that all laws assume (Johnson, section
+//! 4.1), and the plan warns. At delta = R the centre of the body is in the surface: beyond it, a body leaves a thin
+//! wall on the other side, and two bodies pass through each other, as observed in runs.
 //!
-//! The speed is what is known before the run: the difference between the velocity of a body and that of each other at
-//! the start, with the reduced mass of the two, driven bodies and walls included, and the fall to the end of the domain
-//! of what touches nothing at the start. In the water of a lattice nothing falls faster than it settles.
+//! The speed is the largest one known before the run: the difference between the initial velocities of two bodies,
+//! driven bodies and walls included, with the reduced mass of the two; and the speed after a fall to the end of the
+//! domain for a body that touches nothing at the start. In water on a lattice no body falls faster than its
+//! settling speed.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -34,30 +35,30 @@ use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-/// Part of the radius from which on an overlap is no longer small.
+/// Overlap in radii above which a contact is no longer small.
 const LARGE: f64 = 0.1;
-/// Part of the radius at which a body is through.
+/// Overlap in radii above which a body passes through.
 const THROUGH: f64 = 1.0;
-/// Gap over the radius below which a body is supported by its neighbour rather than falls onto it.
+/// Gap in radii below which a body is supported by its neighbour instead of falling onto it.
 const BESIDE: f64 = 0.05;
 
-/// Body that moves by forces.
+/// Body that moves under forces.
 struct Moving {
     path: String,
     material: usize,
     mass: f64,
-    /// Radius; for a polyhedron that of the largest sphere in it.
+    /// Radius \[m\]; for a polyhedron that of the inscribed sphere.
     radius: f64,
-    /// Round it.
+    /// Radius of the enclosing sphere \[m\].
     reach: f64,
     velocity: [f64; 3],
     at: [f64; 3],
-    /// `true` if it may fall from there.
+    /// `true` if the body may fall from its initial position.
     falls: bool,
 }
 
 impl Moving {
-    /// Returns a ball at rest that does not fall.
+    /// Returns a stationary ball that does not fall.
     fn ball(scene: &Scene, path: String, material: usize, radius: f64) -> Self {
         Self {
             path,
@@ -82,14 +83,14 @@ impl Moving {
     }
 }
 
-/// Bodies, blocks, grains and walls of a scene.
+/// Bodies, blocks, grains and walls of a scene, as partners of impacts.
 #[derive(Default)]
 struct Things {
-    /// All that moves by forces.
+    /// All bodies that move under forces.
     moving: Vec<Moving>,
-    /// Velocities of what stands or is driven.
+    /// Velocities of bodies that are stationary or driven.
     others: Vec<[f64; 3]>,
-    /// Balls around bodies that stand or are driven.
+    /// Balls around bodies that are stationary or driven.
     standing: Vec<Ball>,
 }
 
@@ -149,7 +150,7 @@ impl Things {
                     reach: solid.shape.radius(),
                     velocity: block.velocity,
                     at: solid.position.into(),
-                    // A block of a rock mass leans on others.
+                    // A block of a rock mass is supported by others.
                     falls: false,
                 });
             }
@@ -170,7 +171,7 @@ impl Things {
                 let listed = list.iter().map(|g| Moving::grain(scene, path(), g));
                 self.moving.extend(listed);
             }
-            // What is prepared lies at rest.
+            // Prepared grains are at rest.
             GrainSource::Growth { .. } | GrainSource::Deposition { .. } => {
                 for material in grains.materials() {
                     for radius in grains.radii.iter().flat_map(|(low, high)| [*low, *high]) {
@@ -225,7 +226,7 @@ impl Things {
     }
 }
 
-/// Takes from what touches something at the start that it falls.
+/// Marks bodies that touch another at the start as not falling.
 fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
     let mut balls: Vec<Ball> = moving
         .iter()
@@ -242,7 +243,7 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
-        // A wall that goes holds nothing up for good.
+        // A wall that is removed during the run is no lasting support.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
         let beside_wall = lasting.any(|wall| {
             let beside = (1.0 + BESIDE) * one.reach;
@@ -260,7 +261,8 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
     }
 }
 
-/// Returns the overlap (m) of an impact at `speed` of what has this effective mass and meets the other material.
+/// Returns the overlap \[m\] of an impact at `speed` of a body on a partner of another material, with this
+/// effective mass.
 fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), speed: f64) -> f64 {
     let hardens = law.impact_speed().is_some();
     let known = 2e-4 * one.radius;
@@ -287,17 +289,17 @@ fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), spee
     speed * (mass / stiffness).sqrt() * (-decay).exp()
 }
 
-/// The deepest impact that is to be expected.
+/// Deepest impact to be expected.
 struct Impact<'a> {
     one: &'a Moving,
     speed: f64,
-    /// Part of the speed that a fall causes.
+    /// Part of the speed that comes from a fall.
     fall: f64,
-    /// Overlap over the radius.
+    /// Overlap divided by the radius.
     part: f64,
 }
 
-/// A partner of an impact: the heaviest mass of those whose velocities lie in a box.
+/// Class of impact partners: the largest mass of those whose velocities lie in a box.
 struct Class {
     low: [f64; 3],
     high: [f64; 3],
@@ -305,7 +307,7 @@ struct Class {
 }
 
 impl Class {
-    /// Returns the largest square of the difference between a velocity and those of the class.
+    /// Returns the largest squared difference between a velocity and the velocities of the class.
     fn squared_speed(&self, velocity: &[f64; 3]) -> f64 {
         (0..3)
             .map(|a| {
@@ -316,13 +318,14 @@ impl Class {
     }
 }
 
-/// Divisions of the range of velocities along each axis into classes.
+/// Number of divisions of the range of velocities along each axis into classes.
 const DIVISIONS: f64 = 8.0;
 
-/// Returns the classes of velocity of all that moves or stands; what stands or is driven has no end of mass.
+/// Returns the velocity classes of all moving and stationary bodies; stationary or driven bodies have infinite
+/// mass.
 ///
-/// A light grain that flies fast and a boulder at rest are in two classes, so that no pair combines the speed of one
-/// with the mass of the other.
+/// A light, fast grain and a stationary boulder are in two classes, so that no pair combines the speed of one with
+/// the mass of the other.
 fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     let driven = others.iter().map(|velocity| (*velocity, f64::INFINITY));
     let free = moving.iter().map(|one| (one.velocity, one.mass));
@@ -361,8 +364,8 @@ fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
     classes.into_values().collect()
 }
 
-/// Returns the speed at which a body may have fallen to the end of the domain [m/s]; in the water of a lattice at most
-/// that of settling.
+/// Returns the largest speed of a body after a fall to the end of the domain [m/s]; in water on a lattice at most
+/// its settling speed.
 fn fall(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
     if !one.falls {
         return 0.0;
@@ -486,7 +489,7 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// Returns a disc that meets another, or the floor after a fall.
+    /// Returns the plan of a disc that hits another, or that falls to the floor.
     fn planned(change: &[&str]) -> Plan {
         let text = case::examples::find("collision").unwrap().text;
         let change: Vec<String> = change.iter().map(|set| (*set).to_owned()).collect();
@@ -514,7 +517,7 @@ mod tests {
         let exact = 2.0 * (mass / 1e7_f64).sqrt() * (-0.1 / rest * (rest / 0.1).atan()).exp();
         approx::assert_relative_eq!(part(&plan), exact / 0.01, max_relative = 1e-9);
         assert_eq!(severity(&plan), None);
-        // All at the same speed: nothing meets.
+        // All discs have the same speed, so that there is no impact.
         let together = planned(&["grains.initial.list[1].velocity=[1,0]"]);
         assert_eq!(part(&together), 0.0);
     }
@@ -528,7 +531,7 @@ mod tests {
         assert_eq!(severity(&with("1e7")), None);
         assert_eq!(severity(&with("1e6")), Some(Severity::Warning));
         assert_eq!(severity(&with("1e4")), Some(Severity::Unstable));
-        // A driven wall counts, and so does a fall of what touches nothing.
+        // A driven wall is included, and so is the fall of a disc that touches nothing.
         let still = "grains.initial.list=[{\"position\": [0.08, 0.05], \"radius\": 0.01}]";
         let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \
             \"material\": \"glass\", \"velocity\": [200, 0]}]";
@@ -543,7 +546,8 @@ mod tests {
         assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
     }
 
-    /// A grain of 1.3 mg that flies onto a boulder of 10 kg presses as its own mass does, not as that of the boulder.
+    /// Checks that a grain of 1.3 mg that hits a boulder of 10 kg compresses the contact by its own mass, not by
+    /// that of the boulder.
     #[test]
     fn a_light_grain_hits_with_its_own_mass() {
         let flies = r#"grains.initial.list=[{"position": [0.02, 0.05], "radius": 0.0005, "velocity": [5, 0]},

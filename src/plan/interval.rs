@@ -1,4 +1,4 @@
-//! The steps of an event that repeats every T seconds.
+//! Steps of an event that repeats every T seconds.
 //!
 //! Event k belongs to the time `k T` and happens at the nearest step, `round(k T / dt)`. Each step is computed from its
 //! own time, so that the events never drift away from the multiples of T. No two events share a step: an interval
@@ -7,7 +7,7 @@
 /// An interval of time, measured in steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// T / dt, at least 1; whole where it is whole to round-off.
+    /// T / dt, at least 1; rounded to a whole number if it is one to round-off.
     steps: f64,
 }
 
@@ -20,12 +20,12 @@ impl Interval {
         let whole = (steps - nearest).abs() <= 1e-9 * steps.abs().max(1.0);
         let steps = if whole { nearest } else { steps };
         Self {
-            // `max` also takes care of a value that is no number.
+            // `max` also replaces a NaN.
             steps: steps.max(1.0),
         }
     }
 
-    /// Returns the interval of a number of whole steps; at least 1.
+    /// Returns an interval of this number of steps; at least 1.
     #[must_use]
     pub fn of_steps(steps: u64) -> Self {
         Self {
@@ -51,7 +51,7 @@ impl Interval {
     pub fn next_from(&self, step: u64) -> u64 {
         let before = (base::number::real(step) / self.steps).floor() - 1.0;
         let mut event = u64::try_from(super::whole(before.max(0.0))).unwrap_or(u64::MAX);
-        // The quotient is off by less than one event; a step grows with its event.
+        // The quotient is off by less than one event; steps increase with the event.
         while self.step(event) < step {
             event += 1;
         }

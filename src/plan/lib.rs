@@ -61,7 +61,7 @@ use models::Choice;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// All decisions before the start of a run; the same on every rank.
+/// All decisions made before the start of a run; equal on every rank.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
     /// The resolved problem.
@@ -90,55 +90,56 @@ pub struct Plan {
 /// Time steps of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Clock {
-    /// The time step of the program \[s\]: that of the fluid, or of the grains where there is no fluid.
+    /// Time step of the program \[s\]: that of the fluid, or of the grains if there is no fluid.
     pub time_step: f64,
-    /// Steps until the end, after the warm-up.
+    /// Number of steps after the warm-up.
     pub steps: u64,
-    /// Solid steps per step.
+    /// Number of solid steps per step.
     pub solid_steps_per_step: u32,
     /// Solid time step \[s\].
     pub solid_time_step: f64,
     /// Critical time step of the grains, 2 sqrt(m/k) \[s\]; none without moving bodies in contact.
     pub critical_solid_time_step: Option<f64>,
-    /// Largest number of warm-up steps.
+    /// Maximum number of warm-up steps.
     pub warm_up_steps: u64,
 }
 
 impl Clock {
-    /// Returns the steps nearest to the multiples of `interval` seconds.
+    /// Returns the steps nearest to multiples of `interval` seconds.
     #[must_use]
     pub fn every(&self, interval: f64) -> Interval {
         Interval::new(interval, self.time_step)
     }
 
-    /// Returns the fewest whole steps that take `interval` seconds or longer; at least 1.
+    /// Returns the smallest number of steps that take `interval` seconds or longer; at least 1.
     #[must_use]
     pub fn interval_to_steps(&self, interval: f64) -> u64 {
         steps(interval / self.time_step).max(1)
     }
 }
 
-/// Maximum number of steps: more never end.
+/// Maximum number of steps; more would never complete.
 const MOST_STEPS: f64 = 1e13;
 
 impl Plan {
     /// Resolves, checks and plans a case.
     ///
     /// # Errors
-    /// All problems of the case, warnings included.
+    /// If the case has errors; all findings are returned, warnings included.
     pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
         Self::made(document, None)
     }
 
-    /// Plans a case that continues from the state of another: choices that both leave out are those of the other plan.
+    /// Plans a case that continues from the state of another: choices that both cases leave out are those of the
+    /// other plan.
     ///
     /// # Errors
-    /// Those of [`Self::prepare`].
+    /// If [`Self::prepare`] fails.
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
         Self::made(document, Some(like))
     }
 
-    /// Warns where the pilot of the case ran another case.
+    /// Warns if the pilot of the case was run for another case.
     fn warn_of_another_pilot(&mut self) {
         let pilot = self
             .scene
@@ -167,7 +168,7 @@ impl Plan {
         let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
         let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
         let (plan, found) = Self::attempt(&case, like, &wrong);
-        // A field that is already known to be wrong needs no second sentence.
+        // A field with an error does not get a second finding.
         let new: Vec<Problem> = found
             .into_iter()
             .filter(|p| !all.iter().any(|known| known.path == p.path))
@@ -219,13 +220,13 @@ impl Plan {
         }
     }
 
-    /// Takes the speed of the machine at hand for the estimate of the time.
+    /// Applies the speed of the present machine to the time estimate.
     pub fn on_machine(&mut self, machine: estimate::Machine) {
         self.estimate.on(machine, &self.scene, &self.clock);
     }
 
-    /// Takes a number of ranks and threads for the estimate of the time; `crowded` is the speed of a core among them
-    /// over that of one alone.
+    /// Applies a number of ranks and threads to the time estimate; `crowded` is the speed of a core among them
+    /// relative to one core alone.
     pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }
@@ -233,7 +234,7 @@ impl Plan {
     /// Plans a case that is already in memory.
     ///
     /// # Errors
-    /// All problems of the case, warnings included.
+    /// If the case has errors; all findings are returned, warnings included.
     pub fn of_case(case: &Case) -> Result<Self, Vec<Problem>> {
         Self::prepare(Document {
             case: case.clone(),
@@ -245,7 +246,7 @@ impl Plan {
 
     fn attempt(case: &Case, like: Option<&Self>, wrong: &[String]) -> (Option<Self>, Vec<Problem>) {
         let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene), wrong);
-        // The limits of a plan from wrong fields would be wrong as well.
+        // Limits computed from wrong fields would be wrong as well.
         let sound = scene.filter(|_| !findings.stop_plan());
         let plan = sound.and_then(|scene| {
             let units = scene.flow.as_ref().map(|flow| flow.units(&scene.grid));
@@ -278,7 +279,7 @@ impl Plan {
     }
 }
 
-/// Returns the hash of the text of a case without its pilot; none if the text is no JSON.
+/// Returns the hash of the text of a case without its pilot; none if the text is not JSON.
 #[must_use]
 pub fn hash_without_pilot(text: &str) -> Option<String> {
     let mut tree: serde_json::Value = serde_json::from_str(text).ok()?;
@@ -298,7 +299,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let time = &scene.time;
     let critical = critical_step::critical_solid_time_step(scene);
     let allowed = critical.map(|c| c.time_step * time.solid_time_step_safety);
-    // A larger safety than the usual one is a choice of the case, which the plan judges and does not change.
+    // A safety factor above the usual one is a choice of the case, which the plan judges but does not change.
     let chosen = time.solid_time_step_safety <= USUAL_SAFETY;
     let automatic = allowed.map(|step| {
         if chosen {
@@ -442,7 +443,7 @@ fn dry_step(
     if time.solid_time_step.is_some() {
         (longest, steps)
     } else {
-        // A shorter interval of the couplings needs fewer solid steps, unless the case states their number.
+        // A shorter coupling interval needs fewer solid steps, unless the case states their number.
         let step = divided(scene, longest);
         let needed = whole((step / dt * (1.0 - 1e-9)).ceil().max(1.0));
         let needed = u32::try_from(needed).unwrap_or(steps).min(steps);
@@ -452,7 +453,7 @@ fn dry_step(
     }
 }
 
-/// Returns a number of steps: the nearest whole number, if it is one to round-off, else the next.
+/// Returns a number of steps: the nearest whole number if the value is one to round-off, otherwise the next larger.
 fn steps(x: f64) -> u64 {
     let nearest = x.round();
     let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);

@@ -1,10 +1,10 @@
 //! Linear stability over the steps of a run: growing waves with multiple relaxation times.
 //!
-//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the moments of an operator are not orthogonal
-//! under the weights of the lattice and have different rates, some waves grow in fluid at rest
-//! ([`lbm::collision::linear_stability`]): with the published matrix and rates of Suga by 0.075 % per step at
-//! tau = 0.5001. A short run does not show this. Over G = gain times steps an amplitude grows by the factor e^G. With
-//! the operator `mrt` none grow.
+//! Near tau = 1/2 only the eddy viscosity damps the shortest waves. If the moments of an operator are not
+//! orthogonal under the weights of the lattice and have different rates, some waves grow in stationary fluid
+//! ([`lbm::collision::linear_stability`]): with the published matrix and rates of Suga by 0.075 % per step at tau =
+//! 0.5001. A short run does not show this. Over G = gain times steps an amplitude grows by the factor e^G. With the
+//! operator `mrt` none grow.
 //!
 //! Evidence: with the matrix of Suga and WALE the open joint of `jobs/rock_scour/stagnation.json` failed at tau =
 //! 0.5001 after 11,000 steps (G = 8.3). With cells four times as wide it was stable for its 3907 steps (G = 3.6). Eddy
@@ -16,10 +16,10 @@ use crate::scene::flow::{Flow, PATH};
 use base::error::Remedy;
 use serde_json::json;
 
-/// The largest G without a finding.
+/// Maximum G without a finding.
 const QUIET: f64 = 7.0;
-/// Gain in a step from which on runs failed: with the rates of Suga they held at tau = 0.65 (2.2 %) and failed at 0.7
-/// (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
+/// Gain per step above which runs failed: with the rates of Suga runs were stable at tau = 0.65 (2.2 %) and failed
+/// at 0.7 (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
 const FAILS: f64 = 0.024;
 
 /// Reports a wave that grows too much over the run.
@@ -97,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Seen to fail at once.
+    /// Checks rates with which a run failed at once.
     #[test]
     fn rates_that_overshoot_are_called_unstable() {
         let words = said(r#"{"suga": {"q": 1.99, "xx": 1.2}}"#, 0.6, 10).unwrap();

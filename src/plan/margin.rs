@@ -1,25 +1,25 @@
-//! A limit of the method and the distance of a case to it.
+//! Limit of the method and the margin of a case to it.
 
 use crate::scene::findings::at_most;
 use crate::scene::flow::{Flow, PATH};
 use base::error::Remedy;
 use serde::Serialize;
 
-/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
+/// Usual upper bound of the lattice velocity, stated as "typically lower than" by Sibille, Lominé and Marot (2012).
 pub const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 
-/// A limit and the value of the case.
+/// Limit and the value of the case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Margin {
-    /// The name of the limit.
+    /// Name of the limit.
     pub limit: String,
-    /// The value of the case.
+    /// Value of the case.
     pub value: f64,
-    /// The limit.
+    /// Largest or smallest allowed value.
     pub allowed: f64,
-    /// The used part of the limit; above 1 the limit is exceeded.
+    /// Used fraction of the limit; above 1 the limit is exceeded.
     pub used: f64,
-    /// JSON path of the field that determines it.
+    /// JSON path of the field that determines the value.
     pub path: String,
 }
 
@@ -33,11 +33,12 @@ pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margi
     }
 }
 
-/// The smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the
+/// Smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the
 /// time step.
 const LEAST_PROPOSED: f64 = 0.505;
 
-/// Proposes `part` of the time step through the field that fixes it, if the resulting relaxation time is stable.
+/// Proposes the fraction `part` of the time step through the field that determines it, if the resulting relaxation
+/// time is stable.
 pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Remedy {
     let dt = at_most(part * flow.time_step);
     let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);

@@ -1,4 +1,4 @@
-//! The models of a scene, each with its reason, and the models that it does not need.
+//! Models of a scene, each with its reason, and the models that it does not need.
 
 use super::Clock;
 use super::device::device;
@@ -17,14 +17,14 @@ use case::fluid::Precision;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
 
-/// A model and its reason.
+/// Choice of a model, with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Choice {
-    /// The choice.
+    /// Subject of the choice.
     pub what: String,
-    /// The model.
+    /// Chosen model.
     pub model: String,
-    /// Why.
+    /// Reason.
     pub reason: String,
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The choices of a scene while they are collected.
+/// Choices of a scene while they are being collected.
 struct Choices<'a> {
     scene: &'a Scene,
     clock: &'a Clock,
@@ -83,7 +83,7 @@ struct Choices<'a> {
 }
 
 impl Choices<'_> {
-    /// Adds a choice. Automatic choices have their own reasons.
+    /// Adds a choice; an automatic choice has its own reason instead of `reason`.
     fn add(&mut self, what: &str, model: impl Into<String>, reason: impl Into<String>) {
         let own = self.scene.chosen.why(what);
         self.list.push(Choice {
@@ -123,7 +123,7 @@ impl Choices<'_> {
         }
     }
 
-    /// Adds the times of walls that come or go.
+    /// Adds the times of walls that are inserted or removed.
     fn timed_walls(&mut self) {
         let clock = self.clock;
         let at = |time: f64| {
@@ -308,7 +308,7 @@ impl Choices<'_> {
         }
     }
 
-    /// Adds the models of ground that drains.
+    /// Adds the models of unsaturated ground.
     fn unsaturated(&mut self, soil: &Unsaturated, tolerance: String) {
         let law = soil.retention.model();
         let length = number(law.capillary_length());
@@ -429,7 +429,7 @@ impl Choices<'_> {
         self.device(flow);
     }
 
-    /// Adds the device of a fluid on a lattice, where it is not the processor as requested.
+    /// Adds the device of a fluid on a lattice, unless it is the processor as requested.
     fn device(&mut self, flow: &Flow) {
         let (device, reason) = match device(self.scene) {
             Device::Cpu if flow.device == Device::Auto => {

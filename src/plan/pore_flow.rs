@@ -1,13 +1,14 @@
-//! Speed of the seepage: the Reynolds number of the pores before the run.
+//! Reynolds number of the pores, estimated before the run.
 //!
 //! ```text
 //! Re = rho q d/mu        q: superficial velocity, d: diameter of the largest grains
 //! ```
 //!
 //! Darcy's law holds up to about Re = 1 to 10 (J. Bear, Dynamics of Fluids in Porous Media, 1972, section 5.11):
-//! beyond, inertial losses grow with the square of the velocity. The flux is that of the largest difference of imposed
-//! pressures over the height of the grid through a bed of equal grains in random close packing, in zones the most
-//! permeable one, or the largest flux that is imposed. The run measures the number again.
+//! beyond, inertial losses grow with the square of the velocity. The flux is the largest imposed flux, or that
+//! driven by the largest difference of imposed pressures over the height of the grid through a bed of equal grains
+//! in random close packing (with zones: in the most permeable zone). The run computes the Reynolds number again
+//! from the solution.
 
 use super::explicit_drag;
 use crate::scene::Scene;
@@ -16,7 +17,7 @@ use base::error::Remedy;
 use darcy::{Equations, Liquid};
 use serde_json::json;
 
-/// Reynolds number from which inertial losses count.
+/// Reynolds number above which inertial losses matter.
 const DARCY: f64 = 1.0;
 /// Porosity of equal spheres in random packing.
 const PACKED: f64 = 0.4;
@@ -34,7 +35,7 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     };
     let height = seepage.height(scene.gravity, scene.grid.dimension);
     let gradient = seepage.pressure_drop(scene.gravity) / height;
-    // The permeability knows no looser ground than the cap.
+    // The permeability does not cover looser ground than its maximum porosity.
     let porosity = explicit_drag::porosity(scene, seepage)
         .max(PACKED)
         .min(written.porosity_cap().max(PACKED));
@@ -48,7 +49,7 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     (reynolds.is_finite() && reynolds > 0.0).then_some(reynolds)
 }
 
-/// Warns where a linear resistance is used beyond its range.
+/// Warns if a linear resistance is used outside its range of validity.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let (Some(seepage), Some(reynolds)) = (&scene.seepage, reynolds(scene)) else {
         return;

@@ -1,4 +1,4 @@
-//! The limit of the time step by the resistance of porous zones ([`lbm::term::porous`]).
+//! Limit of the time step by the resistance of porous zones ([`lbm::term::porous`]).
 
 use super::margin::{Margin, margin, slower_clock};
 use crate::scene::Scene;
@@ -7,10 +7,10 @@ use crate::scene::flow::{Flow, PATH};
 use crate::scene::porous;
 use crate::scene::speed::speeds;
 
-/// Part of the limit that a remedy proposes.
+/// Fraction of the limit that a remedy proposes.
 const PROPOSED: f64 = 0.9;
 
-/// Adds the margin, and findings where it is exceeded.
+/// Adds the margin, and findings if the limit is exceeded.
 pub(super) fn check(
     scene: &Scene,
     flow: &Flow,

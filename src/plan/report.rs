@@ -55,7 +55,7 @@ impl Display for Plan {
 }
 
 impl Plan {
-    /// Returns the features of the promised accuracy, a line each.
+    /// Returns the features of the promised accuracy, one per line.
     #[must_use]
     pub fn details(&self) -> String {
         let lines = self
@@ -175,7 +175,7 @@ impl Plan {
             ("mapping", e.seconds.mapping),
             ("output", e.seconds.output),
         ];
-        // Phases that matter, the longest first.
+        // Only phases with a relevant share, the longest first.
         let mut shares: Vec<(&str, f64)> = phases
             .into_iter()
             .filter(|phase| phase.1 > 0.05 * e.seconds_on_one_core)
@@ -220,7 +220,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// Returns a table with aligned columns; nothing at all without rows.
+/// Returns a table with aligned columns; an empty text without rows.
 fn table(
     f: &mut Formatter<'_>,
     head: [&str; 3],

@@ -1,4 +1,4 @@
-//! The resolved problem: checked, complete, the same on every rank, without state.
+//! Resolved problem: checked, complete, equal on every rank, without state.
 //!
 //! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI.
 //! [`crate`] derives time steps, memory and stability.
@@ -55,7 +55,7 @@ use serde::Serialize;
 pub struct Scene {
     /// One line that names the run.
     pub title: String,
-    /// The cells.
+    /// Grid of cells.
     pub grid: grid::Grid,
     /// Acceleration of gravity [m/s2].
     pub gravity: [f64; 3],
@@ -105,7 +105,7 @@ pub struct Scene {
     pub element_test: Option<element_test::ElementTest>,
     /// The automatic choices and their reasons.
     pub chosen: auto::Chosen,
-    /// Causes of changes of density in the lattice fluid in addition to the pressures that the case states.
+    /// Causes of density changes in the lattice fluid in addition to the pressures stated in the case.
     pub density_causes: Vec<auto::density::Cause>,
 }
 
@@ -169,7 +169,7 @@ impl Solids {
         walls::walls_in_water(case, grid, &self.walls, solids, findings);
     }
 
-    /// Refuses solids that overlap at the start.
+    /// Refuses a case whose solids overlap at the start.
     fn check_start(
         &self,
         case: &Case,
@@ -195,7 +195,7 @@ impl Scene {
     /// Resolves a case; returns the scene and warnings.
     ///
     /// # Errors
-    /// All problems of the case, warnings included.
+    /// If the case has errors; all findings are returned, warnings included.
     pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
         match Self::attempt(case, None, &[]) {
             (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
@@ -203,9 +203,9 @@ impl Scene {
         }
     }
 
-    /// Returns the scene as far as it can be resolved, with all findings. If it continues the state of another scene,
-    /// fields that both leave out are chosen as in that scene, `like`. `wrong`: paths of fields that the schema
-    /// refuses.
+    /// Returns the scene as far as it can be resolved, with all findings. If the case continues the state of
+    /// another scene `like`, fields that both leave out are chosen as in that scene. `wrong` has the paths of
+    /// fields that the schema refuses.
     pub(crate) fn attempt<'a>(
         case: &'a Case,
         like: Option<&Self>,
@@ -216,7 +216,7 @@ impl Scene {
             let spacing = auto::spacing::Spacing::like(like);
             return Self::resolve_at(case, &spacing, Some(like), findings);
         }
-        // A spacing chosen from wrong fields would be the cause of further findings.
+        // A spacing chosen from wrong fields would cause further findings.
         if case.domain.spacing.is_none() && findings.stop_plan() {
             return (None, findings);
         }
@@ -227,7 +227,7 @@ impl Scene {
         if findings.stopped {
             return (scene, findings);
         }
-        // Shapes are known before speeds: a fast flow may ask for finer cells than they do.
+        // Shapes are known before velocities: a fast flow may require finer cells than the shapes.
         let finer = scene.as_ref();
         match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
             Some(finer) => Self::resolve_at(case, &finer, None, Findings::with_wrong(case, wrong)),
@@ -235,7 +235,7 @@ impl Scene {
         }
     }
 
-    /// Resolves a case at a spacing, with the choices that it leaves to the program.
+    /// Resolves a case at a given spacing, with the choices that it leaves to the program.
     fn resolve_at<'a>(
         written: &Case,
         spacing: &auto::spacing::Spacing,
@@ -246,13 +246,13 @@ impl Scene {
         spacing.note(&mut chosen);
         spacing.tell_of_rounding(written, &mut findings);
         let case = &*auto::filled(written, spacing, &mut chosen);
-        // A restarted run is past its start.
+        // A restarted run has no initial state to check.
         let starts = like.is_none();
         let Some(mut scene) = Self::filled(case, starts, &mut findings) else {
             return (None, findings);
         };
         scene.chosen = chosen;
-        // What the choices below refuse, a finer spacing may cure; what is wrong before them it does not.
+        // A finer spacing may resolve a refusal by the choices below, but not an error found before them.
         findings.stopped = findings.stop_plan();
         if findings.stopped {
             return (Some(scene), findings);
@@ -280,7 +280,7 @@ impl Scene {
         (Some(scene), findings)
     }
 
-    /// Resolves a case with a spacing, before the program chooses what the case leaves out.
+    /// Resolves a case with a given spacing, before the program chooses the fields that the case leaves out.
     fn filled(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
         let grid = grid::Grid::resolve(&case.domain, findings)?;
         let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
@@ -394,8 +394,8 @@ impl Scene {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// Returns all polyhedra with their materials and whether they move by forces, in the order of their ids: bodies,
-    /// then blocks.
+    /// Returns all polyhedra in the order of their ids, bodies before blocks, each with its material and `true` if
+    /// it moves under forces.
     pub fn polyhedra(&self) -> impl Iterator<Item = (&PlacedPolyhedron, usize, bool)> {
         let bodies = self.bodies.iter().filter_map(|body| {
             let free = body.mobility == bodies::Mobility::Free;
@@ -425,7 +425,7 @@ impl Scene {
         self.grains.is_some() || self.blocks.is_some() || !self.bodies.is_empty()
     }
 
-    /// Frees the listed grains once the run contains them: some hundred bytes each.
+    /// Frees the listed grains once the run contains them; each takes some hundred bytes.
     pub fn forget_sample(&mut self) {
         use grains::GrainSource::{File, List};
         if let Some(List(grains) | File { grains, .. }) =
@@ -435,14 +435,14 @@ impl Scene {
         }
     }
 
-    /// Returns the density of a material [kg/m3]; zero where it has none.
+    /// Returns the density of a material [kg/m³]; zero if it has none.
     #[must_use]
     pub fn density(&self, material: usize) -> f64 {
         let known = self.materials.get(material);
         known.and_then(|m| m.density).unwrap_or(0.0)
     }
 
-    /// Mass of a disc (per metre of depth) or sphere of this material \[kg\].
+    /// Returns the mass \[kg\] of a disc (per metre of depth) or sphere of this material.
     #[must_use]
     pub fn mass(&self, material: usize, radius: f64) -> f64 {
         let density = self.density(material);
@@ -505,7 +505,7 @@ fn agree(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Checks that there is a contact law where bodies move, and only there.
+/// Checks that there is a contact law if and only if bodies can move.
 fn of_contacts(case: &Case, findings: &mut Findings) {
     let moving = case.grains.is_some()
         || case.blocks.is_some()
@@ -540,7 +540,7 @@ fn of_contacts(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Checks times that depend on the fluid.
+/// Checks the times that depend on the kind of fluid.
 fn of_times(case: &Case, findings: &mut Findings) {
     let fluid = case.fluid.is_some();
     let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
@@ -632,8 +632,8 @@ pub(crate) fn has_polyhedra(case: &Case) -> bool {
     case.blocks.is_some() || case.bodies.iter().any(|b| !b.shape.round())
 }
 
-/// Returns the material that walls and structures have where the case states none: that of the grains, else of the
-/// blocks, else of the first free body, else of the first body.
+/// Returns the default material of walls and structures: that of the grains, otherwise of the blocks, of the first
+/// free body, or of the first body.
 pub(crate) fn usual_material(case: &Case) -> Option<&str> {
     let of_grains = case.grains.as_ref().map(|grains| &grains.material);
     let of_blocks = || case.blocks.as_ref().map(|blocks| &blocks.material);
@@ -648,7 +648,7 @@ pub(crate) fn usual_material(case: &Case) -> Option<&str> {
         .map(String::as_str)
 }
 
-/// Returns the index of a material, or a finding.
+/// Returns the index of a material; if there is no such material, adds a finding.
 pub(crate) fn material(
     names: &[String],
     name: &str,

@@ -1,11 +1,11 @@
 //! Consistency checks of seepage input.
 //!
-//! * Conditions that meet without a structure between them. A sheet pile that ends next to the edge of a patch, or
-//!   short of the surface, leaves neighbouring cells on the surface with different heads. Water then flows from one to
-//!   the other around the pile, and the discharge depends on the size of the cells.
-//! * Ground that no zone fills. Without grains it is open water.
-//! * Numbers in other units: permeabilities and densities that no ground and no liquid has, heads below the ground they
-//!   act on.
+//! * Different heads next to each other without a structure between them. If a sheet pile ends next to the edge of
+//!   a patch, or short of the surface, neighbouring cells on the surface have different heads. Water then flows
+//!   from one to the other around the pile, and the discharge depends on the size of the cells.
+//! * Ground that is in no zone. Without grains it is open water.
+//! * Values in wrong units: permeabilities and densities that no ground and no liquid has, heads below the ground
+//!   on which they act.
 
 use super::explicit_drag::openness;
 use crate::scene::Scene;
@@ -16,14 +16,15 @@ use base::number::real;
 use case::darcy::ZonePermeability;
 use darcy::{Condition, Openness};
 
-/// Part of the largest difference of heads from which neighbours count as different.
+/// Fraction of the largest head difference above which the heads of neighbours count as different.
 const DIFFERENT: f64 = 0.1;
-/// Permeability of coarse gravel \[m2\] (J. Bear, Dynamics of Fluids in Porous Media, 1972, table 5.5.1: up to 1e-7).
+/// Permeability of coarse gravel \[m²\] (J. Bear, Dynamics of Fluids in Porous Media, 1972, table 5.5.1: up to
+/// 1e-7).
 const GRAVEL: f64 = 1e-6;
-/// Densities of liquids \[kg/m3\].
+/// Range of densities of liquids \[kg/m³\].
 const LIQUIDS: [f64; 2] = [500.0, 2e4];
 
-/// Warns of all of it.
+/// Runs all checks and reports warnings.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let Some(seepage) = &scene.seepage else {
         return;
@@ -103,7 +104,7 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     }
 }
 
-/// Heads that count from another level than the origin, and gravity with the wrong sign.
+/// Reports heads relative to another level than the origin, and gravity with the wrong sign.
 fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let (gravity, dimension) = (scene.gravity, scene.grid.dimension);
     let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -128,7 +129,7 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         );
     }
     for (n, patch, head) in heads {
-        // The highest point of the patch.
+        // Highest point of the patch.
         let elevation: f64 = (0..dimension)
             .map(|a| {
                 let ends = if a == patch.face.axis() {
@@ -193,7 +194,7 @@ fn nothing_drives(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     }
 }
 
-/// A cell face on which a pressure or head is imposed.
+/// Cell face with an imposed pressure or head.
 #[derive(Clone, Copy)]
 struct Held {
     patch: usize,
@@ -232,7 +233,7 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
              a condition",
         );
     };
-    // What each face of a cell holds; a later condition takes precedence.
+    // Conditions on each face of the cells; a later condition takes precedence.
     let mut held: [Vec<Option<Held>>; 6] = std::array::from_fn(|_| Vec::new());
     for (n, patch) in seepage.patches.iter().enumerate() {
         let axis = patch.face.axis();

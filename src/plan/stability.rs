@@ -1,20 +1,21 @@
-//! Up to which speed a lattice has been seen to hold.
+//! Empirical velocity limits of the lattice for stability.
 //!
-//! The cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2) decides, with U the largest imposed speed: neither tau nor the
-//! lattice velocity alone, except that some operators bear less the faster the flow. Each operator states its bounds
-//! with its formula ([`lbm::collision::border`]), from the maps under `benches/stability`. `holds` is the last
-//! value up to which every run ended, `fails` the first at which one did not.
+//! Stability depends on the cell Reynolds number U h/ν = 3 (U/C)/(tau - 1/2), with U the largest imposed speed, and
+//! not on tau or the lattice velocity alone; for some operators the limit decreases with the lattice velocity. The
+//! bounds of each operator are next to its formula ([`lbm::collision::border`]) and come from the maps under
+//! `benches/stability`. `holds` is the last value up to which every run was stable, `fails` the first at which one
+//! failed.
 //!
-//! Beyond a bound the plan says so and does not refuse: a lid's corners are harder than what most flows meet, and many
-//! scenes run at several times these values. That the error grows with the Mach number is another matter, and said
-//! elsewhere.
+//! Beyond a bound the plan reports a finding but does not refuse the case: the corners of a lid are more severe
+//! than most flows, and many scenes run at several times these values. The error that grows with the Mach number is
+//! reported separately.
 //!
-//! Flows with an eddy viscosity are judged under a lid, and those without openings that BGK or TRT collide:
-//! turbulent Taylor-Green vortices with TRT failed with WALE as with Smagorinsky (`benches/accuracy/eddy-models`).
-//! Under a lid WALE moved the bounds of BGK and TRT by next to nothing, those of Suga's operator by a factor of ten in
-//! slow flows, and those of the cumulants, and of moments of which only the second have rates of their own, beyond the
-//! map. Streams and channels run with it at a thousand times these values: where the border lies depends on what makes
-//! the eddies.
+//! Flows with an eddy viscosity are judged only under a lid, or without openings with BGK or TRT: turbulent
+//! Taylor-Green vortices with TRT failed with WALE as with Smagorinsky (`benches/accuracy/eddy-models`). Under a
+//! lid, WALE hardly changed the bounds of BGK and TRT, raised those of Suga's operator by a factor of ten in slow
+//! flows, and raised those of cumulants, and of operators with separate rates for second moments only, beyond the
+//! map. Streams and channels run with it at a thousand times these values: the stability limit depends on the
+//! source of the eddies.
 
 use super::margin::{Margin, USUAL_LATTICE_VELOCITY, margin};
 use crate::scene::Scene;
@@ -42,13 +43,13 @@ fn surroundings(flow: &Flow) -> Surroundings {
     all
 }
 
-/// Returns the cells that bring the cell Reynolds number down.
+/// Returns the remedy of a spacing that lowers the cell Reynolds number.
 fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     let text = format!(
         "use a spacing of at most {} m, or a slower flow or a larger viscosity",
         number(finest)
     );
-    // At a stated time step finer cells make the flow faster in cells.
+    // At a stated time step, finer cells raise the lattice velocity.
     if flow.fixed_by == "time_step" {
         text.into()
     } else {
@@ -56,7 +57,7 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     }
 }
 
-/// Returns `true` if a wall that moves along itself ends at one that does not.
+/// Returns `true` if a wall that moves in its plane ends at a stationary wall.
 fn lid_meets_wall(flow: &Flow) -> bool {
     let faces = |surface: SurfaceKind| {
         let of_surface = flow
@@ -67,11 +68,11 @@ fn lid_meets_wall(flow: &Flow) -> bool {
     faces(SurfaceKind::MovingWall).any(|lid| faces(SurfaceKind::Wall).any(|wall| wall != lid))
 }
 
-/// Links that are interpolated to the faces of polyhedra: all links of a face are cut at the same part, and what they
-/// return is damped by the collision alone. Of a block that a stream plucks off a bed (`tests/suite/same_bits.rs`) runs
-/// with two or more rates that keep walls where they are held at a cell Reynolds number of 2 and failed at 20; with BGK
-/// and the matrix of Suga they failed at 2 or 20, by the place of the faces. Half-way links and saturated cells held
-/// at 200.
+/// Reports interpolated links at faces of polyhedra: all links of a face are cut at the same fraction, and only the
+/// collision damps the reflected populations. For a block plucked off a bed by a stream
+/// (`tests/suite/same_bits.rs`), runs with two or more rates that keep walls at their position were stable at a
+/// cell Reynolds number of 2 and failed at 20; with BGK and the matrix of Suga they failed at 2 or 20, depending on
+/// the position of the faces. Half-way links and saturated cells were stable at 200.
 fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &mut Findings) {
     let interpolated = matches!(&scene.coupling,
         Some(Coupling::BounceBack(links)) if links.scheme == Scheme::Interpolated);
@@ -94,7 +95,7 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
     }
 }
 
-/// Notes where the case stands, and reports settings at which runs of the maps failed.
+/// Adds the margins of the case, and reports settings at which runs of the maps failed.
 pub(super) fn check(
     scene: &Scene,
     flow: &Flow,
@@ -119,7 +120,7 @@ pub(super) fn check(
         };
         Some((speed, model.border_of_moving(&body)?))
     });
-    // A body has a map of its own; what its surface does along itself is the same as what a wall does.
+    // Bodies have maps of their own, but the tangential motion of a body's surface acts like that of a wall.
     let mut speeds = speed::imposed_on_fluid(flow);
     speeds.extend(speed::of_bodies(scene, of_moving.is_some()));
     let situation = Situation {
@@ -134,7 +135,7 @@ pub(super) fn check(
     }
 }
 
-/// Notes where a speed stands within a border, and reports what is beyond it.
+/// Adds the margin of a speed to the stability limit, and reports a speed beyond it.
 fn judge(
     scene: &Scene,
     flow: &Flow,
@@ -146,13 +147,13 @@ fn judge(
     let cell = speed.value * scene.grid.spacing / flow.kinematic_viscosity;
     let (map, bounds) = (border.map, border.bounds);
     let stated = speed.value * flow.time_step / scene.grid.spacing;
-    // A step that is refused for its lattice velocity is judged as the shorter one that its finding proposes.
+    // A time step refused for its lattice velocity is judged as the shorter step that its finding proposes.
     let lattice_velocity = if stated > scene.guards.max_lattice_velocity {
         USUAL_LATTICE_VELOCITY
     } else {
         stated
     };
-    // A value written with few digits may lie a little beyond its bound.
+    // A value written with few digits may lie slightly beyond its bound.
     let slack = 1.0 + 1e-6;
     let within = |part: &ReynoldsBounds| lattice_velocity <= part.lattice_velocity * slack;
     let Some(at) = bounds.iter().position(within) else {
@@ -167,7 +168,7 @@ fn judge(
             &speed.path,
         ));
     }
-    // The border lies between the two; a little less than what failed is taken as failing.
+    // The stability limit lies between the two values; values close to the failed one count as failing.
     if cell * slack < limit.fails {
         if limit.holds > 0.0 && cell > limit.holds * slack {
             findings.warn(
@@ -260,8 +261,8 @@ mod tests {
         Plan::prepare(document)
     }
 
-    /// Rows of `benches/stability/cavity-3d-20/map.csv`: tau = 0.51 at Mach 0.03 and 0.1; the matrix of Suga holds
-    /// under a lid at tau = 0.6, where waves grow slowly, not at 0.7.
+    /// Checks rows of `benches/stability/cavity-3d-20/map.csv`: tau = 0.51 at Mach 0.03 and 0.1; the matrix of Suga
+    /// is stable under a lid at tau = 0.6, where waves grow slowly, but not at 0.7.
     #[test]
     fn in_three_dimensions_too() {
         for collision in ["bgk", "trt", "suga", "mrt"] {
@@ -280,8 +281,9 @@ mod tests {
         assert!(planned("trt", 3, 0.7, 0.03).unwrap().warnings.is_empty());
     }
 
-    /// Rows of `benches/stability/cavity-32/map.csv` on both sides of its border: tau = 0.501 with a slow lid holds,
-    /// 0.51 with a faster one does not.
+    /// Checks rows of `benches/stability/cavity-32/map.csv` on both sides of the limit: tau = 0.501 with a slow lid
+    /// is stable,
+    /// 0.51 with a faster one is not.
     #[test]
     fn the_verdict_turns_where_the_map_does() {
         for (collision, tau, mach, fails) in [
@@ -304,8 +306,8 @@ mod tests {
         }
     }
 
-    /// Turbulent Taylor-Green vortices of `benches/accuracy/eddy-models`: with TRT they fail with either model of
-    /// eddies, with the rates of Suga they end.
+    /// Checks turbulent Taylor-Green vortices of `benches/accuracy/eddy-models`: with TRT they fail with either
+    /// eddy-viscosity model, with the rates of Suga they are stable.
     #[test]
     fn eddies_do_not_carry_operators_of_one_or_two_rates() {
         let said = |collision: &str, model: &str| {
@@ -369,9 +371,9 @@ mod tests {
         assert!(!said("half_way", "trt", 1e-3));
     }
 
-    /// Rows of `benches/stability/moving-disc-10` and `moving-sphere-8`: links hold a body that moves up to a cell
-    /// Reynolds number of 10 with two relaxation times and to 40 with more, saturated cells at all values that were
-    /// run.
+    /// Checks rows of `benches/stability/moving-disc-10` and `moving-sphere-8`: with links a moving body is stable
+    /// up to a cell Reynolds number of 10 with two relaxation times and to 40 with more, with saturated cells at
+    /// all values of the maps.
     #[test]
     fn bodies_that_move_are_judged_by_their_own_maps() {
         for (dimension, coupling, collision, cell, fails) in [

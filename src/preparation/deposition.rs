@@ -1,12 +1,12 @@
 //! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
-//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above the
-//! walls, outside structures and their closed hollows ([`super::room`]). Grains count as settled where their mean
-//! kinetic energy is a small part of m g d and the mean resultant on a grain is a small part of the mean contact force.
-//! Contacts may be softer while the grains fall, because the steps are longer then; the stiffness rises to that of the
-//! case in factors of ten, with a rest after each. Grains above the level are removed last, and the remaining ones
-//! settle once more. The deposition runs on one rank and depends on the seed only. Sizes and places come from
-//! counter-based random numbers: [`base::random`].
+//! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above
+//! the walls, outside structures and their closed hollows ([`super::room`]). Grains count as settled if their mean
+//! kinetic energy is a small fraction of m g d and the mean resultant on a grain is a small fraction of the mean
+//! contact force. Contacts may be softer while the grains fall, which allows longer time steps; the stiffness
+//! increases to that of the case in factors of ten, with a relaxation after each. Grains above the level are
+//! removed last, and the remaining ones settle once more. The deposition runs on one rank and depends on the seed
+//! only. Sizes and places come from counter-based random numbers: [`base::random`].
 
 use serde::{Deserialize, Serialize};
 
@@ -23,14 +23,14 @@ use dem::{
 };
 use plan::scene::grading::Grading;
 
-/// Grains that fall from a box.
+/// Cloud of grains that falls from a box.
 #[derive(Clone, Debug)]
 pub struct Cloud<S: Space> {
     /// Lower corner of the box (m).
     pub lower: S::Vector,
     /// Upper corner of the box (m).
     pub upper: S::Vector,
-    /// Sizes.
+    /// Grain-size distribution.
     pub grading: Grading,
     /// Number of grains.
     pub number: usize,
@@ -43,37 +43,37 @@ pub struct Cloud<S: Space> {
 /// Grains that fall, the bodies that they fall onto, and the criterion for their settling.
 #[derive(Clone, Debug)]
 pub struct Deposition<S: Space> {
-    /// The clouds. Those of one material have one density.
+    /// Clouds of grains. Clouds of one material have the same density.
     pub clouds: Vec<Cloud<S>>,
-    /// The box the grains may be in.
+    /// Box that the grains may not leave.
     pub region: GrainDomain<S>,
     /// Walls.
     pub walls: Vec<Wall<S>>,
-    /// Space that structures leave.
+    /// Space outside the structures.
     pub room: Room,
     /// Seed of sizes and places.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
-    /// Number of materials that the laws know.
+    /// Number of materials in the contact laws.
     pub materials: u32,
     /// Gravity (m/s²).
     pub gravity: S::Vector,
-    /// Non-viscous damping while falling; at least 0.7 once landed.
+    /// Non-viscous damping during the fall; at least 0.7 after landing.
     pub local_damping: f64,
-    /// Grains whose centre is higher than this along the axis against gravity go (m).
+    /// Height of a centre above which a grain is removed, along the axis against gravity (m).
     pub trim_above: Option<f64>,
-    /// Settled below this mean kinetic energy over m g d,
+    /// Maximum mean kinetic energy of settled grains divided by m g d.
     pub kinetic_energy: f64,
-    /// and below this mean resultant over the mean contact force.
+    /// Maximum mean resultant on a settled grain divided by the mean contact force.
     pub unbalanced: f64,
-    /// Solid steps per rest at most.
+    /// Maximum number of solid steps per relaxation.
     pub limit: u64,
-    /// Solid step over the critical one of the law.
+    /// Solid time step divided by the critical one of the contact law.
     pub step_ratio: f64,
 }
 
-/// A centre (m), a radius (m) and a row in the table of contact parameters.
+/// Centre (m), radius (m) and row in the table of contact parameters.
 pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
 /// One check of the settling of the grains.
@@ -81,10 +81,10 @@ pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 pub struct Look {
     /// Steps since the grains began to fall.
     pub steps: u64,
-    /// Mean kinetic energy over m g d of the mean grain.
+    /// Mean kinetic energy divided by m g d of the mean grain.
     pub kinetic_energy: f64,
-    /// Mean resultant force on a grain over the mean normal force of a contact; the largest number, as JSON null,
-    /// without contacts.
+    /// Mean resultant force on a grain divided by the mean normal force of a contact; without contacts the largest
+    /// number, as JSON null.
     #[serde(serialize_with = "or_null", deserialize_with = "or_largest")]
     pub unbalanced: f64,
 }
@@ -92,24 +92,24 @@ pub struct Look {
 /// Result of the deposition.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DepositionReport {
-    /// Grains that fell.
+    /// Number of grains that fell.
     pub fallen: u64,
-    /// Grains left after trimming.
+    /// Number of grains that remain after trimming.
     pub grains: u64,
-    /// Highest top of a grain against gravity (m).
+    /// Height of the highest point of a grain, along the axis against gravity (m).
     pub top: f64,
-    /// Contacts per grain, with walls.
+    /// Mean number of contacts per grain, including those with walls.
     pub coordination: f64,
-    /// Largest overlap over the smaller diameter.
+    /// Largest overlap divided by the smaller diameter.
     pub largest_overlap: f64,
     /// `true` if all relaxations ended by the criterion rather than by the limit of steps.
     pub settled: bool,
-    /// Kinetic energy and force balance on the way.
+    /// Kinetic energy and force balance during the deposition.
     pub convergence: Vec<Look>,
 }
 
 const PLACES: u32 = 12;
-/// Local damping of grains that have landed, and both measures below which they have.
+/// Local damping of grains that have landed, and limit of both measures below which they count as landed.
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
 /// Steps between checks.
@@ -158,7 +158,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// Returns the grains along a curve, and the report with what they came to.
+    /// Returns the grains in the order of the curve, and the report.
     fn result(
         &self,
         grains: &[Placed<S>],
@@ -186,7 +186,7 @@ impl<S: Space> Deposition<S> {
             .ok_or_else(|| Error::Internal(format!("deposition has no law {stage}")))
     }
 
-    /// Returns grains at rest at these places.
+    /// Returns stationary grains at these positions.
     fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
@@ -206,7 +206,7 @@ impl<S: Space> Deposition<S> {
         (particles, bodies)
     }
 
-    /// Returns the axis of gravity, and the sign of up.
+    /// Returns the axis of gravity, and the sign of the upward direction.
     fn height_axis(&self) -> Result<(usize, f64), Error> {
         let mut along = (0..S::DIMENSION).filter(|&axis| self.gravity.get(axis).abs() > 0.0);
         match (along.next(), along.next()) {
@@ -217,12 +217,12 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    /// Returns a place for each grain without overlap with grains or walls, the largest placed first. `first`: the
-    /// first grain of each cloud.
+    /// Returns a position for each grain without overlap with grains or walls; the largest grain is placed first.
+    /// `first`: the first grain of each cloud.
     fn cloud(&self, radii: &[f64], first: &[usize]) -> Result<Vec<S::Vector>, Error> {
         let largest = radii.iter().copied().fold(0.0, f64::max);
         let smallest = radii.iter().copied().fold(f64::INFINITY, f64::min);
-        // One grid per factor of two in size, as in the neighbour search.
+        // One grid for each factor of two in size, as in the neighbour search.
         let level = |radius: f64| whole((largest / radius).log2().max(0.0));
         let levels = level(smallest) + 1;
         let mut grids: Vec<std::collections::HashMap<[i64; 3], Vec<usize>>> =
@@ -291,7 +291,7 @@ impl<S: Space> Deposition<S> {
         Ok(places)
     }
 
-    /// Returns the settings of a rest under a law: the step is that of the stiffest contacts.
+    /// Returns the settings of a relaxation under a contact law: the time step is that of the stiffest contacts.
     fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
@@ -304,7 +304,8 @@ impl<S: Space> Deposition<S> {
         Dem::new(law.clone(), settings, self.walls.clone())
     }
 
-    /// Grains that fall must not hang in the air; once they have landed, rest comes soonest so.
+    /// Returns the damping: low for falling grains, which must not float; at least 0.7 for landed grains, which
+    /// settles them fastest.
     fn damping(&self, landed: bool) -> f64 {
         if landed {
             self.local_damping.max(AT_REST)
@@ -328,7 +329,7 @@ impl<S: Space> Deposition<S> {
             force += contact.normal_force;
             contacts += 1.0;
         });
-        // Nothing is balanced before it has landed.
+        // There is no balance of forces before grains have landed.
         let balance = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::MAX };
         Look {
             steps: began + dem.steps(),
@@ -338,7 +339,7 @@ impl<S: Space> Deposition<S> {
     }
 }
 
-/// Returns a share as a number, or null if there is nothing that it is a share of.
+/// Serialises a ratio as a number, or as null if its denominator is zero.
 fn or_null<T: serde::Serializer>(share: &f64, to: T) -> Result<T::Ok, T::Error> {
     Some(*share).filter(|share| *share < f64::MAX).serialize(to)
 }
@@ -348,21 +349,21 @@ fn or_largest<'de, T: serde::Deserializer<'de>>(from: T) -> Result<f64, T::Error
     Ok(Option::deserialize(from)?.unwrap_or(f64::MAX))
 }
 
-/// Progress of the deposition: all that the next steps depend on in addition to the grains and their contacts.
+/// Progress of the deposition: the state, in addition to grains and contacts, that the next steps depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Index of the law, from the softest on.
+    /// Index of the contact law, from the softest.
     stage: usize,
     trimmed: bool,
     landed: bool,
-    /// Steps before this rest.
+    /// Number of steps before this relaxation.
     began: u64,
-    /// Steps until the next check.
+    /// Number of steps until the next check.
     left: u64,
     report: DepositionReport,
 }
 
-/// Grains that fall or come to rest.
+/// Deposition in progress.
 struct Falling<'a, S: Space> {
     deposition: &'a Deposition<S>,
     supervision: &'a Supervision<'a, S>,
@@ -435,7 +436,7 @@ impl<'a, S: Space> Falling<'a, S> {
         })
     }
 
-    /// Starts a new relaxation of these grains, under the law of the present stage.
+    /// Starts a new relaxation of these grains under the contact law of the present stage.
     fn start(&mut self, grains: Vec<Placed<S>>) -> Result<(), Error> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
@@ -448,7 +449,7 @@ impl<'a, S: Space> Falling<'a, S> {
         Ok(())
     }
 
-    /// Continues until the grains have settled, or no more steps are allowed.
+    /// Runs until the grains have settled or the limit of steps is reached.
     fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
         let deposition = self.deposition;
         loop {
@@ -640,7 +641,7 @@ mod tests {
         let (below, above) = (heights(0), heights(1));
         assert_eq!((below.len(), above.len()), (150, 200));
         assert!(mean(&above) > mean(&below) + 2e-3);
-        // Hardly any grain of the lower layer lies above the middle of the upper one.
+        // Almost no grain of the lower layer lies above the middle of the upper one.
         let risen = below.iter().filter(|z| **z > mean(&above)).count();
         assert!(risen < 5, "{risen}");
         let sizes = grains
@@ -649,7 +650,7 @@ mod tests {
         assert!(sizes);
     }
 
-    /// It settles, is trimmed, and carries its weight: the floor bears the sum of m g.
+    /// The sample settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
     fn a_deposition_settles_and_is_trimmed() {
         let deposition = small();
@@ -697,14 +698,14 @@ mod tests {
                 floor += contact.normal_force;
             }
         });
-        // Friction at the sides bears a part of it.
+        // Friction at the side walls bears part of the weight.
         assert!(
             floor > 0.4 * weight && floor < 1.05 * weight,
             "{floor} {weight}"
         );
     }
 
-    /// Makes no more steps than the case allows, also if they are fewer than those between two checks.
+    /// The number of steps is at most the limit, even if that is smaller than the interval between two checks.
     #[test]
     fn steps_are_at_most_those_allowed() {
         for limit in [50, 500, 620] {

@@ -31,26 +31,28 @@ use dem::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sizes {
-    /// Drawn uniformly (by number) between the two.
+    /// Diameters drawn uniformly (by number) between two values.
     Uniform {
-        /// Least diameter (m).
+        /// Smallest diameter (m).
         smallest: f64,
-        /// Greatest diameter (m).
+        /// Largest diameter (m).
         largest: f64,
     },
     /// Listed radii, one grain each; the requested solid fraction only scales them.
     List(Vec<f64>),
 }
 
-/// Condition at which the growth is over.
+/// Condition that ends the growth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Stop {
-    /// At the requested sizes, for any overlaps: their sum over the box is this solid fraction.
+    /// At the requested sizes, for any overlaps: the total volume of the grains divided by the box is this solid
+    /// fraction.
     SolidFraction(f64),
-    /// At this mean number of contacts of grains that have any; then at the overlap of [`PackingSettings::overlap`].
+    /// At this mean number of contacts per grain in contact; the overlap is then adjusted to
+    /// [`PackingSettings::overlap`].
     Coordination(f64),
-    /// When the relaxed packing has this mean overlap over the mean diameter.
+    /// At this mean overlap of the relaxed packing, divided by the mean diameter.
     Overlap(f64),
 }
 
@@ -63,25 +65,25 @@ pub struct PackingSettings<S: Space> {
     pub upper: S::Vector,
     /// Periodic axes; the others have walls.
     pub periodic: [bool; 3],
-    /// Diameters.
+    /// Diameters of the grains.
     pub sizes: Sizes,
-    /// Solid fraction that sets the number of grains; with [`Stop::SolidFraction`] that one does.
+    /// Solid fraction from which the number of grains follows; [`Stop::SolidFraction`] replaces it.
     pub solid_fraction: f64,
-    /// Condition at which to stop.
+    /// Condition that ends the growth.
     pub stop: Stop,
     /// Seed of sizes and places.
     pub seed: u64,
     /// Density of the grains (kg/m³).
     pub density: f64,
-    /// Normal stiffness over the mean diameter of a pair (N/m²).
+    /// Normal stiffness divided by the mean diameter of a pair (N/m²).
     pub stiffness_per_diameter: f64,
-    /// Friction between grains while they are packed; none gives the densest packing.
+    /// Friction between grains during packing; zero gives the densest packing.
     pub friction: f64,
-    /// Mean overlap over the mean diameter to which the packing is released, unless `stop` gives one.
+    /// Mean overlap divided by the mean diameter of the finished packing, unless `stop` gives one.
     pub overlap: f64,
-    /// Largest resultant over largest contact force in the end.
+    /// Maximum final ratio of the largest resultant to the largest contact force.
     pub unbalanced: f64,
-    /// Solid steps after which to give up.
+    /// Maximum number of solid steps.
     pub limit: u64,
 }
 
@@ -90,23 +92,23 @@ pub struct PackingSettings<S: Space> {
 pub struct PackingReport {
     /// Number of grains.
     pub grains: u64,
-    /// Final over requested diameters, one factor for all.
+    /// Final diameters divided by the requested ones, one factor for all grains.
     pub size_factor: f64,
-    /// Area or volume of the grains over that of the box.
+    /// Area or volume of the grains divided by that of the box.
     pub solid_fraction: f64,
-    /// Contacts per grain, with walls too, of the grains that have as many as the space has dimensions.
+    /// Mean number of contacts, including those with walls, of grains with at least as many contacts as dimensions.
     pub coordination: f64,
-    /// Part of the grains with fewer.
+    /// Fraction of the grains with fewer contacts.
     pub rattlers: f64,
-    /// Mean overlap of contacts over the mean diameter.
+    /// Mean overlap of contacts divided by the mean diameter.
     pub mean_overlap: f64,
-    /// Largest overlap over the mean diameter.
+    /// Largest overlap divided by the mean diameter.
     pub largest_overlap: f64,
-    /// Largest resultant over largest contact force.
+    /// Largest resultant divided by the largest contact force.
     pub unbalanced: f64,
-    /// Kinetic energy (J; in the plane per m of depth).
+    /// Kinetic energy (J; per m of depth in the plane).
     pub kinetic_energy: f64,
-    /// Solid steps taken.
+    /// Number of solid steps.
     pub steps: u64,
 }
 
@@ -119,20 +121,20 @@ pub struct PackedGrain<S: Space> {
     pub radius: f64,
 }
 
-/// Grains and what they are like together.
+/// Grains of a packing and their properties.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packing<S: Space> {
-    /// The grains, neighbours mostly close together in the list.
+    /// Grains; neighbours are mostly close together in the list.
     pub grains: Vec<PackedGrain<S>>,
-    /// Properties of the packing when it was made.
+    /// Properties of the packing at its completion.
     pub report: PackingReport,
 }
 
 const SIZES: u32 = 1;
 const PLACES: u32 = 2;
-/// The cloud starts at this part of the final sizes.
+/// Initial size of the grains in the cloud, divided by the final one.
 const CLOUD: f64 = 0.3;
-/// Growing per stage, and solid steps per stage.
+/// Relative growth per stage, and number of solid steps per stage.
 const STAGE_GROWTH: f64 = 2e-3;
 const STAGE_STEPS: u64 = 50;
 
@@ -185,7 +187,7 @@ impl<S: Space> PackingSettings<S> {
                             "grains of radius {radius} m to pack"
                         )));
                     }
-                    // The last one only where it brings the sum closer.
+                    // The last grain is included only if it brings the sum closer to the target.
                     if filled + 0.5 * S::measure(radius) > wanted && !radii.is_empty() {
                         break;
                     }
@@ -201,37 +203,38 @@ impl<S: Space> PackingSettings<S> {
     }
 }
 
-/// Progress of a packing: all that the next batch of steps depends on in addition to the grains and their contacts.
+/// Progress of a packing: the state, in addition to grains and contacts, that the next steps depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Sizes over the requested ones.
+    /// Current sizes divided by the requested ones.
     factor: f64,
-    /// Growing of a packing that falls apart, the next time it does.
+    /// Relative growth at the next loss of contacts of a packing.
     growth: f64,
     stage: Stage,
-    /// Steps of the present batch, and those left of it.
+    /// Number of steps of the present batch, and number of remaining ones.
     batch: u64,
     left: u64,
 }
 
-/// Stage that the present batch of steps belongs to.
+/// Stage of the present batch of steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Stage {
-    /// Growing by small stages.
+    /// Growth in small stages.
     Grow,
-    /// Rounds of supervision for rest.
+    /// Relaxation in rounds.
     Rest {
         /// Purpose of the relaxation.
         purpose: Purpose,
-        /// Rounds begun before this one, and how many in a row found the packing fallen apart.
+        /// Number of rounds before this one, and number of successive rounds that found the packing without
+        /// contacts.
         rounds: u32,
         apart: u32,
-        /// Steps of this round, and how many it may take.
+        /// Number of steps of this round, and its maximum.
         taken: u64,
         limit: u64,
     },
-    /// Packing that is done.
+    /// The packing is complete.
     Done,
 }
 
@@ -239,19 +242,19 @@ enum Stage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Purpose {
-    /// The sizes are the requested ones: this is the last relaxation.
+    /// Final relaxation at the requested sizes.
     Last,
-    /// Test of the overlaps.
+    /// Relaxation before a coarse correction of the overlaps.
     Coarse,
-    /// Test that the overlaps are the requested ones.
+    /// Relaxation before a fine correction of the overlaps.
     Fine,
 }
 
-/// A packing on its way.
+/// Packing in progress.
 struct Growing<'a, S: Space> {
     settings: &'a PackingSettings<S>,
     supervision: &'a Supervision<'a, S>,
-    /// Asked radii (m), by id.
+    /// Requested radii (m), by id.
     radii: Vec<f64>,
     mean_diameter: f64,
     progress: Progress,
@@ -268,7 +271,7 @@ impl<'a, S: Space> Growing<'a, S> {
         let places = scatter(settings, &radii)?;
         let mut particles = Particles::new();
         for (id, (radius, position)) in (0..).zip(radii.iter().zip(places)) {
-            // Masses of the final sizes throughout.
+            // Masses are those of the final sizes during the whole growth.
             let body = Body {
                 radius: radius * CLOUD,
                 ..Body::uniform::<S>(id, *radius, settings.density, 0)
@@ -376,7 +379,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// Returns the packing as it is, the unbalanced force left out.
+    /// Returns the properties of the packing, without the unbalanced force.
     fn measure(&self) -> PackingReport {
         let count = self.particles.owned();
         let mut touches = vec![0_usize; count];
@@ -384,7 +387,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.dem.for_each_contact(&self.particles, |contact| {
             touches[contact.grain] += 1;
             if let Some(other) = contact.other {
-                // An image stands for its grain.
+                // An image represents its grain.
                 let id = self.particles.body[other].id;
                 if let Ok(own) =
                     self.particles.body[..count].binary_search_by_key(&id, |body| body.id)
@@ -422,7 +425,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// Batches of steps, each followed by the choice of the next stage, until the packing is complete.
+    /// Runs batches of steps, each followed by the choice of the next stage, until the packing is complete.
     fn run(&mut self) -> Result<(), Error> {
         while self.progress.stage != Stage::Done {
             while self.progress.left > 0 {
@@ -473,7 +476,7 @@ impl<'a, S: Space> Growing<'a, S> {
         self.progress.left = steps;
     }
 
-    /// Returns the sizes at which growth ends, over the requested ones.
+    /// Returns the sizes at which growth ends, divided by the requested ones.
     fn full_size(&self) -> f64 {
         match self.settings.stop {
             Stop::SolidFraction(_) => 1.0,
@@ -481,7 +484,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// Starts the next stage of growth to the requested sizes, or until the packing jams.
+    /// Starts the next stage of growth, to the requested sizes or until the packing jams.
     fn grow(&mut self) {
         let next = self.progress.factor * (1.0 + STAGE_GROWTH);
         self.set_factor(next.min(self.full_size()));
@@ -510,7 +513,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// Returns the unbalanced force below which the packing is at rest.
+    /// Returns the unbalanced force below which the packing counts as relaxed.
     fn tolerance(&self, purpose: Purpose) -> f64 {
         match purpose {
             Purpose::Coarse => COARSE,
@@ -518,7 +521,7 @@ impl<'a, S: Space> Growing<'a, S> {
         }
     }
 
-    /// Begins to wait for rest.
+    /// Starts a relaxation.
     fn rest(&mut self, purpose: Purpose) {
         self.round(purpose, 0, 0);
     }
@@ -553,7 +556,7 @@ impl<'a, S: Space> Growing<'a, S> {
         if apart == 0 && unbalanced <= self.tolerance(purpose) {
             self.after_rest(purpose, true);
         } else if apart == 3 || rounds + 1 == ROUNDS {
-            // It fell apart, or does not come to rest.
+            // The packing has lost its contacts, or does not relax.
             self.after_rest(purpose, false);
         } else {
             self.round(purpose, rounds + 1, apart);
@@ -561,7 +564,7 @@ impl<'a, S: Space> Growing<'a, S> {
         Ok(())
     }
 
-    /// Reduces the mean overlap in steps to the requested value, if the sizes are free.
+    /// Reduces the mean overlap stepwise to the requested value, if the sizes are free.
     fn after_rest(&mut self, purpose: Purpose, jammed: bool) {
         let target = match self.settings.stop {
             Stop::SolidFraction(_) => {
@@ -583,8 +586,9 @@ impl<'a, S: Space> Growing<'a, S> {
             self.rest(Purpose::Fine);
             return;
         }
-        // Overlaps follow sizes about one to one; on the way down by two thirds at once. A packing that fell apart was
-        // held by motion only: it is pressed well beyond the target, where it comes to rest soon, and released again.
+        // Overlaps change about in proportion to sizes; one correction reduces them by at most two thirds. A
+        // packing that lost its contacts was supported by motion only: it is compressed well beyond the target,
+        // where it relaxes quickly, and released again.
         let change = if jammed {
             self.progress.growth = 64.0 * target;
             (now.mean_overlap / 3.0).max(target) - now.mean_overlap
@@ -637,14 +641,14 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 }
 
-/// Number of contacts per grain below which nothing is held.
+/// Number of contacts per grain below which a packing is not jammed.
 const JAMMED: f64 = 3.0;
-/// Unbalanced force below which a packing is at rest between changes of size.
+/// Unbalanced force below which a packing counts as relaxed between changes of size.
 const COARSE: f64 = 1e-2;
-/// Local damping while it grows and while it rests.
+/// Local damping during growth and during relaxation.
 const WHILE_GROWING: f64 = 0.3;
 const AT_REST: f64 = 0.7;
-/// Steps between checks of a packing that relaxes, and rounds of up to a thousand steps before it counts as restless.
+/// Number of steps between checks of a relaxing packing, and maximum number of rounds of up to a thousand steps.
 const LOOK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
 #[cfg(test)]
@@ -656,7 +660,7 @@ mod tests {
     use dem::{PlaneSpace, Relaxation, Stillness, Volume};
     use nalgebra::{Vector2, Vector3};
 
-    /// Advances with damping until the grains are at rest, and restores the damping.
+    /// Advances with damping until the grains are stationary, and restores the damping.
     fn relax<S: Space>(
         dem: &mut Dem<S>,
         particles: &mut Particles<S>,
@@ -700,7 +704,8 @@ mod tests {
         }
     }
 
-    /// The packing is jammed, at rest, at the requested overlap; bonded and cut it stays at rest, and no bond breaks.
+    /// The packing is jammed and stationary at the requested overlap; bonded and cut it remains stationary, and no
+    /// bond breaks.
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
         let settings = small();

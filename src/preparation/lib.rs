@@ -1,10 +1,11 @@
-//! Preparation of the grains: grown, deposited, read or listed; then numbered, saved and cut; bonded and relaxed.
+//! Preparation of the grains: growth, deposition, reading or listing; then numbering, saving, cutting, bonding
+//! and relaxation.
 //!
 //! | step | file |
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | the space that structures leave to falling grains | [`room`] |
+//! | the free space outside structures for falling grains | [`room`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
@@ -57,29 +58,30 @@ use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
 
-/// The prepared grains, for the run, the report and the summary.
+/// Prepared grains with their report.
 #[derive(Clone, Debug, Default)]
 pub struct Prepared {
-    /// The grains after cutting; on the first rank only.
+    /// Grains after cutting; on the first rank only.
     pub grains: Vec<ListedGrain>,
-    /// The entry of `summary.json`.
+    /// Entry of `summary.json`.
     pub report: Value,
     /// One line for the terminal.
     pub line: String,
 }
 
-/// The parts of the engine that a deposition shares with the run.
+/// Parts of the engine that a deposition shares with the run.
 pub struct Engine<S: Space> {
-    /// The box of the grains.
+    /// Box of the grains.
     pub region: GrainDomain<S>,
-    /// The walls, including those that are removed when the run begins.
+    /// Walls, including those that are removed when the run begins.
     pub walls: Vec<Wall<S>>,
 }
 
-/// Makes, reads or lists the grains of a scene, saves the sample if the case requests it, and cuts it. One rank.
+/// Makes, reads or lists the grains of a scene, saves the sample if the case requests it, and cuts it. Runs on one
+/// rank.
 ///
 /// # Errors
-/// When the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
+/// If the sample cannot be made or saved, and [`Error::Stopped`] when the supervisor stops the work.
 pub fn prepare<S: Space>(
     plan: &Plan,
     folder: &Path,
@@ -151,7 +153,7 @@ pub fn prepare<S: Space>(
 }
 
 impl Prepared {
-    /// Adds a part to the line.
+    /// Adds a text to the line.
     fn add(&mut self, part: String) {
         self.line = match self.line.as_str() {
             "" => part,
@@ -159,7 +161,7 @@ impl Prepared {
         };
     }
 
-    /// Lets grains fall; reports what became of them.
+    /// Deposits grains and adds the result to the line.
     fn deposit<S: Space>(
         &mut self,
         deposition: &Deposition<S>,
@@ -206,7 +208,7 @@ impl Prepared {
             .collect())
     }
 
-    /// Grows grains of one material; reports what they are like together.
+    /// Grows a packing of one material and adds its properties to the line.
     fn grow<S: Space>(
         &mut self,
         packing: &PackingSettings<S>,
@@ -233,7 +235,7 @@ impl Prepared {
             .collect())
     }
 
-    /// Takes out the grains that touch the boxes.
+    /// Removes the grains that touch the boxes.
     fn cut(&mut self, boxes: &[(String, AlignedBox)], grains: &mut Vec<ListedGrain>) {
         if boxes.is_empty() {
             return;
@@ -246,7 +248,7 @@ impl Prepared {
     }
 }
 
-/// Returns a grain at rest.
+/// Returns a stationary grain.
 fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> ListedGrain {
     ListedGrain {
         position: components(position),
@@ -275,12 +277,12 @@ fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<Stri
     ))
 }
 
-/// Returns three components; those that are not there are zero.
+/// Returns three components; missing ones are zero.
 fn components<C: Components>(vector: &C) -> [f64; 3] {
     std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
 }
 
-/// Returns the deposition of a plan.
+/// Returns the deposition settings of a plan.
 fn deposition_of<S: Space>(
     plan: &Plan,
     engine: &Engine<S>,
@@ -340,7 +342,7 @@ fn deposition_of<S: Space>(
             })
             .collect(),
         region: engine.region,
-        // They move once the run begins.
+        // The walls move only when the run begins.
         walls: (engine.walls.iter().cloned())
             .map(|wall| Wall {
                 velocity: S::Vector::default(),
@@ -360,12 +362,12 @@ fn deposition_of<S: Space>(
     }
 }
 
-/// Solid step of falling grains over the critical one, where no strong dashpots shorten it.
+/// Solid time step of falling grains divided by the critical one, if no strong dashpots reduce it.
 const STEP_RATIO: f64 = 0.2;
-/// Contacts of a grain in the densest packing over those in a deposited one: 12 to 6.
+/// Maximum number of contacts of a grain in the densest packing divided by that in a deposited one: 12 to 6.
 const MORE_CONTACTS: f64 = 2.0;
 
-/// Returns the packing of a plan.
+/// Returns the packing settings of a plan.
 fn packing_of<S: Space>(
     plan: &Plan,
     block: &AlignedBox,
@@ -392,7 +394,7 @@ fn packing_of<S: Space>(
         lower: vector::<S>(block.from),
         upper: vector::<S>(block.to),
         periodic: std::array::from_fn(|a| {
-            // A box from face to face of a periodic axis is periodic itself.
+            // A box that extends from face to face of a periodic axis is periodic itself.
             scene.grid.periodic[a]
                 && block.from[a] <= 0.0
                 && block.to[a] >= scene.grid.size[a] * (1.0 - 1e-12)
@@ -408,7 +410,7 @@ fn packing_of<S: Space>(
                     .collect(),
             ),
             case::Radii::Sieve(curve) => {
-                // The scene has found that they can be drawn.
+                // The scene has checked that the radii can be drawn.
                 let radii = Grading::of_sieves(curve).radii(number, S::DIMENSION, (growth.seed, 0));
                 Sizes::List(radii.unwrap_or_default().iter().map(|r| 2.0 * r).collect())
             }

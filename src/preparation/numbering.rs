@@ -7,10 +7,10 @@ use base::number::whole;
 use dem::{Components, Space};
 use plan::scene::sample::ListedGrain;
 
-/// Bits of a coordinate: three of them fill a word.
+/// Number of bits of a coordinate: three coordinates fill a word.
 const BITS: u32 = 21;
 
-/// Puts grains in order along the curve through the box around their centres.
+/// Sorts grains in the order of the curve through the box around their centres.
 pub fn along_curve(grains: &mut [ListedGrain]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
@@ -29,7 +29,7 @@ pub fn along_curve(grains: &mut [ListedGrain]) {
     });
 }
 
-/// Returns the place on the curve of a point in units of the finest cells.
+/// Returns the index on the curve of a point in units of the finest cells.
 fn index_on_curve(point: [f64; 3]) -> u64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -40,7 +40,8 @@ fn index_on_curve(point: [f64; 3]) -> u64 {
     interleaved(&cell, BITS)
 }
 
-/// Returns the place on the Z-order curve of a cell: the lowest bits of its coordinates in turn, the first axis lowest.
+/// Returns the index on the Z-order curve of a cell, by interleaving the lowest bits of its coordinates, the first
+/// axis lowest.
 fn interleaved(cell: &[u64], bits: u32) -> u64 {
     let mut place = 0;
     let mut to = 0;
@@ -53,8 +54,8 @@ fn interleaved(cell: &[u64], bits: u32) -> u64 {
     place
 }
 
-/// Returns the order of `places` along the curve, in cells of a 1024th of their extent: grains with close ids are close
-/// in space.
+/// Returns the order of `places` on the curve, in cells of 1/1024 of their extent, so that grains with close ids
+/// are close in space.
 #[must_use]
 pub fn curve_order<S: Space>(places: &[S::Vector]) -> Vec<usize> {
     let mut low = [f64::INFINITY; 3];

@@ -1,8 +1,8 @@
 //! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. Bonds that break here broke before the
-//! flow started, and the report gives their number. Driven bodies and walls are at rest meanwhile. Afterwards each
-//! grain, body and wall gets the velocity of the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest. The report gives the number of bonds
+//! that break in this relaxation, before the flow starts. Driven bodies and walls are stationary during the
+//! relaxation. Afterwards each grain, body and wall receives its velocity in the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
@@ -19,8 +19,8 @@ use std::collections::HashMap;
 /// Velocity and spin by id.
 type Velocities = HashMap<u64, [f64; 6]>;
 
-/// Returns the velocity and spin of all moving bodies, by id, the same on all ranks: grains may change their rank
-/// before they are needed. Collective.
+/// Returns the velocity and spin of all moving bodies by id, equal on all ranks, because grains may change their
+/// rank during the relaxation. Collective.
 fn velocities<S: Space>(particles: &Particles<S>, domain: &Domain) -> Velocities {
     let mut mine = Vec::new();
     for k in 0..particles.owned() {
@@ -66,23 +66,23 @@ pub struct SavedRest {
     velocities: Vec<(u64, [u64; 6])>,
 }
 
-/// Bonded grains on their way to rest without the fluid.
+/// Relaxation of bonded grains without the fluid.
 #[derive(Clone, Debug)]
 pub struct Rest {
     bonds: u64,
-    /// Bonds broken on the way.
+    /// Number of bonds broken during the relaxation.
     broken: u64,
-    /// Solid steps taken.
+    /// Number of solid steps.
     steps: u64,
-    /// Velocities that grains and bodies get back after the rest.
+    /// Velocities of grains and bodies to be restored after the relaxation.
     velocities: Velocities,
 }
 
 impl Rest {
-    /// Bonds the contacts and stops all bodies; none if the case has no bonds. Collective.
+    /// Bonds the contacts and stops all bodies; returns `None` if the case has no bonds. Collective.
     ///
     /// # Errors
-    /// Those of [`Dem::advance`].
+    /// If [`Dem::advance`] fails.
     pub fn begin<S: Space>(
         scene: &Scene,
         dem: &mut Dem<S>,
@@ -137,8 +137,8 @@ impl Rest {
         }
     }
 
-    /// Runs damped steps until the grains are at rest. `save` is called at each request and may end the run by an
-    /// error. Returns a line to print and the entry of the summary. Collective.
+    /// Runs damped steps until the grains are stationary. `save` is called at each request and may end the run with
+    /// an error. Returns a line to print and the entry of the summary. Collective.
     ///
     /// # Errors
     /// Those of [`Dem::advance`], and those of `save`.
@@ -157,7 +157,7 @@ impl Rest {
         dem.set_local_damping(until.local_damping);
         let communicator = domain.communicator();
         let still: Stillness = loop {
-            // The checks come after the same steps, however often a run is interrupted between them.
+            // The checks follow the same steps, independently of interruptions between them.
             let to_check = until.look_every - self.steps % until.look_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
             dem.advance_many(particles, domain, batch)?;
@@ -226,7 +226,7 @@ mod tests {
         }
     }
 
-    /// A piston that moves in the run stands still before it, and moves after.
+    /// A piston that moves in the run is stationary during the relaxation, and moves afterwards.
     #[test]
     fn walls_stand_still() {
         let corner = Vector3::repeat(0.01);

@@ -1,19 +1,19 @@
-//! Space that structures leave to grains that fall: outside all structures, and in connection with the surface.
+//! Free space for falling grains: outside all structures, and connected with the surface.
 //!
 //! Grains fall from above, so that none lies in a closed hollow of a structure, such as a pipe in the ground. Cells
-//! whose centre a grain of the smallest size may take are filled from the top of the region on, or from that of the
-//! clouds where a closed vessel contains them; a place in a cell that is not reached is no place for a grain. The cells
-//! are as wide as the smallest radius, and wider where there would be more than [`MOST_CELLS`]. Two centres that are
-//! both at least half a cell away from a structure have no sheet between them, however thin, so that the filling passes
-//! through no structure.
+//! in which a grain of the smallest size fits at the centre are filled from the top of the region downwards, or
+//! from that of the clouds if a closed vessel contains them. A position in a cell that is not reached is not
+//! available for a grain. The cells are as wide as the smallest radius, and wider if there would be more than
+//! [`MOST_CELLS`]. Two centres that are both at least half a cell away from a structure have no sheet between them,
+//! however thin, so that the filling passes through no structure.
 
 use base::number::{floor_i64, real, whole};
 use plan::scene::structures::Structure;
 
-/// Cells of the filling at most.
+/// Maximum number of cells of the filling.
 const MOST_CELLS: f64 = 2e6;
 
-/// Space that structures leave.
+/// Free space outside the structures.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     /// Structures that stop grains.
@@ -24,18 +24,18 @@ pub struct Room {
     cells: [usize; 3],
     /// `true` for each cell that the filling reaches; empty without structures.
     reached: Vec<bool>,
-    /// Free volume (2-D: area) in the clouds to which it does not come.
+    /// Free volume (2-D: area) in the clouds that the filling does not reach.
     pub closed: f64,
 }
 
-/// The box in which grains are placed and its periodic axes, the corners of the clouds, and the axis and sign of up.
+/// Box in which grains are placed, its periodic axes, the corners of the clouds, and the upward direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Boundaries<'a> {
-    /// 2 or 3.
+    /// Dimension, 2 or 3.
     pub dimension: usize,
     /// Corners of the box \[m\].
     pub region: [[f64; 3]; 2],
-    /// Axes along which it repeats.
+    /// `true` for each periodic axis.
     pub periodic: [bool; 3],
     /// Corners of each cloud \[m\].
     pub clouds: &'a [[[f64; 3]; 2]],
@@ -83,8 +83,8 @@ impl Room {
         room
     }
 
-    /// Fills the cells whose centre keeps this distance \[m\] from all structures, from the top of the region on, or
-    /// from that of the clouds.
+    /// Fills the cells with their centre at least this distance \[m\] from all structures, from the top of the
+    /// region, or from that of the clouds.
     fn fill(&mut self, bounds: &Boundaries<'_>, clearance: f64) {
         let count = self.cells.iter().product();
         let free: Vec<bool> = (0..count)
@@ -107,7 +107,7 @@ impl Room {
         let from_top = (0..count).filter(|&n| free[n] && level(n) == top);
         let mut reached = self.spread(&free, from_top.collect(), bounds.periodic);
         if !in_clouds.iter().any(|n| reached[*n]) {
-            // A closed vessel that contains the clouds.
+            // A closed vessel contains the clouds.
             let top = highest(&mut in_clouds.iter().map(|n| level(*n)));
             let from_clouds = in_clouds.iter().copied().filter(|n| Some(level(*n)) == top);
             reached = self.spread(&free, from_clouds.collect(), bounds.periodic);
@@ -118,7 +118,7 @@ impl Room {
         self.reached = reached;
     }
 
-    /// Returns the free cells that hang together with some of them by faces.
+    /// Returns the free cells that are connected through faces with the cells `next`.
     fn spread(&self, free: &[bool], mut next: Vec<usize>, periodic: [bool; 3]) -> Vec<bool> {
         let mut reached = vec![false; free.len()];
         for &n in &next {
@@ -152,20 +152,20 @@ impl Room {
         reached
     }
 
-    /// Returns `true` if a grain may start here.
+    /// Returns `true` if a grain of this radius can be placed at this position.
     #[must_use]
     pub fn has(&self, at: [f64; 3], radius: f64) -> bool {
         self.distance(at) >= radius && self.is_open(at)
     }
 
-    /// Returns `true` if a position, or one in an adjacent cell, is connected with the surface: a cell may be partly
-    /// free.
+    /// Returns `true` if a position, or an adjacent cell, is connected with the surface, because a cell may be
+    /// partly free.
     fn is_open(&self, at: [f64; 3]) -> bool {
         if self.reached.is_empty() {
             return true;
         }
-        // The cell of the place, and the nearer neighbour along each axis: a corner of a cell may be free where its
-        // centre is not.
+        // The cell of the position and the nearer neighbour along each axis: a corner of a cell may be free
+        // although its centre is not.
         let corners = 1_usize << self.dimension;
         (0..corners).any(|corner| {
             let mut place = [0; 3];
@@ -235,7 +235,7 @@ mod tests {
     use plan::Plan;
     use std::path::Path;
 
-    /// Returns grains that fall over a weir and a culvert, whose four plates leave a hollow.
+    /// Returns a scene of grains that fall over a weir and a culvert with a hollow enclosed by four plates.
     fn scene(initial: &str, plates: usize) -> Plan {
         let plate = |name: &str, from: [f64; 2], to: [f64; 2]| {
             format!(
@@ -311,7 +311,8 @@ mod tests {
             }
         }
         assert_eq!(in_hollow(&prepared), 0);
-        // A centre keeps a radius from the plates: (26 - 1.6) mm by (18 - 1.6) mm, but for the cells at the rim.
+        // A centre is at least a radius from the plates: (26 - 1.6) mm by (18 - 1.6) mm, except for the cells at
+        // the rim.
         assert!(
             prepared.line.contains("closed hollows"),
             "{}",
@@ -346,7 +347,7 @@ mod tests {
         assert!(!all.has([0.065, 0.02, 0.0], 1e-3));
         let area = 0.024 * 0.016;
         assert!((all.closed / area - 1.0).abs() < 0.15, "{}", all.closed);
-        // Next to the weir, in it, and too near to it.
+        // Positions next to the weir, in it, and too close to it.
         assert!(all.has([0.005, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.01, 0.0], 1e-3));
         assert!(!all.has([0.02, 0.0305, 0.0], 1e-3));

@@ -10,15 +10,15 @@ use serde_json::Value;
 use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
-/// Time between reports.
+/// Interval between reports.
 const REPORT_EVERY: Duration = Duration::from_secs(30);
-/// Time between questions to the supervisor.
+/// Interval between requests for instructions from the supervisor.
 const ASK_EVERY: Duration = Duration::from_millis(500);
 
 /// A request to a running operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Request {
-    /// Go on.
+    /// Continue.
     None,
     /// Write a checkpoint and continue.
     Checkpoint,
@@ -26,23 +26,23 @@ pub enum Request {
     Stop,
 }
 
-/// Requests to work that all ranks do together.
+/// Source of requests to work that all ranks do together.
 pub trait Requests {
-    /// Steps until the next check for requests; the same on all ranks.
+    /// Returns the number of steps until the next check for requests; the same on all ranks.
     fn steps(&self) -> u64;
 
     /// Returns the strongest request of any rank. Collective.
     fn ask(&mut self, communicator: &Communicator) -> Request;
 }
 
-/// The state of an unfinished sample.
+/// State of an unfinished sample.
 #[derive(Debug)]
 pub struct SavedSample<S: Space> {
     /// The grains.
     pub particles: Particles<S>,
-    /// Contacts of the grains, and the solid steps done.
+    /// Contacts of the grains, and the number of solid steps done.
     pub contacts: Contacts,
-    /// The counters of the method that makes the sample.
+    /// Counters of the method of preparation.
     pub progress: Value,
 }
 
@@ -51,7 +51,7 @@ pub trait Supervisor<S: Space> {
     /// Reports a line of text.
     fn report(&self, line: &str);
 
-    /// Returns the time between two requests.
+    /// Returns the interval between two requests.
     fn interval(&self) -> Duration {
         ASK_EVERY
     }
@@ -62,7 +62,7 @@ pub trait Supervisor<S: Space> {
     /// Saves the present state, as requested.
     ///
     /// # Errors
-    /// When the state cannot be written and the request is to stop.
+    /// If the state cannot be written and the request is to stop.
     fn save(
         &self,
         particles: &Particles<S>,
@@ -72,7 +72,7 @@ pub trait Supervisor<S: Space> {
     ) -> Result<(), Error>;
 }
 
-/// Absent supervisor: nothing is reported, saved or interrupted.
+/// Supervisor that does nothing: no reports, no saved states, no interruptions.
 #[derive(Clone, Copy, Debug)]
 pub struct Unsupervised;
 
@@ -88,20 +88,20 @@ impl<S: Space> Supervisor<S> for Unsupervised {
     }
 }
 
-/// Runs the steps of a sample in batches, between which it reports and asks for requests.
+/// Execution of the steps of a sample in batches, with reports and requests between them.
 pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<SavedSample<S>>>,
     reported: Cell<Instant>,
-    /// Time of the last request; none before the first, which comes after the first batch: a stop requested before the
-    /// start is noticed at once.
+    /// Time of the last request; none before the first, which follows the first batch, so that an early stop is
+    /// noticed immediately.
     asked: Cell<Option<Instant>>,
-    /// Steps of a batch, which takes less time than passes between two questions.
+    /// Number of steps of a batch, whose duration is shorter than the interval between two requests.
     batch: Cell<u64>,
 }
 
 impl<'a, S: Space> Supervision<'a, S> {
-    /// Starts, or continues from a saved state.
+    /// Returns a supervised execution, from the start or from a saved state.
     #[must_use]
     pub fn new(supervisor: &'a dyn Supervisor<S>, saved: Option<SavedSample<S>>) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         Self::new(&Unsupervised, None)
     }
 
-    /// Takes the saved state of an earlier attempt; none at the second call.
+    /// Takes the saved state of an earlier attempt; `None` at the second call.
     pub fn take_saved(&self) -> Option<SavedSample<S>> {
         self.saved.borrow_mut().take()
     }
@@ -132,10 +132,10 @@ impl<'a, S: Space> Supervision<'a, S> {
         }
     }
 
-    /// Runs a batch of the steps that are `left`, and subtracts it.
+    /// Runs a batch of the `left` steps, and subtracts its length from `left`.
     ///
     /// # Errors
-    /// Those of [`Dem::advance_many`].
+    /// If [`Dem::advance_many`] fails.
     pub fn advance(
         &self,
         dem: &mut Dem<S>,
@@ -155,10 +155,10 @@ impl<'a, S: Space> Supervision<'a, S> {
         Ok(())
     }
 
-    /// Asks the supervisor for a request where the last one is not recent, and saves the state where it wants so.
+    /// Asks the supervisor for a request if the last one is not recent, and saves the state on request.
     ///
     /// # Errors
-    /// [`Error::Stopped`] when the supervisor stops the work, and the errors of [`Supervisor::save`].
+    /// [`Error::Stopped`] if the supervisor stops the work, and the errors of [`Supervisor::save`].
     pub fn listen(
         &self,
         dem: &Dem<S>,
@@ -193,7 +193,7 @@ impl<'a, S: Space> Supervision<'a, S> {
 pub(super) mod tests {
     use super::*;
 
-    /// Stops the work after a number of questions.
+    /// Supervisor that stops the work after a number of requests.
     struct Impatient<S: Space> {
         questions: Cell<u32>,
         file: RefCell<Option<SavedSample<S>>>,

@@ -1,8 +1,9 @@
 //! The cores that the threads of a rank may use.
 //!
-//! `mpirun` binds each rank to one core unless options say otherwise. Threads on one core wait for each other instead
-//! of sharing the work: two are up to ten times slower than one. A rank that is to have more threads than cores
-//! therefore takes its share of the cores of the machine, where the system lets it.
+//! `mpirun` binds each rank to one core unless options say otherwise. Threads bound to one core take
+//! turns instead of sharing the work: two such threads are up to ten times slower than one. A rank with
+//! more threads than cores therefore extends its binding to its share of the cores of the machine,
+//! where the operating system permits this.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::env::var;
@@ -10,15 +11,16 @@ use std::env::var;
 /// Result of the choice of cores of a rank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cores {
-    /// Sufficient cores.
+    /// The rank has as many cores as threads.
     Enough,
-    /// Sufficient cores after a change from this number.
+    /// The rank has enough cores now; it had this number before.
     Widened(usize),
-    /// Insufficient cores: this number and no more.
+    /// The rank has only this number of cores.
     TooFew(usize),
 }
 
-/// Gives this process at least as many cores as threads, before threads are started.
+/// Binds this process to at least as many cores as it will have threads; call it before threads are
+/// started.
 pub(super) fn provide(threads: usize) -> Cores {
     let Ok(before) = sched_getaffinity(None) else {
         return Cores::Enough;
@@ -28,7 +30,7 @@ pub(super) fn provide(threads: usize) -> Cores {
         return Cores::Enough;
     }
     let wanted = cores_of(threads, online(), local("RANK").unwrap_or(0));
-    // The system leaves out cores that a job may not use.
+    // The system removes from the mask the cores that a job may not use.
     let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
     if widened.is_ok_and(|now| count(&now) >= threads) {
         return Cores::Widened(had);
@@ -37,8 +39,8 @@ pub(super) fn provide(threads: usize) -> Cores {
     Cores::TooFew(had)
 }
 
-/// Returns the number of cores of this machine that the job may use: those that run, less those that a control group
-/// withholds.
+/// Returns the number of cores of this machine that the job may use: the cores online, or fewer if a
+/// control group limits the processor time.
 pub(super) fn allowed() -> usize {
     let group = |name: &str| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok();
     let time = group("cpu.max").and_then(|text| quota(&text));
@@ -46,7 +48,8 @@ pub(super) fn allowed() -> usize {
     [time, set].into_iter().flatten().fold(online(), usize::min)
 }
 
-/// Cores by the time of a control group, such as `200000 100000` for two; none without a limit.
+/// Returns the number of cores granted by the `cpu.max` of a control group, such as 2 for `200000
+/// 100000`; none without a limit.
 fn quota(text: &str) -> Option<usize> {
     let mut words = text
         .split_whitespace()
@@ -55,7 +58,7 @@ fn quota(text: &str) -> Option<usize> {
     (period > 0).then(|| time.div_ceil(period).max(1))
 }
 
-/// Returns the number of cores of a list such as `0-3,8`.
+/// Returns the number of cores in a list such as `0-3,8`.
 fn listed(text: &str) -> Option<usize> {
     let of_part = |part: &str| {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -65,8 +68,8 @@ fn listed(text: &str) -> Option<usize> {
     text.trim().split(',').map(of_part).sum()
 }
 
-/// Returns the cores of a rank: those after the cores of the ranks before it on this machine; all where these are not
-/// enough for all.
+/// Returns the cores of a rank: the ranks of a machine take consecutive sets of `threads` cores each;
+/// all cores if there are too few for all ranks.
 fn cores_of(threads: usize, online: usize, rank: usize) -> CpuSet {
     let all = 0..online;
     let own = rank * threads..(rank + 1) * threads;
@@ -83,16 +86,17 @@ fn count(cores: &CpuSet) -> usize {
     cores.count() as usize
 }
 
-/// Cores of the machine that run, whether or not this process may use them.
+/// Returns the number of cores of the machine that are online, including those that this process may
+/// not use.
 fn online() -> usize {
     let text = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
-    // Such as `0-15` or `0,2-5`: the last number counts.
+    // The list is `0-15` or `0,2-5`, for example: the last number counts.
     let last = text.trim().rsplit([',', '-']).next();
     last.and_then(|n| n.parse::<usize>().ok())
         .map_or(1, |n| n + 1)
 }
 
-/// Returns the rank on this machine, as Open MPI or Slurm say.
+/// Returns the index of this rank on its machine, from the environment variables of Open MPI or Slurm.
 fn local(what: &str) -> Option<usize> {
     let names = [
         format!("OMPI_COMM_WORLD_LOCAL_{what}"),
@@ -115,7 +119,7 @@ mod tests {
         };
         assert_eq!(cores(0), [0, 1, 2]);
         assert_eq!(cores(1), [3, 4, 5]);
-        // Not enough for a third one, which may use all.
+        // There are too few cores for a third rank, which may use all.
         assert_eq!(cores(2), [0, 1, 2, 3, 4, 5, 6, 7]);
     }
 

@@ -3,11 +3,11 @@
 use base::error::Error;
 use decomposition::Communicator;
 
-/// Returns the outcome of the first rank for all: it does the work, the others wait and get `T::default()` where it
-/// went well, or the same kind of error with the same words. Collective.
+/// Does work on the first rank and returns its outcome on all ranks: the value on the first rank and
+/// `T::default()` on the others, or an error of the same kind and text on all. Collective.
 ///
 /// # Errors
-/// That of the work, on every rank.
+/// If the work fails; the error is returned on every rank.
 pub fn on_first<T: Default>(
     communicator: &Communicator,
     work: impl FnOnce() -> Result<T, Error>,
@@ -20,11 +20,11 @@ pub fn on_first<T: Default>(
     agree(communicator, mine)
 }
 
-/// Returns the outcome of all ranks: a rank's own value where none failed, its own error where it failed, else the
-/// error of the lowest rank that did. Collective.
+/// Returns a common outcome on all ranks: each rank's own value if no rank failed; otherwise its own
+/// error, or that of the lowest rank that failed. Collective.
 ///
 /// # Errors
-/// As above.
+/// If any rank failed.
 pub(super) fn agree<T>(communicator: &Communicator, mine: Result<T, Error>) -> Result<T, Error> {
     let text = match &mine {
         Ok(_) => Ok(()),

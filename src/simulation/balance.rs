@@ -1,9 +1,10 @@
 //! Slabs of equal cost.
 //!
-//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains whose centres
-//! lie in it. The rates are those of the plan ([`Parts`]), that of the pass over the lattice measured where it matters.
-//! They decide nothing but where the slabs are cut: no result depends on them. A run that saves a checkpoint compares
-//! the rates with the times that its phases took, and continues from it with other slabs where these cost clearly less.
+//! The cost of a plane of cells is that of its cells, of the solids that cover them, and of the grains
+//! whose centres lie in it. The rates are those of the plan ([`Parts`]); the rate of the lattice pass
+//! is measured where the cuts depend on it. The rates determine only where the slabs are cut: no result
+//! depends on them. A run that saves a checkpoint compares the rates with the times that its phases
+//! took, and continues from it with other slabs where these cost clearly less.
 //!
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
@@ -16,15 +17,17 @@ use plan::Plan;
 use plan::estimate::time::Parts;
 use plan::scene::Scene;
 
-/// Most that the busiest rank may compute over the mean before slabs are cut by cost.
+/// Maximum computing time of the busiest rank relative to the mean with slabs of equal thickness; above
+/// it slabs are cut by cost.
 const UNEVEN: f64 = 1.05;
-/// Part of the time of the busiest rank that other slabs must save before a run changes to them.
+/// Minimum fraction of the busiest rank's time that other slabs must save before a run changes to them.
 const WORTH: f64 = 0.1;
-/// A step of all ranks together that is cheaper gains nothing by other slabs: messages take longer.
+/// Minimum cost of a step of all ranks together \[ps\] for which slabs are balanced: below it messages
+/// dominate.
 const LEAST: i64 = 20_000_000;
-/// A run of this time on one core takes the time to measure the speed of the machine \[s\].
+/// Minimum estimated time of a run on one core \[s\] for which the speed of the machine is measured.
 const LONG: f64 = 10.0;
-/// Picoseconds of a second.
+/// Picoseconds in a second.
 const PICOSECONDS: f64 = 1e12;
 
 /// Costs of the planes of cells along the split axis, in one step.
@@ -37,7 +40,7 @@ pub(super) struct Costs {
 }
 
 impl Costs {
-    /// Returns those of a scene with particles, of which each rank gives its own. Collective.
+    /// Returns the costs of a scene with particles; each rank passes its own particles. Collective.
     pub(super) fn for_scene<Sp: Space>(
         plan: &Plan,
         particles: &Particles<Sp>,
@@ -65,7 +68,8 @@ impl Costs {
         all
     }
 
-    /// Adds a solid: its motion to the plane of its centre, its cells to all planes that it meets.
+    /// Adds a solid: the cost of its motion to the plane of its centre, the cost of its cells to all
+    /// planes that it intersects.
     fn add(&mut self, scene: &Scene, parts: &Parts, solid: Solid) {
         let grid = &scene.grid;
         let planes = to_i64(self.fluid.len() as u64);
@@ -92,7 +96,7 @@ impl Costs {
         let map = surface * parts.mapped[usize::from(!bed)];
         if fluid + map > 0.0 {
             let (first, last) = (floor_i64(centre - radius), floor_i64(centre + radius));
-            // A solid longer than the domain meets every plane once.
+            // A solid longer than the periodic domain is counted once in every plane.
             let last = last.min(first + planes - 1);
             let share = 1.0 / real(last - first + 1);
             for at in first..=last {
@@ -103,8 +107,8 @@ impl Costs {
         }
     }
 
-    /// Returns those of both kinds, with rates that the phases of the run so far have shown: seconds of all ranks for
-    /// the fluid and the solids.
+    /// Returns the total cost of each plane, with the ratio of solid to fluid costs corrected by
+    /// measured times \[s\] of all ranks.
     #[must_use]
     pub(super) fn measured(&self, [fluid, solids]: [f64; 2]) -> Vec<i64> {
         let sum = |of: &[i64]| real(of.iter().sum::<i64>());
@@ -119,22 +123,22 @@ impl Costs {
         self.fluid.iter().zip(solids).map(|(f, s)| f + s).collect()
     }
 
-    /// Returns those of both kinds, with the rates of the plan.
+    /// Returns the total cost of each plane with the rates of the plan.
     #[must_use]
     pub(super) fn planned(&self) -> Vec<i64> {
         self.measured([0.0; 2])
     }
 }
 
-/// A solid as a cost: lengths in cells along the split axis.
+/// Cost of a solid; lengths in cells along the split axis.
 struct Solid {
     centre: f64,
     radius: f64,
-    /// Volume in cells, and that of its surface in faces of cells.
+    /// Volume in cells, and surface area in cell faces.
     volume: f64,
     surface: f64,
     block: bool,
-    /// `true` for a grain among many, most of which are at rest.
+    /// `true` for a grain among many, most of which are stationary.
     bed: bool,
 }
 
@@ -175,7 +179,7 @@ fn whole(x: f64) -> i64 {
     floor_i64(x.clamp(0.0, 1e15) + 0.5)
 }
 
-/// Returns the cost of the most expensive slab over the mean.
+/// Returns the cost of the most expensive slab divided by the mean cost.
 #[must_use]
 pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     let cost = |rank| planes[slabs.range(rank)].iter().sum::<i64>();
@@ -188,8 +192,8 @@ pub(super) fn imbalance(slabs: &Slabs, planes: &[i64]) -> f64 {
     }
 }
 
-/// Returns `true` if the speed of the machine is worth its measurement: slabs of equal thickness are uneven, and the
-/// run is long.
+/// Returns `true` if measuring the speed of the machine is worth its time: slabs of equal thickness are
+/// uneven, and the run is long.
 #[must_use]
 pub(super) fn depends_on_the_machine(
     plan: &Plan,
@@ -203,8 +207,8 @@ pub(super) fn depends_on_the_machine(
         && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
 }
 
-/// Returns the speed of a core in its part of the lattice, over that of the plan: the mean of all ranks, which measure
-/// at the same time. Collective.
+/// Returns the measured speed of a core in its part of the lattice divided by that of the plan: the
+/// mean of all ranks, which measure at the same time. Collective.
 #[must_use]
 pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     communicator.barrier();
@@ -222,7 +226,7 @@ pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
     Slabs::even(setup::axis(axis), planes, ranks, scene.grid.periodic[axis])
 }
 
-/// Returns a message about slabs that replace others.
+/// Returns the message that a run prints when it replaces its slabs.
 #[must_use]
 pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
     let thickness = slabs.bounds().windows(2).map(|pair| pair[1] - pair[0]);
@@ -237,7 +241,8 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
     )
 }
 
-/// Returns the slabs for planes of these costs: as even as planes allow, or equal ones where these are good enough.
+/// Returns the slabs for planes of these costs: balanced by cost, or of equal thickness if these are
+/// good enough.
 #[must_use]
 pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     let equal = equal(scene, planes.len(), ranks);
@@ -248,17 +253,18 @@ pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     Slabs::from_bounds(equal.axis(), bounds, equal.periodic()).unwrap_or(equal)
 }
 
-/// Returns `true` if other slabs are worth the change.
+/// Returns `true` if changing from the slabs `now` to `other` is worth its cost.
 #[must_use]
 pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
     planes.iter().sum::<i64>() >= LEAST
         && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
 }
 
-/// Returns bounds of slabs for which the maximum cost of a slab is as small as possible, each of at least one plane.
-/// Among those, each slab comes close to the mean of what is left for it and the slabs after it.
+/// Returns the bounds of slabs of at least one plane each with the smallest possible maximum cost.
+/// Among such bounds, the cost of each slab is close to the mean of the costs that remain for it and
+/// the slabs after it.
 fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
-    // Fewest slabs, none dearer than `most`.
+    // Minimum number of slabs with a cost of at most `most` each.
     let slabs_of = |most: i64| {
         let (mut count, mut cost) = (1, 0);
         for &plane in planes {
@@ -280,7 +286,7 @@ fn bounds(planes: &[i64], ranks: usize) -> Vec<usize> {
             least = middle + 1;
         }
     }
-    // The first plane with which the slabs from each rank on can begin.
+    // The first plane at which the slabs from each rank on can begin.
     let mut earliest = vec![planes.len(); ranks + 1];
     for rank in (0..ranks).rev() {
         let (mut first, mut cost) = (earliest[rank + 1], 0);
@@ -329,7 +335,7 @@ mod tests {
         bounds.windows(2).map(cost).max().unwrap()
     }
 
-    /// Returns the smallest maximum cost of a slab, by trying all cuts.
+    /// Returns the smallest possible maximum cost of a slab, found by trying all cuts.
     fn best(planes: &[i64], ranks: usize) -> i64 {
         if ranks == 1 {
             return planes.iter().sum();

@@ -1,8 +1,9 @@
 //! The blocks in `summary.json`: mean position, mean velocity and energies.
 //!
-//! The values are means over all blocks that can move, weighted by mass. The potential energy is that of gravity above
-//! the origin of the domain. The loss of potential and kinetic energy together was dissipated by friction and dashpots,
-//! or is stored in the springs. The sums are exact, so that they do not depend on the ranks.
+//! The values are means over all blocks that can move, weighted by mass. The potential energy is that
+//! of gravity above the origin of the domain. A decrease of the sum of potential and kinetic energy was
+//! dissipated by friction and dashpots, or is stored in the contact springs. The sums are exact, so
+//! that they do not depend on the ranks.
 
 use decomposition::{Communicator, ExactSum};
 use dem::particles::{Kind, Particles};
@@ -10,10 +11,11 @@ use dem::space::{Components, Space};
 use plan::Plan;
 use serde_json::{Value, json};
 
-/// Mass, energies of motion and position, then mass times position, velocity and displacement.
+/// Number of sums: mass, kinetic and potential energy, then mass times position, velocity and
+/// displacement.
 const SUMS: usize = 3 + 3 * 3;
 
-/// Returns the summary; none if the case has no blocks. Collective.
+/// Returns the summary of the blocks; none if the case has none. Collective.
 pub fn summary<S: Space>(
     plan: &Plan,
     particles: &Particles<S>,

@@ -1,4 +1,5 @@
-//! Speed of the machine at hand, measured before a run: of the fluid of a plan, of grains in contact, and of the disk.
+//! Speed of the present machine, measured before a run: for the fluid of a plan, for grains in contact,
+//! and for the disk.
 
 use base::error::Error;
 use base::number::real;
@@ -21,26 +22,27 @@ use std::io::Write;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
-/// Populations of the measurement, at most: more than caches hold, so that a large lattice waits for memory here as in
-/// its run.
+/// Maximum number of populations in the measurement: more than caches hold, so that memory limits the
+/// speed for a large lattice as in the run.
 const POPULATIONS: usize = 16_000_000;
-/// Time of the measurement. The fastest of its passes counts, because other work only slows them.
+/// Duration of the measurement. The fastest of its passes counts, because other work only slows passes.
 const TIME: Duration = Duration::from_millis(150);
 
-/// Files of the measurement.
+/// Number of files written in the measurement.
 const FILES: usize = 10;
-/// Spheres of the measurement of grains.
+/// Number of spheres in the measurement of grains.
 const SPHERES: usize = 1000;
 /// Steps between two readings of the clock.
 const BATCH: u64 = 10;
-/// Time of a step of one of these spheres on the reference machine \[s\].
+/// Processor time of a step of one of these spheres on the reference machine \[s\].
 const SPHERE: f64 = 6.35e-8;
 
-/// Returns the speed of one core of this machine for a plan. Where nothing can be measured the speed is that of the
-/// reference machine.
+/// Returns the speed of one core of this machine for a plan, or that of the reference machine if
+/// nothing can be measured.
 #[must_use]
 pub fn machine(plan: &Plan) -> Machine {
-    // This thread alone, as in a run; where the process has a pool already, the rate is that of its threads.
+    // Only this thread works, as in a run; if the process has a pool already, the rate is that of its
+    // threads.
     let _ = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .use_current_thread()
@@ -54,7 +56,7 @@ pub fn machine(plan: &Plan) -> Machine {
     }
 }
 
-/// Returns the time to write a small file and to wait until the disk has it \[s\]: the fastest of a few.
+/// Returns the time to write and synchronise a small file \[s\]: the minimum of several.
 fn file() -> std::io::Result<f64> {
     let folder = tempfile::tempdir()?;
     let mut fastest = f64::INFINITY;
@@ -68,8 +70,8 @@ fn file() -> std::io::Result<f64> {
     Ok(fastest)
 }
 
-/// Returns the processor time of this thread \[s\]: on a machine with other work, the wall time would count that work
-/// too.
+/// Returns the processor time of this thread \[s\]; the wall time would include other work of the
+/// machine.
 fn processor_time() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::try_from(time).map_or(0.0, |time| time.as_secs_f64())
@@ -89,7 +91,8 @@ fn sphere() -> Result<f64, Error> {
     Ok(fastest / (real(BATCH) * real(particles.owned())))
 }
 
-/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: packed, or apart and falling.
+/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: in contact if
+/// `packed`, otherwise apart and falling.
 /// The bench `dem` measures the same.
 ///
 /// # Errors
@@ -141,9 +144,10 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
     Ok((Dem::new(law, settings, Vec::new())?, particles))
 }
 
-/// Returns the speed of a lattice cut into `cores` parts that are passed at the same time, each by one core, over the
-/// speed of the whole on one core: memory is shared by the cores, and smaller parts fit their caches. At most as many
-/// cores as there are count. 1 without a lattice.
+/// Returns the speed of a lattice that is cut into `cores` parts and passed by one core each at the
+/// same time, divided by the speed of the whole lattice on one core: cores share the memory bandwidth,
+/// and smaller parts fit the caches. `cores` is limited to the cores of the machine. 1 without a
+/// lattice.
 #[must_use]
 pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     let busy = cores.min(std::thread::available_parallelism().map_or(1, usize::from));
@@ -152,7 +156,7 @@ pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     };
     let start = Barrier::new(busy);
     let rate = || {
-        // A pool of one thread, so that the passes of a part stay on its core.
+        // A pool of one thread keeps the passes of a part on its core.
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(1)
             .build()
@@ -179,9 +183,9 @@ pub fn crowded(plan: &Plan, cores: usize) -> f64 {
     }
 }
 
-/// Returns the speed of the threads of this process in one of `parts` of the lattice, over that of one core in the
-/// plan: with the operator, the eddies and the storage of the plan, in a closed box without solids. 1 without a
-/// lattice, or where the memory for the measurement is refused.
+/// Returns the speed of the threads of this process in one of `parts` of the lattice, divided by that
+/// of one core in the plan. The measurement has the operator, the eddy viscosity and the storage of the
+/// plan, in a closed box without solids. 1 without a lattice, or if its memory cannot be allocated.
 #[must_use]
 pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     let rate = plan
@@ -195,8 +199,8 @@ pub fn fluid(plan: &Plan, parts: usize) -> f64 {
     rate.map_or(1.0, |now| now / plan.estimate.mlups)
 }
 
-/// Returns the rate of one of `parts` of the lattice; with a barrier that of the mean pass from there on, else that of
-/// the fastest.
+/// Returns the rate of one of `parts` of the lattice: with a barrier that of the mean pass after it,
+/// otherwise that of the fastest pass.
 fn measure<S: Stored>(
     plan: &Plan,
     flow: &Flow,
@@ -205,7 +209,7 @@ fn measure<S: Stored>(
 ) -> Option<f64> {
     let fluid = part::<S>(plan, flow, parts);
     if let Some(start) = together {
-        // Every part arrives, also one whose memory was refused.
+        // Every part must reach the barrier, even if its memory could not be allocated.
         start.wait();
     }
     let (mut fluid, cells) = fluid?;
@@ -217,7 +221,7 @@ fn measure<S: Stored>(
     Some(1e-6 * real(cells) / seconds)
 }
 
-/// Returns one of `parts` of the lattice of a plan, and its cells.
+/// Returns one of `parts` of the lattice of a plan, and its number of cells.
 fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, usize)> {
     let mut cells = plan.scene.grid.cells;
     let split = plan.scene.grid.split_axis.min(2);
@@ -250,7 +254,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
     Some((fluid, cells.iter().product()))
 }
 
-/// Returns the processor time \[s\] of the mean pass.
+/// Returns the mean processor time of a pass \[s\].
 fn mean_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
     fluid.advance();
     fluid.advance();
@@ -264,9 +268,9 @@ fn mean_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
     (processor_time() - used) / real(passes)
 }
 
-/// Returns the processor time \[s\] of the fastest pass.
+/// Returns the processor time of the fastest pass \[s\].
 fn fastest_pass<S: Stored>(fluid: &mut Fluid<S>) -> f64 {
-    // Both parities of the pass, and the first access to the memory.
+    // Warms up: both parities of the pass, and the first access to the memory.
     fluid.advance();
     fluid.advance();
     let begin = Instant::now();

@@ -1,10 +1,10 @@
 //! Records of a ground collapse: `collapse.csv`, `collapse_points.csv`, `clusters.csv`, `surface.csv`,
 //! and two figures at its end. [`analysis::ground_collapse`] defines the quantities.
 //!
-//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id, transforms them
-//! into the frame of the analysis (long axis, across, up) and evaluates them, so that the rows have the same bits on
-//! any number of ranks. This costs 64 bytes per grain and a few milliseconds per 10,000 grains and row. All ranks know
-//! the grains that left in between.
+//! Every `ground_collapse.every` seconds rank 0 collects the grains of all ranks, sorts them by id,
+//! transforms them into the frame of the analysis (long axis, across, up) and evaluates them, so that
+//! the rows have the same bits on any number of ranks. This costs 64 bytes per grain and a few
+//! milliseconds per 10,000 grains and row. The grains removed between two rows are known to all ranks.
 
 mod gathered;
 
@@ -45,7 +45,7 @@ struct Start {
     diameter: f64,
 }
 
-/// Grains and mass that left through one point.
+/// Number and mass of the grains that left through one seepage point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Left {
     grains: u64,
@@ -61,9 +61,9 @@ pub struct CollapseState {
     stages: Stages,
     /// Time \[s\] and extension \[m\] of the last row.
     extension: Option<[f64; 2]>,
-    /// Loose clusters of more than one grain at the last row.
+    /// Ids of the grains of each loose cluster with more than one grain, at the last row.
     blocks: Vec<Vec<u64>>,
-    /// Grains that left since the last row.
+    /// Ids of the grains that left since the last row.
     left: Vec<u64>,
     last_row: Option<u64>,
 }
@@ -90,7 +90,7 @@ pub struct CollapseRecorder {
 
 impl CollapseRecorder {
     /// Opens the tables in `folder` on rank 0: new ones, or those of a run resumed at step `resumed_at` cut back to
-    /// that step. Without such an analysis nothing is opened, and there is no cost.
+    /// that step. Nothing is opened if the case requests no ground collapse.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -132,14 +132,14 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
-    /// Returns `true` if there is anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there is anything to measure; the measurement reads up-to-date ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.asked.is_some()
     }
 
-    /// Takes note of a step: what left, and the state of the ground where a row is due. Call it after every step, and
-    /// once at step 0 before the first.
+    /// Records a step: the grains that left, and the state of the ground if a row is due. Call it after
+    /// every step, and once at step 0 before the first.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -152,14 +152,15 @@ impl CollapseRecorder {
             return Ok(());
         };
         for departed in removed {
-            // A grain leaves through one point, the first that holds it.
+            // A grain leaves through one point: the first that contains it.
             let through = asked.points.iter().position(|point| match point.region {
                 Some(region) => region == departed.region,
                 None => point.block.contains(departed.at),
             });
             if let Some(left) = through.and_then(|n| self.state.points.get_mut(n)) {
                 left.grains += 1;
-                // In the order of ids within a step: the same on any ranks and after a restart.
+                // Grains are summed in the order of ids within a step, independently of ranks and
+                // restarts.
                 left.mass += departed.grain.mass;
             }
             self.state.left.push(departed.grain.id);
@@ -174,8 +175,8 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Writes a row at the end of a run, unless there is one of this step. [`Self::state`] is not that of a run that
-    /// continues afterwards.
+    /// Writes a row at the end of a run, unless there is one for this step. Afterwards [`Self::state`]
+    /// must not be saved for a run that continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -184,15 +185,15 @@ impl CollapseRecorder {
             return Ok(());
         }
         if self.state.last_row != Some(view.step) {
-            // A finished run that is resumed has these rows already.
+            // A finished run that is resumed has already written these rows.
             self.drop_end(view.step, view.domain)?;
             self.write_row(view)?;
         }
         Ok(())
     }
 
-    /// Drops rows of `step` that are there only because a run ended at that step. Call it after [`Self::restore`] if
-    /// the run continues.
+    /// Drops the rows of `step` that were written only because a run ended at that step. Call it after
+    /// [`Self::restore`] if the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -248,8 +249,8 @@ impl CollapseRecorder {
         agree(domain.communicator(), drawn)
     }
 
-    /// Returns the state for a checkpoint, the same on every rank, none if the case asks for no such analysis; the
-    /// tables are on disk, synced, when it returns.
+    /// Returns the state for a checkpoint, equal on every rank; none if the case requests no such
+    /// analysis. The tables are synchronised to disk before it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -269,16 +270,16 @@ impl CollapseRecorder {
         .try_for_each(Table::sync);
         agree(domain.communicator(), synced)?;
         let broken = |error: serde_json::Error| Error::Internal(error.to_string());
-        // What rank 0 knows is the whole of it.
+        // Rank 0 has the complete state.
         let mut bytes = serde_json::to_vec(&self.state).map_err(broken)?;
         domain.communicator().broadcast_bytes(0, &mut bytes);
         serde_json::from_slice(&bytes).map(Some).map_err(broken)
     }
 
-    /// Takes back [`Self::state`].
+    /// Restores the state returned by [`Self::state`].
     ///
     /// # Errors
-    /// [`Error::Io`] where the state is missing or does not fit the case.
+    /// [`Error::Io`] if the state is missing or does not fit the case.
     pub fn restore(&mut self, state: Option<CollapseState>) -> Result<(), Error> {
         let Some(asked) = &self.asked else {
             return Ok(());
@@ -314,11 +315,11 @@ impl CollapseRecorder {
         Ok(())
     }
 
-    /// Returns the value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks other than 0,
-    /// and where the case does not ask.
+    /// Returns the value of the key `collapse` of `summary.json`, a [`CollapseSummary`]; none on ranks
+    /// other than 0, and if the case requests no such analysis.
     ///
     /// # Errors
-    /// If it cannot be written as JSON.
+    /// If the summary cannot be written as JSON.
     pub fn summary(&self) -> Result<Option<Value>, Error> {
         let (Some(asked), Some(start), Some(ground)) =
             (&self.asked, &self.state.start, &self.state.ground)
@@ -381,7 +382,7 @@ impl CollapseRecorder {
         self.state.last_row = Some(view.step);
         let loose = asked.loose_diameters * start.diameter;
         let gathered = gather(view, &asked, loose);
-        // A garbled message is seen by rank 0 alone.
+        // Only rank 0 detects a corrupt message.
         let written = gathered.and_then(|gathered| match gathered {
             Some(all) => self.analyse(view, &asked, start, &all.grains, &all.bonds),
             None => Ok(()),
@@ -390,7 +391,7 @@ impl CollapseRecorder {
         agree(view.domain.communicator(), written)
     }
 
-    /// Measures and writes; on rank 0.
+    /// Measures the ground and writes the rows; on rank 0.
     fn analyse<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
@@ -585,7 +586,7 @@ fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Threshol
     }
 }
 
-/// Returns a row for every column that was ground.
+/// Returns a row of `surface.csv` for every column that was ground at the start.
 fn surface_lines(step: u64, time: f64, cells: &Cells, seen: &Sample) -> String {
     let mut lines = String::new();
     for across in 0..cells.count[1] {

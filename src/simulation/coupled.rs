@@ -1,4 +1,4 @@
-//! Construction of the fluid with its coupling from the plan.
+//! Construction of the fluid with its coupling from a plan.
 
 use base::units::LatticeUnits;
 use case::coupling::{
@@ -18,12 +18,14 @@ use plan::Plan;
 use std::sync::Arc;
 use structure::Images;
 
-/// Returns the force per volume of a solid [N/m3] that the lattice does not know of.
+/// Returns the hydrostatic buoyancy per volume of a solid \[N/m³\] that is missing in the pressure of
+/// the lattice.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
     let Some(flow) = &plan.scene.flow else {
         return [0.0; 3];
     };
-    // Where gravity does not act the pressure of the lattice is the excess over hydrostatic.
+    // Where gravity does not act on the fluid, the lattice computes the excess over the hydrostatic
+    // pressure.
     std::array::from_fn(|a| {
         if flow.gravity_acts[a] {
             0.0
@@ -33,7 +35,7 @@ fn buoyancy(plan: &Plan) -> [f64; 3] {
     })
 }
 
-/// Returns a fluid with the coupling of the plan; links that bounce where it names none.
+/// Returns a fluid with the coupling of the plan; half-way bounce-back if the plan names none.
 #[must_use]
 pub fn flow<Sp: Space, S: Stored>(
     plan: &Plan,
@@ -66,7 +68,7 @@ pub fn flow<Sp: Space, S: Stored>(
         }
         None => {
             let settings = links(plan, &WrittenBounceBack::default());
-            // Interpolated links read cells behind, which a free surface may leave without water.
+            // Interpolated links read further cells, which a free surface may leave without water.
             let interpolated = plan.scene.surface.is_none();
             let flow = BounceBack::new(fluid, units, origin, settings)
                 .with_structures(structures(plan), interpolated);
@@ -75,7 +77,7 @@ pub fn flow<Sp: Space, S: Stored>(
     }
 }
 
-/// Returns the structures that water meets.
+/// Returns the structures in contact with water.
 pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
     let structures = plan.scene.structures.iter();
     structures
@@ -84,7 +86,7 @@ pub(super) fn structures(plan: &Plan) -> Vec<Arc<Images>> {
         .collect()
 }
 
-/// Returns the operator of the cells that solids cover; none if links bounce back at solids.
+/// Returns the collision operator of cells covered by solids; none if solids use bounce-back at links.
 #[must_use]
 pub fn saturation(plan: &Plan) -> Option<Saturation> {
     let Some(Coupling::PartiallySaturated(written)) = &plan.scene.coupling else {

@@ -1,11 +1,11 @@
-//! Kinetic energy of all bodies that forces move, for `summary.json`.
+//! Kinetic energy of all bodies that move under forces, for `summary.json`.
 
 use decomposition::{Communicator, ExactSum};
 use dem::particles::{Kind, Particles};
 use dem::space::{Components, Space};
 
-/// Returns the energy (J; in 2-D per metre of depth) of translation and rotation. Exact, so that it does not depend on
-/// the ranks. Collective.
+/// Returns the kinetic energy of translation and rotation \[J; in 2-D J/m\]. The sum is exact, so that
+/// it does not depend on the ranks. Collective.
 pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
     let mut sum = ExactSum::new();
     for k in 0..particles.owned() {

@@ -23,7 +23,7 @@
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
 //!   inside. Before the first row the faces are those of the box in the case.
 //!
-//! - **Mechanism.** Whether the hole erodes at its faces or the bulk fails: [`mechanism`].
+//! - **Mechanism.** Erosion grain by grain at the faces, or failure of the bulk: [`mechanism`].
 //!
 //! All sums over cells and grains are exact, so that the rows have the same bits on any number of ranks. In 2-D masses
 //! are kg/m; in 3-D they are kg, and velocities, forces and discharge are per depth of the hole box.
@@ -58,19 +58,20 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// Bonds up to this many mean diameters from a face break at the wall of the hole.
+/// Maximum distance of a bond from a face, in mean grain diameters, at which it counts as broken at the
+/// wall of the hole.
 const NEAR_WALL: f64 = 2.0;
 
 /// Quantities measured once, at the first call, while the sample is whole.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Start {
-    /// M_0 [kg/m].
+    /// Initial mass M_0 of all grains [kg/m].
     mass: f64,
     /// Mean diameter of the grains \[m\].
     diameter: f64,
-    /// Solid fraction of the grains next to the hole, by their own radii.
+    /// Solid fraction of the grains next to the hole, from the radii of the grains.
     packing: f64,
-    /// Contacts and bonds a grain.
+    /// Mean contacts and bonds per grain.
     #[serde(default)]
     contacts: Option<[f64; 2]>,
 }
@@ -79,22 +80,22 @@ struct Start {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErosionState {
     start: Option<Start>,
-    /// Solid fraction next to the hole in the cells of the water, at the first row.
+    /// Solid fraction next to the hole in the cells of the lattice, at the first row.
     intact: Option<f64>,
-    /// Faces of the last row \[m\].
+    /// Positions of the two faces of the hole at the last row \[m\].
     faces: Option<[f64; 2]>,
     eroded_mass: f64,
     eroded_grains: u64,
     bonds_inside: u64,
     bonds_at_wall: u64,
-    /// Time that the fluid had run before time 0 \[s\].
+    /// Time for which the fluid had run before time 0 \[s\].
     flow_age: f64,
     last_row: Option<u64>,
     #[serde(default)]
     mechanism: Mechanism,
 }
 
-/// A broken bond on its way to rank 0.
+/// Broken bond that is yet to be sent to rank 0.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     step: u64,
@@ -120,7 +121,7 @@ pub struct ErosionRecorder {
     removed: Option<Table>,
     bonds: Option<Table>,
     rows: Option<Table>,
-    /// Largest speed over C of the last row, until it is taken.
+    /// Largest speed over C in the last row; none once it was taken.
     speed: Option<f64>,
 }
 
@@ -177,13 +178,14 @@ impl ErosionRecorder {
         })
     }
 
-    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count from the fluid's
-    /// own start. Call it once at the end of the warm-up; it is part of the state.
+    /// Sets the time \[s\] for which the fluid had run when the clock started: pressure ramps count
+    /// from the start of the fluid. Call it once at the end of the warm-up; the time is part of the
+    /// state.
     pub fn set_flow_age(&mut self, seconds: f64) {
         self.state.flow_age = seconds;
     }
 
-    /// Returns the share of the initial mass of the grains that left through the outlets.
+    /// Returns the fraction of the initial mass of the grains that left through the outlets.
     #[must_use]
     pub fn eroded_fraction(&self) -> f64 {
         match self.state.start {
@@ -192,7 +194,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// Bonds broken inside and at the wall of the hole, as of the last flush.
+    /// Numbers of bonds broken inside and at the wall of the hole, as of the last flush.
     fn broken(&self) -> [u64; 2] {
         [self.state.bonds_inside, self.state.bonds_at_wall]
     }
@@ -203,16 +205,17 @@ impl ErosionRecorder {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
-    /// Returns `true` if there may be anything to measure, for which ghosts have to be up to date.
+    /// Returns `true` if there may be anything to measure; the measurement reads up-to-date ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.law.is_some() || self.interval.is_some()
     }
 
-    /// Takes note of a fluid step: what left, which bonds broke on this rank, and the state of the hole where a row is
-    /// due. Call it after every fluid step, and once at step 0 before the first, so that M_0 and the intact packing
-    /// are those of the whole sample. `mass_error` is the fluid mass over that expected, less one, NaN if it was
-    /// not measured yet; it is used only where [`Self::is_due`] holds.
+    /// Records a fluid step: the grains that left, the bonds that broke on this rank, and the state of
+    /// the hole if a row is due. Call it after every fluid step, and once at step 0 before the first,
+    /// so that M_0 and the intact packing are those of the whole sample. `mass_error` is the fluid mass
+    /// over the expected mass, minus one; NaN before it is first measured. It is read only if
+    /// [`Self::is_due`] returns `true`.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -233,7 +236,7 @@ impl ErosionRecorder {
             for departed in removed {
                 if outlets.is_some_and(|law| law.outlets.contains(&departed.region)) {
                     self.state.eroded_grains += 1;
-                    // In the order of the rows: the same on any ranks and after a restart.
+                    // Masses are summed in the order of the rows, independently of ranks and restarts.
                     self.state.eroded_mass += departed.grain.mass;
                 }
                 lines.push_str(&departed.grain.to_csv());
@@ -255,7 +258,7 @@ impl ErosionRecorder {
         Ok(())
     }
 
-    /// Takes note of bonds that broke on this rank.
+    /// Records the bonds that broke on this rank.
     pub fn note_breaks<S: Space>(&mut self, view: &StateView<'_, S>, breaks: Vec<BondBreak<S>>) {
         for broken in breaks {
             let at_wall = self.at_wall(&broken.position, view.plan);
@@ -276,8 +279,9 @@ impl ErosionRecorder {
         }
     }
 
-    /// Writes what is left at the end of a run: the bonds that broke since the last row, and a row unless there is one
-    /// of this step. [`Self::state`] is not that of a run that continues afterwards.
+    /// Writes the remaining rows at the end of a run: bonds broken since the last row, and a row unless
+    /// there is one for this step. Afterwards [`Self::state`] must not be saved for a run that
+    /// continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where a table cannot be written.
@@ -288,15 +292,15 @@ impl ErosionRecorder {
     ) -> Result<(), Error> {
         self.flush(view.domain)?;
         if self.state.last_row != Some(view.step) {
-            // A finished run that is resumed has this row already.
+            // A finished run that is resumed has already written this row.
             self.drop_end(view.step, view.domain)?;
             self.write_row(view, mass_error)?;
         }
         Ok(())
     }
 
-    /// Drops a row of `step` that is there only because a run ended at that step. Call it after [`Self::restore`] if
-    /// the run continues.
+    /// Drops a row of `step` that was written only because a run ended at that step. Call it after
+    /// [`Self::restore`] if the run continues.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.
@@ -311,7 +315,8 @@ impl ErosionRecorder {
         )
     }
 
-    /// Writes the bonds that broke since the last row. [`Self::state`] and every row include it.
+    /// Writes the bonds that broke since the last row; call it before [`Self::state`] and before every
+    /// row.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank where the table cannot be written.
@@ -373,7 +378,8 @@ impl ErosionRecorder {
         agree(domain.communicator(), append(&mut self.bonds, &lines))
     }
 
-    /// Returns the state for a checkpoint, the same on every rank; the tables are on disk, synced, when it returns.
+    /// Returns the state for a checkpoint, equal on every rank. The tables are synchronised to disk
+    /// before it returns.
     ///
     /// # Errors
     /// [`Error::Io`] on every rank when a table cannot be written.
@@ -387,16 +393,16 @@ impl ErosionRecorder {
         Ok(self.state.clone())
     }
 
-    /// Takes back [`Self::state`].
+    /// Restores the state returned by [`Self::state`].
     pub fn restore(&mut self, state: ErosionState) {
         self.state = state;
     }
 
-    /// Returns the value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none if the case asks for no
-    /// erosion law or nothing was recorded yet.
+    /// Returns the value of the key `erosion` of `summary.json`, an [`ErosionSummary`]; none if the
+    /// case requests no erosion law or nothing has been recorded yet.
     ///
     /// # Errors
-    /// If it cannot be written as JSON.
+    /// If the summary cannot be written as JSON.
     pub fn summary(&self, plan: &Plan) -> Result<Option<Value>, Error> {
         let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
             return Ok(None);
@@ -447,7 +453,7 @@ impl ErosionRecorder {
             sum.all_reduce(communicator);
         }
         grains = communicator.all_reduce_sum_u64(grains);
-        // What left in the very first step belonged to the sample.
+        // Grains that left in the very first step belonged to the sample.
         for departed in removed {
             mass.add(departed.grain.mass);
             diameter.add(2.0 * departed.grain.radius);
@@ -472,7 +478,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// Returns the faces of the last row, or those of the case.
+    /// Returns the faces of the hole at the last row, or those of the case before the first row.
     fn present_faces(&self, hole: &Hole) -> HoleFaces {
         let [lower, upper] = self
             .state
@@ -558,7 +564,8 @@ impl ErosionRecorder {
         )
     }
 
-    /// Finds the faces of the hole and keeps them, with the solid fraction next to the hole at the first row.
+    /// Finds the faces of the hole and stores them; at the first row also the solid fraction next to
+    /// the hole.
     fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
         let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
         let solid = sums.solid_fractions();

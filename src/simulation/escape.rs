@@ -1,4 +1,4 @@
-//! Remedies for a grain that left through an open face, in terms of the case.
+//! Remedies for a grain that left through an open face, as changes of the case.
 
 use base::error::Error;
 use case::geometry::{Extent, Face, Vector};
@@ -7,7 +7,8 @@ use dem::escape::Escape;
 use plan::Plan;
 use serde_json::{Value, json};
 
-/// Returns an error of a step that began at `time` \[s\], with a remedy if it reports a grain that left the box.
+/// Returns an error of a step that began at `time` \[s\], with a remedy if the error reports a grain
+/// that left the box.
 pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
     let Error::Numerical(text) = &error else {
         return error;
@@ -45,8 +46,8 @@ fn name_of(face: Face) -> String {
     json!(face).as_str().unwrap_or_default().to_owned()
 }
 
-/// Returns the cells at a face as a region that removes grains whose centre is there or beyond, in addition to the
-/// regions that the case has.
+/// Returns a region that removes grains with their centre in the cells at a face or beyond it, in
+/// addition to the regions of the case.
 fn region_at(face: Face, plan: &Plan) -> Value {
     let grid = &plan.scene.grid;
     let mut from = vec![0.0; grid.dimension];

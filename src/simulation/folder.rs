@@ -1,5 +1,5 @@
-//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an earlier
-//! one.
+//! The folder of a run. Only one run at a time uses it, and a new run never mixes its files with those of an
+//! earlier run.
 //!
 //! A run holds the file `run.lock` in its folder: a lock of the operating system, which ends with the process, and
 //! which states host, process and start time of the holder. On a file system whose locks do not reach other hosts, a
@@ -22,17 +22,17 @@ use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-/// The lock's name in the folder.
+/// Name of the lock file in the folder.
 pub const LOCK: &str = "run.lock";
-/// The folder of the checkpoints within that of the run.
+/// Folder of the checkpoints within the folder of the run.
 pub const CHECKPOINTS: &str = "checkpoints";
-/// The folder of what a preparation has reached so far, within that of the run.
+/// Folder of an unfinished preparation within the folder of the run.
 pub const PREPARATION: &str = "preparation";
 /// Interval at which a run touches its lock.
 const BEAT_EVERY: Duration = Duration::from_secs(20);
-/// A lock of another host that has not been touched for so long belongs to a job that is gone.
+/// Age of an untouched lock of another host above which its job is considered dead.
 const STALE_AFTER: Duration = Duration::from_secs(600);
-/// Maximum size of the file of a lock \[bytes\].
+/// Maximum size of a lock file \[bytes\].
 const LOCK_BYTES: u64 = 4096;
 
 /// Tables and pictures that runs write in addition to series and probes.
@@ -81,14 +81,14 @@ pub enum Entry {
     Resume,
 }
 
-/// Process that holds a folder.
+/// Process that holds the lock of a folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Holder {
     host: String,
     process: u32,
     /// Seconds since 1970.
     started: u64,
-    /// Job and attempt of a batch system.
+    /// Batch job and attempt number.
     #[serde(default)]
     job: Option<[String; 2]>,
 }
@@ -122,7 +122,8 @@ impl Holder {
         )
     }
 
-    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one before they start the next.
+    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one attempt before they
+    /// start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -131,7 +132,7 @@ impl Holder {
     }
 }
 
-/// Returns the job of a batch system that this process belongs to, and which attempt at it this is.
+/// Returns the batch job of this process and the number of the attempt.
 fn job() -> Option<[String; 2]> {
     let of = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
     let attempt = || {
@@ -146,21 +147,21 @@ fn job() -> Option<[String; 2]> {
         .map(|job| [job, attempt()])
 }
 
-/// A folder in use by this run. The lock goes when this is dropped.
+/// Folder in use by this run. Dropping it removes the lock.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    /// Lock, held by the first rank.
+    /// Open lock file; on the first rank.
     lock: Option<File>,
     beaten: Instant,
 }
 
 impl RunFolder {
-    /// Takes the folder for this run, creates it if it is missing, and deletes an earlier run if requested.
+    /// Locks the folder for this run, creates it if it is missing, and deletes an earlier run if requested.
     /// Collective; the first rank acts.
     ///
     /// # Errors
-    /// [`Error::Usage`] where another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
+    /// [`Error::Usage`] if another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
     /// all ranks.
     pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
         let lock = agreement::on_first(communicator, || {
@@ -176,11 +177,11 @@ impl RunFolder {
                 && let Some(found) = Found::in_folder(path)?
             {
                 if !overwrite {
-                    // What was found stays as it is, without a trace of this process.
+                    // A refused folder keeps its contents: the lock file of this process is removed.
                     drop(Release(path.join(LOCK), &lock));
                     if !found.began {
                         return Err(Error::Usage(format!(
-                            "{} holds what a run left that was ended before it began ({}); replace it with \
+                            "{} contains files of a run that ended before its first step ({}); replace it with \
                              --overwrite, or choose another --output",
                             path.display(),
                             found.describe()
@@ -210,33 +211,33 @@ impl RunFolder {
         &self.path
     }
 
-    /// Returns the path of its checkpoints.
+    /// Returns the path of the checkpoints.
     #[must_use]
     pub fn checkpoints(&self) -> PathBuf {
         self.path.join(CHECKPOINTS)
     }
 
-    /// Returns the path of a sample in the making.
+    /// Returns the path of an unfinished sample.
     #[must_use]
     pub fn preparation(&self) -> PathBuf {
         self.path.join(PREPARATION)
     }
 
-    /// Removes a kept sample: a checkpoint of the run holds more now. First rank.
+    /// Removes an unfinished sample once a checkpoint of the run replaces it. First rank.
     pub fn forget_preparation(&self) {
         if self.lock.is_some() {
-            // What stays is older than the checkpoint, which a restart prefers.
+            // A remaining file is older than the checkpoint, which a restart prefers.
             let _ = fs::remove_dir_all(self.preparation());
         }
     }
 
-    /// Touches the lock now and then, so that other hosts see that this run lives.
+    /// Touches the lock at intervals of [`BEAT_EVERY`], so that other hosts see that this run is alive.
     pub fn beat(&mut self) {
         if let Some(lock) = &self.lock
             && self.beaten.elapsed() >= BEAT_EVERY
         {
             self.beaten = Instant::now();
-            // A folder that is gone shows when something is written.
+            // A deleted folder is detected at the next write.
             let _ = lock.set_modified(SystemTime::now());
         }
     }
@@ -250,13 +251,13 @@ impl Drop for RunFolder {
     }
 }
 
-/// Removes the file of a lock that is held, when dropped.
+/// Removes the file of a held lock when dropped.
 struct Release<'a>(PathBuf, &'a File);
 
 impl Drop for Release<'_> {
     fn drop(&mut self) {
         if is_at(self.1, &self.0) {
-            // What cannot be removed is stale as soon as this process has ended.
+            // A file that cannot be removed becomes stale when this process ends.
             let _ = fs::remove_file(&self.0);
         }
     }
@@ -266,7 +267,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
     Error::Io(format!("{}: {error}", path.display()))
 }
 
-/// Returns `true` if an open file is the one of this name.
+/// Returns `true` if an open file is the file at this path.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
@@ -274,10 +275,10 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Refuses to replace the file of the case by what the run writes.
+/// Refuses to replace the case file by output of the run.
 fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     let (Ok(folder), Ok(file)) = (fs::canonicalize(folder), fs::canonicalize(case)) else {
-        // A folder that is not there holds nothing.
+        // A missing folder contains nothing.
         return Ok(());
     };
     let name = file.file_name().and_then(|name| name.to_str());
@@ -292,9 +293,9 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Takes the lock of this name, or returns its holder.
+/// Locks the file of this name, or returns an error that names the process that holds it.
 fn take(path: &Path) -> Result<File, Error> {
-    // A holder that ends between opening and locking leaves a file without a name: try again then.
+    // If the holder ends between opening and locking, the file has been unlinked: try again.
     for _ in 0..100 {
         let mut file = OpenOptions::new()
             .read(true)
@@ -315,7 +316,7 @@ fn take(path: &Path) -> Result<File, Error> {
             Err(TryLockError::WouldBlock) => {
                 return Err(in_use(path, read(&mut file).as_ref()));
             }
-            // A file system without locks.
+            // The file system has no locks.
             Err(TryLockError::Error(_)) => false,
         };
         if !is_at(&file, path) {
@@ -344,10 +345,10 @@ fn read(file: &mut File) -> Option<Holder> {
     serde_json::from_str(&text).ok()
 }
 
-/// Returns `true` if the holder that a lock names may still run although its lock could be taken.
+/// Returns `true` if the process named in a lock may still run although its lock could be taken.
 fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
     if holder.host == me.host {
-        // The system's lock decides; where there is none, the process.
+        // The lock of the system decides; on a file system without locks, the process.
         return !locks
             && holder.process != me.process
             && Path::new("/proc").join(holder.process.to_string()).exists();
@@ -372,16 +373,16 @@ fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
 
 /// Files of an earlier run in a folder.
 struct Found {
-    /// Files, but for checkpoints and the lock.
+    /// Files except checkpoints and the lock.
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
-    /// `true` if it has a case, by which it can be continued.
+    /// `true` if there is a case with which the run can be continued.
     began: bool,
 }
 
 impl Found {
-    /// None where there is nothing but the lock.
+    /// Lists the files of an earlier run; none if there is only the lock.
     fn in_folder(folder: &Path) -> Result<Option<Self>, Error> {
         let mut files = Vec::new();
         for entry in fs::read_dir(folder).map_err(|e| failed(folder, &e))? {
@@ -412,7 +413,7 @@ impl Found {
         };
         let outcome = json("summary.json")
             .and_then(|summary| Some(summary.get("outcome")?.as_str()?.to_owned()));
-        // Samples that the case had saved are files of the run too.
+        // Samples that the case saved are files of the run too.
         if let Some(case) = json("case.json") {
             for part in ["grains", "blocks"] {
                 let name = case[part]["save"].as_str().map(Path::new);
@@ -440,7 +441,7 @@ impl Found {
         )
     }
 
-    /// Removes all of it, checkpoints first.
+    /// Removes all files, checkpoints first.
     fn remove(&self, folder: &Path) -> Result<(), Error> {
         for name in [CHECKPOINTS, PREPARATION] {
             let inner = folder.join(name);
@@ -527,7 +528,7 @@ mod tests {
         };
         write(&holder(&me.host, None));
         drop(enter(folder.path(), &Entry::Resume).unwrap());
-        // Another host whose run has touched its lock lately lives, for all that can be known.
+        // A run on another host that touched its lock recently must be assumed alive.
         write(&holder("elsewhere", None));
         assert!(enter(folder.path(), &Entry::Resume).is_err());
         let long_ago = SystemTime::now() - 2 * STALE_AFTER;

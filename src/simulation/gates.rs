@@ -1,8 +1,8 @@
-//! Walls that come or go at a time, such as a gate that opens.
+//! Walls that are inserted or removed at a given time, such as a gate that opens.
 //!
-//! A wall changes at the end of the first step whose time is not below the one of the case. The contacts at a wall that
-//! goes end, and the contact loads are computed anew, so that the next step knows nothing of it. Nothing is saved:
-//! which walls there are follows from the step.
+//! A wall changes at the end of the first step whose time is not below the time in the case. The contacts at a
+//! removed wall end, and the contact loads are computed again, so that the next step does not depend on the removed
+//! wall. The walls present are a function of the step, so that no checkpoint contains them.
 
 use super::setup;
 use base::error::Error;
@@ -10,7 +10,7 @@ use decomposition::Domain;
 use dem::{Dem, Particles, Space};
 use plan::Plan;
 
-/// A wall that comes or goes.
+/// Insertion or removal of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Change {
     step: u64,
@@ -18,10 +18,10 @@ struct Change {
     comes: bool,
 }
 
-/// The walls that come or go.
+/// Walls that are inserted or removed during the run.
 #[derive(Debug, Default)]
 pub(super) struct Gates {
-    /// Changes by rising step.
+    /// Changes in ascending order of steps.
     changes: Vec<Change>,
     /// Number of changes made.
     made: usize,
@@ -45,7 +45,7 @@ impl Gates {
         }
     }
 
-    /// Puts the walls as they are after this many steps. A wall that waits for its time is open from the start.
+    /// Sets the walls to their state after this many steps. A wall that is inserted later is open from the start.
     pub(super) fn restore<S: Space>(&mut self, step: u64, dem: &mut Dem<S>) {
         self.made = self.changes.partition_point(|change| change.step <= step);
         for change in &self.changes[..self.made] {
@@ -63,10 +63,10 @@ impl Gates {
         }
     }
 
-    /// Makes the changes of this step and returns whether there were any. Collective.
+    /// Makes the changes of this step and returns `true` if there were any. Collective.
     ///
     /// # Errors
-    /// If a wall comes through a grain; the same on all ranks.
+    /// If a wall is inserted where a grain is; the same on all ranks.
     #[inline]
     pub(super) fn act<S: Space>(
         &mut self,
@@ -85,7 +85,7 @@ impl Gates {
             }
             move_wall(change, dem);
             particles.forget_loads();
-            let verb = if change.comes { "comes" } else { "goes" };
+            let verb = if change.comes { "inserted" } else { "removed" };
             let time = base::number::real(step) * plan.clock.time_step;
             self.news
                 .push(format!("wall `{name}` {verb} at {time:.6e} s, step {step}"));
@@ -107,17 +107,18 @@ fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
     }
 }
 
-/// Checks that no grain stands in these walls, which come now. Collective.
+/// Checks that no grain overlaps walls that are about to be inserted. Collective.
 ///
 /// # Errors
-/// The wall and the grain, the same on all ranks.
+/// If a wall cuts into a grain; the text names both and is the same on all ranks.
 pub(super) fn clear_of<S: Space>(
     plan: &Plan,
     new: impl IntoIterator<Item = usize>,
     particles: &Particles<S>,
     domain: &Domain,
 ) -> Result<(), String> {
-    /// Fraction of a radius: largest overlap of a contact with a new wall; deeper ones would throw the grains apart.
+    /// Maximum overlap of a contact with a new wall, as a fraction of the radius; a deeper overlap would accelerate
+    /// the grain violently.
     const ALLOWED: f64 = 0.05;
     let walls = setup::walls::<S>(plan);
     let mut struck = None;

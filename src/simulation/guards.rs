@@ -4,11 +4,11 @@
 //! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is
 //!   checked ([`look`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a compression
 //!   above `guards.max_compression` end the run; [`failure`] names the cell. A compression above
-//!   `guards.warn_compression` is reported at once, and in each line of the log while it lasts. Cells enclosed by
-//!   bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same way.
-//!   A check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once takes 7, 16
-//!   and 24 ns (one core of a busy machine). A step reads and writes the populations, so that a check every 100 steps
-//!   costs 0.6 to 0.9 % of memory-bound steps, and less otherwise.
+//!   `guards.warn_compression` is reported at once, and in each log line while it persists. Cells enclosed by
+//!   bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same
+//!   way. A check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once
+//!   takes 7, 16 and 24 ns (one core of a busy machine). A step reads and writes the populations, so that a check
+//!   every 100 steps costs 0.6 to 0.9 % of memory-bound steps, and less otherwise.
 //! * *Mach number*: a lattice velocity above 0.1, a Mach number above 0.17, is reported once and at the end.
 //! * *Overlap*: the engine of the solids keeps the deepest contact of all solid steps ([`dem::deepest`]). A
 //!   check ends the run if it is deeper than `guards.max_overlap`: bodies that a soft contact cannot stop pass through
@@ -46,16 +46,16 @@ use plan::margin::USUAL_LATTICE_VELOCITY;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Steps between balances; each costs about one fluid step.
+/// Steps between two balances; each balance costs about as much as a fluid step.
 const BALANCE_EVERY: u64 = 1000;
-/// Forces below this for each cell, in lattice units, are none: an error of the balance is not measured by them.
-/// With populations in f64 and in f32.
+/// Minimum force per cell, in lattice units, to which an error of the momentum balance is related; for populations
+/// in f64 and in f32.
 const SMALLEST_FORCE: [f64; 2] = [1e-11, 1e-7];
-/// Errors of the balance of a step up to which rounding explains them, with populations in f64 and in f32.
+/// Maximum errors of the mass balance of a step that rounding explains, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
 const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 
-/// The meters of the guards in a checkpoint. A number that is not finite is null there.
+/// Values of the guards in a checkpoint. A number that is not finite is stored as null.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct GuardState {
@@ -63,7 +63,7 @@ pub struct GuardState {
     momentum_error: Option<f64>,
     #[serde(alias = "mach")]
     lattice_velocity: Option<f64>,
-    /// Density deviation of largest size, and its cell.
+    /// Density deviation of the largest magnitude, and its cell.
     squeezed: Option<(Option<f64>, Option<u64>)>,
     openings: openings::State,
     warned: [bool; 2],
@@ -78,11 +78,12 @@ pub struct Guards {
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
-    /// Largest speed over C: latest value, and maximum over the run.
+    /// Largest speed relative to C: latest value, and maximum over the run.
     speed: [Option<f64>; 2],
-    /// Density deviation of largest size and the position of its cell: latest value, and maximum over the run.
+    /// Density deviation of the largest magnitude and the position of its cell: latest value, and maximum over the
+    /// run.
     squeezed: [Option<At>; 2],
-    /// `true` if a step was taken since the start: before that nothing has crossed a face.
+    /// `true` if a step was taken since the start: before it, no mass has crossed a face.
     stepped: bool,
     /// `true` if the last check found a failure whose description needs the populations.
     unfetched: bool,
@@ -91,20 +92,20 @@ pub struct Guards {
     /// Step of the last check.
     looked: Option<u64>,
     openings: Openings,
-    /// Largest overlap over the smaller radius of any contact so far; of all ranks at checks.
+    /// Largest overlap of any contact so far, divided by the smaller radius; reduced over all ranks at checks.
     overlap: Option<f64>,
-    /// The compression, and the openings, have been warned of.
+    /// `true` for the compression, and for the openings, if a warning was given.
     warned: [bool; 2],
-    /// `true` if a Mach number above the usual one has been warned of.
+    /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
     news: Vec<String>,
     look: Look,
-    /// Sums over rows: buffers, reused between checks.
+    /// Sums over rows in buffers that are reused between checks.
     rows: Vec<RowSums>,
 }
 
 impl Guards {
-    /// Guards with the rhythm of the plan.
+    /// Returns guards with the check intervals of the plan.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
         Self {
@@ -114,7 +115,7 @@ impl Guards {
         }
     }
 
-    /// Returns the meters for a checkpoint: tables print them, and continue after a restart as if there had been none.
+    /// Returns the values for a checkpoint, so that tables continue after a restart as if there had been none.
     #[must_use]
     pub fn state(&self) -> GuardState {
         GuardState {
@@ -129,7 +130,7 @@ impl Guards {
         }
     }
 
-    /// Takes back [`Self::state`]; numbers that are missing count as never measured.
+    /// Restores the values returned by [`Self::state`]; missing numbers count as never measured.
     pub fn restore(&mut self, state: GuardState) {
         self.mass_error = state.mass_error;
         self.momentum_error = state.momentum_error;
@@ -144,13 +145,14 @@ impl Guards {
         self.overlap = state.overlap;
     }
 
-    /// Returns the largest relative error of the mass balance of any step that was balanced.
+    /// Returns the largest relative error of the mass balance among the balanced steps.
     #[must_use]
     pub fn mass_error(&self) -> Option<f64> {
         self.mass_error
     }
 
-    /// Returns the largest error of the momentum balance of any step that was balanced, over the largest force in it.
+    /// Returns the largest error of the momentum balance among the balanced steps, divided by the largest force in
+    /// that step.
     #[must_use]
     pub fn momentum_error(&self) -> Option<f64> {
         self.momentum_error
@@ -175,7 +177,7 @@ impl Guards {
         self.overlap
     }
 
-    /// Takes note of the deepest contact of this rank; returns that of all. Collective.
+    /// Records the deepest contact of this rank and returns the deepest of all ranks. Collective.
     pub fn note_overlap(
         &mut self,
         deepest: Option<Deepest>,
@@ -184,7 +186,8 @@ impl Guards {
         let mine = deepest?;
         let part = communicator.all_reduce_max_f64(mine.part);
         self.overlap = larger(self.overlap, Some(part));
-        // Of equal ones that of the smallest id, and what it is in with the smallest number: bodies before walls.
+        // Among equally deep contacts, the smallest id counts, then the smallest number of its partner: bodies
+        // before walls.
         const WALLS: u64 = 1 << 62;
         let holds = mine.part >= part && mine.with != With::Unknown;
         let body = if holds { mine.body } else { u64::MAX };
@@ -208,8 +211,8 @@ impl Guards {
         })
     }
 
-    /// Adds the largest speed over C that another recorder measured, so that its values never exceed the reported
-    /// maximum.
+    /// Includes the largest speed relative to C that another recorder measured, so that its values never exceed the
+    /// reported maximum.
     pub fn also_seen(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
@@ -229,7 +232,7 @@ impl Guards {
         self.openings.flows(&mean).then(|| mean.imbalance())
     }
 
-    /// Returns the part about the fluid in a line of the log.
+    /// Returns the text about the fluid in a line of the log.
     pub fn line(&mut self, plan: &Plan) -> String {
         let mut text = match self.speed {
             [Some(now), Some(most)] => format!(
@@ -261,12 +264,12 @@ impl Guards {
         text
     }
 
-    /// Sentences since the last call.
+    /// Returns the messages since the last call.
     pub fn take_news(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
-    /// Warnings at the end of a run.
+    /// Returns the warnings at the end of a run.
     #[must_use]
     pub fn warnings(&self, plan: &Plan) -> Vec<String> {
         let mut all = Vec::new();
@@ -304,7 +307,7 @@ impl Guards {
                     _ => !plan.scene.structures.is_empty(),
                 };
                 let why = if what == "mass" && interpolated {
-                    ": interpolated links do not keep the mass to rounding, \"half_way\" links do"
+                    ": interpolated links do not conserve mass to rounding, \"half_way\" links do"
                 } else {
                     ""
                 };
@@ -316,7 +319,7 @@ impl Guards {
         all
     }
 
-    /// Returns the inflow and outflow in words, and whether one of them is nothing; none without openings.
+    /// Returns the inflow and outflow in words, and `true` if one of them is zero; none without openings.
     fn flows(&self, plan: &Plan) -> Option<(String, bool)> {
         let [inflow, outflow] = self.through(plan)?;
         let unit = openings::unit(plan.scene.grid.dimension);
@@ -359,7 +362,7 @@ impl Guards {
         })
     }
 
-    /// Returns `true` if the step from `step` on is one that is balanced.
+    /// Returns `true` if the step that begins at `step` is balanced.
     #[must_use]
     pub fn balances(step: u64) -> bool {
         step.is_multiple_of(BALANCE_EVERY)
@@ -371,7 +374,7 @@ impl Guards {
         step.is_multiple_of(self.every)
     }
 
-    /// Returns the next step after `step` whose state a check or a balance needs.
+    /// Returns the next step after `step` at which a check or a balance needs the state.
     #[must_use]
     pub fn next_look(&self, step: u64) -> u64 {
         // A balance compares the state before a step with that after it.
@@ -384,7 +387,7 @@ impl Guards {
         within(self.every).min(balanced)
     }
 
-    /// Takes the totals before a fluid step that is to be balanced. Collective.
+    /// Computes the totals before a fluid step that is balanced. Collective.
     pub fn before<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -396,12 +399,12 @@ impl Guards {
         if let Some(flow) = flow
             && !self.ready
         {
-            // Once, for the buffers that checks reuse: no step after the first allocates.
+            // Allocates the buffers of the checks once: no step after the first allocates.
             self.ready = true;
             self.look.check_cells(flow);
             self.openings.prepare(self.every, flow);
         }
-        // The pressure at a free surface pushes the water, and interface cells keep their mass apart.
+        // The pressure at a free surface acts on the water, and the mass of interface cells is stored separately.
         if let Some(flow) = flow
             && flow.fluid().surface().is_none()
             && Self::balances(step)
@@ -410,7 +413,7 @@ impl Guards {
         }
     }
 
-    /// Closes the balance after the fluid step, before any body moves. Collective.
+    /// Completes the balance after the fluid step, before any body moves. Collective.
     pub fn after<Sp: Space, S: Stored>(
         &mut self,
         flow: Option<&dyn LatticeFlow<Sp, S>>,
@@ -421,7 +424,7 @@ impl Guards {
         };
         let communicator = domain.communicator();
         let after = totals(flow, communicator, &mut self.rows);
-        // What is inside a body is not the water's, at a face neither.
+        // Fluid inside bodies is excluded, including at domain faces.
         let water = flow.balanced();
         let all = water.holds_all();
         let mut crossed = flow.fluid().left(|at| all || water.holds(at));
@@ -445,7 +448,7 @@ impl Guards {
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let (force, largest) = flow.fluid_force_total(communicator);
         let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
-        // Of all axes the largest: along one across the flow there may be nothing but rounding.
+        // The largest force of all axes: across the flow there may be only rounding errors.
         let mut size = communicator.all_reduce_max_f64(scale).max(smallest * cells);
         size = size.max(largest);
         for part in &through[1..] {
@@ -457,10 +460,10 @@ impl Guards {
         }
     }
 
-    /// Checks the state after a step, if a check is due. Collective. Collective.
+    /// Checks the state after a step, if a check is due. Collective.
     ///
     /// # Errors
-    /// Names the cell or the grain that fails.
+    /// If a check fails; the text names the cell or the grain.
     pub fn check<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -476,11 +479,11 @@ impl Guards {
         }
     }
 
-    /// Checks the state after `step`, unless that has been done, so that the final state of a run is always checked.
+    /// Checks the state after `step`, unless that has been done: the final state of a run is always checked.
     /// Collective.
     ///
     /// # Errors
-    /// Those of [`Self::check`].
+    /// If [`Self::check`] fails.
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -517,10 +520,10 @@ impl Guards {
         Ok(())
     }
 
-    /// Does [`Self::check`] in the warm-up, whose steps are counted by themselves. Collective.
+    /// Runs [`Self::check`] in the warm-up, whose steps are counted separately. Collective.
     ///
     /// # Errors
-    /// Those of [`Self::check`].
+    /// If [`Self::check`] fails.
     pub fn check_warm_up<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -535,7 +538,8 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
-    /// Returns the failure of the water, if it has failed when the solids did with `error`. Collective.
+    /// Returns the failure of the water, if the water has failed too when the solids failed with `error`.
+    /// Collective.
     pub fn failed_water<Sp: Space, S: Stored>(
         &mut self,
         (step, error): (u64, &Error),
@@ -559,8 +563,8 @@ impl Guards {
         }
     }
 
-    /// Returns `true` if the last check found a failure in populations that are on a GPU: it is described by the same
-    /// check once they are fetched.
+    /// Returns `true` if the last check found a failure in populations on a GPU: repeat the check after fetching
+    /// the populations, to describe the failure.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
@@ -607,8 +611,7 @@ impl Guards {
         Err(Error::Numerical(format!("{when}: {text}")))
     }
 
-    /// Takes note of the largest speed and compression of all ranks; returns the one that exceeds its limit.
-    /// Collective.
+    /// Records the largest speed and compression of all ranks; returns the one that exceeds its limit. Collective.
     fn measure(&mut self, seen: Seen, plan: &Plan, communicator: &Communicator) -> Option<Failure> {
         let fastest = agreed(seen.fastest, communicator);
         let squeezed = agreed(seen.squeezed, communicator);
@@ -629,7 +632,7 @@ impl Guards {
         Some(Failure { kind, place })
     }
 
-    /// Warns once of the compression of the last check.
+    /// Warns once if the compression at the last check is too large.
     fn warn_of_compression<Sp: Space, S: Stored>(
         &mut self,
         when: When,
@@ -652,7 +655,7 @@ impl Guards {
         }
     }
 
-    /// Warns once of the speed of the last check.
+    /// Warns once if the speed at the last check is too large.
     fn warn_of_speed(&mut self, when: When) {
         if let [Some(speed), _] = self.speed
             && speed > USUAL_LATTICE_VELOCITY
@@ -665,7 +668,7 @@ impl Guards {
     }
 }
 
-/// Number of the first grain in a check: they are numbered behind all cells.
+/// Number of the first grain in a check: grains are numbered after all cells.
 const GRAINS: u64 = 1 << 62;
 
 /// Returns the smallest id of the owned grains whose position or velocity is not finite.
@@ -684,7 +687,7 @@ pub(super) fn mach(lattice_velocity: f64) -> f64 {
     3.0_f64.sqrt() * lattice_velocity
 }
 
-/// Returns the warning of a speed whose square is no longer small compared with that of sound.
+/// Returns the warning for a speed whose square is not small compared with the square of the speed of sound.
 fn too_fast(speed: f64) -> String {
     format!(
         "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
@@ -694,7 +697,7 @@ fn too_fast(speed: f64) -> String {
     )
 }
 
-/// Time of a check.
+/// Step of a check, in the run or in the warm-up.
 #[derive(Clone, Copy, Debug)]
 enum When {
     Step(u64),
@@ -710,7 +713,7 @@ impl fmt::Display for When {
     }
 }
 
-/// Returns the larger of two values that may not have been measured; NaN counts as the largest.
+/// Returns the larger of two values, either of which may be unmeasured; NaN counts as the largest.
 fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),
@@ -718,10 +721,10 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     }
 }
 
-/// Returns the value of largest size of all ranks, and the first cell that has it. Collective.
+/// Returns the value of the largest magnitude on all ranks, and the first cell that has it. Collective.
 fn agreed(mine: At, communicator: &Communicator) -> At {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
-    // The sign goes with the place.
+    // The sign is that of the value in the chosen cell.
     let place = if mine.value.abs() >= size && mine.cell != u64::MAX {
         2 * mine.cell + u64::from(mine.value < 0.0)
     } else {
@@ -744,8 +747,8 @@ fn sum(communicator: &Communicator, value: i128) -> i128 {
         .cast_signed()
 }
 
-/// Mass of the lattice, momentum of the fluid outside bodies, each cell in quanta as what crosses faces is: no order
-/// of cells, and so no number of ranks, changes a sum.
+/// Returns the mass of the lattice and the momentum of the fluid outside bodies. Each cell is rounded to quanta
+/// like the mass that crosses faces, so that no sum depends on the order of cells or the number of ranks.
 fn totals<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     communicator: &Communicator,
@@ -767,7 +770,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// Reports errors of a balance above those that rounding explains, and no others.
+    /// Checks that errors of a balance are reported only above the limits that rounding explains.
     #[test]
     fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
         let text = examples::find("poiseuille").unwrap().text;

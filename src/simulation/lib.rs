@@ -99,7 +99,7 @@ struct Present<Sp: Space, S: SavedNumber> {
     particles: Particles<Sp>,
     /// Sums over time, if requested.
     averages: Option<Averages>,
-    /// Fluid steps done.
+    /// Number of fluid steps done.
     step: u64,
 }
 
@@ -171,8 +171,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         self.now.view()
     }
 
-    /// Returns why the solids failed: water that fails throws grains out, and is then what is reported. Collective for
-    /// numerical errors, which all ranks know; others may be of one rank alone.
+    /// Returns the cause of a failure of the solids: the failure of the water if it failed too, because such water
+    /// accelerates grains. Collective for numerical errors, which all ranks have; other errors may be those of one
+    /// rank alone.
     fn cause_of(&mut self, error: Error, steps: u64) -> Error {
         let now = &self.now;
         if !matches!(error, Error::Numerical(_)) {
@@ -188,7 +189,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         }
     }
 
-    /// Advances by one step, or by several of the fluid alone where no event lies between them. Collective.
+    /// Advances by one step, or by several steps of the fluid alone if no event lies between them. Collective.
     ///
     /// # Errors
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
@@ -211,7 +212,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         self.check()
     }
 
-    /// Advances the water, and balances its mass and momentum where that is due: before the solids move, because their
+    /// Advances the water, and balances its mass and momentum if due. It precedes the solids, because their
     /// positions in this step define the forces. Collective.
     fn advance_water(&mut self, due: Schedule) -> Result<(), Error> {
         let now = &mut self.now;
@@ -252,7 +253,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         Ok(())
     }
 
-    /// Moves the gates, removes and generates grains, and returns those removed. Collective.
+    /// Moves the gates, removes and generates grains, and returns the removed grains. Collective.
     fn change_solids(&mut self, due: Schedule) -> Result<Vec<Departed>, Error> {
         let now = &mut self.now;
         let time = now.time();
@@ -266,7 +267,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let appeared = self.removal.appearing(particles, plan, domain, time)?;
         changed |= !removed.is_empty() || appeared > 0;
         if let Some(dem) = &mut now.dem {
-            // Known to all ranks without a message.
+            // All ranks have the same value without a message.
             if changed {
                 dem.prepare(particles, domain)?;
             }
@@ -290,7 +291,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let view = now.view();
         (self.recorder).record_due(&view, removed, breaks, mass_error)?;
         if self.guards.looks_at(view.step) {
-            // The checks may end the run.
+            // The checks may end the run: write the records first.
             self.recorder.flush(view.domain)?;
         }
         self.guards.also_seen(self.recorder.take_speed());
@@ -312,10 +313,10 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         Ok(())
     }
 
-    /// Brings the state of the water back from where it is computed. Collective.
+    /// Copies the state of the water from the GPU, if it is computed there. Collective.
     ///
     /// # Errors
-    /// When a GPU fails.
+    /// If the GPU fails.
     fn fetch(&mut self) -> Result<(), Error> {
         self.now.flow.as_mut().map_or(Ok(()), Water::fetch)
     }
@@ -323,7 +324,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// Runs the guards if they have not run this step. Collective.
     ///
     /// # Errors
-    /// When the numbers fail.
+    /// If a check fails.
     fn check_state(&mut self) -> Result<(), Error> {
         self.fetch()?;
         let now = &self.now;
@@ -334,10 +335,10 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         Ok(())
     }
 
-    /// Writes what the tables lack of a run that failed, where no other rank has to take part.
+    /// Writes the remaining rows of a failed run, as far as this needs no other rank.
     ///
     /// # Errors
-    /// When a table cannot be written.
+    /// If a table cannot be written.
     fn record_failure(&mut self) -> Result<(), Error> {
         if self.now.domain.communicator().size() > 1 {
             return Ok(());
@@ -353,11 +354,11 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         self.recorder.flush(view.domain)
     }
 
-    /// Writes the last rows and outputs: the state at the end of the run, where it was not written at this step.
+    /// Writes the last rows and outputs for the state at the end of the run, unless they were written at this step.
     /// Collective.
     ///
     /// # Errors
-    /// When a file cannot be written; the same on all ranks.
+    /// If a file cannot be written; the same on all ranks.
     fn record_end(&mut self) -> Result<(), Error> {
         let now = &mut self.now;
         if now.dem.is_some() {
@@ -370,11 +371,11 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         self.collapse.record_end(&view)
     }
 
-    /// Drops what was written at the present step because a run ended there. Call it where a resumed run continues.
-    /// Collective.
+    /// Drops the rows that were written at the present step only because a run ended there. Call it when a resumed
+    /// run continues. Collective.
     ///
     /// # Errors
-    /// When a file cannot be written; the same on all ranks.
+    /// If a file cannot be written; the same on all ranks.
     fn drop_end(&mut self) -> Result<(), Error> {
         let (step, domain) = (self.now.step, &self.now.domain);
         self.outputs.drop_end(step, domain)?;

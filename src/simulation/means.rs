@@ -1,7 +1,7 @@
-//! Means over time of the probes that state a window for them: beds and grains.
+//! Time means of the probes for which the case states a window: beds and grains.
 //!
-//! The numbers come from the files of the probes, which hold every sample to the bit, on any number of ranks and across
-//! restarts.
+//! The samples are read from the files of the probes, which contain them exactly, for any number of ranks and
+//! across restarts.
 
 use base::number::real;
 use io::table::{self, Rows};
@@ -15,15 +15,15 @@ use std::path::Path;
 pub(super) struct Means {
     /// Name of the probe.
     pub(super) probe: String,
-    /// First time \[s\].
+    /// Time of the first sample \[s\].
     pub(super) from: f64,
-    /// Last time \[s\].
+    /// Time of the last sample \[s\].
     pub(super) to: f64,
-    /// Samples between them.
+    /// Number of samples in this interval.
     pub(super) samples: usize,
-    /// Columns.
+    /// Means of the columns.
     pub(super) values: Vec<Mean>,
-    /// Reasons why they may not be valid as means.
+    /// Reasons why the values may not be valid as means.
     pub(super) doubts: Vec<String>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Mean {
     pub(super) unit: String,
     /// Mean over the samples that have a value; none if no sample has one.
     pub(super) mean: Option<f64>,
-    /// The last one.
+    /// Value of the last sample.
     pub(super) last: Option<f64>,
 }
 
@@ -51,7 +51,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
         };
         let path = folder.join(format!("probe_{}.csv", probe.name));
         match table::read(&path) {
-            // A sample may differ from its time by half a step.
+            // A sample may be half a step away from its nominal time.
             Ok(rows) => {
                 let mut means = means_from(&probe.name, &rows, from - 0.5 * plan.clock.time_step);
                 if let (Some(means), ProbeAt::Bed(_)) = (&mut means, &probe.at) {
@@ -67,7 +67,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
     all
 }
 
-/// Returns the means of the rows from a time on; none without such rows.
+/// Returns the means of the rows from a time on; none if there are no such rows.
 fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
     let times = rows.column("time")?;
     let first = times.iter().position(|&time| time >= from)?;
@@ -97,10 +97,10 @@ fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
     })
 }
 
-/// Relative difference of the two shear stresses of a bed from which they are not those of a steady stream over it.
+/// Relative difference of the two shear stresses of a bed above which the stream over it is not considered steady.
 const ALIKE: f64 = 0.2;
 
-/// Returns reasons why the shear stresses of a bed may not be what the bed bears.
+/// Returns the reasons why the computed shear stresses of a bed may differ from the stress that it bears.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mean = |name: &str| values.iter().find(|v| v.quantity == name)?.mean;
     let (balance, profile) = (mean("shear_stress_balance"), mean("shear_stress_profile"));
@@ -131,7 +131,7 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     doubts
 }
 
-/// Returns a table of them.
+/// Returns a table of the means as lines.
 pub(super) fn lines(all: &[Means]) -> Vec<String> {
     let mut lines = Vec::new();
     for one in all {

@@ -5,17 +5,17 @@ use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// A part of the step.
+/// Phase of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// Collide, stream, exchange, faces and loads.
+    /// Collision, streaming, exchange, boundary faces and loads.
     Fluid,
     /// Solid steps.
     Grains,
     /// Mapping of bodies to cells.
     Mapping,
-    /// Grains that leave or come.
+    /// Removal and generation of grains.
     Removal,
     /// Analyses.
     Analysis,
@@ -39,14 +39,14 @@ const PHASES: [Phase; 8] = [
 ];
 
 impl Phase {
-    /// Returns `true` if its time is computing, apart from waiting. Files are written by all ranks together, and the
-    /// waits inside of that are not seen.
+    /// Returns `true` if the time of this phase counts as computing time apart from the waiting. Files are written
+    /// by all ranks together, and waiting inside these calls is not measured.
     fn computes(self) -> bool {
         !matches!(self, Self::Output | Self::Checkpoint)
     }
 }
 
-/// Stopwatch over phases: time runs into the phase last entered.
+/// Stopwatch for phases: [`Self::done`] adds the time since the previous call to a phase.
 #[derive(Debug)]
 pub struct Phases {
     spent: [Duration; PHASES.len()],
@@ -56,64 +56,64 @@ pub struct Phases {
     sent_before: Sent,
 }
 
-/// Seconds over the ranks.
+/// Minimum, mean and maximum of a time over the ranks.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Spread {
-    /// Least of any rank \[s\].
+    /// Minimum over the ranks \[s\].
     pub min: f64,
-    /// Mean \[s\].
+    /// Mean over the ranks \[s\].
     pub mean: f64,
-    /// Most of any rank \[s\].
+    /// Maximum over the ranks \[s\].
     pub max: f64,
 }
 
-/// Seconds of one phase over the ranks.
+/// Time of one phase.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Spent {
-    /// Which.
+    /// The phase.
     pub phase: Phase,
-    /// Time over the ranks.
+    /// Its time over the ranks.
     #[serde(flatten)]
     pub seconds: Spread,
 }
 
-/// Seconds of waiting for other ranks: a part of the phases.
+/// Time of waiting for other ranks, which is included in the phases.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Waiting {
-    /// All of it.
+    /// Total waiting time.
     pub total: Spread,
-    /// Time of messages from one rank to another: halos, ghosts, migration.
+    /// Waiting for messages from one rank to another: halos, ghosts, migration.
     pub messages: Spread,
-    /// Time of calls in which all ranks take part: reductions, broadcasts.
+    /// Waiting in collective calls: reductions, broadcasts.
     pub collectives: Spread,
 }
 
 /// Messages between ranks during the phases.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Traffic {
-    /// Messages from one rank to another, of all ranks together.
+    /// Number of messages from one rank to another, all ranks together.
     pub messages: u64,
-    /// Bytes of the messages.
+    /// Bytes of these messages.
     pub bytes: u64,
-    /// Calls in which all ranks take part: reductions, broadcasts.
+    /// Number of collective calls: reductions, broadcasts.
     pub collectives: u64,
 }
 
-/// Account of the time of the run, over the ranks.
+/// Times of a run over the ranks.
 #[derive(Clone, Debug)]
 pub struct Account {
-    /// The phases; together they are the time of the steps.
+    /// Times of the phases; their sum is the time of the steps.
     pub phases: Vec<Spent>,
-    /// Part of this time spent waiting.
+    /// Waiting included in this time.
     pub waiting: Waiting,
     /// Messages between ranks.
     pub traffic: Traffic,
-    /// Time that the busiest rank computed over the mean of the ranks: 1 where the load is even.
+    /// Computing time of the busiest rank divided by the mean of the ranks: 1 for an even load.
     pub imbalance: f64,
 }
 
 impl Phases {
-    /// Starts the watch.
+    /// Starts the stopwatch.
     #[must_use]
     pub fn start() -> Self {
         Self {
@@ -136,7 +136,7 @@ impl Phases {
         self.last_waited = now_waited;
     }
 
-    /// Returns the waiting in all phases.
+    /// Returns the waiting time in all phases.
     fn waited(&self) -> Waited {
         let mut all = Waited::default();
         for &one in &self.waited {
@@ -145,7 +145,7 @@ impl Phases {
         all
     }
 
-    /// Returns the time of the phases that compute, without the waiting in them.
+    /// Returns the time of the computing phases without the waiting in them.
     fn computed(&self) -> Duration {
         PHASES
             .iter()
@@ -155,8 +155,8 @@ impl Phases {
             .sum()
     }
 
-    /// Returns the computing time of all ranks together for the fluid, and for the solids: their steps and maps \[s\].
-    /// Collective.
+    /// Returns the computing time of all ranks together \[s\] for the fluid, and for the solids (their steps and
+    /// maps). Collective.
     #[must_use]
     pub fn fluid_and_solids(&self, communicator: &Communicator) -> [f64; 2] {
         [
@@ -175,11 +175,11 @@ impl Phases {
         })
     }
 
-    /// Returns the minimum, mean and maximum of the ranks. Collective.
+    /// Returns the times reduced over the ranks. Collective.
     #[must_use]
     pub fn reduce(&self, communicator: &Communicator) -> Account {
         let (waited, computed) = (self.waited(), self.computed());
-        // Before the reductions below, which are no part of the steps.
+        // Count the traffic before the reductions below, which are not part of the steps.
         let sent = traffic().since(&self.sent_before);
         let phases = PHASES
             .iter()
@@ -212,13 +212,13 @@ impl Phases {
 }
 
 impl Account {
-    /// Returns the time of the steps: that of all phases, in the mean over the ranks \[s\].
+    /// Returns the time of the steps \[s\]: that of all phases, averaged over the ranks.
     #[must_use]
     pub fn looped(&self) -> f64 {
         self.phases.iter().map(|p| p.seconds.mean).sum()
     }
 
-    /// Returns a table of it.
+    /// Returns a table of the times.
     #[must_use]
     pub fn table(&self) -> String {
         let looped = self.looped().max(1e-9);
@@ -253,7 +253,7 @@ impl Account {
     }
 }
 
-/// Returns the minimum, mean and maximum of the ranks. Collective.
+/// Returns the minimum, mean and maximum over the ranks. Collective.
 fn spread(mine: Duration, communicator: &Communicator) -> Spread {
     let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
     let seconds = mine.as_secs_f64();

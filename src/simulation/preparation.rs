@@ -1,5 +1,5 @@
-//! The sample of a run: prepared on the first rank and saved in the folder of the run; errors are the same on all
-//! ranks.
+//! The sample of grains of a run: prepared on the first rank and saved in the folder of the run. Errors are the
+//! same on all ranks.
 
 use super::agreement;
 use super::folder::RunFolder;
@@ -19,13 +19,13 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::time::Instant;
 
-/// Supervises the making of a sample on the first rank: reports, passes requests on, and saves checkpoints.
+/// Supervisor of a preparation on the first rank: it reports progress, forwards requests, and saves checkpoints.
 struct SampleSupervisor<'a> {
     watch: RefCell<&'a mut Watch>,
     report: &'a dyn Fn(&str),
     communicator: &'a Communicator,
     folder: &'a RunFolder,
-    /// Attributes of the checkpoints.
+    /// Attributes stored in the checkpoints.
     attributes: &'a Value,
 }
 
@@ -90,7 +90,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
     }
 }
 
-/// Returns the state of a sample in a checkpoint. First rank.
+/// Returns the state of a sample from a checkpoint. First rank.
 fn saved<S: Space>(found: &Found) -> Result<SavedSample<S>, Error> {
     let reader = Reader::open(found).map_err(|e| Error::Io(e.to_string()))?;
     let (grains, contacts) = checkpoint::read_tables(&reader, 0)?;
@@ -101,11 +101,11 @@ fn saved<S: Space>(found: &Found) -> Result<SavedSample<S>, Error> {
     })
 }
 
-/// Makes, reads or lists the grains and cuts them; continues from the checkpoint of an earlier attempt. `attributes`
-/// are stored in the checkpoints of an unfinished sample. Collective.
+/// Generates, reads or lists the grains and cuts the sample; continues from the checkpoint of an earlier attempt,
+/// if any. `attributes` are stored in the checkpoints of an unfinished sample. Collective.
 ///
 /// # Errors
-/// When the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.
+/// If the sample cannot be made, read or saved, and [`Error::Stopped`] after a request; the same on all ranks.
 pub fn grains<S: Space>(
     plan: &Plan,
     folder: &RunFolder,
@@ -142,7 +142,7 @@ pub fn grains<S: Space>(
         Ok(Prepared::default())
     };
     let mut prepared = agreement::agree(communicator, mine)?;
-    // Every rank writes the report into checkpoints and must write the same.
+    // Every rank writes the report into checkpoints, and all must write the same bytes.
     let mut report = prepared.report.to_string().into_bytes();
     communicator.broadcast_bytes(0, &mut report);
     prepared.report = serde_json::from_slice(&report)

@@ -4,26 +4,26 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// The state of the run for a progress line.
+/// State of the run for a progress line.
 #[derive(Clone, Debug, Default)]
 pub struct ProgressState {
-    /// Steps done and in all.
+    /// Number of steps done.
     pub step: u64,
-    /// Steps of the whole run.
+    /// Number of steps of the whole run.
     pub steps: u64,
     /// Physical time \[s\].
     pub time: f64,
     /// Cells of the lattice.
     pub cells: u64,
-    /// Grains in the run.
+    /// Number of grains of this rank.
     pub grains: u64,
-    /// Solid steps per step.
+    /// Solid steps per fluid step.
     pub solid_steps: u64,
     /// Further text, such as `lattice velocity 0.03, eroded 12 %`.
     pub more: String,
 }
 
-/// Speaks every now and then on the first rank.
+/// Printer of progress lines at intervals of wall time, on the first rank.
 pub struct Progress {
     speaks: bool,
     terminal: bool,
@@ -34,12 +34,12 @@ pub struct Progress {
     last_step: u64,
 }
 
-/// Batch logs get a line this often.
+/// Interval of progress lines in a batch log.
 const LINE_EVERY: Duration = Duration::from_secs(30);
-/// A terminal is refreshed this often.
+/// Interval at which the line on a terminal is refreshed.
 const BAR_EVERY: Duration = Duration::from_millis(500);
 
-/// Decimals of times up to an end, of which at least four digits are to be seen.
+/// Returns the number of decimals with which times up to `end` have at least four significant digits.
 fn decimals_of(end: f64) -> usize {
     const LEAST: i64 = 4;
     let first = base::number::floor_i64(end.log10().clamp(-20.0, 20.0));
@@ -47,7 +47,7 @@ fn decimals_of(end: f64) -> usize {
 }
 
 impl Progress {
-    /// Begins at a step.
+    /// Returns a printer for a run that starts at `step`; without `speaks` it prints nothing.
     #[must_use]
     pub fn new(speaks: bool, step: u64) -> Self {
         let terminal = on_terminal();
@@ -69,7 +69,7 @@ impl Progress {
         self.speaks && self.last.elapsed() >= self.every
     }
 
-    /// Says where the run is.
+    /// Prints the progress of the run.
     pub fn say(&mut self, moment: &ProgressState) {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
         let number = base::number::real;
@@ -112,7 +112,7 @@ impl Progress {
         self.last_step = moment.step;
     }
 
-    /// Prints a sentence that stays.
+    /// Prints a message on a line of its own, which later progress does not overwrite.
     pub fn note(&self, text: &str) {
         if self.speaks && !text.is_empty() {
             let before = if self.terminal { "\r\x1b[2K" } else { "" };
@@ -121,8 +121,8 @@ impl Progress {
     }
 }
 
-/// Returns `true` if a person may read the output. Under `mpirun` the standard output of a rank is a terminal made by
-/// mpirun, wherever mpirun's own output goes: then that of mpirun decides.
+/// Returns `true` if the standard output is a terminal that a person may read. Under `mpirun` each rank writes to a
+/// pseudo-terminal of `mpirun`, so that the output of `mpirun` decides.
 fn on_terminal() -> bool {
     if !std::io::stdout().is_terminal() {
         return false;
@@ -133,19 +133,19 @@ fn on_terminal() -> bool {
     launcher_on_terminal(Path::new("/proc"), std::process::id())
 }
 
-/// Programs that start the ranks of Open MPI on their machine.
+/// Names of the Open MPI programs that start ranks on their machine.
 const LAUNCHERS: [&str; 4] = ["mpirun", "mpiexec", "orterun", "prterun"];
 
-/// Returns `true` if the launcher above process `id` in a `/proc` writes to a terminal; `false` if it runs on another
-/// machine.
+/// Returns `true` if the launcher above process `id` in a `/proc` writes to a terminal; `false` if the launcher
+/// runs on another machine.
 fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
-    // A few shells and timers may stand between.
+    // Shells and timers may lie between the rank and the launcher.
     for _ in 0..8 {
         let folder = proc.join(id.to_string());
         let Ok(stat) = std::fs::read_to_string(folder.join("stat")) else {
             return false;
         };
-        // `id (name) state parent ...`, where the name may hold anything.
+        // The line is `id (name) state parent ...`; the name may contain any character.
         let Some((head, tail)) = stat.rsplit_once(')') else {
             return false;
         };
@@ -165,7 +165,7 @@ fn launcher_on_terminal(proc: &Path, mut id: u32) -> bool {
     false
 }
 
-/// Seconds as h:mm:ss.
+/// Returns a time in seconds as h:mm:ss.
 #[must_use]
 pub fn clock(seconds: f64) -> String {
     if !seconds.is_finite() || seconds > 3.6e7 {
@@ -176,7 +176,7 @@ pub fn clock(seconds: f64) -> String {
 }
 
 fn write(text: &str) {
-    // A closed terminal is no reason to lose a run.
+    // A closed terminal must not end a run.
     let mut out = std::io::stdout().lock();
     let _ = out.write_all(text.as_bytes());
     let _ = out.flush();
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
-    /// Makes a process in a made-up `/proc`.
+    /// Creates a process in a simulated `/proc`.
     fn process(proc: &Path, id: u32, name: &str, parent: u32, output: &str) {
         let folder = proc.join(id.to_string());
         std::fs::create_dir_all(folder.join("fd")).unwrap();
@@ -206,7 +206,7 @@ mod tests {
             ("/dev/null", false),
         ] {
             let proc = tempfile::tempdir().unwrap();
-            // The ranks see the terminal that mpirun made for them.
+            // The ranks see the pseudo-terminal of mpirun.
             process(proc.path(), 40, "solver", 30, "/dev/pts/9");
             process(proc.path(), 30, "a (b) c", 20, "/dev/pts/9");
             process(proc.path(), 20, "mpirun", 10, output);

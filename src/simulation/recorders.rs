@@ -5,26 +5,26 @@ use base::error::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Recorders and guards of a run past its preparation.
+/// States of the recorders and guards of a run past its preparation.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(super) struct Recorders {
-    /// Counts of the regions.
+    /// Counts of removed and generated grains.
     pub(super) removal: removal::RemovalState,
-    /// The erosion record.
+    /// State of the erosion recorder.
     pub(super) recorder: erosion::ErosionState,
-    /// The collapse record; none without such an analysis.
+    /// State of the collapse recorder; none without that analysis.
     #[serde(default)]
     pub(super) collapse: Option<collapse::CollapseState>,
-    /// The meters of the guards; [`saved_guards`] reads them.
+    /// Values of the guards; [`saved_guards`] reads them.
     #[serde(skip_deserializing)]
     pub(super) guards: Option<guards::GuardState>,
 }
 
 impl Recorders {
-    /// Reads the state from the attributes of a checkpoint.
+    /// Reads the states from the attributes of a checkpoint.
     ///
     /// # Errors
-    /// [`Error::Io`] where a state is missing or broken.
+    /// [`Error::Io`] if a state is missing or broken.
     pub(super) fn read(attributes: &Value) -> Result<Self, Error> {
         Self::deserialize(attributes)
             .map_err(|error| Error::Io(format!("the saved state of the recorders: {error}")))
@@ -45,10 +45,10 @@ impl Recorders {
     }
 }
 
-/// Returns the meters of the guards alone, which the warm-up of a fluid saves too; none without any.
+/// Returns the values of the guards alone, which a warm-up saves too; none if there are none.
 ///
 /// # Errors
-/// [`Error::Io`] where they are broken.
+/// [`Error::Io`] if the values are malformed.
 pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::GuardState>, Error> {
     match &attributes["guards"] {
         Value::Null => Ok(None),

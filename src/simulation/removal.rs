@@ -1,4 +1,4 @@
-//! Regions that remove and regions that generate grains.
+//! Regions that remove grains and regions that generate grains.
 //!
 //! After a fluid step every grain whose surface touches a removing region (or whose centre lies in it) is removed; the
 //! first region that contains it counts. Named bodies stay. A generating region adds `rate x time` grains. The draws of
@@ -6,9 +6,9 @@
 //! that is free of every grain, body and wall is used. If no position of a batch is free, the next step continues with
 //! the next batch. New ids are larger than every id used before.
 //!
-//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the neighbour
-//! lists, so that the result does not depend on ranks or list rebuilds. A step without such events costs a scan of the
-//! own grains and one reduction of a number.
+//! The test whether a grain is inside uses its position wrapped into the periodic box, not the image in the
+//! neighbour lists, so that the result does not depend on ranks or list rebuilds. A step without such events costs
+//! a scan of the owned grains and one reduction of a number.
 
 use analysis::erosion_law::RemovedGrain;
 use base::error::Error;
@@ -27,21 +27,21 @@ use plan::scene::grid::Grid;
 use plan::scene::observe::RegionAction;
 use serde::{Deserialize, Serialize};
 
-/// A grain that was taken out, and by which region.
+/// A removed grain and the region that removed it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Departed {
     /// Index of the region in [`plan::scene::Scene::regions`].
     pub region: usize,
-    /// Position of its centre, in the box \[m\].
+    /// Position of its centre, wrapped into the box \[m\].
     pub at: [f64; 3],
     /// The row of `removed.csv`.
     pub grain: RemovedGrain,
 }
 
-/// Grains and mass that a region has removed so far.
+/// Grains that a region has removed so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Taken {
-    /// Grains.
+    /// Number of grains.
     pub grains: u64,
     /// Mass of the grains [kg; in 2-D kg/m].
     pub mass: f64,
@@ -51,32 +51,33 @@ pub struct Taken {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Made {
     grains: u64,
-    /// Batches of places drawn in vain for the next grain.
+    /// Batches of positions drawn without success for the next grain.
     batches: u32,
 }
 
-/// Grains of a region that generates: those due, and those for which there was a free position.
+/// Grains of a generating region: number due, and number for which a free position was found.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Feed {
     /// Name of the region.
     pub region: String,
-    /// Number of grains due by the rate and its limit.
+    /// Number of grains due by the rate and the maximum of the region.
     pub due: u64,
     /// Number of grains generated.
     pub generated: u64,
 }
 
-/// The counts in a checkpoint.
+/// Counts of all regions in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RemovalState {
-    /// The next free id; none until first needed.
+    /// The next free id; none before ids are needed.
     next_id: Option<u64>,
-    /// Per region of the scene.
+    /// Removed grains, per region of the scene.
     taken: Vec<Taken>,
     made: Vec<Made>,
 }
 
-/// Regions that remove and generate, with their counts: see the module. Every method with a domain is collective.
+/// Regions that remove and generate grains, with their counts: see the module. Every method with a domain is
+/// collective.
 #[derive(Clone, Debug)]
 pub struct Removal {
     /// Ids below this are named bodies and blocks.
@@ -88,13 +89,13 @@ pub struct Removal {
     state: RemovalState,
 }
 
-/// Random numbers of the radius; places use the purposes above.
+/// Purpose of the random numbers of radii; positions use the purposes above it.
 const PURPOSE: u32 = 0x5eed;
-/// Places drawn before the ranks compare notes.
+/// Positions drawn before the ranks compare their results.
 const BATCH: usize = 32;
 
 impl Removal {
-    /// Returns the regions of the scene, nothing taken or made yet.
+    /// Returns the regions of the scene with all counts at zero.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
         let regions = &plan.scene.regions;
@@ -120,7 +121,7 @@ impl Removal {
         }
     }
 
-    /// Returns the amounts that each region of the scene has removed so far, all ranks together.
+    /// Returns the grains that each region of the scene has removed so far, all ranks together.
     #[must_use]
     pub fn taken(&self) -> &[Taken] {
         &self.state.taken
@@ -132,7 +133,7 @@ impl Removal {
         self.state.made.iter().map(|made| made.grains).sum()
     }
 
-    /// Returns the grains due and generated of each generating region, up to the last step.
+    /// Returns the numbers of grains due and generated of each generating region, up to the last step.
     #[must_use]
     pub fn feeds(&self, plan: &Plan) -> Vec<Feed> {
         let regions = plan.scene.regions.iter().zip(&self.state.made);
@@ -150,12 +151,12 @@ impl Removal {
         feeds.collect()
     }
 
-    /// Takes out the grains that are in a removing region and returns those of all ranks, by rising id, on every rank.
-    /// `step` and `time` \[s\] are those of the rows. Where the list is not empty ghosts were dropped: prepare them
-    /// again.
+    /// Removes the grains that are in a removing region and returns those of all ranks, in ascending order of ids,
+    /// on every rank. `step` and `time` \[s\] are written into the rows. If any grain was removed, the ghosts were
+    /// dropped: prepare them again.
     ///
     /// # Errors
-    /// If a message between ranks is garbled.
+    /// If a message between ranks is corrupt.
     pub fn leaving<S: Space>(
         &mut self,
         particles: &mut Particles<S>,
@@ -164,7 +165,7 @@ impl Removal {
         step: u64,
         time: f64,
     ) -> Result<Vec<Departed>, Error> {
-        // An id that leaves now may be the highest that ever was.
+        // A removed id may be the highest ever used: determine the next free id first.
         self.set_first_free_id(particles, domain);
         if self.removes.is_empty() {
             return Ok(Vec::new());
@@ -228,7 +229,7 @@ impl Removal {
         }
         all.sort_unstable_by_key(|departed| departed.grain.id);
         for departed in &all {
-            // Sums in the order of the rows: the same on any ranks and after a restart.
+            // Masses are summed in the order of the rows, independently of ranks and restarts.
             let taken = self
                 .state
                 .taken
@@ -240,8 +241,8 @@ impl Removal {
         Ok(all)
     }
 
-    /// Puts in the grains that the generating regions owe at `time` \[s\] and returns how many came, on every rank.
-    /// If any came, ghosts were dropped: prepare them again, which also hands each to its owner.
+    /// Adds the grains that the generating regions owe at `time` \[s\] and returns their number, on every rank. If
+    /// any were added, the ghosts were dropped: prepare them again, which also sends each new grain to its owner.
     ///
     /// # Errors
     /// If the material of the region has no density.
@@ -326,11 +327,11 @@ impl Removal {
         self.state.clone()
     }
 
-    /// Takes back the counts of [`Self::state`]; `origins` says which of the saved regions each region is, none for a
-    /// new one, and is not needed where they are the same.
+    /// Restores the counts of [`Self::state`]; `origins` has for each region the index of the saved region that it
+    /// was, or none for a new region. It is not needed if the regions are the same.
     ///
     /// # Errors
-    /// [`Error::Io`] where they are not those of a run with as many regions.
+    /// [`Error::Io`] if the number of saved regions differs.
     pub fn restore(
         &mut self,
         state: &RemovalState,
@@ -359,7 +360,7 @@ impl Removal {
         Ok(())
     }
 
-    /// Sets the first id above all present ones, once, while all grains are still there.
+    /// Sets the next free id above all present ids, once, while all grains are still present.
     fn set_first_free_id<S: Space>(&mut self, particles: &Particles<S>, domain: &Domain) {
         if self.generates && self.state.next_id.is_none() {
             let mine = particles.body[..particles.owned()]
@@ -371,7 +372,7 @@ impl Removal {
     }
 }
 
-/// Returns the rows of `N` numbers from their bytes.
+/// Returns rows of `N` numbers from bytes.
 pub(super) fn rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[u64; N]>, Error> {
     let (words, rest) = bytes.as_chunks::<8>();
     let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
@@ -389,7 +390,7 @@ fn whole_index(number: u64) -> Result<usize, Error> {
     usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is no index")))
 }
 
-/// Returns a raw position in the box: periodic axes wrapped into [0, length).
+/// Returns a position in the box: its periodic coordinates are wrapped into [0, length).
 pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|axis| {
         if axis >= grid.dimension {
@@ -404,8 +405,8 @@ pub(super) fn boxed<V: Components>(position: &V, grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// Returns `true` if a grain is in a region. A grain that flew out of the domain between two checks counts at the face
-/// where it left.
+/// Returns `true` if a grain is in a region. A grain that left the domain between two checks counts at the face
+/// through which it left.
 fn holds(block: &AlignedBox, when: When, at: [f64; 3], radius: f64, grid: &Grid) -> bool {
     let at = std::array::from_fn(|axis| {
         if axis < grid.dimension && !grid.periodic[axis] {
@@ -417,7 +418,7 @@ fn holds(block: &AlignedBox, when: When, at: [f64; 3], radius: f64, grid: &Grid)
     match when {
         When::Centre => block.contains(at),
         When::Touches => {
-            // Along a periodic axis the nearest image; a grain is smaller than half the box.
+            // Use the nearest image along a periodic axis; a grain is smaller than half the box.
             let nearest = std::array::from_fn(|axis| {
                 let middle = 0.5 * (block.from[axis] + block.to[axis]);
                 at[axis] + image(at[axis] - middle, axis, grid)
@@ -427,7 +428,7 @@ fn holds(block: &AlignedBox, when: When, at: [f64; 3], radius: f64, grid: &Grid)
     }
 }
 
-/// Returns the number to add to a difference along an axis to make it that of the nearest image.
+/// Returns the shift that turns a difference along an axis into that of the nearest image.
 fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     if axis < grid.dimension && grid.periodic[axis] {
         -(difference / grid.size[axis]).round() * grid.size[axis]
@@ -436,9 +437,9 @@ fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
     }
 }
 
-/// Returns the number of grains that a region has to generate up to a time.
+/// Returns the number of grains that a region has to generate up to a time \[s\].
 fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
-    // A rounding below a whole number of grains counts as that number.
+    // A product that is below a whole number only by rounding counts as that number.
     let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
     at_most.map_or(owed, |most| owed.min(u64::from(most)))
 }
@@ -455,7 +456,8 @@ fn draw_radius(radii: &Radii, dimension: usize, draw: &mut Stream) -> f64 {
     }
 }
 
-/// Places at which a grain lies wholly in the box, or on its middle line where the box is thinner.
+/// Draws a batch of positions at which a grain lies entirely in the box, or on its middle line where the box is
+/// thinner.
 fn draw_places(block: &AlignedBox, radius: f64, draw: &mut Stream) -> [[f64; 3]; BATCH] {
     std::array::from_fn(|_| {
         std::array::from_fn(|axis| {
@@ -473,7 +475,7 @@ fn draw_places(block: &AlignedBox, radius: f64, draw: &mut Stream) -> [[f64; 3];
     })
 }
 
-/// Returns the first of the places that no grain, body or wall of this time \[s\] covers on any rank.
+/// Returns the first of the positions that no grain, body or wall covers at this time \[s\], on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
     (radius, time): (f64, f64),
@@ -564,15 +566,15 @@ mod tests {
         let mut particles = Particles::<PlaneSpace>::new();
         for (body, motion) in [
             grain(0, 0.0095, 0.002),
-            // Touches the outlet.
+            // This grain touches the outlet.
             grain(9, 0.00895, 0.003),
-            // Just does not touch it.
+            // This grain just fails to touch the outlet.
             grain(3, 0.00889, 0.001),
-            // Its surface is in the left box, its centre is not.
+            // The surface of this grain is in the left box, its centre is not.
             grain(5, 0.00055, 0.001),
             grain(4, 0.0004, 0.003),
             grain(2, 0.0099, 0.0005),
-            // Flew past the right box, and up, since the last check.
+            // This grain flew past the right box, and upwards, since the last check.
             grain(8, 0.0131, 0.0042),
         ] {
             particles.insert(body, motion);

@@ -33,35 +33,35 @@ use preparation::rest::SavedRest;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// A checkpoint and how the scene differs from that of its run.
+/// A checkpoint, and the differences between the present scene and that of its run.
 #[derive(Clone, Debug)]
 pub(super) struct Resumed {
     pub(super) found: Found,
-    /// `true` if the case in the folder is to be written anew.
+    /// `true` if the case in the folder must be written again.
     pub(super) changed: bool,
-    /// Index among the run's walls of each wall; none if they are the same.
+    /// Index of each wall among the walls of the saved run; none if they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
-    /// Index among the run's regions of each region.
+    /// Index of each region among the regions of the saved run; none if they are the same.
     pub(super) regions: Option<Vec<Option<usize>>>,
     /// `true` if the sums over time continue from those of the checkpoint.
     pub(super) sums_go_on: bool,
 }
 
-/// Stage of a run when it was saved.
+/// Stage of a run when its checkpoint was written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
-    /// Past its preparation.
+    /// The time loop, after the preparation.
     Run,
-    /// A sample in the making.
+    /// Generation of a sample.
     Sample,
-    /// Bonded grains on their way to rest.
+    /// Relaxation of bonded grains.
     Rest(SavedRest),
-    /// The fluid on its way to being steady, after so many steps.
+    /// Warm-up of the fluid, after this many steps.
     WarmUp(u64),
 }
 
 impl Resumed {
-    /// Returns a continued run with the case of the checkpoint itself.
+    /// Returns a continued run with the unchanged case of the checkpoint.
     pub(super) fn unchanged(found: Found) -> Self {
         Self {
             found,
@@ -96,7 +96,7 @@ impl Resumed {
     }
 }
 
-/// Attributes of the run in every checkpoint.
+/// Returns the attributes of the run in every checkpoint.
 pub(super) fn attributes(plan: &Plan) -> Value {
     json!({
         "case": plan.case_text,
@@ -107,7 +107,7 @@ pub(super) fn attributes(plan: &Plan) -> Value {
     })
 }
 
-/// Returns the units of the numbers of a state.
+/// Returns the units of the saved numbers.
 fn scales(plan: &Plan) -> Value {
     json!({
         "cells": plan.scene.grid.cells,
@@ -117,10 +117,10 @@ fn scales(plan: &Plan) -> Value {
     })
 }
 
-/// Returns the newest checkpoint of a folder: of the run, or else of its preparation. Collective.
+/// Returns the newest checkpoint of the run in a folder, or otherwise of its preparation. Collective.
 ///
 /// # Errors
-/// [`Error::Io`] where there is none, the same on all ranks.
+/// [`Error::Io`] if there is none, the same on all ranks.
 pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Found, Error> {
     let group = RankGroup(communicator);
     let found = match io::checkpoint::newest(&folder.checkpoints(), &group) {
@@ -148,11 +148,11 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
     Ok(found)
 }
 
-/// Refuses a checkpoint that cannot be one of the plan, before anything is allocated for it: its hash only excludes
-/// accidental damage.
+/// Refuses a checkpoint that cannot belong to the plan, before memory is allocated for it; a matching hash only
+/// excludes accidental damage.
 ///
 /// # Errors
-/// [`Error::Io`] with what does not fit, the same on all ranks.
+/// [`Error::Io`] if the checkpoint does not fit, with the reason; the same on all ranks.
 pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     let found = &resumed.found;
     let manifest = &found.manifest;
@@ -179,7 +179,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     Ok(())
 }
 
-/// Returns the arrays and sizes that checkpoints of a plan can have.
+/// Returns the arrays and sizes that a checkpoint of a plan may have.
 fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     let scene = &plan.scene;
     let lattice = scene.flow.as_ref().map(|flow| {
@@ -229,11 +229,11 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
     }
 }
 
-/// Returns the limits of the grains and contacts of a plan. `changed`: the case has changed since, so that radii of
-/// generated grains may have been others.
+/// Returns the limits of the grains and contacts of a plan. With `changed` the case has changed since, so that
+/// generated grains may have had other radii.
 pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
     let scene = &plan.scene;
-    // A growth that ends by touching leaves all grains smaller than stated.
+    // Growth that ends when grains touch leaves all grains smaller than stated.
     let grown = |grains: &Grains| match grains.source {
         GrainSource::Growth { .. } => 0.5,
         _ => 1.0,
@@ -264,7 +264,7 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
     } else {
         (smallest.min(largest), largest)
     };
-    // A solid without a density has one of 1.
+    // A solid without a density counts with a density of 1.
     let density = scene
         .materials
         .iter()
@@ -302,12 +302,12 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
     probes.chain(others.map(str::to_owned)).collect()
 }
 
-/// Cuts the tables of a run back to a checkpoint, once all of them are as they were then. A run that has `ended` there
-/// keeps the rows that it wrote at its end: nothing comes after them, and some of them cannot be measured again.
-/// Collective.
+/// Cuts the tables of a run back to a checkpoint, after checking that none of them was changed before that point. A
+/// run that has `ended` at the checkpoint keeps the rows that it wrote at its end: no row follows them, and some
+/// cannot be measured again. Collective.
 ///
 /// # Errors
-/// [`Error::Io`] with the table that was changed since, the same on all ranks.
+/// [`Error::Io`] if a table was changed since, with its name; the same on all ranks.
 pub(super) fn cut_tables_back(
     found: &Found,
     folder: &Path,
@@ -316,7 +316,7 @@ pub(super) fn cut_tables_back(
 ) -> Result<(), Error> {
     let written = &found.manifest.attributes["tables"];
     if written.is_null() {
-        // A checkpoint of an earlier version does not contain them.
+        // Checkpoints of earlier versions do not contain the lengths of the tables.
         return Ok(());
     }
     let marks: Marks = serde_json::from_value(written.clone())
@@ -340,7 +340,7 @@ pub(super) fn cut_tables_back(
     Ok(())
 }
 
-/// Says so where another version or commit wrote a checkpoint.
+/// Reports if another version or commit wrote the checkpoint.
 fn report_version(found: &Found) {
     let of = |key: &str| found.manifest.attributes[key].as_str().unwrap_or("unknown");
     let (version, commit) = (of("version"), of("commit"));
@@ -356,7 +356,7 @@ fn report_version(found: &Found) {
     }
 }
 
-/// Returns `true` if a folder holds a run of this very plan that can be continued. First rank.
+/// Returns `true` if a folder contains an unfinished run of this very plan. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
     let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {
@@ -369,7 +369,7 @@ pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
 /// Reads the case of a folder with the changes of `set`; reports problems of single fields first.
 ///
 /// # Errors
-/// What is wrong, with the file named.
+/// If the case is wrong; the text names the file.
 pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document, Error> {
     let named = |problems| Error::Case(of_file(&folder.join("case.json"), set, problems));
     let document = Document::read(text, set, folder).map_err(named)?;
@@ -379,10 +379,12 @@ pub(super) fn read(text: &str, set: &[String], folder: &Path) -> Result<Document
     Ok(document)
 }
 
-/// Returns the plan of a restart: the case `text` of the folder with what `set` changes, on the state of a checkpoint.
+/// Returns the plan of a restart: the case `text` of the folder with the changes of `set`, applied to the state of
+/// a checkpoint.
 ///
 /// # Errors
-/// All changes that a restart does not allow, all errors of the case, and its instabilities unless they are allowed.
+/// If a restart does not allow a change, if the case has errors, or if it is unstable and that is not allowed; all
+/// findings are returned.
 pub(super) fn plan(
     text: &str,
     set: &[String],
@@ -447,7 +449,7 @@ pub(super) fn plan(
     Ok((plan, resumed))
 }
 
-/// Problems with the name of the file, unless `set` causes them: the file was not given on the command line.
+/// Adds the name of the file to problems, unless `set` causes them: the file was not given on the command line.
 fn of_file(file: &Path, set: &[String], problems: Vec<Problem>) -> Vec<Problem> {
     let given = |path: &str| {
         let assigned = set.iter().filter_map(|one| one.split_once('='));
@@ -467,7 +469,7 @@ fn of_file(file: &Path, set: &[String], problems: Vec<Problem>) -> Vec<Problem> 
     problems.into_iter().map(named).collect()
 }
 
-/// Checkpoints of earlier versions know the hash of their case only.
+/// Checks the case for a checkpoint of an earlier version, which contains only the hash of its case.
 fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Resumed), Error> {
     let plan = Plan::prepare(document).map_err(Error::Case)?;
     let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
@@ -493,7 +495,7 @@ fn refusal(path: &str, value: String, reason: impl Into<String>, remedy: &str) -
     }
 }
 
-/// Checks that the state counts in the cells and steps of the plan, and is before its end.
+/// Checks that the cells and the time step of the state are those of the plan, and that the state precedes the end.
 fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<(), Error> {
     let mut problems = Vec::new();
     let (theirs, ours) = (&attributes["scales"], scales(plan));
@@ -509,7 +511,7 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
         }
     }
     let step = resumed.found.manifest.step;
-    // A preparation counts other steps.
+    // The steps of a preparation are counted separately.
     if resumed.stage()? == Stage::Run && plan.clock.steps < step {
         problems.push(refusal(
             "time.end",
@@ -528,7 +530,7 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
     }
 }
 
-/// Walls that stay keep all but their velocity and servo.
+/// Returns a problem for each remaining wall that differs in more than its velocity and servo.
 fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     let mut problems = Vec::new();
     for (n, wall) in new.walls.iter().enumerate() {
@@ -555,7 +557,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     problems
 }
 
-/// Returns for each new wall the old one that it is: of the same name, or on the same face of the domain.
+/// Returns for each new wall the corresponding old wall: that of the same name, or on the same face of the domain.
 fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
@@ -565,7 +567,7 @@ fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// Returns for each new region the old one that it is: of the same name.
+/// Returns for each new region the corresponding old region: that of the same name.
 fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
     let generates = |plan: &Plan| {
         let regions = plan.scene.regions.iter();
@@ -592,7 +594,7 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         .collect())
 }
 
-/// Gives walls the velocities of the case: those of the checkpoint may be older. A servo wall keeps its own.
+/// Sets the velocities of walls to those of the case: those of the checkpoint may be older. A servo wall keeps its own.
 pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     let walls = setup::walls::<S>(plan);
     let walls = walls.iter().zip(&plan.scene.walls).zip(dem.walls());
@@ -605,7 +607,7 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     dem.drive_walls(&velocities);
 }
 
-/// Checks that no grain stands in a wall that a restart adds. Collective.
+/// Checks that no grain overlaps a wall that a restart adds. Collective.
 pub(super) fn clear_of_new_walls<S: Space>(
     plan: &Plan,
     (origins, gates, step): (&[Option<usize>], &Gates, u64),

@@ -1,10 +1,10 @@
-//! Launch of runs: on MPI and threads, in a folder of their own, new or from a checkpoint.
+//! Launch of runs: MPI and threads, the folder of the run, a new start or a checkpoint.
 //!
 //! | file | content |
 //! |---|---|
 //! | `start` | the steps from a plan or a checkpoint to a run before its first step |
-//! | `outside` | options, folder, requests and messages meanwhile |
-//! | `grains` | grains and bodies: made or read, and brought to rest |
+//! | `outside` | options, folder, requests and messages during the start |
+//! | `grains` | grains and bodies: generated or read, and relaxed |
 //! | `restore` | the state from a checkpoint |
 //! | `warm_up` | the flow around grains at rest before the run |
 //! | `runner` | the loop, requests, checkpoints |
@@ -36,34 +36,34 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Options of a run or restart besides its case.
+/// Options of a run or restart that are not part of its case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Folder for everything the run writes; a restart continues in its own.
+    /// Folder for all files of the run; none for a restart, which continues in its own folder.
     pub output: Option<PathBuf>,
-    /// The file of the case, which nothing may replace.
+    /// The case file, which output of the run must not replace.
     pub case: Option<PathBuf>,
-    /// `true` if a run that the folder holds is replaced.
+    /// `true` if an earlier run in the folder may be replaced.
     pub overwrite: bool,
-    /// `true` if the end of the run is kept as a checkpoint.
+    /// `true` if the end of the run is saved as a checkpoint.
     pub final_checkpoint: bool,
-    /// Start of the program: the walltime counts from here.
+    /// Time at which the program started: the walltime counts from here.
     pub begun: Instant,
-    /// Threads of each rank; none for the cores of the machine over its ranks.
+    /// Threads of each rank; none for the number of cores of the machine divided by its ranks.
     pub threads: Option<usize>,
-    /// Wall-clock time after which the run is over.
+    /// Wall-clock time after which the run stops.
     pub max_walltime: Option<Duration>,
     /// `true` if tables are printed as JSON.
     pub json: bool,
-    /// `true` if a restart continues although the case is unstable.
+    /// `true` if a restart may continue although the case is unstable.
     pub allow_unstable: bool,
 }
 
-/// Runs a plan from its start. The first rank calls `accepted` once the plan is known to fit the number of ranks,
-/// before the run writes anything.
+/// Runs a plan from its start. The first rank calls `accepted` when the plan is known to fit the number of ranks,
+/// before the run writes any file.
 ///
 /// # Errors
-/// The reason of an early end; [`Error::Stopped`] after a request; the error of `accepted`.
+/// If the run ends early; [`Error::Stopped`] after a request; the error of `accepted`.
 pub fn run(
     plan: Plan,
     options: RunOptions,
@@ -93,10 +93,10 @@ pub fn run(
     })
 }
 
-/// Continues from the newest checkpoint in a folder, with changed fields.
+/// Continues a run from the newest checkpoint in its folder, with the fields changed that `set` names.
 ///
 /// # Errors
-/// Those of [`run`], when there is no checkpoint, and when a change is none that the saved state can follow.
+/// If [`run`] fails, if there is no checkpoint, or if the saved state does not allow a change.
 pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(), Error> {
     let path = folder.join("case.json");
     let text = io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| {
@@ -125,21 +125,22 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
     })
 }
 
-/// Time until which work of several runs may continue.
+/// Limits of work that consists of several runs.
 #[derive(Clone, Debug)]
 pub struct WorkLimits {
-    /// Folder in which a file STOP ends it.
+    /// Folder in which a file STOP ends the work.
     pub folder: PathBuf,
-    /// Start of the work.
+    /// Time at which the work started.
     pub begun: Instant,
-    /// Wall time that it may take.
+    /// Maximum wall time of the work.
     pub limit: Option<Duration>,
 }
 
-/// Runs a plan on existing ranks, without messages; continues an earlier attempt that was stopped. Collective.
+/// Runs a plan on existing ranks, without printed messages; continues an earlier attempt that was stopped.
+/// Collective.
 ///
 /// # Errors
-/// Those of [`run`].
+/// If [`run`] would fail.
 pub fn trial(
     communicator: &Communicator,
     threads: usize,
@@ -176,7 +177,7 @@ pub fn trial(
     start_on(communicator, plan, start)
 }
 
-/// Returns `true` if a folder holds this very run, done. Collective. Collective.
+/// Returns `true` if a folder contains this very run, finished. Collective.
 ///
 /// # Errors
 /// None of its own.
@@ -190,10 +191,11 @@ pub fn is_done(communicator: &Communicator, plan: &Plan, folder: &Path) -> Resul
     Ok(communicator.all_reduce_max_u64(u64::from(done)) > 0)
 }
 
-/// Starts MPI and the threads of this rank, does the work, and leaves no rank hanging should it fail on some only.
+/// Starts MPI and the threads of this rank and does the work; if it fails on some ranks only, no rank is left
+/// waiting.
 ///
 /// # Errors
-/// Those of the work.
+/// If the work fails.
 pub fn on_world<T>(
     threads: Option<usize>,
     work: impl FnOnce(&Communicator, usize) -> Result<T, Error>,
@@ -213,21 +215,22 @@ pub fn on_world<T>(
     result
 }
 
-/// Starts the threads of this rank, as many as requested or its share of the machine, and returns their number.
+/// Starts the threads of this rank, as many as requested or its part of the machine's cores, and returns their
+/// number.
 fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<usize, Error> {
     let local = std::env::var("OMPI_COMM_WORLD_LOCAL_SIZE");
     let local = local.ok().and_then(|n| n.parse::<usize>().ok());
-    // Without a launcher that states the ranks of this machine all may be here.
+    // Without a launcher that states the ranks of this machine, assume that all ranks run here.
     let ranks = local.unwrap_or_else(|| communicator.size()).max(1);
     let threads = asked.unwrap_or_else(|| {
         (std::thread::available_parallelism().map_or(1, usize::from) / ranks).max(1)
     });
     let first = communicator.rank() == 0;
     match affinity::provide(threads) {
-        // Ranks of a launcher have the same number of cores.
+        // A launcher gives the same number of cores to all its ranks, so that one message suffices.
         Cores::TooFew(had) if first => log::warn!(
             "{threads} threads of a rank have {had} core(s) and take turns, which is slower than {had} thread(s): \
-             use `--threads {had}`, or more cores a rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
+             use `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
         ),
         Cores::Widened(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
@@ -252,7 +255,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     Ok(threads)
 }
 
-/// Runs, and records the outcome if the run itself could not. Collective.
+/// Runs, and records the outcome if the run failed before it could do so itself. Collective.
 fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
     let summary = start.folder.path().join("summary.json");
     let folder = start.folder.path().display().to_string();
@@ -271,7 +274,7 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
                     "failed"
                 };
                 let text = json!({ "outcome": outcome, "error": error.to_string(), "steps": step });
-                // The error itself matters more than that it could not be written down.
+                // Failure to write the outcome must not hide the error itself.
                 let _ = io::atomic::write_json(&summary, &text);
             }
             Err(error)
@@ -283,14 +286,14 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 
 /// Time at which a run ended with an error.
 enum Ended {
-    /// Error before its first step, or between this step and the next as its slabs changed: nothing has been written
-    /// about it.
+    /// Error before the first step, or between this step and the next while the slabs changed: the summary does not
+    /// contain it yet.
     BetweenSteps(Error, u64),
-    /// Later: the run has reported it.
+    /// Later error, which the run itself has reported.
     Later(Error),
 }
 
-/// Chooses dimension and storage once, and runs. Collective.
+/// Selects the types for dimension and storage, and runs. Collective.
 fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Ended> {
     let grid = &plan.scene.grid;
     let communicator = communicator.clone();
@@ -307,7 +310,7 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
     }
 }
 
-/// Time that a rank with an error waits for the others to have one too, before it ends the job by itself.
+/// Time for which a rank with an error waits for the other ranks to fail too, before it aborts the job.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Returns the slabs that a case lists.
@@ -343,11 +346,11 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
         .map_err(|e| Error::Internal(format!("domain.slab_bounds: {e}")))
 }
 
-/// Returns a run before its first step on this process alone, without messages, for callers that step it themselves:
-/// tests and measurements. Outputs go to `folder`.
+/// Returns a run before its first step on this process alone, without printed messages, for callers that advance it
+/// themselves: tests and measurements. Outputs go to `folder`.
 ///
 /// # Errors
-/// Those of [`run`].
+/// If [`run`] would fail.
 pub fn ready<Sp: Space, S: SavedNumber>(
     plan: Plan,
     folder: &Path,
@@ -374,10 +377,10 @@ pub fn ready<Sp: Space, S: SavedNumber>(
 
 struct Start {
     folder: RunFolder,
-    /// A folder in which a file STOP ends this run too.
+    /// Further folder in which a file STOP ends this run.
     parent: Option<PathBuf>,
     resumed: Option<Resumed>,
-    /// Slabs instead of those of the plan.
+    /// Slabs to use instead of those of the plan.
     slabs: Option<Slabs>,
     limit: Option<Duration>,
     begun: Instant,

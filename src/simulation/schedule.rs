@@ -6,16 +6,16 @@ use coupling::water::Water;
 use dem::space::Space;
 use output::checkpoint::SavedNumber;
 
-/// The events that are due after the next step. The same on every rank.
+/// Events that are due after the next step, equal on every rank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
-    /// Steps that the water makes at once ([`lbm::fluid::Fluid::at_once`]): one, or more of water alone up to
+    /// Number of fluid steps made at once ([`lbm::fluid::Fluid::at_once`]): one, or more of the fluid alone up to
     /// the next event.
     pub(super) steps: u64,
     /// `true` if the guards balance the step.
     pub(super) balance: bool,
-    /// `true` if a balance, a checkpoint, a recorder or an output reads the populations. The checks of the guards alone
-    /// do without.
+    /// `true` if a balance, a checkpoint, a recorder or an output reads the populations. The checks of the guards
+    /// do not need them on the host.
     pub(super) populations: bool,
     /// `true` if the water, a recorder or an output reads the ghosts of the solids.
     pub(super) ghosts: bool,

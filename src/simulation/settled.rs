@@ -1,9 +1,9 @@
-//! Distance of forces, fluxes and pressures of the probes from a settled state at the end of a run.
+//! Steadiness of the forces, fluxes and pressures of the probes at the end of a run.
 //!
-//! The means over the last tenth of the run and over the tenth before are compared, and the swing in the last tenth is
-//! measured. Where a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run are compared;
-//! with fewer still nothing is known. The numbers come from the files of the probes, which hold every sample to the
-//! bit, on any number of ranks and across restarts.
+//! The means over the last tenth of the run and over the tenth before it are compared, and the oscillation in the
+//! last tenth is measured. If a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run
+//! are compared; with fewer samples still, the result is unknown. The samples are read from the files of the
+//! probes, which contain them exactly, for any number of ranks and across restarts.
 
 use base::number::real;
 use base::units::LatticeUnits;
@@ -14,21 +14,21 @@ use plan::scene::observe::ProbeAt;
 use serde::Serialize;
 use std::path::Path;
 
-/// Relative drift and swing from which the end of a run names a value.
+/// Relative drift or amplitude above which a value is reported at the end of a run.
 const SETTLED: f64 = 0.01;
 /// Parts of the run that are compared, and their names.
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
-/// Samples of a window at least.
+/// Minimum number of samples in a window.
 const FEWEST: usize = 2;
-/// Minimum size of a value in its comparison, as part of the largest of its kind: a value that is small compared with
-/// the others has nothing to settle.
+/// Minimum magnitude to which a change is related, as a fraction of the largest value of its kind: a value much
+/// smaller than the others need not settle.
 const BESIDE_OTHERS: f64 = 1e-3;
-/// Lattice units below which a value is rounding.
+/// Magnitude in lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;
-/// Values that the end of a run names, at most.
+/// Maximum number of values reported at the end of a run.
 const NAMED: usize = 5;
 
-/// A value of a probe over the last part of a run.
+/// Quantity of a probe over the last part of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Settled {
     /// Name of the probe.
@@ -37,19 +37,19 @@ pub(super) struct Settled {
     pub(super) quantity: &'static str,
     /// Unit.
     pub(super) unit: String,
-    /// Part of the run that the means are taken over: a tenth, or more where the probe has few samples.
+    /// Fraction of the run over which the means are taken: a tenth, or more for a probe with few samples.
     pub(super) window: f64,
-    /// Mean over the last part of the run, of a vector each component.
+    /// Mean over the last part of the run, for each component of a vector.
     pub(super) value: Vec<f64>,
-    /// Difference of the means over the last part and the part before, over the value.
+    /// Difference of the means over the last part and the part before it, divided by the value.
     pub(super) drift: f64,
-    /// Half the range of the last part, over the value.
+    /// Half the range in the last part, divided by the value.
     pub(super) swing: f64,
-    /// Period of what oscillates \[s\], where the last two parts of the run hold one.
+    /// Period of an oscillation \[s\], if the last two parts of the run contain one.
     pub(super) period: Option<f64>,
 }
 
-/// State of the probes at the end of a run.
+/// Steadiness of the probes at the end of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct End {
     pub(super) values: Vec<Settled>,
@@ -60,7 +60,7 @@ pub(super) struct End {
 /// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
 type Quantity = (&'static str, &'static [&'static str], f64);
 
-/// Returns the quantities of a probe that settle.
+/// Returns the quantities of a probe that should become steady.
 fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     let (force, pressure) = (units.force_to_si(1.0), units.pressure_scale());
     let depth = if units.dimension == 2 {
@@ -76,16 +76,16 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
             ("discharge", &["discharge"], discharge),
             ("mean_pressure", &["mean_pressure"], pressure),
         ],
-        // Seepage is in equilibrium in every step.
+        // Seepage is in equilibrium at every step.
         ProbeAt::Section { .. }
         | ProbeAt::WaterTable(_)
         | ProbeAt::WaterBalance
         | ProbeAt::Uplift { .. }
         | ProbeAt::Crossing { .. }
         | ProbeAt::Heave(_) => Vec::new(),
-        // The units are those of a lattice, and joints have none.
+        // The quantities are scaled by lattice units, which joints do not have.
         ProbeAt::Joint(_) | ProbeAt::Mouth(_) | ProbeAt::Block(_) => Vec::new(),
-        // Grains fluctuate; the means over their own window are in the summary.
+        // Grains fluctuate; means over the window of their probes are in the summary.
         ProbeAt::Bed(_) | ProbeAt::Grains { .. } | ProbeAt::WallLoad { .. } => Vec::new(),
         ProbeAt::Body(_) | ProbeAt::Structure { .. } => vec![(
             "fluid_force",
@@ -99,7 +99,7 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
     }
 }
 
-/// Returns the values of all probes of a run that is at `time`, from its folder; without a lattice none.
+/// Returns the steadiness of all probes of a run that has reached `time`, from its folder; empty without a lattice.
 pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
     let Some(units) = &plan.units else {
         return End::default();
@@ -132,7 +132,7 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
     }
 }
 
-/// The end of a quantity.
+/// Mean and drift of a quantity at the end of a run.
 struct Seen {
     unit: String,
     window: f64,
@@ -148,7 +148,8 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
     vector.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Returns the last two windows of a quantity before `end`, the shortest that have enough samples; none if none have.
+/// Returns the last two windows of a quantity before `end`, the shortest that have enough samples; none if no
+/// windows have.
 fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
     let mut windows = WINDOWS.iter();
     windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
@@ -202,7 +203,7 @@ fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Opti
     Some(seen)
 }
 
-/// Returns the time between every second passage through the mean, where there are three at least.
+/// Returns the time between every second crossing of the mean, if there are at least three crossings.
 fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
     let pairs = samples.windows(2);
     let mut passed = pairs.filter(|pair| (pair[0].1 < mean) != (pair[1].1 < mean));
@@ -215,7 +216,7 @@ fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
     (count >= 2).then(|| 2.0 * (last - first) / f64::from(count))
 }
 
-/// Sets drifts and swings in relation to the values.
+/// Divides drifts and amplitudes by the magnitudes of the values.
 fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
     let kind = |columns: &[&str]| {
         (
@@ -247,7 +248,8 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
     judged.collect()
 }
 
-/// Sentences about what has not settled and what is not known to have; none if the drive itself oscillates.
+/// Returns sentences about quantities that are not steady or not known to be steady; none if the drive itself
+/// oscillates.
 pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
     let force = plan.scene.flow.as_ref().map(|flow| &flow.body_force);
     if matches!(force, Some(BodyForce::Oscillating { .. })) {
@@ -368,7 +370,7 @@ mod tests {
         assert!(line(&one).contains("swings by 10.0 %"), "{}", line(&one));
     }
 
-    /// A value that swings is seen with ten samples and with six; two say nothing.
+    /// Checks that an oscillation is found with ten samples and with six, and that two samples give no result.
     #[test]
     fn few_samples_are_judged_over_longer_parts() {
         for (every, window) in [(10, 0.1), (100, 0.2), (160, 1.0 / 3.0)] {
@@ -385,7 +387,7 @@ mod tests {
         assert!(last_windows(&two, &FORCE, 10.0).is_none());
     }
 
-    /// Leaves out few samples, and values that are small compared with a larger one.
+    /// Leaves out probes with few samples, and values that are small compared with a larger one.
     #[test]
     fn what_has_nothing_to_settle() {
         assert!(last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());

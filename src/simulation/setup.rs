@@ -1,5 +1,5 @@
-//! From the plan to state: the fluid with its boundaries, walls, contact law, bodies; blocks and the initial flow in
-//! files of their own.
+//! Construction of the state from the plan: the fluid with its boundaries, walls, contact law, bodies. Blocks and
+//! the initial flow have files of their own.
 
 pub mod blocks;
 pub mod initial;
@@ -33,15 +33,15 @@ use plan::scene::seepage::SeepagePatch;
 use plan::{self, Plan};
 use std::sync::Arc;
 
-/// Axis by number.
+/// Returns the axis of this number.
 pub fn axis(n: usize) -> SplitAxis {
     [SplitAxis::X, SplitAxis::Y, SplitAxis::Z][n.min(2)]
 }
 
-/// Returns the fluid of a plan in lattice units.
+/// Returns the setup of the fluid of a plan, in lattice units.
 ///
 /// # Errors
-/// When a profile cannot be read.
+/// If a profile cannot be read.
 pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Result<Setup<S>, Error> {
     let grid = &plan.scene.grid;
     let openings = boundaries::openings(flow.patches(), grid);
@@ -56,7 +56,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         relaxation_time: flow.relaxation_time,
         force: force(plan, flow, units),
         cells: grid.cells,
-        // A plane of cells is its own neighbour along z in two dimensions, where nothing moves along z.
+        // In two dimensions a plane of cells is its own neighbour along z, where nothing moves.
         periodic: [
             grid.periodic[0],
             grid.periodic[1],
@@ -69,7 +69,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
     })
 }
 
-/// Returns the terms of the step that the fluid itself does not have: a line for each.
+/// Returns the terms of the fluid step other than those of the fluid itself, one line for each.
 fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<Make<S>> {
     let mut terms: Vec<Make<S>> = Vec::new();
     if !plan.scene.porous_zones.is_empty() {
@@ -124,7 +124,7 @@ fn patch<S: Stored>(
     let axis = patch.face.axis();
     let upper = patch.face.is_max();
     let range = std::array::from_fn(|a| {
-        // A whole face also takes the links that cross at its very edge.
+        // A patch that covers a whole face includes the links that cross exactly at its edge.
         let low = if patch.from[a] == 0 {
             f64::NEG_INFINITY
         } else {
@@ -149,7 +149,7 @@ fn patch<S: Stored>(
     })
 }
 
-/// Returns a spin of the space from the vector of rotation.
+/// Returns the spin in this number of dimensions from a rotation vector.
 pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     let mut spin = S::Spin::default();
     if S::DIMENSION == 2 {
@@ -173,10 +173,10 @@ pub fn region<S: Space>(plan: &Plan) -> GrainDomain<S> {
     }
 }
 
-/// Contacts and motion of a plan; `radius` is a typical grain.
+/// Returns contacts and motion of a plan; `radius` is that of a typical grain \[m\].
 ///
 /// # Errors
-/// When the engine refuses its settings.
+/// If the engine refuses its settings.
 pub fn dem<S: Space>(plan: &Plan, radius: f64) -> Result<Dem<S>, Error> {
     let scene = &plan.scene;
     let skin = scene.time.neighbour_skin * radius;
@@ -202,21 +202,21 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
             ),
         };
         wall.velocity = vector::<S>(w.velocity);
-        // A wall that comes later is no part of the preparation.
+        // A wall that is inserted later is not part of the preparation.
         wall.open = w.from.is_some();
         wall
     });
     walls.collect()
 }
 
-/// Indices of the walls that are gone as the run begins.
+/// Returns the indices of the walls that are removed when the run begins.
 #[must_use]
 pub fn temporary_walls(plan: &Plan) -> Vec<usize> {
     let walls = plan.scene.walls.iter().enumerate();
     walls.filter(|(_, w)| w.temporary).map(|(n, _)| n).collect()
 }
 
-/// Returns the motion of a body from position and velocities.
+/// Returns the motion of a body from its position and velocities.
 fn motion_of<S: Space>(
     position: [f64; 3],
     velocity: [f64; 3],
@@ -229,7 +229,8 @@ fn motion_of<S: Space>(
     }
 }
 
-/// Adds the named bodies (ids from 0) on the first rank; the first lists hand them to their owners.
+/// Adds the named bodies (ids from 0) on the first rank; building the first neighbour lists sends them to their
+/// owners.
 ///
 /// # Errors
 /// If the shape of a polyhedron is not in the table.
@@ -285,7 +286,8 @@ pub fn grains<S: Space>(
     }
 }
 
-/// Returns the choices of a flow that changes with time; `interval`: time of a step of the clock \[s\].
+/// Returns the settings of a flow that changes with time; `interval` is the time between two steps of the clock
+/// \[s\].
 fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings {
     darcy::TransientSettings {
         initial: match written.initial {
@@ -299,10 +301,10 @@ fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings
     }
 }
 
-/// Returns the water in the joints of a plan in its steady state at time 0, if the plan has it.
+/// Returns the water in the joints of a plan in its steady state at time 0; none if the plan has no such water.
 ///
 /// # Errors
-/// When there is no steady state.
+/// If there is no steady state.
 pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     let (Some(scene), Some(blocks)) = (&plan.scene.joints, &plan.scene.blocks) else {
         return Ok(None);
@@ -332,10 +334,10 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     .map(Some)
 }
 
-/// The seepage of a plan with its drag, if there is one. Collective.
+/// Returns the seepage of a plan with its drag; none if the plan has no seepage. Collective.
 ///
 /// # Errors
-/// When water is shut in without an outlet.
+/// If water is enclosed without an outlet.
 pub fn seepage<S: Space>(
     plan: &Plan,
     communicator: &Communicator,

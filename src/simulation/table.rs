@@ -9,7 +9,7 @@ use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::PathBuf;
 
-/// Appends lines where this rank has the table.
+/// Appends lines on the rank that has the table.
 pub(super) fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error> {
     table.as_mut().map_or(Ok(()), |table| table.append(lines))
 }
@@ -22,8 +22,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Opens a new table, or the present one without the rows after `resumed_at` and without a last line that was cut
-    /// off.
+    /// Opens a new table, or the existing one without the rows after step `resumed_at` and without an incomplete
+    /// last line.
     pub(super) fn open(
         path: PathBuf,
         header: &str,
@@ -60,9 +60,9 @@ impl Table {
         Ok(())
     }
 
-    /// Returns a table with this text, which replaces the previous contents.
+    /// Returns a table with this text, which replaces the previous contents of the file.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
-        // A crash leaves the old table or the new one.
+        // After a crash the file has the old or the new contents.
         let made =
             io::atomic::write(&path, text.as_bytes()).and_then(|()| io::atomic::append(&path));
         let file = made.map_err(|error| Error::Io(error.to_string()))?;

@@ -14,9 +14,9 @@
 //! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every
 //! [`MOST_STEPS`] steps, or more often if these steps would take more than a second.
 //!
-//! Before the first step, geometry and checkpoints are read and mapped without such checks. A stop that nothing answers
-//! there for [`PATIENCE`] of processor time ends the process at once: no state is lost, and the exit code is that of
-//! the signal. SIGHUP is left alone where the process was started to ignore it (`nohup`).
+//! Before the first step, geometry and checkpoints are read and mapped without such checks. If a request to stop is
+//! not answered there within [`PATIENCE`] of processor time, the process ends at once: no state is lost, and the
+//! exit code is that of the signal. SIGHUP remains ignored if the process was started to ignore it (`nohup`).
 //!
 //! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call
 //! [`attend`](Watch::attend), so that a request to any rank takes effect.
@@ -29,28 +29,29 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Steps between two questions, where steps are fast.
+/// Maximum number of steps between two checks for requests.
 const MOST_STEPS: u64 = 10;
-/// Time between two requests \[ms\] above which the steps are halved, and below which they are doubled.
+/// Time between two checks \[ms\] above which the number of steps between them is halved, and below which it is
+/// doubled.
 const PACE: [u64; 2] = [1000, 250];
-/// The first rank has done what it did alone.
+/// Code by which the first rank reports that the work that it does alone is finished.
 const DONE: u64 = 3;
 
-/// Time after which a stop before the first step ends the process.
+/// Processor time after which an unanswered stop before the first step ends the process.
 const PATIENCE: Duration = Duration::from_millis(1500);
-/// Exit code of a process that a signal ends, less the number of the signal.
+/// Exit code of a process ended by a signal, minus the number of the signal.
 const SIGNALLED: i32 = 128;
 
-/// Signals that reached this process.
+/// Signals received by this process.
 #[derive(Debug, Default)]
 pub struct Signals {
     stop: Arc<AtomicBool>,
     save: Arc<AtomicBool>,
-    /// Number of the signal that asks for a stop.
+    /// Number of the signal that requested a stop.
     number: Arc<AtomicUsize>,
-    /// Number of checks for requests.
+    /// Number of checks for requests so far.
     checks: AtomicU64,
-    /// The first step has begun, or a stop is being answered, however long that takes.
+    /// `true` once the first step has begun, or while a stop is being answered.
     answers: AtomicBool,
 }
 
@@ -74,15 +75,15 @@ impl Signals {
     }
 }
 
-/// A stop that waits for an answer.
+/// Request to stop that is not answered yet.
 #[derive(Debug, Default)]
 struct Unanswered {
-    /// Processor time since when there was no check for requests, and the number of checks before.
+    /// Processor time since which there was no check for requests, and the number of checks at that time.
     since: Option<(Duration, u64)>,
 }
 
 impl Unanswered {
-    /// Returns `true` if a stop has met no check for requests for [`PATIENCE`].
+    /// Returns `true` if there was no check for requests for [`PATIENCE`] after a request to stop.
     fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
         let known = self.since.filter(|(_, before)| stop && *before == checks);
         self.since = stop.then(|| known.unwrap_or((now, checks)));
@@ -91,7 +92,7 @@ impl Unanswered {
     }
 }
 
-/// Returns the processor time of this process. A process without a core is slow and not deaf.
+/// Returns the processor time of this process: a process that waits for a core is slow, but still answers.
 fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Duration::try_from(time).unwrap_or_default()
@@ -111,7 +112,7 @@ fn ignores(signal: i32) -> bool {
 /// Catches signals from now on; requests that arrive before the first step take effect at that step.
 ///
 /// # Errors
-/// When signals cannot be caught.
+/// If signals cannot be caught.
 pub fn hear() -> Result<&'static Signals, Error> {
     use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
@@ -139,14 +140,14 @@ pub fn hear() -> Result<&'static Signals, Error> {
         signal_hook::flag::register(signal, Arc::clone(flag)).map_err(caught)?;
     }
     let signals = SIGNALS.get_or_init(|| signals);
-    // Without the thread a stop takes effect at the first step.
+    // Without this thread a stop takes effect at the first step.
     let _ = std::thread::Builder::new()
         .name("signals".into())
         .spawn(|| signals.attend_start());
     Ok(signals)
 }
 
-/// Listens for requests.
+/// Source of requests to a run: signals, STOP files, walltime and checkpoint interval.
 pub struct Watch {
     signals: &'static Signals,
     files: Vec<PathBuf>,
@@ -155,18 +156,18 @@ pub struct Watch {
     every: Option<Duration>,
     saved: Instant,
     cost: Duration,
-    /// Time of the last search for a file; none before the first.
+    /// Time of the last search for a STOP file; none before the first search.
     looked: Option<Instant>,
     asked: Instant,
     steps: u64,
 }
 
 impl Watch {
-    /// Listens, for a file STOP in any of the folders too; `every` is the wall time between checkpoints, `limit` that
-    /// of the whole run, which began at `start`.
+    /// Watches for requests, including a file STOP in any of the folders; `every` is the wall time between
+    /// checkpoints, `limit` the wall time of the whole run, which began at `start`.
     ///
     /// # Errors
-    /// When signals cannot be caught.
+    /// If signals cannot be caught.
     pub fn new(
         folders: &[&Path],
         start: Instant,
@@ -189,8 +190,8 @@ impl Watch {
         })
     }
 
-    /// Answers the questions of the first rank until it has [`finished`](Self::finish) what it does alone. All other
-    /// ranks.
+    /// Answers the checks of the first rank until it has [`finished`](Self::finish) the work that it does alone.
+    /// Called on all other ranks.
     pub fn attend(&mut self, communicator: &Communicator) {
         loop {
             let mine = self.mine(communicator) as u64;
@@ -201,13 +202,13 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// Lets the others continue. First rank.
+    /// Ends [`attend`](Self::attend) on the other ranks. Called on the first rank.
     pub fn finish(&mut self, communicator: &Communicator) {
         let _ = communicator.all_reduce_max_u64(DONE << 32);
         self.begin_anew();
     }
 
-    /// Starts with an equal interval on all ranks.
+    /// Resets the interval, so that it is equal on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -218,7 +219,7 @@ impl Watch {
         self.signals.answers.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the request that reached this rank.
+    /// Returns the request received by this rank.
     fn mine(&mut self, communicator: &Communicator) -> Request {
         self.signals.checks.fetch_add(1, Ordering::Relaxed);
         let mut mine = Request::None;
@@ -232,7 +233,7 @@ impl Watch {
             {
                 mine = Request::Checkpoint;
             }
-            // Time for three checkpoints is kept back from the walltime: the disk may be busier then.
+            // Time for three checkpoints is reserved before the walltime, because the disk may be busier then.
             let reserve = 3 * self.cost + Duration::from_secs(1);
             if self
                 .limit
@@ -256,7 +257,7 @@ impl Watch {
         mine
     }
 
-    /// Notes that a checkpoint was written and took `cost`.
+    /// Records that a checkpoint was written and took `cost`.
     pub fn wrote(&mut self, cost: Duration) {
         self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();
@@ -265,7 +266,7 @@ impl Watch {
 
     /// Removes the STOP files, so that the next run does not stop at once.
     pub fn forget_file(&self) {
-        // If it stays, the next run stops again with a message.
+        // If a file cannot be removed, the next run stops again with a message.
         for file in &self.files {
             let _ = std::fs::remove_file(file);
         }
@@ -287,7 +288,8 @@ impl Requests for Watch {
         let took = u64::try_from(self.asked.elapsed().as_millis())
             .unwrap_or(u64::MAX)
             .min(u64::from(u32::MAX));
-        // The largest time counts if no rank requests anything, and nothing else needs it.
+        // One reduction carries request and time: the largest time counts only if no rank has a request, and is not
+        // needed otherwise.
         let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
         self.asked = Instant::now();
         let (request, took) = (all >> 32, all & u64::from(u32::MAX));

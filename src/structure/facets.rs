@@ -16,7 +16,7 @@ pub struct Facets {
 
 impl Facets {
     fn vertex(&mut self, at: Point) -> u32 {
-        // -0 and 0 are one place.
+        // -0 and 0 are the same coordinate.
         let key = at.map(|x| (x + 0.0).to_bits());
         let vertices = &mut self.vertices;
         *self.known.entry(key).or_insert_with(|| {
@@ -31,7 +31,7 @@ impl Facets {
         self.faces.push(face);
     }
 
-    /// Adds other facets, moved.
+    /// Adds other facets, shifted by a vector.
     pub(super) fn add(&mut self, other: &Self, shift: Point) {
         for face in &other.faces {
             let corners: Vec<Point> = face
@@ -42,7 +42,7 @@ impl Facets {
         }
     }
 
-    /// Returns the sides of a prism over an outline, without its ends.
+    /// Returns the sides of a prism along z over an outline, without its ends.
     #[must_use]
     pub fn along_z(outline: &[[f64; 2]], depth: f64) -> Self {
         let mut facets = Self::default();
@@ -63,7 +63,7 @@ impl Facets {
                     .collect()
             };
             let (mut low, mut high) = (at(from), at(to));
-            // Seen along the axis, x and z run clockwise.
+            // Viewed along the axis, x and z run clockwise.
             if axis == 1 {
                 high.reverse();
             } else {
@@ -75,7 +75,7 @@ impl Facets {
         facets
     }
 
-    /// Returns an area of the plane.
+    /// Returns the area enclosed by an outline as facets.
     #[must_use]
     pub fn area(outline: &[[f64; 2]]) -> Self {
         let mut facets = Self::default();
@@ -106,7 +106,7 @@ impl Facets {
     }
 }
 
-/// Returns a point of the plane across an axis.
+/// Returns a point of a plane normal to an axis.
 fn point_across([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
     match axis {
         0 => [level, p, q],
@@ -115,7 +115,7 @@ fn point_across([p, q]: [f64; 2], axis: usize, level: f64) -> Point {
     }
 }
 
-/// Returns two unit vectors across a unit vector; the three are a right-handed frame.
+/// Returns two unit vectors normal to a unit vector, which form a right-handed frame with it.
 pub(super) fn across(axis: Point) -> (Point, Point) {
     let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()));
     let mut unit = [0.0; 3];
@@ -125,16 +125,16 @@ pub(super) fn across(axis: Point) -> (Point, Point) {
     (u, cross(axis, u))
 }
 
-/// Edges of a regular polygon inside a circle that leaves it by no more than a tolerance.
+/// Returns the number of edges of a regular polygon inside a circle with a maximum distance of `tolerance` from it.
 pub(super) fn segments(radius: f64, tolerance: f64) -> usize {
     const MOST: f64 = 2048.0;
     let half = (1.0 - tolerance / radius).clamp(-1.0, 1.0).acos();
-    // A multiple of 8, so that the axes are met.
+    // A multiple of 8, so that corners lie on the axes.
     let count = (std::f64::consts::PI / half).clamp(32.0, MOST);
     8 * whole((count / 8.0).ceil())
 }
 
-/// Corners of a regular polygon round the origin, counter-clockwise.
+/// Returns the corners of a regular polygon around the origin, counter-clockwise.
 pub(super) fn circle(radius: f64, tolerance: f64) -> impl Iterator<Item = [f64; 2]> {
     let n = segments(radius, tolerance);
     (0..n).map(move |k| {
@@ -155,7 +155,7 @@ pub(super) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Returns a simple polygon that runs counter-clockwise as convex pieces: itself, or triangles.
+/// Divides a simple counter-clockwise polygon into convex pieces: itself, or triangles.
 fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
     let n = outline.len();
     let convex = (0..n).all(|k| {
@@ -168,8 +168,8 @@ fn pieces(outline: &[[f64; 2]]) -> Vec<Vec<usize>> {
     triangles(outline).iter().map(|t| t.to_vec()).collect()
 }
 
-/// Returns a simple polygon that runs counter-clockwise as triangles: ears are cut off one after the other (G. H.
-/// Meisters, Amer. Math. Monthly 82 (1975) 648).
+/// Divides a simple counter-clockwise polygon into triangles by cutting off ears one after another (G. H. Meisters,
+/// Amer. Math. Monthly 82 (1975) 648).
 fn triangles(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..outline.len()).collect();
     let mut found = Vec::new();
@@ -187,7 +187,7 @@ fn triangles(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
                         || turn(c, a, at) < 0.0
                 })
         });
-        // A corner on a straight edge is no ear and needs no triangle.
+        // A corner on a straight edge is not an ear and needs no triangle.
         let ear = ear.or_else(|| {
             (0..n).find(|&k| {
                 let corners = [left[(k + n - 1) % n], left[k], left[(k + 1) % n]];

@@ -1,10 +1,10 @@
-//! A solid with its images in a periodic domain.
+//! Solid with its images in a periodic domain.
 
 use super::solid::join;
 use super::{Facets, Frame, Point, Solid, minus, plus};
 use std::sync::Arc;
 
-/// A solid and those of its periodic images that reach into the domain.
+/// Solid with those of its periodic images that reach into the domain.
 #[derive(Clone, Debug)]
 pub struct Images {
     solid: Arc<dyn Solid>,
@@ -15,15 +15,15 @@ pub struct Images {
 }
 
 impl Images {
-    /// Returns the images that come closer than `margin` \[m\] to the domain. Along a periodic axis a solid that spans
-    /// the domain has no end.
+    /// Returns the images that come closer than `margin` \[m\] to the domain. A solid that spans the domain along a
+    /// periodic axis is infinite along this axis.
     #[must_use]
     pub fn new(solid: Arc<dyn Solid>, frame: Frame, periodic: [bool; 3], margin: f64) -> Self {
         let [low, high] = solid.extent();
         let mut shifts = vec![[0.0; 3]];
         for axis in (0..frame.dimension).filter(|&a| periodic[a]) {
             let length = frame.size[axis];
-            // What has no end needs no image.
+            // An infinite solid needs no image along the axis.
             if !(low[axis].is_finite() && high[axis].is_finite()) {
                 continue;
             }
@@ -76,7 +76,7 @@ impl Images {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Finds the chords of all images, like [`Solid::chords`]; `found` is emptied first.
+    /// Finds the chords of all images, like [`Solid::chords`]; `found` is cleared first.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         found.clear();
         if let [shift] = self.shifts[..] {
@@ -92,7 +92,7 @@ impl Images {
         join(found);
     }
 
-    /// Returns the boxes that hold the images \[m\].
+    /// Returns the bounding boxes of the images \[m\].
     pub fn extents(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
         let [low, high] = self.solid.extent();
         self.shifts
@@ -100,8 +100,8 @@ impl Images {
             .map(move |shift| [plus(low, *shift), plus(high, *shift)])
     }
 
-    /// Returns the surface of the solid without its images. In 2-D it stands along z between -`depth` and `depth`, and
-    /// has no ends. Of a box or prism that joins or overlaps its image it is the part of one period.
+    /// Returns the surface of the solid without its images. In 2-D it extends along z from -`depth` to `depth`,
+    /// without ends. For a box or prism that touches or overlaps its image it is the part within one period.
     #[must_use]
     pub fn facets(&self, tolerance: f64, depth: f64) -> Facets {
         let mut solid = Arc::clone(&self.solid);
@@ -119,8 +119,8 @@ impl Images {
         }
     }
 
-    /// Returns the axis along which it is longer than the period and [`Self::facets`] cannot be cut to one period, so
-    /// that they may overlap their images.
+    /// Returns the axis along which the solid is longer than the period although [`Self::facets`] cannot be cut to
+    /// one period, so that it may overlap its images.
     #[must_use]
     pub fn may_overlap(&self) -> Option<usize> {
         let [low, high] = self.solid.extent();

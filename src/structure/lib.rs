@@ -1,18 +1,20 @@
-//! Structures: solids at rest that water and grains meet, such as sheet piles, cut-off walls, weirs, steps and piers.
+//! Structures: stationary solids that act on water and grains, such as sheet piles, cut-off walls, weirs, steps and
+//! piers.
 //!
-//! A structure is known by its signed distance. From it, and from where lines pass through the solid, follow
+//! A structure is defined by its signed distance. From this, and from the intersections of lines with the solid,
+//! follow
 //!
 //! - the cells of a lattice that are solid, and where its links cross the surface ([`coupling::structure_map`]),
 //! - the open parts of the cells and faces of a coarse grid ([`darcy::enclosure`]),
 //! - the surface that grains touch and that is drawn ([`facets`]).
 //!
-//! A shape is one file. It holds its parameters as they stand in a case, in SI, and the solid that they give
-//! ([`Solid`]). To add a shape, write the file and add one line to the list below.
+//! Each shape has its own file, which contains its parameters as written in a case, in SI, and the solid that they
+//! define ([`Solid`]). To add a shape, write the file and add one line to the list below.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `plane`, `cuboid`, `polygon`, `disc`, `cylinder`, `sphere`, `surface` | a shape each |
-//! | `solid` | [`Solid`], what the program asks a shape |
+//! | `solid` | [`Solid`], the interface of a shape |
 //! | `images` | a solid with its periodic images |
 //! | `facets` | surfaces as convex facets, outlines of 2-D solids as triangles |
 //! | `mesh` | signed distance of a triangulated surface, and the parts of a line inside it |
@@ -52,10 +54,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// A point or a direction; in 2-D the third component has no meaning.
+/// Point or direction; in 2-D the third component has no effect.
 pub type Point = [f64; 3];
 
-/// Makes the list of shapes: the modules that hold them, and the enum that a case chooses from.
+/// Generates the list of shapes: the modules that contain them, and the enum from which a case chooses.
 macro_rules! shapes {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $shape:ident $name:literal,)*) => {
         $(pub mod $module;)*
@@ -72,7 +74,7 @@ macro_rules! shapes {
         }
 
         impl $list {
-            /// Returns the solid; what is wrong with its parameters goes to the report.
+            /// Returns the solid; reports errors in its parameters.
             #[must_use]
             pub fn solid(
                 &self,

@@ -1,12 +1,12 @@
 //! Signed distance of a triangulated surface, and the parts of a line inside it.
 //!
 //! The nearest triangle is found in a tree of boxes. The sign is that of the angle-weighted pseudo-normal at the
-//! nearest point, which is right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes, IEEE
-//! Trans. Vis. Comput. Graph. 11 (2005) 243). The sign for shells that may cross each other, or touch along edges, is
-//! that of the winding number ([`crossings`]): inside is what at least one of them holds. An open surface has a
-//! distance without a sign.
+//! nearest point, which is right at faces, edges and vertices of a closed surface (J. A. Baerentzen, H. Aanaes,
+//! IEEE Trans. Vis. Comput. Graph. 11 (2005) 243). For shells that may intersect or touch each other the sign is
+//! that of the winding number ([`crossings`]): a point is inside if it is inside at least one of them. An open
+//! surface has a distance without a sign.
 //!
-//! Triangles are wound alike, and shells that are inside out are turned ([`shells`]).
+//! Triangles are wound consistently, and shells that are inside out are reversed ([`shells`]).
 
 mod crossings;
 mod shells;
@@ -16,33 +16,33 @@ use crossings::Line;
 use shells::Shells;
 use std::collections::{HashMap, HashSet};
 
-/// A part of a line is inside where its middle is deeper than this over the length of the line.
+/// Depth of the midpoint of a part of a line, relative to the length of the line, above which the part is inside.
 const DEEP: f64 = 1e-9;
 
-/// Triangles of a leaf of the tree.
+/// Maximum number of triangles of a leaf of the tree.
 const LEAF: usize = 4;
 
-/// Triangles with shared vertices, in a tree.
+/// Triangles with shared vertices, in a tree of boxes.
 #[derive(Debug)]
 pub struct TriangleMesh {
     vertices: Vec<Point>,
     triangles: Vec<[u32; 3]>,
-    /// Normals of each triangle: of its face, of its edges from each corner to the next, at its corners.
+    /// Normals of each triangle: of its face, of its edges from each corner to the next, and at its corners.
     normals: Vec<[Point; 7]>,
     nodes: Vec<Node>,
     extent: [Point; 2],
     open_edges: usize,
-    /// `true` if shells may cross or touch each other.
+    /// `true` if shells may intersect or touch each other.
     crossed: bool,
 }
 
-/// A box of the tree with its triangles, or with two boxes from `first` on.
+/// Box of the tree with its triangles, or with two child boxes from `first` on.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Point,
     high: Point,
     first: usize,
-    /// Triangles of a leaf; 0 of a branch.
+    /// Number of triangles of a leaf; 0 for a branch.
     count: usize,
 }
 
@@ -56,9 +56,9 @@ impl Node {
     }
 }
 
-/// Returns the nearest point of a triangle: its square distance, and which of the seven normals holds there.
+/// Returns the nearest point of a triangle: its squared distance, and the index of the normal there.
 fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
-    // C. Ericson, Real-Time Collision Detection (2005), 5.1.5: the regions of Voronoi.
+    // Voronoi regions as in C. Ericson, Real-Time Collision Detection (2005), 5.1.5.
     let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(at, a));
     let (d1, d2) = (dot(ab, ap), dot(ac, ap));
     let result = |foot: Point, feature: usize| {
@@ -97,11 +97,11 @@ fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
 }
 
 impl TriangleMesh {
-    /// Joins the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds them alike. Triangles
-    /// without an area are left out, and so is all but one of those with the same corners.
+    /// Merges the corners of triangles \[m\] that lie closer than 1e-7 of the extent, and winds the triangles
+    /// consistently. Triangles without area are dropped, and so are duplicates.
     ///
     /// # Errors
-    /// A sentence where nothing is left, or where the surface has no two sides.
+    /// If no triangle remains, or if the surface is not orientable.
     pub fn new(corners: &[[Point; 3]]) -> Result<Self, String> {
         let (vertices, mut triangles) = shared(corners);
         triangles.retain(|t| {
@@ -131,7 +131,7 @@ impl TriangleMesh {
         Ok(mesh)
     }
 
-    /// Edges that only one triangle has; 0 of a closed surface.
+    /// Returns the number of edges with only one triangle; 0 for a closed surface.
     #[must_use]
     pub fn open_edges(&self) -> usize {
         self.open_edges
@@ -148,13 +148,13 @@ impl TriangleMesh {
         (0..self.triangles.len()).map(of).sum()
     }
 
-    /// Returns the box that holds it.
+    /// Returns the bounding box.
     #[must_use]
     pub fn extent(&self) -> [Point; 2] {
         self.extent
     }
 
-    /// Returns the triangles, facing outwards.
+    /// Returns the triangles, oriented outwards.
     pub fn triangles(&self) -> impl Iterator<Item = [Point; 3]> + '_ {
         (0..self.triangles.len()).map(|k| self.corners(k))
     }
@@ -177,7 +177,7 @@ impl TriangleMesh {
             if node.count == 0 {
                 let children = [node.first, node.first + 1];
                 let mut pair = children.map(|child| (child, self.nodes[child].squared(at)));
-                // The nearer one is looked at first.
+                // The nearer box is searched first.
                 if pair[0].1 < pair[1].1 {
                     pair.swap(0, 1);
                 }
@@ -200,7 +200,7 @@ impl TriangleMesh {
         if inside { -distance } else { distance }
     }
 
-    /// Returns how often the surface winds round a point.
+    /// Returns the winding number of the surface around a point.
     fn winding(&self, at: Point) -> i32 {
         let [low, high] = self.extent;
         let size = norm(minus(high, low));
@@ -227,8 +227,8 @@ impl TriangleMesh {
         }
     }
 
-    /// Adds the parts of the way from `from` by `along` inside a closed surface to `found`, as parts of its length
-    /// between 0 and 1, apart and rising.
+    /// Adds the parts of the line from `from` by `along` inside a closed surface to `found`, as fractions of its
+    /// length between 0 and 1, disjoint and ascending.
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         let length = norm(along);
         let distance = self.distance(from);
@@ -243,7 +243,7 @@ impl TriangleMesh {
         let line = Line::new(from, along, norm(minus(high, low)));
         self.crossings(&line, &mut crossings);
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        // Where the line leaves as often as it does beyond a place, the place is inside.
+        // A point is inside if the line beyond it leaves the solid more often than it enters.
         let mut winding: i32 = crossings.iter().map(|(_, sign)| sign).sum();
         let mut entered = (winding > 0).then_some(0.0);
         let mut add = |first: f64, last: f64| {
@@ -272,7 +272,7 @@ impl TriangleMesh {
         }
     }
 
-    /// Orders the triangles by a tree that halves boxes along their longest edge.
+    /// Sorts the triangles into a tree that halves boxes along their longest edge.
     fn plant(&mut self) {
         let middle = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.vertices[v as usize]);
@@ -314,7 +314,8 @@ impl TriangleMesh {
         self.nodes = nodes;
     }
 
-    /// Normals of faces, edges and vertices; those of vertices are weighted by the angles of the triangles there.
+    /// Computes the normals of faces, edges and vertices; those of vertices are weighted by the angles of their
+    /// triangles.
     fn weigh(&mut self) {
         let mut edges: HashMap<(u32, u32), Point> = HashMap::new();
         let mut vertices = vec![[0.0; 3]; self.vertices.len()];
@@ -351,8 +352,8 @@ impl TriangleMesh {
     }
 }
 
-/// Leaves one of the triangles with the same corners; none where two back to back are a wall between two solids, as of
-/// cubes side by side.
+/// Keeps one of several triangles with the same corners; none of two triangles back to back, which separate two
+/// solids, such as adjacent cubes.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;
@@ -384,7 +385,7 @@ fn once(triangles: &mut Vec<[u32; 3]>) {
     });
 }
 
-/// Returns `true` if the boxes of two shells overlap, or more than two triangles meet at an edge.
+/// Returns `true` if the boxes of two shells overlap, or more than two triangles share an edge.
 fn may_cross(shells: &Shells, vertices: &[Point], triangles: &[[u32; 3]]) -> bool {
     if shells.count == 1 {
         return shells.many_at_an_edge;
@@ -420,7 +421,7 @@ fn extent_of(vertices: &[Point], triangles: &[[u32; 3]]) -> [Point; 2] {
     extent
 }
 
-/// Vertices that corners share, and the triangles by them.
+/// Merges equal corners; returns the vertices, and the triangles by their indices.
 fn shared(corners: &[[Point; 3]]) -> (Vec<Point>, Vec<[u32; 3]>) {
     const MERGE: f64 = 1e-7;
     let all = corners.as_flattened();

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// All that lies behind a plane.
+/// The half-space behind a plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -57,7 +57,7 @@ struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// Returns the part of a convex polygon on the side of a plane to which `normal` does not point.
+    /// Returns the part of a convex polygon on the side of a plane opposite to `normal`.
     fn cut(polygon: &[Point], point: Point, normal: Point) -> Vec<Point> {
         let height = |at: Point| dot(normal, minus(at, point));
         let mut kept = Vec::new();
@@ -74,7 +74,7 @@ impl HalfSpace {
         kept
     }
 
-    /// Returns the part inside the domain of a face that is a convex polygon.
+    /// Returns the part of a face, a convex polygon, that lies inside the domain.
     fn within(&self, mut polygon: Vec<Point>) -> Vec<Point> {
         for axis in 0..self.frame.dimension {
             for (level, sign) in [(0.0, -1.0), (self.frame.size[axis], 1.0)] {
@@ -130,7 +130,7 @@ impl Solid for HalfSpace {
         part.iter().map(|p| [p[0], p[1]]).collect()
     }
 
-    /// Returns the plane inside the domain.
+    /// Returns the part of the plane inside the domain.
     fn facets(&self, _: f64) -> Facets {
         let size = norm(self.frame.size);
         let middle = times(self.frame.size, 0.5);

@@ -109,7 +109,7 @@ fn squared(a: Flat, b: Flat) -> f64 {
     (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)
 }
 
-/// Returns the square of the distance of a point from a piece of a line.
+/// Returns the squared distance of a point from a line segment.
 fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
     let length = squared(a, b);
     let t = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / length;
@@ -117,7 +117,7 @@ fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
     squared(at, [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])])
 }
 
-/// Returns two edges that meet elsewhere than neighbours do, by the numbers of their first corners.
+/// Returns two edges that intersect other than as neighbours, by the indices of their first corners.
 fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
     let n = points.len();
     let edge = |k: usize| (points[k], points[(k + 1) % n]);
@@ -129,7 +129,7 @@ fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
         for m in k + 1..n {
             let (c, d) = edge(m);
             if m == k + 1 || (k == 0 && m == n - 1) {
-                // Neighbours share a corner; they may not fold back over each other.
+                // Neighbours share a corner, but must not fold back onto each other.
                 let (first, middle, last) = if m == k + 1 { (a, b, d) } else { (c, a, b) };
                 let back = turn(first, middle, last).abs()
                     <= 1e-12 * (squared(first, middle) * squared(middle, last)).sqrt()
@@ -152,7 +152,7 @@ fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
     None
 }
 
-/// A prism, infinite along z in 2-D.
+/// Prism, infinite along z in 2-D.
 #[derive(Debug)]
 struct Prism {
     points: Vec<Flat>,
@@ -219,7 +219,7 @@ impl Solid for Prism {
         } else if low >= 0.0 || high <= 0.0 {
             return;
         }
-        // Crossings of the boundary cut the way; a piece is inside if its middle is.
+        // Crossings of the boundary divide the line; a piece is inside if its midpoint is.
         let mut cuts = vec![slab[0], slab[1]];
         for (a, b) in self.edges() {
             let edge = [b[0] - a[0], b[1] - a[1]];

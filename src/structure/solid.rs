@@ -1,47 +1,47 @@
-//! Queries of a solid.
+//! Interface of a solid.
 
 use super::{Facets, Point, norm, plus, times};
 use base::geometry::Mesh;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// Reads the triangles of a file \[m\], or says what is wrong with it.
+/// Function that returns the triangles of a file \[m\], or a text about its errors.
 pub type ReadMesh<'a> = &'a dyn Fn(&Mesh) -> Result<Vec<[Point; 3]>, String>;
 
-/// The domain that shapes stand in.
+/// Domain that contains the shapes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// 2 or 3.
+    /// Dimension: 2 or 3.
     pub dimension: usize,
     /// Edges of the domain \[m\]; its lower corner is the origin.
     pub size: Point,
 }
 
-/// A solid at rest, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
+/// Stationary solid, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
 pub trait Solid: Debug + Send + Sync {
-    /// Returns the distance of a point from the surface, negative inside. At most the true distance in size, with its
-    /// sign.
+    /// Returns the signed distance of a point from the surface, negative inside: a lower bound of the true distance
+    /// in magnitude, with its sign.
     fn distance(&self, at: Point) -> f64;
 
-    /// Returns the smallest box that holds it, infinite if it has no end.
+    /// Returns the bounding box, infinite along directions without a bound.
     fn extent(&self) -> [Point; 2];
 
-    /// Finds the parts inside of the line from `from` by `along`, as parts of its length between 0 and 1, apart and
-    /// rising. They are added to `found`, which is empty.
+    /// Finds the parts of the line from `from` by `along` that lie inside, as fractions of its length between 0 and
+    /// 1, disjoint and ascending. They are added to `found`, which is empty.
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         trace(self, from, along, found);
     }
 
-    /// Returns its boundary in 2-D, counter-clockwise, closed by its first point, and no further than `tolerance` \[m\]
-    /// inside the true one.
+    /// Returns the boundary in 2-D, counter-clockwise, closed by its first point, at most `tolerance` \[m\] inside
+    /// the true one.
     fn outline(&self, tolerance: f64) -> Vec<[f64; 2]>;
 
-    /// Returns its surface in 3-D as convex facets that face outwards, no further than `tolerance` \[m\] inside the
-    /// true one.
+    /// Returns the surface in 3-D as convex facets oriented outwards, at most `tolerance` \[m\] inside the true
+    /// one.
     fn facets(&self, tolerance: f64) -> Facets;
 
-    /// Returns the part between two places \[m\] of an axis, for a solid that reaches beyond both and has the same
-    /// section all along this axis.
+    /// Returns the part between two coordinates \[m\] of an axis, for a solid that extends beyond both and has a
+    /// constant section along this axis.
     fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {
         None
     }
@@ -52,16 +52,16 @@ pub trait Solid: Debug + Send + Sync {
     }
 }
 
-/// Shortest step along a line, as a part of its length: thinner chords are passed over.
+/// Minimum step along a line, as a fraction of its length: shorter chords are missed.
 const STEP: f64 = 1e-4;
-/// Shortest steps in a row after which they grow twofold each: the line grazes the surface, and its depth is less than
-/// such a step.
+/// Number of consecutive minimum steps after which steps are doubled each time: the line grazes the surface, and
+/// its depth is less than such a step.
 const GRAZING: u32 = 16;
-/// The longest of them.
+/// Maximum length of such a step.
 const LONGEST: f64 = 1e-2;
 
-/// Finds [`Solid::chords`] by the distance alone: the surface is no nearer than it says, so that a step of that length
-/// passes over nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
+/// Finds [`Solid::chords`] from the distance alone: the surface is no nearer than the distance, so that a step of
+/// this length misses nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
 pub(super) fn trace<S: Solid + ?Sized>(
     solid: &S,
     from: Point,
@@ -123,7 +123,7 @@ fn root(of: &impl Fn(f64) -> f64, low: [f64; 2], high: [f64; 2]) -> f64 {
     0.5 * (a + b)
 }
 
-/// Adds the part of a line between two places, as far as it lies on the way.
+/// Adds the part of a line between two positions, as far as it lies between 0 and 1.
 pub(super) fn between(first: f64, last: f64, found: &mut Vec<[f64; 2]>) {
     let (first, last) = (first.max(0.0), last.min(1.0));
     if first < last {
@@ -131,7 +131,7 @@ pub(super) fn between(first: f64, last: f64, found: &mut Vec<[f64; 2]>) {
     }
 }
 
-/// Sorts parts of a line and joins those that touch.
+/// Sorts parts of a line and joins parts that touch.
 pub(super) fn join(parts: &mut Vec<[f64; 2]>) {
     parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut kept = 0;

@@ -58,7 +58,7 @@ pub(super) fn through(from: Point, along: Point, radius: f64, found: &mut Vec<[f
     }
 }
 
-/// The most rings of facets from pole to pole.
+/// Maximum number of rings of facets from pole to pole.
 const MOST_RINGS: usize = 96;
 
 impl Solid for Ball {
@@ -81,7 +81,8 @@ impl Solid for Ball {
         Vec::new()
     }
 
-    /// Rings of quadrilaterals, with triangles at the poles. A facet leaves the sphere by the sagitta of its diagonal.
+    /// Returns rings of quadrilaterals, with triangles at the poles. The distance of a facet from the sphere is the
+    /// sagitta of its diagonal.
     fn facets(&self, tolerance: f64) -> Facets {
         let rings = super::facets::segments(self.radius, 0.5 * tolerance).div_ceil(2);
         let rings = rings.clamp(8, MOST_RINGS);

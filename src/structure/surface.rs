@@ -1,4 +1,4 @@
-//! A solid from an STL file, convex or not; or a sheet of some thickness about an open surface.
+//! Solid from an STL file, convex or not; or a sheet of a given thickness about an open surface.
 
 use super::mesh;
 use super::solid::{Frame, ReadMesh, Solid, trace};
@@ -14,8 +14,8 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Surface {
-    /// The file. Triangles are wound alike where the file does not; where shells cross, the solid is what at least one
-    /// of them holds.
+    /// The file. Triangles are wound consistently if they are not in the file; if shells intersect, the solid is
+    /// their union.
     pub mesh: Mesh,
     /// Thickness of the sheet, half on each side of the surface [m]. Default: the surface is closed and its inside is
     /// solid.
@@ -68,11 +68,11 @@ impl Surface {
     }
 }
 
-/// A surface longer than this many domains is in another unit.
+/// Maximum length of a surface in domain lengths; a longer one is probably in another unit.
 const DOMAINS: f64 = 100.0;
 
-/// Refuses a surface that is far larger than the domain, wherever it is read: drawings are often in millimetres.
-/// Returns `true` if it is not.
+/// Refuses a surface that is far larger than the domain: drawings are often in millimetres. Returns `true` for an
+/// acceptable size.
 pub fn judge_unit(
     mesh: &Mesh,
     extent: &[Point; 2],
@@ -129,7 +129,7 @@ impl Solid for Triangulated {
         Vec::new()
     }
 
-    /// Returns the triangles as they are: of a sheet those in its middle.
+    /// Returns the triangles unchanged; for a sheet those of its middle surface.
     fn facets(&self, _: f64) -> Facets {
         let mut facets = Facets::default();
         for triangle in self.mesh.triangles() {

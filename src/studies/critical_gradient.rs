@@ -1,12 +1,12 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
-//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects the
-//! interval for the smallest drive that erodes. A run erodes if at least so many grains leave, at any time of the run:
-//! a bed that is gone in the first half has eroded as well. Loose grains above an opening count too; a search over such
-//! ground asks for more grains. The gradient is the difference of head between the inlet and the lowest outlet, over
-//! the distance of their centres. The report also gives Terzaghi's gradient for an upward flow, `(1 - n)(G_s - 1)`,
-//! with the porosity n of the run below the critical one and G_s the density of the grains over that of the water (K.
-//! Terzaghi, Theoretical Soil Mechanics, 1943).
+//! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects
+//! the interval for the smallest drive that erodes. A run erodes if at least the given number of grains leaves at
+//! any time of the run, so that a bed that has left in the first half counts as eroded. Loose grains above an
+//! opening count too; such ground requires a larger number. The gradient is the difference of head between the
+//! inlet and the lowest outlet, over the distance of their centres. The report also gives Terzaghi's gradient for
+//! an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and G_s the density of
+//! the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
 //! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 
@@ -31,25 +31,25 @@ use std::time::{Duration, Instant};
 pub struct Search {
     /// The case file.
     pub case: PathBuf,
-    /// Changes of its fields.
+    /// Changes of fields of the case.
     pub set: Vec<String>,
-    /// The driving boundary; none for the one with the highest head.
+    /// Name of the driving boundary; none for the one with the highest head.
     pub boundary: Option<String>,
-    /// A value that does not erode, in the unit of the boundary's condition.
+    /// Drive without erosion, in the unit of the boundary's condition.
     pub from: f64,
-    /// A value that erodes.
+    /// Drive with erosion, in the same unit.
     pub to: f64,
-    /// Width of the final interval over its upper end.
+    /// Width of the final interval divided by its upper end.
     pub tolerance: f64,
-    /// Smallest number of grains that leave in a run and count as erosion.
+    /// Minimum number of grains that leave in an eroding run.
     pub grains: u64,
     /// Folder of the runs.
     pub output: PathBuf,
-    /// Threads of each rank; none for the cores of the machine over its ranks.
+    /// Threads of each rank; none for the cores of the machine divided by its ranks.
     pub threads: Option<usize>,
     /// Start of the program; the search stops after the wall time and can be continued.
     pub begun: Instant,
-    /// See above.
+    /// Wall time after which the search stops.
     pub max_walltime: Option<Duration>,
     /// `true` if an unstable case is run.
     pub allow_unstable: bool,
@@ -58,36 +58,36 @@ pub struct Search {
 /// A run of the search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
-    /// The drive, in the unit of the boundary's condition.
+    /// Drive, in the unit of the boundary's condition.
     pub drive: f64,
-    /// Hydraulic gradient; none where inlet or outlet have no head.
+    /// Hydraulic gradient; none if inlet or outlet have no head.
     pub gradient: Option<f64>,
-    /// Grains that left in the first half.
+    /// Number of grains that left in the first half.
     pub early: u64,
-    /// Number in the second half.
+    /// Number of grains that left in the second half.
     pub late: u64,
-    /// Mean porosity where there are grains, at the end.
+    /// Mean porosity of the cells with grains, at the end.
     pub porosity: f64,
     /// `true` if the run eroded.
     pub erodes: bool,
 }
 
-/// The result.
+/// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Critical {
     /// The driving boundary.
     pub boundary: String,
-    /// Quantity, with unit.
+    /// Quantity of the drive, with its unit.
     pub quantity: String,
-    /// The highest drive that did not erode.
+    /// Highest drive without erosion.
     pub holds: f64,
-    /// The lowest that did.
+    /// Lowest drive with erosion.
     pub erodes: f64,
-    /// The gradients of the two.
+    /// Hydraulic gradients of these two drives.
     pub gradient: Option<[f64; 2]>,
-    /// `(1 - n)(G_s - 1)`.
+    /// Terzaghi's gradient `(1 - n)(G_s - 1)`.
     pub terzaghi: f64,
-    /// All runs in their order.
+    /// All runs in the order of their execution.
     pub trials: Vec<Trial>,
 }
 
@@ -127,7 +127,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     Ok(lines.join("\n"))
 }
 
-/// Returns the case with more changes.
+/// Returns the plan of the case with additional changes.
 fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> {
     let set: Vec<String> = search.set.iter().chain(more).cloned().collect();
     let directory = search.case.parent().unwrap_or(Path::new(""));
@@ -144,18 +144,18 @@ fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> 
 /// Boundary that drives the water.
 struct Inlet {
     name: String,
-    /// Path of its number in the case.
+    /// Path of the drive in the case.
     path: String,
     quantity: &'static str,
-    /// Head per drive and head without drive \[m\]; none for a flux.
+    /// Head per unit of drive and head at zero drive \[m\]; none for a flux.
     head: Option<[f64; 2]>,
-    /// Lowest head of an outlet \[m\], and the distance of its centre \[m\].
+    /// Lowest head of an outlet \[m\], and the distance of its centre from that of the inlet \[m\].
     outlet: Option<[f64; 2]>,
     liquid: f64,
     solid: f64,
 }
 
-/// Returns an error of a case.
+/// Returns the error of an unsuitable case.
 fn refusal(path: &str, value: String, reason: &str, remedy: &str) -> Error {
     Error::Case(vec![Problem {
         path: path.into(),
@@ -171,7 +171,7 @@ struct Heads<'a> {
     seepage: &'a Seepage,
     gravity: [f64; 3],
     strength: f64,
-    /// Metres of head of one pascal; without gravity the "head" is that of the earth's.
+    /// Head per pressure \[m/Pa\]; without gravity, that of the earth is used.
     per_pascal: f64,
 }
 
@@ -195,7 +195,7 @@ impl<'a> Heads<'a> {
         }
     }
 
-    /// Returns the imposed head; none where another quantity is imposed.
+    /// Returns the imposed head of a boundary; none if another quantity is imposed.
     fn of_patch(&self, patch: &SeepagePatch) -> Option<f64> {
         match patch.condition {
             Condition::Pressure { value } => {
@@ -208,7 +208,7 @@ impl<'a> Heads<'a> {
     }
 }
 
-/// Returns the boundary that drives the water: that of this name, or the one with the highest head.
+/// Returns the driving boundary: the one with this name, or the one with the highest head.
 fn driving<'a>(
     heads: &Heads<'a>,
     name: Option<&String>,
@@ -311,7 +311,7 @@ impl Inlet {
     }
 }
 
-/// Returns the lowest head of another boundary, and how far its centre is from that of the inlet.
+/// Returns the lowest head of the other boundaries, and the distance of its centre from that of the inlet.
 fn lowest(
     seepage: &Seepage,
     inlet: usize,
@@ -338,7 +338,7 @@ struct Searching<'a> {
     communicator: &'a Communicator,
     threads: usize,
     speaker: Progress,
-    /// The sample that the first run prepared.
+    /// Sample prepared by the first run.
     sample: Option<PathBuf>,
     trials: Vec<Trial>,
 }
@@ -386,7 +386,7 @@ impl Searching<'_> {
         })
     }
 
-    /// Runs once. Collective.
+    /// Runs the case with a drive; returns `true` if it erodes. Collective.
     fn erodes(&mut self, drive: f64) -> Result<bool, Error> {
         let folder = self
             .search
@@ -451,7 +451,7 @@ impl Searching<'_> {
     }
 }
 
-/// Returns grains that left up to a step and after it, and the mean porosity at the end.
+/// Returns the numbers of grains that left up to a step and after it, and the mean porosity at the end.
 fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
     let removed = folder.join("removed.csv");
     let (mut early, mut late) = (0, 0);

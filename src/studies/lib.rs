@@ -1,4 +1,4 @@
-//! Studies: many runs of one case, and what they say together.
+//! Studies: many runs of one case and their joint evaluation.
 
 #![cfg_attr(
     test,

@@ -40,7 +40,7 @@ use study::{Refused, Run, Study};
 pub struct Sweep {
     /// The study file.
     pub study: PathBuf,
-    /// Output folder; none for a folder next to the study with its name.
+    /// Output folder; none for a folder next to the study, with the study's name.
     pub output: Option<PathBuf>,
     /// Task of the sweep.
     pub task: Task,
@@ -53,9 +53,9 @@ pub struct Sweep {
 pub enum Task {
     /// Run the missing members, then write the table.
     Run,
-    /// Report which members there are, what they will cost, and which are done.
+    /// List the members with their costs and states.
     List,
-    /// Run one member, by its number in the list.
+    /// Run one member, given by its number in the list.
     Member(usize),
     /// Write the table from the finished members.
     Collect,
@@ -63,10 +63,10 @@ pub enum Task {
     Slurm,
 }
 
-/// Receives the lines to print.
+/// Function that receives the lines to print.
 pub type LineReport<'a> = &'a dyn Fn(&str);
 
-/// Carries out a sweep; `report` takes lines for the reader.
+/// Carries out a sweep; `report` receives the lines to print.
 ///
 /// # Errors
 /// All problems of the study, before any member runs; [`Error::Stopped`] if a signal ended it.
@@ -126,7 +126,8 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
     }
 }
 
-/// Refuses members that ended neither by themselves nor on request: by a signal, a full disk, an internal error.
+/// Returns an error for members that ended neither normally nor on request, for example by a signal, a full disk or
+/// an internal error.
 ///
 /// # Errors
 /// [`Error::Io`] with their names and reasons.
@@ -160,7 +161,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
     }])
 }
 
-/// Warns that the cost of members that share a core is not meaningful.
+/// Refuses members that would share a core, because their cost would not be meaningful.
 ///
 /// # Errors
 /// [`Error::Case`] with the three numbers.

@@ -10,15 +10,16 @@
 //! | order, extrapolated value, uncertainty | [`convergence`] |
 //! | terminal, `estimate.csv`, block `estimate` in `summary.json` | [`table`] |
 //!
-//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its place:
-//! the coarsest cells between those that failed and those that ran, at last finer cells than those of the case. With
-//! two grids that have answers the estimate has its wider factor, with one there is none.
+//! A grid whose plan is refused or whose run fails is reported with the reason, and another one is run in its
+//! place: the coarsest cells between those that failed and those that ran, and as the last choice finer cells than
+//! those of the case. With answers from two grids the estimate uses the larger factor of safety; with answers from
+//! one grid there is no estimate.
 //!
-//! The output folder holds a numbered folder for each run; the first is the case as it stands. A run that is done is
-//! not run again. Settings of models are compared on the next coarser grid, where there is one.
+//! The output folder holds a numbered folder for each run; the first is the case itself. A finished run is not
+//! repeated. Settings of models are compared on the next coarser grid, if there is one.
 //!
-//! An estimate is a command and no field of a case: a case describes one run, which may be one of many ranks, and an
-//! estimate is several. `accuracy` remains the target of the automatic choices.
+//! An estimate is a command and not a field of a case, because a case describes one run, possibly on many ranks,
+//! and an estimate consists of several runs. `accuracy` remains the target of the automatic choices.
 
 pub mod answers;
 pub mod convergence;
@@ -56,7 +57,7 @@ pub struct Options {
     pub settings: bool,
     /// `true` if the closed ends of a seepage are moved away in one run.
     pub ends: bool,
-    /// Ranks, threads and runs at once.
+    /// Number of ranks, threads and simultaneous runs.
     pub run: Run,
     /// Wall-clock time after which the runs are stopped.
     pub max_walltime: Option<Duration>,
@@ -67,13 +68,13 @@ pub struct Options {
 /// The runs of an estimate.
 #[derive(Clone, Debug)]
 pub struct Members {
-    /// Each with its case, the case itself first.
+    /// Runs with their cases; the first is the case itself.
     pub list: Vec<Member>,
-    /// Cells over those of the case of each grid, from fine to coarse, and its place in the list.
+    /// Spacing of each grid divided by that of the case, from fine to coarse, and index of its run in the list.
     pub grids: Vec<(f64, usize)>,
-    /// Settings and their places in the list.
+    /// Settings and the indices of their runs in the list.
     pub settings: Vec<(Setting, usize)>,
-    /// The run that settings are compared with.
+    /// Index of the run with which settings are compared.
     pub beside: usize,
     /// Scaling of the time step.
     pub scaling: Scaling,
@@ -83,7 +84,7 @@ impl Members {
     /// Returns the runs of the estimate of a case.
     ///
     /// # Errors
-    /// [`Error::Case`] where no other grid can run.
+    /// [`Error::Case`] if no other grid can run.
     pub fn for_case(
         plan: &Plan,
         finer: bool,
@@ -101,7 +102,7 @@ impl Members {
         }
         let has_grid = plan.scene.flow.is_some() || !ratios.is_empty();
         let wanted = ratios.len() + 1;
-        // The rule by which all grids can run, else the one by which most can.
+        // The rule with which all grids can run, otherwise the one with which most can.
         let rules = if seepage {
             vec![Scaling::Steady]
         } else {
@@ -132,7 +133,7 @@ impl Members {
         Ok(members)
     }
 
-    /// Returns the grids by one rule of the time step; those that a plan refuses are there without a case that can be
+    /// Returns the grids by one rule of the time step. Grids that a plan refuses are in the list without a case to
     /// run.
     fn scaled(
         plan: &Plan,
@@ -177,8 +178,8 @@ impl Members {
         }
     }
 
-    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or that is among `failed` by its
-    /// index in the list. Returns `true` if there was one left to add.
+    /// Adds a grid in place of one that cannot be used: one that the plan refuses, or one with its index among
+    /// `failed`. Returns `true` if there was another grid to add.
     fn add_grid(&mut self, plan: &Plan, stated: &Value, unstable: bool, failed: &[usize]) -> bool {
         let (mut usable, mut lost) = (Vec::new(), Vec::new());
         for (ratio, place) in &self.grids {
@@ -201,7 +202,7 @@ impl Members {
         self.grids.iter().filter(allowed).count()
     }
 
-    /// Returns why grids are refused.
+    /// Returns the reasons for which grids are refused.
     fn refusals(&self) -> Vec<Problem> {
         let mut all = Vec::new();
         for (ratio, place) in &self.grids {
@@ -218,7 +219,7 @@ impl Members {
         all
     }
 
-    /// Returns the case on the cells on which settings are compared.
+    /// Returns the case on the grid on which settings are compared.
     fn compared(&self, plan: &Plan, stated: &Value) -> Value {
         let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
         match beside {
@@ -266,7 +267,7 @@ impl Members {
         Ok(())
     }
 
-    /// Returns the planned time of each run on one core \[s\], and of all.
+    /// Returns the planned time of each run on one core and the total \[s\].
     #[must_use]
     pub fn costs(&self) -> (Vec<(&str, f64)>, f64) {
         let seconds = |member: &Member| member.prepared.as_ref().map_or(0.0, |p| p.seconds);
@@ -299,7 +300,7 @@ impl Members {
         )
     }
 
-    /// Returns the meaning of the grids.
+    /// Returns an explanation of the choice of grids.
     fn meaning(&self) -> &'static str {
         if self.grids.len() > 1 {
             self.scaling.meaning()
@@ -321,7 +322,7 @@ impl Members {
     }
 }
 
-/// Returns why a run is not possible: the first reason that is no warning.
+/// Returns the reason why a run is not possible: the first one that is not a warning.
 fn refusal(member: &Member) -> String {
     let heavy = |problem: &&Problem| problem.severity != Severity::Warning;
     let first = member.problems.iter().find(heavy);
@@ -337,7 +338,7 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// Returns a run of a changed case on a machine of this speed; its input files have absolute paths already.
+/// Returns a run of a changed case on a machine of this speed; its input files already have absolute paths.
 fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {
@@ -359,7 +360,7 @@ fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member
     }
 }
 
-/// Runs what is missing and writes the results; `report` takes lines for the reader. Returns the table.
+/// Runs the missing members and writes the results; `report` receives the lines to print. Returns the table.
 ///
 /// # Errors
 /// Problems of the case, [`Error::Stopped`] where the runs were stopped, and the failure of the run of the case itself.
@@ -380,7 +381,7 @@ pub fn command(
         members.list.len(),
         options.output.display()
     ));
-    // Settings are compared even where a plan calls them unstable; the run of the case was judged before.
+    // Settings are compared even if a plan calls them unstable; the case itself was judged before its run.
     let runner = Runner::new(
         &options.run,
         true,
@@ -391,7 +392,7 @@ pub fn command(
     runner.run(&members.list)?;
     let wanted = members.grids.len().min(MOST_GRIDS);
     loop {
-        // Grids whose runs failed are replaced, as long as there are others.
+        // Grids whose runs failed are replaced as long as there are others.
         let failed = failures(plan, &members, &options.output);
         let case_failed = failed.contains(&0);
         let usable = members.usable() - failed.len();
@@ -420,10 +421,10 @@ pub fn command(
     Ok(table)
 }
 
-/// Grids that an estimate needs.
+/// Number of grids that an estimate uses.
 const MOST_GRIDS: usize = 3;
 
-/// Returns the places in the list of the grids that were run and have no answers.
+/// Returns the indices in the list of the grids that were run and have no answers.
 fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     let places = members.grids.iter().map(|(_, place)| *place);
     let failed = places.filter(|&place| {
@@ -433,7 +434,7 @@ fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
     failed.collect()
 }
 
-/// Returns the answers of a run, or why there are none.
+/// Returns the answers of a run, or the reason why there are none.
 fn outcome(plan: &Plan, member: &Member, output: &Path) -> Result<answers::Answers, String> {
     let folder = output.join(&member.name);
     let record = Record::read(&folder).filter(|_| member.prepared.is_some());

@@ -1,7 +1,8 @@
-//! A hash of grains after some thousand steps, one line for each scene of `mpirun -n N dem_ranks AXIS SCENE...`.
+//! A hash of the grains after some thousand steps, one line for each scene of `mpirun -n N dem_ranks AXIS
+//! SCENE...`.
 //!
-//! The scenes: colliding discs, a periodic box, bonds that break, a disc wider than a slab, and falling blocks.
-//! `tests/dem_ranks.rs` compares the hashes of several numbers of ranks and directions of the split.
+//! Scenes: colliding discs, a periodic box, breaking bonds, a disc wider than a slab, and falling blocks.
+//! `tests/dem_ranks.rs` compares the hashes of several numbers of ranks and split directions.
 
 #![expect(
     clippy::print_stdout,
@@ -86,7 +87,7 @@ fn scene(name: &str) -> Result<(Dem<PlaneSpace>, Grains), Error> {
     Ok((Dem::new(law, settings, walls)?, grains))
 }
 
-/// Boxes of many proportions over a block wider than a slab; those that `mine` says.
+/// Returns boxes of many proportions above a block wider than a slab, restricted to those for which `mine` is true.
 fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
     let upper = Vector3::new(0.24, 0.24, 0.4);
     let region = GrainDomain::<Volume>::closed(Vector3::zeros(), upper, 0.01);
@@ -156,7 +157,7 @@ fn halves(value: u128) -> [u64; 2] {
     [value as u64, (value >> 64) as u64]
 }
 
-/// Adds a table's rows to the hash; `keys` columns name a row.
+/// Adds the rows of a table to the hash; the first `keys` columns identify a row.
 fn add(hash: &mut StateHash, name: &str, table: &NamedColumns, keys: usize) {
     let whole = |column: usize, row: usize| match &table.columns[column].1 {
         Values::Whole(values) => values[row],
@@ -214,7 +215,7 @@ fn simulate(
     }
     let (dem, grains) = scene(name)?;
     let mut particles = Particles::new();
-    // Dealt out like cards: the first lists hand them to their owners.
+    // Grains are distributed cyclically over the ranks; the first lists send them to their owners.
     for (k, (body, motion)) in grains.into_iter().enumerate() {
         if k % communicator.size() == communicator.rank() {
             particles.insert(body, motion);

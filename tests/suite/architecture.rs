@@ -1,18 +1,18 @@
-//! Reads the sources and checks who may use whom, and where dangerous code may stand.
+//! Reads the sources and checks the dependencies between packages and modules, and the places of unsafe code.
 //!
-//! `src/ARCHITECTURE.md` draws the dependencies (section Modules). The compiler holds those between packages; the table
-//! [`PACKAGES`] states each of them, so that a new one is a decision, and [`MODULES`] those between the modules of one
-//! package.
+//! `src/ARCHITECTURE.md` shows the dependencies (section Modules). The compiler enforces those between packages;
+//! the table [`PACKAGES`] lists each of them, so that a new one is deliberate, and [`MODULES`] those between the
+//! modules of one package.
 //!
-//! It reads the code without comments, strings and what follows the first `#[cfg(test)]`; files of tests are left out.
+//! It reads the code without comments, strings and the part after the first `#[cfg(test)]`; test files are omitted.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The longest a file may be, its tests apart [lines].
+/// Maximum number of lines of a file without its tests.
 const LONGEST: usize = 950;
 
-/// The packages, and which packages of this repository each depends on; tests may use others.
+/// Packages with their dependencies in this repository; tests may use others.
 const PACKAGES: &[(&str, &[&str])] = &[
     ("base", &[]),
     ("structure", &["base"]),
@@ -32,14 +32,14 @@ const PACKAGES: &[(&str, &[&str])] = &[
             "structure",
         ],
     ),
-    // The parameters of a model stand with its formula.
+    // The parameters of a model are defined with its formula.
     (
         "case",
         &["base", "darcy", "dem", "joints", "lbm", "structure"],
     ),
     ("analysis", &["base", "io"]),
     ("figures", &["analysis", "base", "io"]),
-    // The plan judges by the formulas of the models: stiffness of contacts, coefficients of drag, eigenvalues.
+    // The plan uses the formulas of the models: stiffness of contacts, drag coefficients, eigenvalues.
     (
         "plan",
         &[
@@ -67,7 +67,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
             "plan",
         ],
     ),
-    // Packings and depositions are made by the engine of the grains.
+    // The engine of the grains makes packings and depositions.
     (
         "preparation",
         &["base", "case", "decomposition", "dem", "io", "plan"],
@@ -92,7 +92,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
             "structure",
         ],
     ),
-    // The models that an estimate varies are named by their types.
+    // The models varied by an estimate are named by their types.
     (
         "studies",
         &[
@@ -123,7 +123,7 @@ const PACKAGES: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Modules of packages that have several parts, and the modules of their package that they may use.
+/// Modules of packages with several parts, and the modules of their package that they may use.
 const MODULES: &[(&str, &[&str])] = &[
     ("src/plan/scene", &["scene"]),
     ("src/studies/sweep", &["sweep"]),
@@ -131,8 +131,8 @@ const MODULES: &[(&str, &[&str])] = &[
     ("src/studies/critical_gradient", &["critical_gradient"]),
 ];
 
-/// Places with `unsafe`: MPI's datatypes, calls of HDF5 and of the operating system, memory, vector lanes, data that
-/// threads share, the environment before there are threads.
+/// Files with `unsafe`: MPI datatypes, calls of HDF5 and of the operating system, memory, vector lanes, data shared
+/// by threads, and the environment before there are threads.
 const UNSAFE: &[&str] = &[
     "src/main.rs",
     "src/base/environment.rs",
@@ -145,7 +145,7 @@ const UNSAFE: &[&str] = &[
     "src/lbm/",
 ];
 
-/// Comments and strings blanked out, tests cut off; line breaks stay.
+/// Returns the code with comments and strings blanked out and tests removed; line breaks are kept.
 pub(crate) fn code_of(text: &str) -> String {
     let mut code = String::with_capacity(text.len());
     let mut rest = text.chars().peekable();
@@ -172,7 +172,7 @@ pub(crate) fn code_of(text: &str) -> String {
                 }
             }
             '\'' => {
-                // A character, unless a lifetime.
+                // A quote begins a character, unless it is a lifetime.
                 let mut ahead = rest.clone();
                 match (ahead.next(), ahead.next()) {
                     (Some('\\'), _) => {
@@ -200,7 +200,7 @@ pub(crate) fn code_of(text: &str) -> String {
     }
 }
 
-/// Words of the code with what stands before them.
+/// Returns the words of the code with the texts before and after them.
 fn words(code: &str) -> impl Iterator<Item = (&str, &str, &str)> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut at = 0;
@@ -214,7 +214,7 @@ fn words(code: &str) -> impl Iterator<Item = (&str, &str, &str)> {
     })
 }
 
-/// The modules named as `crate::x` or in `crate::{x, y::z}`.
+/// Returns the modules named as `crate::x` or in `crate::{x, y::z}`.
 fn modules_named(code: &str) -> BTreeSet<String> {
     let mut named = BTreeSet::new();
     for (_, _, after) in words(code).filter(|(_, word, _)| *word == "crate") {
@@ -222,7 +222,7 @@ fn modules_named(code: &str) -> BTreeSet<String> {
             continue;
         };
         if let Some(list) = path.strip_prefix('{') {
-            // First words of the list, at depth one.
+            // First words of the list entries, at depth one.
             let (mut depth, mut fresh) = (0, true);
             for (before, word, _) in words(list) {
                 let between = &before[before
@@ -304,7 +304,7 @@ fn dependencies(manifest: &str) -> Vec<&str> {
     names
 }
 
-/// All sources below a folder, tests left out.
+/// Collects all sources below a folder, without tests.
 pub(crate) fn sources(root: &Path, folder: &str, all: &mut Vec<(String, String)>) {
     for entry in std::fs::read_dir(root.join(folder)).unwrap() {
         let entry = entry.unwrap();
@@ -334,7 +334,7 @@ fn packages_depend_on_those_of_the_table_alone() {
     for package in ["decomposition", "io"] {
         assert_eq!(dependencies(&manifest(package)), [""; 0], "{package}");
     }
-    // No folder is forgotten.
+    // The list contains every folder.
     for entry in std::fs::read_dir(root.join("src")).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name().into_string().unwrap();

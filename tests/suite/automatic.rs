@@ -1,7 +1,7 @@
-//! Scenes in SI units only: each plans, runs to its end, and comes to its reference within what its level of accuracy
-//! promises.
+//! Scenes in SI units only: each plans, runs to its end, and agrees with its reference within the bounds of its
+//! level of accuracy.
 //!
-//! The scenes and what they must come to stand under `jobs/automatic`.
+//! The scenes and their references are under `jobs/automatic`.
 
 use super::verification::{short_forms, suite};
 use crate::ranks::Cores;
@@ -95,7 +95,7 @@ fn examples_without_their_numerics_still_plan() {
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{name}: {p:#?}"));
         assert!(plan.scene.chosen.why("spacing").is_some(), "{name}");
     }
-    // The hole-erosion test of the paper has cells of 20 micrometres: eight to a small grain.
+    // The hole-erosion test of the paper has cells of 20 micrometres: eight per small grain.
     let text = solver::case::examples::find("piping").unwrap().text;
     let set = ["domain.spacing=null", "coupling=null"].map(String::from);
     let plan = Plan::prepare(Document::read(text, &set, Path::new("")).unwrap()).unwrap();
@@ -103,7 +103,7 @@ fn examples_without_their_numerics_still_plan() {
 }
 
 /// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two
-/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: nothing else is needed.
+/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: no other input is needed.
 #[test]
 fn the_hole_erosion_test_needs_five_physical_parameters() {
     let text = r#"{
@@ -183,7 +183,7 @@ fn a_linear_law_needs_no_stiffness() {
     let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
     assert!((stiffness(&stated, 0.002) - 12345.0).abs() < 1e-9);
     assert!(stated.scene.chosen.why("contact law").is_none());
-    // Friction that was left out is said, once; friction that is stated is not, be it none.
+    // A missing friction is reported once; a stated friction is not reported, even if it is zero.
     let silent = |law: &str| {
         let plan = case(&format!(r#""contact": {{{law}}},"#));
         let said = plan.warnings.iter();
@@ -230,7 +230,7 @@ fn a_flow_too_fast_for_two_dimensions_is_refused_with_the_spacing_that_would_do(
         found.unwrap().remedy.contains("7.000e-4 m"),
         "{problems:#?}"
     );
-    // A whole number of cells that is fine enough.
+    // The number of cells is whole, and the cells are fine enough.
     assert!(attempt(&[thin, "domain.spacing=0.0005"]).is_ok());
 }
 
@@ -290,7 +290,7 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_lattice_velocity() {
     }
 }
 
-/// A channel of water whose edges have no common divisor near the cells that it needs.
+/// Channel of water whose edges have no common divisor close to the required cells.
 const UNEVEN: &str = r#"{
     "domain": {"size": [0.12, 0.0101]},
     "fluid": {"lattice_boltzmann": {
@@ -317,7 +317,7 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
     };
     let plan = read(&[]);
     let grid = &plan.scene.grid;
-    // From wall to wall as written; along the channel less than one cell longer.
+    // The width between the walls is as stated; the length of the channel increases by less than one cell.
     assert!((grid.size[1] - 0.0101).abs() < 1e-15, "{grid:?}");
     let longer = grid.size[0] - 0.12;
     assert!(longer > 0.0 && longer < grid.spacing, "{grid:?}");
@@ -336,7 +336,7 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
         "{}",
         warned[0]
     );
-    // Who agrees with the warning hears no more of it.
+    // After the proposal is accepted, the warning is absent.
     let set: Vec<String> = (warned[0].remedy.proposal().iter())
         .map(|change| format!("{}={}", change.path, change.value))
         .collect();
@@ -345,7 +345,7 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
     assert!((agreed.scene.grid.size[0] - grid.size[0]).abs() < 1e-12);
 }
 
-/// A disc at a quarter of the box stands on a position of symmetry wherever the number of cells along an edge is even.
+/// A disc at a quarter of the box is at a position of symmetry if the number of cells along an edge is even.
 #[test]
 fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
     for radius in ["0.002", "0.0021", "0.0022", "0.0024", "0.0025", "0.003"] {

@@ -19,8 +19,8 @@ fn length(cells: u32) -> f64 {
     CELL * f64::from(cells)
 }
 
-/// Returns boxes that make a flat bed with a cavity, in cells: from and to. In 2-D without the boxes at the sides of
-/// the cavity along z.
+/// Returns the boxes of a flat bed with a cavity in cells: from and to. In 2-D the boxes at the sides of the cavity
+/// along z are omitted.
 fn slabs(width: Option<u32>, period: u32) -> Value {
     let mut boxes = vec![
         ([-9, -9, -9], [1, 10, 99]),
@@ -46,8 +46,8 @@ fn slabs(width: Option<u32>, period: u32) -> Value {
         .collect()
 }
 
-/// Returns water of 1000 kg/m3 and 1e-3 m2/s above a flat bed, in whose cavity a grain lies. The stream does not feel
-/// the grain.
+/// Returns water of 1000 kg/m3 and 1e-3 m2/s above a flat bed with a grain in its cavity. The grain does not affect
+/// the stream.
 fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
     let period = 8;
     let flat = width.is_none();
@@ -89,7 +89,7 @@ fn stream(width: Option<u32>, gravity: f64, top: &Value, force: f64) -> Value {
     })
 }
 
-/// Means of the columns of the probe of a run.
+/// Returns the means of the columns of the probe of a run.
 fn means(study: &Study, run: &str) -> impl Fn(&str) -> f64 {
     let all = study.summary(run)["means"][0].clone();
     assert_eq!(all["probe"], "bed");
@@ -100,8 +100,8 @@ fn means(study: &Study, run: &str) -> impl Fn(&str) -> f64 {
     }
 }
 
-/// A film down a slope (Nusselt), a sliding plate (Couette) and a wall at rest above (Poiseuille): with water of depth
-/// H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
+/// A film down a slope (Nusselt), a sliding plate (Couette) and a stationary wall above (Poiseuille): with water of
+/// depth H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
 #[test]
 fn the_shear_stress_of_laminar_streams_is_exact() {
     let _beside = beside_others();
@@ -137,7 +137,7 @@ fn the_shear_stress_of_laminar_streams_is_exact() {
         println!("{name}: balance {balance}, profile {profile}, exact {exact} Pa");
         assert!((mean("surface_height") / length(BED) - 1.0).abs() < 1e-12);
         assert!(mean("deepest_scour").abs() < 1e-15);
-        // What is left of the start: exp(-nu (pi/2H)^2 t), 4e-7 of it.
+        // Remainder of the transient: exp(-nu (pi/2H)^2 t) = 4e-7.
         assert!((balance / exact - 1.0).abs() < 1e-5, "{name}: {balance}");
         assert!((profile / exact - 1.0).abs() < 1e-5, "{name}: {profile}");
         let shields = exact / (1500.0 * 9.81 * 5e-3);
@@ -176,8 +176,8 @@ fn side_walls_bear_their_part() {
         "between side walls: {balance}, exact {exact}, without them {} Pa",
         FORCE * depth
     );
-    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides bear
-    // f H less the bed.
+    // The line through two cells misses the stress sin(pi z/W) at a wall by (3/8) (pi h/W)^2 of it, and the sides
+    // carry f H minus the force on the bed.
     let bound = (FORCE * depth / exact - 1.0) * 0.375 * (PI * CELL / width).powi(2);
     assert!(
         (balance / exact - 1.0).abs() < bound,
@@ -252,12 +252,12 @@ fn the_bedload_of_grains_of_known_velocity_is_exact() {
         );
         assert!((first("run", probe, "diameter") - diameter).abs() < 1e-15);
     }
-    // A floor with a few grains above it has no bed.
+    // A floor with a few grains above it does not count as a bed.
     assert!(first("run", "half", "surface_height").abs() < 1e-15);
     assert!((first("run", "half", "scour_depth") - 0.004).abs() < 1e-15);
 }
 
-/// A pier that stands in the bed and reaches through the water does not move the surface of the columns around it.
+/// A pier in the bed that extends through the water does not raise the surface of the columns around it.
 #[test]
 fn a_pier_is_no_bed() {
     let _beside = beside_others();
@@ -296,7 +296,7 @@ fn a_pier_is_no_bed() {
     );
 }
 
-/// Returns the shortened example, in which grains move.
+/// Returns the shortened example with moving grains.
 fn flume(set: &[(&str, &str)]) -> Study {
     let text = solver::case::examples::find("flume").unwrap().text;
     let mut case: Value = serde_json::from_str(text).unwrap();
@@ -335,7 +335,7 @@ fn a_moving_bed_has_the_same_rows_on_any_ranks_and_across_a_restart() {
     }
 }
 
-/// Paths and reasons of the errors of a case.
+/// Returns paths and reasons of the errors of a case.
 fn errors(case: &Value) -> String {
     let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
     let problems = Plan::prepare(document).map(|_| ()).unwrap_err();
@@ -415,7 +415,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
     let mut dry = good.clone();
     dry.as_object_mut().unwrap().remove("fluid");
     assert!(errors(&dry).contains("no fluid"));
-    // The law of a hole is none of a bed: it has one face.
+    // The erosion law of a hole does not apply to a bed, which has one face.
     let mut law = good;
     law["regions"] = json!([{"name": "out", "box": {"from": [0, 0], "to": [1e-3, 1e-3]}, "action": {"remove": {}}}]);
     law["analysis"] =
@@ -447,8 +447,8 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
     })
 }
 
-/// Four discs on one another: the stress is that of the weight above, m g R N^2/V, over all of them and over the upper
-/// two.
+/// Four discs on top of each other: the stress equals that of the weight above, m g R N^2/V, for all of them and
+/// for the upper two.
 #[test]
 fn the_stress_of_a_column_is_the_weight_above() {
     let _beside = beside_others();
@@ -490,8 +490,7 @@ fn the_stress_of_a_column_is_the_weight_above() {
     }
 }
 
-/// A square lattice of discs between four walls at the same overlap everywhere: the stress is the pressure on the
-/// walls.
+/// Square lattice of discs between four walls with equal overlaps: the stress equals the pressure on the walls.
 #[test]
 fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     let _beside = beside_others();
@@ -518,7 +517,7 @@ fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     for name in ["stress_xx", "stress_yy", "mean_pressure"] {
         let found = mean(name);
         println!("{name}: {found} Pa, pressure of the walls {pressure} Pa");
-        // Contact points at walls lie half an overlap outside.
+        // Contact points at walls are half an overlap outside.
         assert!(
             (found / pressure - 1.0).abs() < 1e-4,
             "{name}: {found} {pressure}"
@@ -527,7 +526,7 @@ fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     assert!((mean("coordination_number") - 4.0).abs() < 1e-12);
 }
 
-/// At rest between smooth walls the stress times the volume is the sum of m g y, whatever part of it friction carries.
+/// At rest between smooth walls, the stress times the volume is the sum of m g y, for any contribution of friction.
 #[test]
 fn friction_between_grains_belongs_to_the_stress() {
     let _beside = beside_others();

@@ -6,8 +6,8 @@ use serde_json::{Map, Value};
 use std::path::Path;
 use std::process::Command;
 
-/// Runs a few members of a map, named by the values of what is varied: none that the plan lets pass may fail, none that
-/// it refuses may hold, and there are some of both.
+/// Runs a few members of a map, selected by their varied values: no member accepted by the plan fails, no refused
+/// one is stable, and both kinds occur.
 fn agrees(name: &str, chosen: &[(&str, &[&str])]) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/stability");
     let text = std::fs::read_to_string(root.join(name).join("study.json")).unwrap();

@@ -1,5 +1,5 @@
-//! Failures on two ranks: broken cases are refused by one voice, numerical failures name the cell or the grain, and no
-//! rank is left waiting.
+//! Failures on two ranks: broken cases are refused with a single message, numerical failures name the cell or the
+//! grain, and no rank waits forever.
 
 use crate::case_broken::{TABLE, broken, expected};
 use crate::ranks::{Cores, Study, beside_others, hang, run, start, start_impatient};
@@ -33,10 +33,10 @@ fn broken_cases_are_refused_by_one_voice() {
         for assignment in set {
             arguments.extend(["--set".to_owned(), assignment]);
         }
-        // The first few with the mpirun of every day; where it gives ranks no time at all the words may be lost, no
-        // more.
+        // The first few use the ordinary mpirun; with the impatient one, which kills ranks immediately, the
+        // messages may be lost, but nothing else.
         let patient = n < 3;
-        // Refused before it computes: it waits more than it works.
+        // The case is refused before it computes, so that the job mostly waits.
         let _cores = Cores::acquire(1);
         let running = if patient {
             start(2, &arguments)
@@ -80,7 +80,7 @@ fn slabs_for_another_number_of_ranks_are_refused() {
     });
     assert!(line.is_some(), "{}", done.stderr);
     assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
-    // One verdict, and nothing else: neither a plan nor a folder.
+    // The output is a single verdict; there is neither a plan nor a folder.
     assert_eq!(done.stdout.trim(), "");
     let verdict = ": refused, 1 problem; nothing was run";
     assert_eq!(done.stderr.matches(verdict).count(), 1, "{}", done.stderr);
@@ -115,11 +115,11 @@ fn a_restart_without_a_checkpoint_or_with_a_broken_change_says_so() {
     );
 }
 
-/// Ends with 4 and says why once.
+/// Checks that a study ends with exit code 4 and a single message.
 #[track_caller]
 fn refuses(study: &Study, words: &[&str]) {
     let mut arguments = study.arguments("run", 1, &[]);
-    // The plan knows of some of them.
+    // The plan predicts some of the failures.
     arguments.push("--allow-unstable".into());
     let done = run(2, &arguments).expect(4);
     let lines: Vec<&str> = done
@@ -150,7 +150,7 @@ fn fails(study: &Study, words: &[&str]) {
 #[test]
 fn a_flow_that_diverges_is_named_by_its_cell() {
     let _beside = beside_others();
-    // A lid at a Reynolds number of 600 000 on a hundred cells, at a relaxation time of almost 1/2.
+    // Lid-driven flow at a Reynolds number of 600 000 on a hundred cells, at a relaxation time close to 1/2.
     let study = Study::from_example(
         "cavity",
         &[
@@ -177,7 +177,7 @@ fn a_lost_grain_is_named() {
     fails(&study, &["grain ", "outside the box"]);
 }
 
-/// Cases that only the run can refuse: each ends with 4 and the name of what went wrong.
+/// Cases that only the run can refuse: each ends with exit code 4 and the name of the fault.
 #[test]
 fn soil_that_cannot_be_is_named() {
     let _beside = beside_others();
@@ -186,22 +186,22 @@ fn soil_that_cannot_be_is_named() {
         &Study::from_example("seepage", &[weak]),
         &["did not converge"],
     );
-    // Water of no viscosity to speak of: conductivities beyond all numbers.
+    // A negligible viscosity of the water gives excessive conductivities.
     let thin = ("fluid.darcy.viscosity", "1e-30");
     fails(&Study::from_example("seepage", &[thin]), &["not finite"]);
-    // A thousand metres of head below a pile of four centimetres: above critical everywhere.
+    // A head of a thousand metres below a pile of four centimetres exceeds the critical gradient everywhere.
     let inlet = ("fluid.darcy.boundaries[1].condition.head.value", "1000");
     fails(
         &Study::from_example("seepage", &[inlet]),
         &["grain ", "outside the box"],
     );
-    // Walls that the cloud falls past.
+    // The cloud falls past the walls.
     let open = ("walls", "[]");
     refuses(
         &Study::from_example("deposition", &[open]),
         &["grain ", "outside the box"],
     );
-    // A level of trimming below the floor.
+    // The level of trimming is below the floor.
     let level = ("grains.initial.deposition.trim_above", "0.001");
     let short = ("grains.initial.deposition.stop.at_most_steps", "2000");
     refuses(

@@ -10,18 +10,18 @@ use solver::plan::Plan;
 use std::path::Path;
 use std::time::Instant;
 
-/// A change that breaks a case.
+/// Change that breaks a case.
 pub(crate) enum Break {
     /// `--set` assignments.
     Set(&'static [&'static str]),
-    /// A field taken out, by JSON pointer.
+    /// Removal of a field, by JSON pointer.
     Remove(&'static str),
-    /// A text replaced by another, once.
+    /// Replacement of a text by another, once.
     Text(&'static str, &'static str),
 }
 use Break::{Remove, Set, Text};
 
-/// A sound analysis of a collapse, to be broken.
+/// Valid analysis of a collapse, to be broken.
 const COLLAPSE: &str = "analysis={\"ground_collapse\": {\"every\": 0.001, \"stages\": {}, \"points\": [{\"name\": \
     \"p\", \"box\": {\"from\": [0, 0, 0], \"to\": [0.01, 0.01, 0.01]}}]}}";
 
@@ -1534,7 +1534,7 @@ pub(crate) fn expected(path: &str) -> String {
     }
 }
 
-/// Returns the text of the broken case, and what to set.
+/// Returns the text of the broken case and its `--set` assignments.
 pub(crate) fn broken(example: &str, how: &Break) -> (String, Vec<String>) {
     let text = find(example).expect("an example").text;
     match how {
@@ -1586,7 +1586,7 @@ fn broken_cases_are_refused_by_the_library() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// Breaks that put several fields wrong: each of them is named.
+/// Changes with several invalid fields, each of which is named.
 const SEVERAL_SLIPS: [&str; 11] = [
     "box wall on a periodic face",
     "elastic spheres without moduli",
@@ -1620,7 +1620,7 @@ fn one_slip_has_one_finding() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// A file, a mesh or a sample that cannot be read is the only finding, also where the spacing is left to the program.
+/// An unreadable file, mesh or sample is the only finding, even if the spacing is automatic.
 #[test]
 fn files_that_cannot_be_read_are_the_only_finding() {
     let only = |case: &Value, path: &str| {
@@ -1658,7 +1658,7 @@ fn files_that_cannot_be_read_are_the_only_finding() {
     only(&wet, "structures[0].shape.surface.mesh.path");
 }
 
-/// Names of features that the program does not have lead to their alternative, not to a similar name.
+/// Names of unavailable features lead to their alternative, not to a similar name.
 #[test]
 fn absent_features_are_named_as_such() {
     for (example, set, reason) in [
@@ -1719,7 +1719,7 @@ fn features_under_other_names_lead_to_their_field() {
     }
 }
 
-/// Numbers of no physical size are refused where they stand.
+/// Numbers beyond any physical magnitude are refused with their path.
 #[test]
 fn numbers_without_size_are_refused_by_their_path() {
     for (example, path) in [
@@ -1832,7 +1832,7 @@ fn one_wrong_grain_among_many_is_named() {
             format!("{list}[4713].position[1]"),
         ]
     );
-    // What is wrong with the case as a whole is named too.
+    // Faults of the whole case are named too.
     let mut grains: Vec<Value> = (0..10_000).map(grain).collect();
     grains[77]["position"] = grains[78]["position"].clone();
     let problems = judge(&case(&grains), &[]);

@@ -1,4 +1,4 @@
-//! The commands that need no run, through the binary.
+//! Commands that need no run, executed with the binary.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -199,7 +199,7 @@ fn the_example_list_names_every_example() {
     );
 }
 
-/// A lid at a cell Reynolds number at which runs were seen to fail.
+/// Lid-driven flow at a cell Reynolds number at which runs failed.
 const UNSTABLE: [&str; 2] = ["--set", "fluid.lattice_boltzmann.kinematic_viscosity=2e-8"];
 
 #[test]
@@ -258,7 +258,7 @@ fn a_case_has_one_verdict_and_an_unstable_one_runs_only_where_this_is_allowed() 
 #[test]
 fn an_unstable_run_goes_on_only_where_this_is_allowed() {
     let folder = tempfile::tempdir().unwrap();
-    // Two discs that meet for a moment do not mind a step at which a crowd would be thrown apart.
+    // For two discs in a short collision, a time step that would be unstable for a dense packing is sufficient.
     let path = example(&folder, "collision");
     let output = folder.path().join("run");
     let run = |more: &[&str]| {

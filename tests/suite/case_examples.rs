@@ -1,4 +1,4 @@
-//! Every ready case is valid, without a warning. That the schema accepts it too is shown by `tests/schema.py`.
+//! Every example case is valid without a warning. `tests/schema.py` checks that the schema accepts it too.
 
 use serde_json::Value;
 use solver::case::examples::EXAMPLES;
@@ -13,11 +13,11 @@ fn every_example_is_valid_without_a_warning() {
             .unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{}: {p:#?}", example.name));
         assert_eq!(plan.warnings, [], "{}", example.name);
-        // A minute on a machine twice as fast as the one of the rates.
+        // One minute on a machine twice as fast as that of the measured rates.
         let seconds = plan.estimate.seconds_on_one_core;
         assert!(seconds < 60.0, "{}: {seconds} s", example.name);
         assert!(
-            // At the limit itself, but for rounding.
+            // A value may be at its limit, within rounding.
             plan.margins.iter().all(|m| m.used <= 1.0 + 1e-12),
             "{}",
             example.name
@@ -35,7 +35,7 @@ fn every_field_of_the_schema_is_documented() {
                     && let Value::Object(properties) = child
                 {
                     for (name, property) in properties {
-                        // Inside an annotation the outer property is the documented one.
+                        // Within an annotation the outer property is documented.
                         let inner = matches!(name.as_str(), "value" | "note" | "source");
                         if property.get("description").is_none() && !inner {
                             missing.push(format!("{path}/{name}"));
@@ -77,7 +77,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
         max_relative = 1e-12
     );
     assert_eq!(plan.scene.grid.cells, [336, 160, 1]);
-    // 2 sqrt(m/k) of the smallest disc: m = 2650 pi r², k = 150e6 · 2r.
+    // Critical time step 2 sqrt(m/k) of the smallest disc: m = 2650 pi r², k = 150e6 · 2r.
     let radius = 0.75e-4_f64;
     let mass = 2650.0 * std::f64::consts::PI * radius * radius;
     let critical = 2.0 * (mass / (150e6 * 2.0 * radius)).sqrt();
@@ -88,7 +88,7 @@ fn the_piping_example_has_the_numbers_of_the_paper() {
     );
     assert_eq!(plan.clock.solid_steps_per_step, 5);
     assert_eq!(plan.clock.steps, 96_000);
-    // k_n and C go with the mean diameter of the pair.
+    // k_n and C scale with the mean diameter of the pair.
     let law = plan.scene.contact.as_ref().expect("contacts").model();
     approx::assert_relative_eq!(
         law.cohesion([0, 0]).for_diameter(2e-4) / law.normal_stiffness([0, 0], 2e-4),

@@ -1,5 +1,5 @@
-//! Every key of every ready case, taken out, misspelt or given a value it cannot have: the program answers with a plan
-//! or with problems that have a path, and never panics.
+//! Every key of every example case is removed, misspelt or set to an invalid value: the program returns a plan or
+//! problems with a path, and never panics.
 
 use crate::ranks::Cores;
 use serde_json::{Value, json};
@@ -9,18 +9,18 @@ use solver::plan::Plan;
 use std::path::Path;
 use std::time::Duration;
 
-/// A mutant takes less than a second of the processor; ten times that is a hang.
+/// Maximum processor time of a mutant, ten times the usual second.
 pub(crate) const HANG: Duration = Duration::from_secs(10);
 
-/// Returns the processor time of this thread: other work on the machine does not count.
+/// Returns the processor time of this thread, which excludes other work on the machine.
 pub(crate) fn processor_time() -> Duration {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split_whitespace().next().and_then(|n| n.parse().ok());
     Duration::from_nanos(nanoseconds.unwrap_or(0))
 }
 
-/// Collects JSON pointers of everything in the tree but the root; of a long list the first three and the last, for the
-/// rest are like them.
+/// Collects JSON pointers of all nodes of the tree except the root; of a long list only the first three entries and
+/// the last, because the others are similar.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -106,7 +106,8 @@ fn no_mutant_of_an_example_panics() {
         let mut paths = Vec::new();
         pointers(&original, "", &mut paths);
         for (n, path) in paths.iter().enumerate() {
-            // Every place of every example, each with some of the mutations: neighbours get the others.
+            // Every node of every example is mutated with some of the mutations; neighbouring nodes receive the
+            // others.
             for value in replacements().into_iter().skip(n % 14).step_by(14) {
                 let mut mutant = original.clone();
                 *mutant.pointer_mut(path).unwrap() = value.clone();
@@ -132,7 +133,7 @@ fn no_mutant_of_an_example_panics() {
                         map.insert(format!("{key}_x"), value);
                     }
                     let what = format!("{} with {path}_x", example.name);
-                    // Names of materials are free, and notes of sources are kept as they are.
+                    // Names of materials are arbitrary, and notes of sources are kept.
                     let refused = !judge(&mutant.to_string(), &what);
                     assert!(
                         refused || path.starts_with("/materials/"),

@@ -1,16 +1,17 @@
-//! Finds files of a crate that use each other in a circle.
+//! Finds cyclic dependencies between files of a crate.
 //!
-//! An arrow goes from a file to the file that defines the name it uses; names that a file re-exports are followed to
-//! their definition. A module and the files below it are one concept, so that arrows between them do not count. Code of
-//! tests is left out.
+//! There is an arrow from a file to the file that defines a name it uses; names that a file re-exports are followed
+//! to their definition. A module and the files below it are one unit, so that arrows between them do not count.
+//! Test code is omitted.
 
 use super::architecture::{code_of, sources};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The circles that are allowed: the files of a circle stand in one of these lists.
+/// Allowed cycles: each list contains the files of one cycle.
 const ALLOWED: &[&[&str]] = &[
-    // A drag law may be used as a resistance: the list of resistances names it, and its file implements both traits.
+    // A drag law may be used as a resistance: the list of resistances contains it, and its file implements both
+    // traits.
     &[
         "src/darcy/drag.rs",
         "src/darcy/drag/di_felice.rs",
@@ -21,20 +22,20 @@ const ALLOWED: &[&[&str]] = &[
     ],
 ];
 
-/// A path of a module: `["dem", "engine"]`.
+/// Path of a module: `["dem", "engine"]`.
 type Module = Vec<String>;
 
-/// A file: what it defines, what it re-exports, what it uses.
+/// File with the names that it defines, re-exports and uses.
 #[derive(Default)]
 struct File {
     path: String,
     defined: BTreeSet<String>,
-    /// Names that other files may take from here, with the path behind each.
+    /// Names that other files may import from here, with the paths they represent.
     exported: BTreeMap<String, Vec<String>>,
     used: Vec<Vec<String>>,
 }
 
-/// Collects the paths of a tree of `use`: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
+/// Collects the paths of a `use` tree: `a::{b, c::d as e}` gives the local name and the whole path of each leaf.
 fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     let tree = tree.trim();
     let (head, list) = match tree.find('{') {
@@ -74,7 +75,7 @@ fn leaves(tree: &str, before: &[String], all: &mut Vec<(String, Vec<String>)>) {
     }
 }
 
-/// Reads the code of a module; the first `root` words of the module are those of its package.
+/// Reads the code of a module; the first `root` words of the module path are those of its package.
 fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
     let mut file = File {
         path: path.to_owned(),
@@ -82,7 +83,7 @@ fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
     };
     let mut rest = String::new();
     let mut statements = code.split("use ");
-    // What stands before a `use` decides whether it is a statement and whether it is public.
+    // The text before a `use` determines if it is a statement and if it is public.
     let mut before = statements.next().unwrap_or_default().to_owned();
     rest.push_str(&before);
     for part in statements {
@@ -106,7 +107,7 @@ fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
         }
         before = part.to_owned();
     }
-    // Names that are defined, and paths inside the code.
+    // Defined names, and paths inside the code.
     let tokens: Vec<&str> = rest
         .split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':' || c == '!'))
         .filter(|token| !token.is_empty())
@@ -135,7 +136,7 @@ fn read(path: &str, code: &str, module: &Module, root: usize) -> File {
             file.used.push(path);
         }
     }
-    // Paths of this file in full: `super`, `self` and names that stand for modules at its top.
+    // Full paths of this file, with `super`, `self` and the names of modules at its top resolved.
     let full = |path: &Vec<String>| -> Vec<String> {
         let mut from = module.clone();
         let mut words = path.iter().peekable();
@@ -173,7 +174,7 @@ fn module_of(path: &str, folder: &str) -> Module {
     words.map(str::to_owned).collect()
 }
 
-/// Returns the circles among files, each in alphabetical order.
+/// Returns the cycles among files, each in alphabetical order.
 fn circles(sources: &[(String, String)], folder: &str) -> Vec<Vec<String>> {
     let files: BTreeMap<Module, File> = sources
         .iter()
@@ -184,10 +185,10 @@ fn circles(sources: &[(String, String)], folder: &str) -> Vec<Vec<String>> {
             (module, file)
         })
         .collect();
-    // The module that defines what a path names.
+    // Module that defines the name at the end of a path.
     let definer = |path: &[String]| -> Option<Module> {
         let mut path = path.to_vec();
-        // As many steps as re-exports follow one another at most.
+        // Maximum number of successive re-exports.
         for _ in 0..8 {
             let length = (0..=path.len())
                 .rev()

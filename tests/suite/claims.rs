@@ -1,7 +1,7 @@
-//! Figures that the pages for users cite, compared with the committed tables that they come from.
+//! Numbers cited on the pages for users, compared with the committed tables from which they are taken.
 //!
-//! `tests/claims.csv` lists them: the page, the text that holds the figure, the table, the rows (`column=value`,
-//! `column~part`, `column!part`), the column, what is taken of the rows, and a factor. A figure agrees if it is the
+//! `tests/claims.csv` lists them: the page, the text with the number, the table, the rows (`column=value`,
+//! `column~part`, `column!part`), the column, the reduction of the rows, and a factor. A number agrees if it is the
 //! value rounded to its digits.
 
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ fn rows(path: &Path) -> Vec<Row> {
 
 /// Returns `true` if a row meets all conditions.
 fn holds(row: &Row, conditions: &str) -> bool {
-    // A quantity may contain a semicolon: only one before a column begins a condition.
+    // A quantity may contain a semicolon, so that only a semicolon before a column begins a condition.
     let mut parts: Vec<String> = Vec::new();
     for part in conditions.split(';').filter(|part| !part.is_empty()) {
         let names_a_column = row.keys().any(|name| {
@@ -49,7 +49,7 @@ fn holds(row: &Row, conditions: &str) -> bool {
     })
 }
 
-/// Returns half a unit of the last digit of a figure as it is written.
+/// Returns half a unit of the last digit of a number as written.
 fn half_a_digit(figure: &str) -> f64 {
     let (digits, exponent) = figure.split_once('e').unwrap_or((figure, "0"));
     let decimals = digits

@@ -6,9 +6,9 @@ use crate::ranks::{Study, beside_others};
 /// Diameter of the grains [m].
 const D: f64 = 1e-3;
 
-/// Columns of spheres that just touch, 12 x 4 x 6, over two openings of 2 x 2 grains. `strength` of the bonds [N] lets
-/// the columns over an opening slide out as blocks where it is small against the weight of a grain, 1.3e-5 N; without
-/// it there are none.
+/// Returns columns of touching spheres, 12 x 4 x 6, over two openings of 2 x 2 grains. With a `strength` of the
+/// bonds [N] small against the weight of a grain, 1.3e-5 N, the columns over an opening slide out as blocks;
+/// without `strength` there are no bonds.
 fn case(strength: Option<&str>) -> String {
     let point = |name: &str, from: f64| {
         format!(
@@ -106,7 +106,7 @@ fn blocks_leave_a_bonded_ground_and_the_record_is_the_same_on_any_ranks() {
     for stage in ["hidden_hole", "sinkhole", "sinkhole_shape"] {
         assert!(collapse["stages"][stage].is_f64(), "{stage}: {collapse:#}");
     }
-    // Whole columns fall with their surface: no arch stands.
+    // Whole columns fall with their surface, so that there is no arch.
     assert!(collapse["stages"]["arch"].is_null(), "{collapse:#}");
     for (n, times) in [(1, 1), (2, 0), (3, 1)] {
         let begun = done.stdout.matches(&format!("t{n} ")).count();
@@ -124,7 +124,7 @@ fn blocks_leave_a_bonded_ground_and_the_record_is_the_same_on_any_ranks() {
     study.run("three", 3, 1, &["domain.split=z"]);
     study.same("one", "three");
     assert_eq!(study.summary("three")["collapse"], *collapse);
-    // Over a checkpoint, with threads and on other ranks.
+    // The run is continued from a checkpoint, with threads and on other ranks.
     study.run("parts", 2, 2, &["time.end=0.013"]);
     study.restart("parts", 3, &["time.end=0.04"]).expect(0);
     study.same("one", "parts");
@@ -141,7 +141,7 @@ fn sand_leaves_as_single_grains() {
     assert!(rows.iter().all(|row| row[3] == "1"), "{rows:?}");
     let svg = std::fs::read_to_string(study.path("sand").join("settlement.svg")).unwrap();
     assert!(svg.contains("</svg>"));
-    // A run that did not ask at time 0 cannot be asked later.
+    // A run without the analysis at time 0 cannot start it later.
     let without = [
         "analysis={}",
         "output.grains.displacement=false",
@@ -157,7 +157,7 @@ fn sand_leaves_as_single_grains() {
     );
 }
 
-/// A large grain rolls from a crest into a hollow and off its column, 2.4 mm long; no grain leaves.
+/// A large grain rolls from a crest into a hollow and leaves its column, 2.4 mm long; no grain leaves the domain.
 #[test]
 fn a_grain_that_rolls_off_its_column_is_no_sinkhole() {
     let _beside = beside_others();
@@ -172,13 +172,13 @@ fn a_grain_that_rolls_off_its_column_is_no_sinkhole() {
     ];
     study.run("rolling", 1, 1, &set);
     let rows = table(&study, "rolling", "surface.csv");
-    // The column lost the grain and fell by more than two diameters ...
+    // The column lost the grain and its elevation decreased by more than two diameters ...
     let elevation = |row: &Vec<String>| row[6].parse::<f64>().unwrap();
     let column = |row: &&Vec<String>| row[2] == "1" && row[3] == "0";
     let of_column: Vec<f64> = rows.iter().filter(column).map(elevation).collect();
     let [first, last] = [of_column[0], of_column[of_column.len() - 1]];
     assert!(first - last > 2.0 * D, "{of_column:?}");
-    // ... and nothing has begun.
+    // ... but no stage has begun.
     let summary = study.summary("rolling");
     let stages = &summary["collapse"]["stages"];
     assert!(

@@ -7,7 +7,7 @@ use solver::plan::Plan;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Reads the columns of a probe as rows of numbers.
+/// Returns the columns of a probe as rows of numbers.
 fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
     let path = study.path(&format!("{run}/probe_{probe}.csv"));
     let text = std::fs::read_to_string(path).unwrap();
@@ -55,14 +55,14 @@ impl Complex {
     }
 }
 
-/// A base on a stratum with a sheet pile below it, under a head of 1 m upstream and 0 downstream. In z the ground
-/// surface is real and the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi s/2T)) takes the structure to a real
-/// interval.
+/// A base on a stratum with a sheet pile below it, under a head of 1 m upstream and 0 downstream. In the complex
+/// plane z the ground surface is the real axis, with the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi
+/// s/2T)) takes the structure to a real interval.
 struct Dam {
     /// Depth of the stratum and of the pile.
     stratum: f64,
     pile: f64,
-    /// Heel and toe, from the pile.
+    /// Coordinates of heel and toe relative to the pile.
     heel: f64,
     toe: f64,
 }
@@ -76,13 +76,13 @@ impl Dam {
         (self.scale() * self.pile).tan()
     }
 
-    /// u at the base, on the surface.
+    /// Returns u at the base, on the surface.
     fn at_base(&self, x: f64) -> f64 {
         let u = (self.scale() * x).tanh().hypot(self.slit());
         if x < 0.0 { -u } else { u }
     }
 
-    /// u at a depth on the downstream side of the pile.
+    /// Returns u at a depth on the downstream side of the pile.
     fn at_pile(&self, depth: f64) -> f64 {
         let t = (self.scale() * depth).tan();
         (self.slit().powi(2) - t * t).max(0.0).sqrt()
@@ -99,7 +99,7 @@ impl Dam {
         [end(self.heel, -1.0), end(self.toe, 1.0)]
     }
 
-    /// Integral of the head loss from the heel to an angle, u = middle + half sin(angle).
+    /// Returns the integral of the head loss from the heel to an angle, with u = middle + half sin(angle).
     fn integral(&self, angle: f64) -> f64 {
         let [low, high] = self.ends();
         let far = 1.0 + self.slit().powi(2);
@@ -116,14 +116,15 @@ impl Dam {
         step / 3.0 * (f(0) + inner + f(n))
     }
 
-    /// Head at a point of the structure.
+    /// Returns the head at a point of the structure.
     fn head(&self, u: f64) -> f64 {
         let [low, high] = self.ends();
         let sine = (2.0 * u - low - high) / (high - low);
         1.0 - self.integral(sine.clamp(-1.0, 1.0).asin()) / self.integral(0.5 * PI)
     }
 
-    /// Uplift on the base, thrust on the pile and moment about the heel, over the weight of the water.
+    /// Returns uplift on the base, thrust on the pile and moment about the heel, divided by the unit weight of
+    /// water.
     fn load(&self) -> [f64; 3] {
         let n = 2000;
         let middle = |k: i32, length: f64| (f64::from(k) + 0.5) / f64::from(n) * length;
@@ -143,13 +144,13 @@ impl Dam {
         sums
     }
 
-    /// Exit gradient at a pile at the toe.
+    /// Returns the exit gradient at a pile at the toe.
     fn exit_gradient(&self) -> f64 {
         let [low, high] = self.ends();
         self.scale() / self.integral(0.5 * PI) * (2.0 / (high * (high - low))).sqrt()
     }
 
-    /// Head in the ground downstream, by the way up to the surface.
+    /// Returns the head in the ground downstream, integrated upwards to the surface.
     fn head_below(&self, x: f64, depth: f64) -> f64 {
         let ([low, high], far, slit) =
             (self.ends(), (1.0 + self.slit().powi(2)).sqrt(), self.slit());
@@ -168,14 +169,14 @@ impl Dam {
                 .times(minus.plus(far).root())
                 .times(u.plus(far).root());
             let gradient = slope.over(below);
-            // Along -i dy.
+            // The path of integration is along -i dy.
             sum += gradient.1 * self.scale() * depth / f64::from(n);
         }
         (sum / self.integral(0.5 * PI)).abs()
     }
 }
 
-/// Ground of 18 m by 2 m with a structure on it, whose pile stands at x = 9, and heads of 3 m and 2 m.
+/// Returns ground of 18 m by 2 m with a structure whose pile is at x = 9, under heads of 3 m and 2 m.
 fn study(structure: &str, heel: f64, toe: f64, probes: &str) -> Study {
     let boundaries = format!(
         r#"[{{"name": "upstream", "face": "y_max", "patch": {{"from": [0, 0], "to": [{heel}, 2]}},
@@ -195,8 +196,8 @@ fn study(structure: &str, heel: f64, toe: f64, probes: &str) -> Study {
     )
 }
 
-/// Runs on cells of a 16th, a 32nd and a 64th of a metre, and returns what a value tends to: errors of the first and of
-/// the second order are removed.
+/// Runs on cells of 1/16, 1/32 and 1/64 m, and returns the limit of a value with errors of first and second order
+/// removed.
 fn limit<const N: usize>(study: &Study, value: impl Fn(&Study, &str) -> [f64; N]) -> [f64; N] {
     let values = [16, 32, 64].map(|n: u32| {
         let name = format!("n{n}");
@@ -218,7 +219,7 @@ fn limit<const N: usize>(study: &Study, value: impl Fn(&Study, &str) -> [f64; N]
 
 const WEIGHT: f64 = 9810.0;
 
-/// Force and moment about the heel on a structure.
+/// Returns force and moment about the heel on a structure.
 fn load(study: &Study, run: &str) -> [f64; 3] {
     let row = &rows(study, run, "dam")[0];
     [row[3], row[2], row[7]].map(|x| x / WEIGHT)
@@ -248,7 +249,7 @@ fn a_flat_dam_has_the_exact_force_and_moment() {
     assert!(thrust.abs() < 1e-9, "{thrust}");
 }
 
-/// A base with a cut-off of 0.5 m in its middle: uplift, thrust on the cut-off, moment.
+/// Base with a cut-off of 0.5 m in its middle: uplift, thrust on the cut-off, moment.
 #[test]
 fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     let _beside = beside_others();
@@ -273,7 +274,7 @@ fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     }
 }
 
-/// A base with a cut-off of 0.5 m at its toe: exit gradient, discharge, uplift, and heave of Terzaghi's prism.
+/// Base with a cut-off of 0.5 m at its toe: exit gradient, discharge, uplift, and heave of Terzaghi's prism.
 #[test]
 fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {
     let _beside = beside_others();
@@ -314,7 +315,7 @@ fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {
         assert!((half[5] / (9000.0 / (WEIGHT * half[3] / 0.5)) - 1.0).abs() < 1e-9);
         assert!((half[4] - half[3] / 0.5).abs() < 1e-12);
         let discharge = rows(study, run, "under")[0][2];
-        // From left to right on the way down: along -x would be against the flow.
+        // The probe is directed from left to right and downwards: -x would be against the flow.
         let oblique = rows(study, run, "oblique")[0][2];
         assert!(
             (oblique / discharge - 1.0).abs() < 1e-6,
@@ -342,7 +343,7 @@ fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {
     }
 }
 
-/// Values along a line in a saturated stratum: heads fall linearly between two faces.
+/// Values along a line in a saturated stratum: the head decreases linearly between two faces.
 #[test]
 fn a_line_probe_reads_the_ground() {
     let _beside = beside_others();
@@ -379,7 +380,8 @@ fn a_line_probe_reads_the_ground() {
     }
 }
 
-/// Drains, a well, beds that dip, and all answers: equal bits on any number of ranks and threads, and after a restart.
+/// Drains, a well, dipping beds, and all answers: equal bits on any number of ranks and threads, and after a
+/// restart.
 #[test]
 fn drains_and_dips_give_the_same_bits() {
     let _beside = beside_others();
@@ -441,7 +443,7 @@ fn drains_and_dips_give_the_same_bits() {
     assert_eq!(tables("parts"), tables("straight"));
 }
 
-/// A case, its changes, and the findings: path and reason.
+/// Returns the findings of a case with changes: path and reason.
 fn findings(example: &str, sets: &[&str]) -> Vec<(String, String)> {
     let text = examples::find(example).unwrap().text;
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();

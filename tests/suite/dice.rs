@@ -1,8 +1,8 @@
-//! Random choices of the tests that mutate input.
+//! Random choices for the tests that mutate input.
 
 use solver::random::SplitMix;
 
-/// A die thrown from a seed.
+/// Random number generator started from a seed.
 pub(crate) struct Dice(SplitMix);
 
 impl Dice {

@@ -1,4 +1,4 @@
-//! `solver estimate` with the binary: plane Poiseuille flow on three grids, and what a second call runs again.
+//! `solver estimate` with the binary: plane Poiseuille flow on three grids, and the runs repeated by a second call.
 
 use crate::ranks::beside_others;
 use serde_json::{Value, json};
@@ -68,7 +68,7 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
     assert_eq!(flux["behaviour"], "asymptotic", "{flux}");
     assert!((number("observed_order") - 2.0).abs() < 1e-3, "{flux}");
     let error = (number("value") - exact).abs();
-    // The whole error is that of the cells: the interval is 1.25 times as wide.
+    // The total error is that of the cells, and the interval is 1.25 times the error.
     assert!(
         (number("uncertainty") / error - 1.25).abs() < 0.01,
         "{error}: {flux}"
@@ -78,7 +78,7 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
         "{flux}"
     );
     assert_eq!(flux["settled"], true);
-    // Equal on all grids by the balance of forces.
+    // The force is equal on all grids by the balance of forces.
     assert_eq!(row("wall: force_x, last")["behaviour"], "equal");
     assert_eq!(row("wall: force_x, last")["settled"], Value::Null);
     let csv = std::fs::read_to_string(output.join("estimate.csv")).unwrap();
@@ -86,7 +86,7 @@ fn the_exact_flow_lies_in_the_interval_and_no_run_is_repeated() {
 
     let again = done(&file, &more);
     assert!(again.contains("3 of 3 members need no run"), "{again}");
-    // A damaged grid is run again, and only that.
+    // Only a damaged grid is run again.
     let second = std::fs::read_dir(&output).unwrap().flatten();
     let second = second.map(|e| e.path()).find(|p| {
         p.file_name()
@@ -120,8 +120,9 @@ fn weir(limit: f64) -> Value {
     })
 }
 
-/// The lattice velocity over the crest of a weir grows with the cells, which no plan foresees. A guard ends the
-/// runs of coarser grids: others take their places, and what the estimate then is, is said.
+/// The lattice velocity over the crest of a weir increases with the cell size, which the plan does not predict. A
+/// guard ends the runs on coarser grids: other grids replace them, and the message describes the remaining
+/// estimate.
 #[test]
 fn grids_that_a_guard_ends_are_replaced_and_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -151,7 +152,7 @@ fn grids_that_a_guard_ends_are_replaced_and_told() {
             grids.len() - lost,
         )
     };
-    // The coarsest of three fails: one between takes its place, and three remain.
+    // The coarsest of three grids fails: an intermediate one replaces it, and three remain.
     let (said, block, force, usable) = run("three", 0.099);
     assert!(
         said.contains("no answers: numerical refusal") && said.contains("max_lattice_velocity"),
@@ -159,7 +160,7 @@ fn grids_that_a_guard_ends_are_replaced_and_told() {
     );
     assert_eq!(usable, 3, "{block}");
     assert_eq!(force["values"].as_array().unwrap().len(), 3);
-    // All coarser ones fail: the finer one and the case remain, with the wider factor.
+    // All coarser grids fail: the finer one and the case remain, with the larger factor of safety.
     let (said, block, force, usable) = run("two", 0.0517);
     assert!(said.contains("an estimate of two grids: 2 of"), "{said}");
     assert_eq!(usable, 2, "{block}");
@@ -193,7 +194,7 @@ fn the_plan_says_what_an_estimate_costs() {
         text.contains("costs of `solver estimate`") && text.contains("2-grid-"),
         "{text}"
     );
-    // A long run, compared with which the start of the program counts little.
+    // A long run, compared with which the start of the program is short.
     let long = ["--json", "--set", "time.end=4000"];
     let tree: Value = serde_json::from_str(&plan(&long)).unwrap();
     let costs = &tree["uncertainty_estimate"];
@@ -203,12 +204,12 @@ fn the_plan_says_what_an_estimate_costs() {
     assert!(all > own && all < 1.25 * own, "{all} for {own}");
 }
 
-/// A case that fails itself ends with the code of a numerical failure.
+/// A failure of the case itself gives the exit code of a numerical failure.
 #[test]
 fn the_failure_of_the_case_is_a_numerical_one() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("fast.json");
-    // The plan does not foresee the velocity over the crest.
+    // The plan does not predict the velocity over the crest.
     let case = weir(0.03);
     std::fs::write(&file, case.to_string()).unwrap();
     let output = folder.path().join("out");
@@ -222,8 +223,8 @@ fn the_failure_of_the_case_is_a_numerical_one() {
     );
 }
 
-/// A pilot runs coarse cells and writes the case with what it found; the plan of this case is the same wherever it is
-/// made, and a change of the case is noticed.
+/// A pilot runs on coarse cells and writes the case with its results; the plan of this case is the same on every
+/// machine, and a change of the case is detected.
 #[test]
 fn a_pilot_gives_the_plan_speed_and_pressure() {
     let _beside = beside_others();

@@ -1,4 +1,4 @@
-//! Excavation next to a sheet pile as an engineer draws it: any size of cells gives the discharge, and faults of the
+//! Excavation next to a sheet pile as an engineer draws it: any cell size gives the discharge, and faults of the
 //! drawing are reported.
 
 use crate::ranks::{beside_others, run};
@@ -7,8 +7,8 @@ use solver::case::Document;
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Returns sand 6 m deep and 30 m wide, a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on the
-/// left, cells of this size.
+/// Returns sand 6 m deep and 30 m wide with a pile in the middle down to `y` = 3.5 m, water 3 m above the ground on
+/// the left, and cells of this size.
 fn excavation(spacing: f64) -> Value {
     let side = |name: &str, from: f64, to: f64, head: f64| {
         json!({"name": name, "face": "y_max",
@@ -40,7 +40,7 @@ fn warnings(case: &Value) -> Vec<String> {
     plan.warnings.iter().map(ToString::to_string).collect()
 }
 
-/// Returns the discharge \[m2/s\], head and pressure at the toe.
+/// Returns the discharge \[m2/s\], and head and pressure at the toe.
 fn solved(case: &Value) -> [f64; 3] {
     let _beside = beside_others();
     let folder = tempfile::tempdir().unwrap();
@@ -85,7 +85,7 @@ fn solved(case: &Value) -> [f64; 3] {
 /// toe the head is half way, by symmetry.
 #[test]
 fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
-    // The pile lies on the faces of cells, in the middle of cells, and near the face of a cell.
+    // The pile is on the faces of cells, in the middle of cells, and close to the face of a cell.
     for (spacing, shift) in [
         (0.25, 0.0),
         (0.4, 0.0),
@@ -106,7 +106,7 @@ fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
         assert!(error.abs() < 0.17 * spacing, "{spacing} {shift}: {error}");
     }
     let [_, head, pressure] = solved(&excavation(0.08));
-    // One side of the tip, at which the head falls by the root of the distance.
+    // The value is that on one side of the tip, at which the head varies with the root of the distance.
     assert!((head - 7.5).abs() < 0.12, "{head}");
     assert!(
         (pressure - 9810.0 * (head - 3.49)).abs() < 1.0,

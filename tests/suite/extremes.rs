@@ -1,7 +1,8 @@
-//! Extremes (P12): every scene ends in a result within bounds that physics gives, or is refused by name; never in NaN.
+//! Extremes (P12): every scene ends with a result within physical bounds, or is refused with a reason; never with
+//! NaN.
 //!
-//! Bounds are of the kind that hold for any sound method: a body falls no faster than in a vacuum, a wall carries what
-//! pushes the water, no flow through what is full, and the exact flow where there is one.
+//! The bounds are valid for any correct method: a body falls no faster than in a vacuum, a wall carries the force
+//! on the water, there is no flow through filled sections, and the exact flow if one is known.
 
 use crate::ranks::{Done, Study, beside_others, run};
 use solver::case::Document;
@@ -9,7 +10,7 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// A free solid in water between a floor and a ceiling: 16 x 16 x 24 cells of 1 mm, the solid six cells across.
+/// Free solid in water between a floor and a ceiling: 16 x 16 x 24 cells of 1 mm, with the solid six cells across.
 const SETTLING: &str = r#"{
   "domain": {"size": [0.016, 0.016, 0.024], "spacing": 0.001, "periodic": ["x", "y"]},
   "gravity": [0, 0, -9.81],
@@ -28,7 +29,7 @@ const SETTLING: &str = r#"{
   "probes": [{"name": "b", "every": 0.01, "at": {"body": {"name": "b"}}}]
 }"#;
 
-/// Water pushed along a periodic box that a fixed block may fill.
+/// Water driven along a periodic box that a fixed block may fill.
 const STREAM: &str = r#"{
   "domain": {"size": [0.032, 0.008, 0.008], "spacing": 0.001, "periodic": ["x", "y", "z"]},
   "materials": {"rock": {"density": 2650}},
@@ -45,7 +46,7 @@ const STREAM: &str = r#"{
   "probes": [{"name": "b", "every": 0.02, "at": {"body": {"name": "b"}}}]
 }"#;
 
-/// Decaying vortices, 32 cells a wave: after t = 0.2 s their speed is down by exp(-2 nu k² t) = 0.98470.
+/// Decaying vortices of 32 cells per wave: after t = 0.2 s their speed has decreased by exp(-2 nu k² t) = 0.98470.
 const VORTICES: &str = r#"{
   "domain": {"size": [0.032, 0.032], "spacing": 0.001, "periodic": ["x", "y"]},
   "fluid": {"lattice_boltzmann": {
@@ -56,7 +57,7 @@ const VORTICES: &str = r#"{
   "probes": [{"name": "b", "every": 0.1, "at": {"point": {"position": [0.0165, 0.0085]}}}]
 }"#;
 
-/// A lid drags the water of a square of 16 cells.
+/// Lid-driven flow in a square of 16 cells.
 const LID: &str = r#"{
   "domain": {"size": [0.016, 0.016], "spacing": 0.001},
   "fluid": {"lattice_boltzmann": {
@@ -67,7 +68,7 @@ const LID: &str = r#"{
   "probes": [{"name": "b", "every": 0.05, "at": {"plane": {"axis": "x", "position": 0.008}}}]
 }"#;
 
-/// Two discs across a channel, a gap of one cell between them.
+/// Two discs across a channel with a gap of one cell between them.
 const DISCS: &str = r#"{
   "domain": {"size": [0.03, 0.02], "spacing": 0.001, "periodic": ["x"]},
   "materials": {"rock": {"density": 2650}},
@@ -85,7 +86,7 @@ const DISCS: &str = r#"{
   "probes": [{"name": "b", "every": 0.5, "at": {"body": {"name": "b"}}}]
 }"#;
 
-/// A speck of a hundredth falls on a sphere.
+/// Small grain of a hundredth of the diameter that falls onto a sphere.
 const SPECK: &str = r#"{
   "domain": {"size": [0.2, 0.2, 0.2], "spacing": 0.01},
   "gravity": [0, 0, -9.81],
@@ -103,7 +104,7 @@ const SPECK: &str = r#"{
   "probes": [{"name": "b", "every": 0.05, "at": {"body": {"name": "b"}}}]
 }"#;
 
-/// Water seeps down a shaft under a head of 0.05 m over 0.06 m.
+/// Seepage down a shaft under a head of 0.05 m over 0.06 m.
 const SHAFT: &str = r#"{
   "domain": {"size": [0.03, 0.03, 0.06], "spacing": 0.01},
   "gravity": [0, 0, -9.81],
@@ -124,7 +125,7 @@ const SHAFT: &str = r#"{
   "time": {"end": 0.002}
 }"#;
 
-/// The sphere of [`SETTLING`] as a block, with its law of contact.
+/// Changes that turn the sphere of [`SETTLING`] into a block, with its contact law.
 const BLOCK: [&str; 2] = [
     "bodies[0].shape={\"cuboid\": {\"edges\": [0.006, 0.005, 0.004]}}",
     "contact={\"blocks\": {\"normal_stiffness\": {\"per_area\": 1e7}, \"friction_angle_degrees\": 30, \
@@ -135,17 +136,17 @@ const LB: &str = "fluid.lattice_boltzmann";
 
 /// Required end of a scene.
 enum End {
-    /// Exit code 0, and numbers of the last row of the probe `b`, or of `summary.json` where the name is a JSON
-    /// pointer, between bounds.
+    /// Exit code 0, with numbers between bounds: from the last row of the probe `b`, or from `summary.json` if the
+    /// name is a JSON pointer.
     Result(&'static [(&'static str, f64, f64)]),
-    /// Exit code 3: a path, and words of the reason.
+    /// Exit code 3 with a path and words of the reason.
     Refused(&'static str, &'static str),
-    /// Exit code 4: words of the reason.
+    /// Exit code 4 with words of the reason.
     Fails(&'static str),
 }
 use End::{Fails, Refused, Result};
 
-/// One scene: its extreme, the base, the changes, ranks in addition to the one, and the end.
+/// Scene: its extreme, the base case, the changes, additional numbers of ranks, and the required end.
 struct Row {
     what: &'static str,
     base: &'static str,
@@ -171,12 +172,12 @@ fn row(what: &'static str, base: &'static str, set: &[&str], end: End) -> Row {
     }
 }
 
-/// Runs the scene on this many ranks, too: the bits must be equal.
+/// Returns the scene with an additional number of ranks, on which the bits must be equal.
 fn ranks(ranks: usize, row: Row) -> Row {
     Row { ranks, ..row }
 }
 
-/// Changes that make the solid of [`SETTLING`] a block.
+/// Returns the changes that make the solid of [`SETTLING`] a block.
 fn block<'a>(more: &[&'a str]) -> Vec<&'a str> {
     BLOCK.iter().copied().chain(more.iter().copied()).collect()
 }
@@ -262,8 +263,8 @@ fn flows() -> Vec<Row> {
             ],
             Fails("moves at lattice velocity"),
         ),
-        // No part of the water is faster than the lid.
-        // In the corner under the lid the density is 1.7 times that at rest.
+        // No part of the water is faster than the lid. In the corner under the lid the density is 1.7 times the
+        // reference.
         row(
             "lattice velocity 0.3",
             LID,
@@ -282,7 +283,7 @@ fn flows() -> Vec<Row> {
             &[".kinematic_viscosity=1e-6"],
             Fails("moves at lattice velocity"),
         ),
-        // Stokes's speed in water without end is 2/9 0.01 g r²/nu = 1.962e-6 m/s; images make it slower.
+        // Stokes' speed in unbounded water is 2/9 0.01 g r²/nu = 1.962e-6 m/s; images reduce it.
         row(
             "Re 1e-7",
             SETTLING,
@@ -319,7 +320,7 @@ fn fractions() -> Vec<Row> {
     let half = format!("{edges}=[0.0005, 0.008, 0.008]");
     let all = format!("{edges}=[0.032, 0.008, 0.008]");
     vec![
-        // It stops the water: 2000 N/m3 on the 30 to 32 mm of the box.
+        // The block stops the water: 2000 N/m3 on the 30 to 32 mm of the box.
         row(
             "plate of two cells",
             STREAM,
@@ -338,7 +339,7 @@ fn fractions() -> Vec<Row> {
             &[&all, "bodies[0].position=[0.016, 0.004, 0.004]"],
             Result(&[("fluid_force_x", -1e-9, 1e-9)]),
         ),
-        // Nothing holds the water: u = f t/rho = 0.08 m/s.
+        // Without resistance the velocity is u = f t/rho = 0.08 m/s.
         row(
             "solid nowhere",
             STREAM,
@@ -363,7 +364,7 @@ fn fractions() -> Vec<Row> {
     ]
 }
 
-/// Gaps of a cell and below, and overlap.
+/// Returns scenes with gaps of a cell and less, and with overlap.
 fn gaps() -> Vec<Row> {
     let above = |z: f64| {
         let body =
@@ -379,7 +380,8 @@ fn gaps() -> Vec<Row> {
             r#"{"cuboid": {"edges": [0.006, 0.005, 0.004]}}"#,
         )
     };
-    // Between falling and being thrown out: the upper one is still above the floor, and no higher than it was.
+    // The bounds exclude free fall through the floor and ejection: the upper sphere is above the floor, and not
+    // higher than at the start.
     const SPHERES: End = Result(&[("z", 0.0029, 0.0106), ("velocity_z", -0.25, 0.05)]);
     const BLOCKS: End = Result(&[("z", 0.0059, 0.0086), ("velocity_z", -0.1, 0.05)]);
     let long = "time.end=0.05";
@@ -397,7 +399,7 @@ fn gaps() -> Vec<Row> {
             ],
             Result(&[("discharge", 1.249_99e-8, 1.250_01e-8)]),
         ),
-        // A half of what pushes the water, 1 N/m3 on less than 3 cm x 2 cm, at most; the walls carry some.
+        // At most half of the force on the water, 1 N/m3 on less than 3 cm x 2 cm; the walls carry the rest.
         row(
             "gap of one cell between discs",
             DISCS,
@@ -455,11 +457,11 @@ fn gaps() -> Vec<Row> {
     ]
 }
 
-/// Bodies wider than slabs and across all their corners, on four ranks, and sizes.
+/// Returns scenes with bodies wider than slabs and across all their corners on four ranks, and with extreme sizes.
 fn ranks_and_sizes() -> Vec<Row> {
     // 9.81 (1 - 1/2.65) 0.02 s = 0.1222 m/s.
     const SINKS: End = Result(&[("velocity_z", -0.1222, -0.05)]);
-    // A pull of (1, 1, -2) m/s2, in a box without walls.
+    // Body force of (1, 1, -2) m/s2 in a box without walls.
     let corner = [
         "domain.periodic=[\"x\", \"y\", \"z\"]",
         "domain.size=[0.016, 0.016, 0.016]",
@@ -469,7 +471,7 @@ fn ranks_and_sizes() -> Vec<Row> {
         "gravity=[1, 1, -2]",
         "bodies[0].position=[0, 0, 0]",
     ];
-    // 0.02 s (1 - 1/2.65) of it, and against the others as one to -2 but for rounding where the body is a sphere.
+    // Velocity 0.02 s (1 - 1/2.65) times this acceleration; for a sphere in the ratio 1 to 1 to -2 within rounding.
     const ALONG: End = Result(&[
         ("velocity_x", 0.005, 0.01246),
         ("velocity_y", 0.005, 0.01246),
@@ -524,7 +526,7 @@ fn ranks_and_sizes() -> Vec<Row> {
                 ALONG,
             ),
         ),
-        // It rebounds and lies on top: no deeper than a tenth of its radius.
+        // The grain rebounds and rests on top, with an overlap of at most a tenth of its radius.
         row(
             "size ratio 100",
             SPECK,
@@ -544,8 +546,7 @@ fn ranks_and_sizes() -> Vec<Row> {
     ]
 }
 
-/// Pores that are all of a cell, and less than none.
-/// The resistance of Kozeny and Carman up to a porosity of 0.7.
+/// Porosities of 1 and below 0. The resistance is that of Kozeny and Carman up to a porosity of 0.7.
 const LINEAR: [&str; 2] = [
     "fluid.darcy.resistance=kozeny_carman",
     "fluid.darcy.porosity_cap=0.7",
@@ -565,7 +566,7 @@ fn pores() -> Vec<Row> {
         .collect();
     let eight = format!("grains.initial.list=[{}]", eight.join(", "));
     vec![
-        // Kozeny and Carman at the cap of 0.7 with the one diameter there is: K = 8.469e-10 m2, Q = K rho g/mu
+        // Kozeny and Carman at the limit of 0.7 with the only diameter: K = 8.469e-10 m2, Q = K rho g/mu
         // (0.05/0.06) 9e-4 m2.
         row(
             "porosity 1",
@@ -576,7 +577,8 @@ fn pores() -> Vec<Row> {
                 ("/seepage/outflow", 6.22e-8, 6.24e-8),
             ]),
         ),
-        // Eight centres in one cell of 1 cm: 4.04 cm3 of grains in it. The other cells of the layer let the water past.
+        // Eight centres in one cell of 1 cm: 4.04 cm3 of grains in the cell. The water flows through the other
+        // cells of the layer.
         row(
             "porosity below 0",
             SHAFT,
@@ -589,7 +591,7 @@ fn pores() -> Vec<Row> {
     ]
 }
 
-/// Returns the last row of a table, by column; every number of it and of all rows before is one.
+/// Returns the last row of a table by column; every number of all rows is finite.
 fn last(what: &str, text: &str) -> Vec<(String, f64)> {
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<String> = lines
@@ -631,10 +633,10 @@ fn holds(row: &Row, study: &Study, folder: &str, bounds: &[(&str, f64, f64)]) {
     }
 }
 
-/// Runs on ranks (0 without mpirun) into a folder.
+/// Runs the scene on ranks (0 without mpirun) into a folder.
 fn on(row: &Row, study: &Study, folder: &str, ranks: usize) -> Done {
     let set: Vec<&str> = row.set.iter().map(String::as_str).collect();
-    // Some scenes are beyond what the plan calls stable: that is what they are here for.
+    // Some scenes are beyond the limits of the plan on purpose.
     let mut arguments = study.arguments(folder, 1, &set);
     arguments.push("--allow-unstable".into());
     run(ranks, &arguments)

@@ -1,10 +1,10 @@
-//! Bodies in water with a free surface: the same bits on any ranks, threads and slabs and over restarts, the mass of
-//! the water, and loads at rest.
+//! Bodies in water with a free surface: the same bits on any ranks, threads and slabs and across restarts, the mass
+//! of the water, and loads at rest.
 
 use super::ranks::{Study, beside_others};
 use serde_json::Value;
 
-/// A light and a heavy disc fall into water between two walls.
+/// Changes for a light and a heavy disc that fall into water between two walls.
 const DISCS: [(&str, &str); 9] = [
     ("domain", r#"{"size": [0.08, 0.06], "spacing": 0.002}"#),
     ("fluid.lattice_boltzmann.time_step", "1e-4"),
@@ -36,7 +36,7 @@ const DISCS: [(&str, &str); 9] = [
     ),
 ];
 
-/// Checks that the water has kept its mass.
+/// Checks that the mass of the water is conserved.
 fn keeps_water(water: &Value, within: f64) {
     let error = water["mass_error"].as_f64().unwrap();
     assert!(error.abs() < within, "{water}");
@@ -100,8 +100,8 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     ]);
     let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 2, &[]);
-    // Fractions of tilted blocks are rounded along rows: slabs along another axis have other bits, with a surface or
-    // without.
+    // Fractions of rotated blocks are rounded along rows, so that slabs along another axis have other bits, with a
+    // surface or without.
     for (name, ranks, threads) in [("two", 2, 1), ("three", 3, 1), ("thread", 1, 1)] {
         study.run(name, ranks, threads, &[]);
         study.same("straight", name);
@@ -151,7 +151,7 @@ fn discs_in_a_stream_between_openings() {
     keeps_water(&study.summary("straight")["water"], 1e-12);
 }
 
-/// A disc in a basin at rest.
+/// Returns a disc in a basin at rest.
 fn basin(name: &str, set: &[(&str, &str)]) -> Study {
     let mut all = DISCS.to_vec();
     all.extend([
@@ -174,7 +174,7 @@ fn basin(name: &str, set: &[(&str, &str)]) -> Study {
     study
 }
 
-/// Returns the area of a disc below a height over its centre.
+/// Returns the area of a disc below a height above its centre.
 fn area_below(radius: f64, height: f64) -> f64 {
     let height = height.clamp(-radius, radius);
     radius * radius * (-height / radius).acos()

@@ -1,5 +1,5 @@
-//! Folders of runs: what is there is never lost without being asked for, one run at a time uses a folder, and a restart
-//! changes only what its state can follow.
+//! Folders of runs: existing results are not lost without a request, one run at a time uses a folder, and a restart
+//! changes only fields that its state can follow.
 
 use crate::ranks::{Study, alone, beside_others, run, start};
 use std::path::Path;
@@ -35,7 +35,7 @@ fn another_run_in_the_folder_is_refused_and_replaced_on_request() {
     }
     assert_eq!(names(&study.path("a")), before);
     assert_eq!(study.hash("a"), hash);
-    // Another case, with fewer files: none of the first run's are left.
+    // Another case with fewer files: none of the first run's files remain.
     let fewer = ["output={}", "probes=[]", "time.end=0.002"];
     let mut replaced = study.arguments("a", 1, &fewer);
     replaced.push("--overwrite".into());
@@ -58,7 +58,7 @@ fn another_run_in_the_folder_is_refused_and_replaced_on_request() {
 #[test]
 fn two_runs_never_share_a_folder() {
     let _alone = alone();
-    // Longer than the test: it is stopped at the end.
+    // The run is longer than the test and is stopped at its end.
     let study = Study::eroding(&[
         ("time.end", "8"),
         (
@@ -79,7 +79,7 @@ fn two_runs_never_share_a_folder() {
     assert!(done.stderr.contains("is in use"), "{}", done.stderr);
     std::fs::write(folder.join("STOP"), "").unwrap();
     first.wait().expect(75);
-    // Its table has every row, each once.
+    // Each row of its table occurs once.
     let table = std::fs::read_to_string(folder.join("erosion.csv")).unwrap();
     let steps: Vec<u64> = table
         .lines()
@@ -101,11 +101,11 @@ fn a_finished_run_is_extended_on_other_ranks_with_other_outputs() {
     study.same("straight", "short");
     let case = std::fs::read_to_string(study.path("short").join("case.json")).unwrap();
     assert!(case.contains("\"end\":0.024"), "{case}");
-    // At its end nothing is left to do, and nothing changes.
+    // A finished run has no further work and is unchanged.
     let done = study.restart("short", 1, &[]).expect(0);
     assert!(done.stdout.contains("had already ended"), "{}", done.stdout);
     study.same("straight", "short");
-    // Without its end kept a run continues from an earlier checkpoint, if it has one.
+    // Without a final checkpoint a run continues from an earlier one, if there is one.
     run(1, &arguments(&study, "bare", &["--no-final-checkpoint"])).expect(0);
     assert!(names(&study.path("bare/checkpoints")).is_empty());
 }
@@ -151,7 +151,7 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
         assert_eq!(done.stderr.matches("error:").count(), 1, "{}", done.stderr);
         assert_eq!(study.hash("a"), hash);
     }
-    // A wall may come, and grains then rest on it; it may not cut into them.
+    // A wall may be inserted, and grains then rest on it; it may not intersect grains.
     let wall = |x: f64| {
         format!(
             r#"walls=[{{"name": "gate", "shape": {{"plane": {{"point": [{x}, 0], "normal": [-1, 0]}}}},
@@ -175,14 +175,14 @@ fn a_restart_follows_allowed_changes_and_refuses_the_others_by_name() {
     ];
     let set: Vec<&str> = set.iter().map(String::as_str).collect();
     let refused = study.restart("a", 1, &set);
-    // The erosion law counts what leaves through a region: without one it has nothing to say.
+    // The erosion law counts grains that leave through a region; without a region it is refused.
     if refused.code == Some(3) {
         assert!(refused.stderr.contains("region"), "{}", refused.stderr);
     }
     let set: Vec<&str> = set.into_iter().filter(|one| *one != "regions=[]").collect();
     study.restart("a", 2, &set).expect(0);
     assert_ne!(study.hash("a"), hash);
-    // And go again.
+    // The wall may also be removed again.
     study
         .restart("a", 1, &["walls=[]", "time.end=0.016"])
         .expect(0);

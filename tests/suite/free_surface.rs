@@ -1,12 +1,12 @@
-//! Water with a free surface: the same bits on any ranks, threads and slabs and over restarts, its mass, and
-//! refusals by name.
+//! Water with a free surface: the same bits on any ranks, threads and slabs and across restarts, its mass, and
+//! refusals with their reasons.
 
 use super::ranks::{Study, beside_others};
 use solver::case::{Document, examples};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// A dam that breaks over a step and past a plate thinner than a cell, between walls and faces of free slip.
+/// Changes for a dam break over a step and past a plate thinner than a cell, between walls and free-slip faces.
 const OVER_A_STEP: [(&str, &str); 5] = [
     ("domain", r#"{"size": [0.12, 0.06], "spacing": 0.0025}"#),
     (
@@ -86,15 +86,15 @@ fn a_dam_in_three_dimensions_with_eddies() {
     study.restart("parts", 3, &["time.end=0.03"]).expect(0);
     assert_eq!(study.hash("straight"), study.hash("parts"));
     let water = &study.summary("straight")["water"];
-    // Populations in f32: what one cell gives is what the other takes, but the mass of a liquid cell is
-    // rounded in each step.
+    // Populations in f32: the exchanged mass is equal on both sides, but the mass of a liquid cell is rounded in
+    // each step.
     assert!(
         water["mass_error"].as_f64().unwrap().abs() < 1e-4,
         "{water}"
     );
 }
 
-/// A discharge over a weir to a tailwater, both by tables, and a jet into them through the lid.
+/// Changes for a discharge over a weir to a tailwater, both given by tables, and a jet through the lid.
 const OVER_A_WEIR: [(&str, &str); 6] = [
     ("domain", r#"{"size": [0.16, 0.06], "spacing": 0.0025}"#),
     (
@@ -150,7 +150,7 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
     }
     let number = |key: &str| straight[key].as_f64().unwrap();
     assert!(number("mass_error").abs() < 1e-12, "{straight}");
-    // Tables and ramp as written: 0.03 (0.002 + 0.006)/2 + 0.07 * 0.006 and 0.013 * 0.3 * 0.09 m2.
+    // Inflow according to tables and ramp: 0.03 (0.002 + 0.006)/2 + 0.07 * 0.006 and 0.013 * 0.3 * 0.09 m2.
     let names = straight["openings"].as_array().unwrap();
     let entered = |name: &str| {
         let of_name = |opening: &&serde_json::Value| opening["name"] == name;
@@ -160,13 +160,13 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
     };
     for (name, exact) in [("in", 0.54), ("jet", 0.351)] {
         let found = entered(name);
-        // The density of what enters is that of the depth, and the faces of the jet are dry for a step.
+        // The density of the inflow is that of the depth, and the faces of the jet are dry for one step.
         assert!(
             (found / exact - 1.0).abs() < 0.01,
             "{name}: {found} of {exact}"
         );
     }
-    // The face downstream is dry at the start: water comes in below the level there.
+    // The face downstream is dry at the start: water enters below the level there.
     assert!(entered("out") > 0.05, "{straight}");
 }
 
@@ -213,7 +213,7 @@ fn openings_in_three_dimensions_with_eddies() {
     );
 }
 
-/// Refuses a change of the dam break; returns the paths of the findings.
+/// Checks that a change of the dam break is refused; returns the paths of the findings.
 fn refused(set: &[&str]) -> Vec<String> {
     let text = examples::find("dam-break").unwrap().text;
     let set: Vec<String> = set.iter().map(|text| (*text).to_owned()).collect();
@@ -254,7 +254,7 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
             format!("{lattice}.boundaries[1].condition.discharge.history"),
         ),
         (
-            // Critical depth of 1.3 cells.
+            // The critical depth is 1.3 cells.
             format!(r#"{lattice}.boundaries[1].condition={{"discharge": {{"value": 7e-4}}}}"#),
             format!("{lattice}.boundaries[1].condition.discharge.value"),
         ),

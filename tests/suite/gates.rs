@@ -1,9 +1,9 @@
-//! Walls that come and go at a time: the same bits on any number of ranks and after restarts before and after the time,
-//! and news in the log.
+//! Walls that are inserted and removed at a time: the same bits on any number of ranks and after restarts before
+//! and after that time, and messages in the log.
 
 use crate::ranks::{Study, beside_others};
 
-/// Returns clay on a floor that goes, above a shelf that comes while it falls and goes again.
+/// Returns clay on a floor that is removed, above a shelf that is inserted during its fall and removed again.
 fn study() -> Study {
     Study::from_example(
         "deposition",
@@ -15,7 +15,7 @@ fn study() -> Study {
                 r#"{"name": "shelf", "shape": {"box": {"from": [0.002, -0.001, 0.0029], "to": [0.022, 0.021, 0.0039]}},
                     "material": "soil", "from": 0.003, "until": 0.008}"#,
             ),
-            // Soft springs: long time steps.
+            // Soft springs allow long time steps.
             ("contact.contact_bond.normal_stiffness.absolute", "1000"),
             ("grains.initial.deposition.falling_stiffness", "100"),
             ("contact.contact_bond.tensile_strength", "0.001"),
@@ -34,9 +34,9 @@ fn walls_that_come_and_go_keep_the_bits() {
     let done = study.run("straight", 1, 1, &[]);
     let told = done.stdout + &done.stderr;
     for news in [
-        "wall `floor` goes at",
-        "wall `shelf` comes at",
-        "wall `shelf` goes at",
+        "wall `floor` removed at",
+        "wall `shelf` inserted at",
+        "wall `shelf` removed at",
     ] {
         assert!(told.contains(news), "{news}: {told}");
     }
@@ -47,13 +47,13 @@ fn walls_that_come_and_go_keep_the_bits() {
         study.run(name, ranks, threads, set);
         study.same("straight", name);
     }
-    // Before the floor goes, between, and after the shelf has gone.
+    // Restarts before the floor is removed, in between, and after the shelf is removed.
     study.run("parts", 2, 1, &["time.end=0.002"]);
     study.restart("parts", 1, &["time.end=0.005"]).expect(0);
     study.restart("parts", 3, &["time.end=0.009"]).expect(0);
     study.restart("parts", 1, &["time.end=0.010"]).expect(0);
     study.same("straight", "parts");
-    // Each of the walls acts.
+    // Each of the walls has an effect.
     for (name, set) in [
         ("held", "walls[2].until=null"),
         ("no shelf", "walls[3].until=0.0031"),

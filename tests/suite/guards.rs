@@ -1,10 +1,10 @@
-//! Guards: what goes wrong is seen within 100 steps and named, remedies are those that help, and what was not measured
-//! is none.
+//! Guards: failures are detected within 100 steps and named, proposed remedies work, and values that were not
+//! measured are absent.
 
 use crate::ranks::{Done, beside_others, run};
 use serde_json::{Value, json};
 
-/// A scene, run.
+/// Scene with its finished run.
 struct Ran {
     done: Done,
     summary: Value,
@@ -62,7 +62,7 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     })
 }
 
-/// Returns a pressure that is there at once, and changes the density by 30 % at tau = 0.8.
+/// Returns a pressure that is imposed at once, and changes the density by 30 % at tau = 0.8.
 fn hammer(tau: f64) -> Value {
     json!({
         "domain": {"size": [1, 0.25], "spacing": 0.025},
@@ -78,8 +78,8 @@ fn hammer(tau: f64) -> Value {
     })
 }
 
-/// Returns water that enters at `speed` before a row of wires with gaps narrower than a cell, or with every second wire
-/// gone.
+/// Returns water that enters at `speed` in front of a row of wires with gaps narrower than a cell, or with every
+/// second wire removed.
 fn wires(speed: f64, every: usize, end: f64) -> Value {
     let bodies: Vec<Value> = (0..10)
         .step_by(every)
@@ -123,7 +123,7 @@ fn remedies_that_are_named_are_those_that_help() {
     ] {
         assert!(said.contains(words), "{words}: {said}");
     }
-    // Half the time step does not help; a slower flow and a larger viscosity do.
+    // Halving the time step does not help; a slower flow and a larger viscosity do.
     ran(0, &channel(0.51, 1.0, viscosity), &[]).done.expect(4);
     ran(0, &channel(0.52, 0.66, viscosity), &[]).done.expect(0);
     ran(0, &channel(0.53, 1.0, 0.0025), &[]).done.expect(0);
@@ -142,7 +142,7 @@ fn compression_is_warned_of_and_ends_the_run() {
     ] {
         assert!(failed.stderr.contains(words), "{words}: {}", failed.stderr);
     }
-    // Half the time step: a quarter of the compression.
+    // Half the time step gives a quarter of the compression.
     let warned = ran(0, &hammer(0.65), &[]);
     let compression = warned.number("compression");
     assert!((0.05..0.2).contains(&compression), "{compression}");
@@ -153,7 +153,7 @@ fn compression_is_warned_of_and_ends_the_run() {
         .find(|line| line.contains(": warning: the density of cell ["));
     let line = line.unwrap_or_else(|| panic!("{said}"));
     assert!(line.contains("] m is ") && line.contains(" Pa)"), "{line}");
-    // The limits are the case's own.
+    // The limits are those of the case.
     let own = ["--set", "guards.warn_compression=0.15"];
     let quiet = ran(0, &hammer(0.65), &own);
     assert!(!quiet.warned("density"), "{:#}", quiet.summary);
@@ -164,7 +164,7 @@ fn compression_is_warned_of_and_ends_the_run() {
 
 #[test]
 fn a_row_of_wires_that_lets_nothing_through_is_no_silent_success() {
-    // 2500 steps of 0.01 s: what enters compresses the water before the wires by some percent.
+    // 2500 steps of 0.01 s: the inflow compresses the water in front of the wires by some percent.
     let full = ran(0, &wires(5e-5, 1, 25.0), &[]);
     assert!(
         full.warned("the domain only fills: inflow 1.000e-6, outflow"),
@@ -181,7 +181,7 @@ fn a_row_of_wires_that_lets_nothing_through_is_no_silent_success() {
         "{said}"
     );
     assert!(said.contains("\nwarning: the domain only fills"), "{said}");
-    // With twenty times the water the run ends by itself.
+    // At twenty times the inflow the run fails.
     let burst = ran(0, &wires(1e-3, 1, 25.0), &[]).done.expect(4);
     assert!(
         burst.stderr.contains("guards.max_compression"),
@@ -191,7 +191,7 @@ fn a_row_of_wires_that_lets_nothing_through_is_no_silent_success() {
     assert!(burst.stderr.contains("body wire"), "{}", burst.stderr);
     let way = "check that an open path of several cells leads from inlet to outlet";
     assert!(burst.stderr.contains(way), "{}", burst.stderr);
-    // Where every second wire is gone the water passes.
+    // With every second wire removed the water passes.
     let open = ran(0, &wires(5e-5, 2, 60.0), &[]);
     let imbalance = open.number("flow_imbalance");
     assert!(imbalance.abs() < 0.05, "{imbalance}");
@@ -234,7 +234,7 @@ fn what_was_not_measured_is_none() {
     }
     let said = dry.done.expect(0).stdout;
     assert!(
-        said.contains("mass error - a step, momentum error - of the largest force"),
+        said.contains("mass error - per step, momentum error - of the largest force"),
         "{said}"
     );
     assert!(
@@ -260,7 +260,7 @@ fn looks_see_the_same_on_any_ranks() {
         assert_eq!(one.summary[name], two.summary[name], "{name}");
     }
     assert!(one.number("lattice_velocity") > 0.0);
-    // 150 steps have a check at step 100, and one at the end.
+    // 150 steps have a check at step 100 and one at the end.
     let short = ran(0, &case, &["--set", "time.end=0.3"]);
     assert!(short.number("lattice_velocity") > 0.0 && short.number("compression") > 0.0);
     drop(short.folder);
@@ -270,7 +270,7 @@ fn looks_see_the_same_on_any_ranks() {
 fn tables_and_summary_agree_on_the_lattice_velocity() {
     let text = solver::case::examples::find("piping").unwrap().text;
     let case: Value = serde_json::from_str(text).unwrap();
-    // Fewer steps than between two checks.
+    // There are fewer steps than between two checks.
     let more = [
         "--set",
         "time.end=0.005",
@@ -322,7 +322,7 @@ fn a_contact_that_is_pierced_is_named() {
     ] {
         assert!(said.contains(words), "{words}: {said}");
     }
-    // delta/R = v (m/k)^1/2/R, of the faster ball, whatever the ranks.
+    // delta/R = v (m/k)^1/2/R of the faster ball, on any number of ranks.
     let stiffness = 1e6;
     let mass = 2650.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
     let exact = 5.0 * (mass / stiffness).sqrt() / 0.01;
@@ -330,14 +330,14 @@ fn a_contact_that_is_pierced_is_named() {
     assert!((alone - exact).abs() < 1e-3 * exact, "{alone} {exact}");
     let shared = ran(2, &flight(stiffness), &[]).number("overlap");
     assert_eq!(alone.to_bits(), shared.to_bits());
-    // The limit is the user's.
+    // The limit is that of the case.
     let mut strict = flight(stiffness);
     strict["guards"] = json!({"max_overlap": 0.01});
     ran(0, &strict, &[]).done.expect(4);
 }
 
-/// Checks that log and summary have the Mach number next to the lattice velocity; above a lattice velocity of 0.1 the
-/// log says so once.
+/// Checks that log and summary contain the Mach number next to the lattice velocity, and that the log reports a
+/// lattice velocity above 0.1 once.
 #[test]
 fn a_mach_number_above_the_usual_is_said() {
     let case = |speed: f64| {
@@ -355,7 +355,7 @@ fn a_mach_number_above_the_usual_is_said() {
             "time": {"end": 0.3}
         })
     };
-    // C = 10 m/s.
+    // The lattice speed is C = 10 m/s.
     let fast = ran(0, &case(1.5), &[]);
     assert!((fast.number("lattice_velocity") - 0.15).abs() < 1e-9);
     assert!((fast.number("mach") - 0.15 * 3.0_f64.sqrt()).abs() < 1e-9);
@@ -375,8 +375,8 @@ fn a_mach_number_above_the_usual_is_said() {
     assert!(!slow.warned("Mach number"));
 }
 
-/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their swing
-/// from step to step, and leaves the mean.
+/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their
+/// oscillation between steps, and preserves the mean.
 #[test]
 fn the_force_of_two_half_steps_swings_less() {
     let force = |average: bool| {
@@ -414,8 +414,8 @@ fn the_force_of_two_half_steps_swings_less() {
     assert!((mean / same - 1.0).abs() < 1e-3, "{mean} {same}");
 }
 
-/// A disc closes in on another: cells with five or more solid neighbours, which the walls no longer drive, are squeezed
-/// less.
+/// A disc approaches another: cells with five or more solid neighbours, which the walls no longer drive, are
+/// compressed less.
 #[test]
 fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     let squeezed = |limit: u32| {
@@ -449,7 +449,7 @@ fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     );
 }
 
-/// Water that fails throws a body out within a step; it is the water that is reported, and no wall is proposed.
+/// Failing water ejects a body within a step; the message reports the water, and proposes no wall.
 #[test]
 fn water_that_throws_a_body_out_is_what_failed() {
     let case = json!({
@@ -481,7 +481,7 @@ fn water_that_throws_a_body_out_is_what_failed() {
     }
 }
 
-/// Returns a disc of 10 cells that starts to move, held by links, at this cell Reynolds number.
+/// Returns a disc of 10 cells with links that starts to move at this cell Reynolds number.
 fn moving_disc(cell: f64) -> Value {
     json!({
         "domain": {"size": [0.06, 0.04], "spacing": 1e-3, "periodic": ["x", "y"]},
@@ -498,7 +498,7 @@ fn moving_disc(cell: f64) -> Value {
     })
 }
 
-/// The plan calls a body that moves unstable where its run fails, and names a spacing at which it does not.
+/// The plan calls a moving body unstable if its run fails, and proposes a spacing at which it is stable.
 #[test]
 fn a_body_that_moves_fails_where_the_plan_says_so() {
     let fails = ran(1, &moving_disc(20.0), &[]);
@@ -518,8 +518,8 @@ fn a_body_that_moves_fails_where_the_plan_says_so() {
     assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
 }
 
-/// Two bonded grains fly apart, and later two others meet too deep: the table of bonds has the bond that broke before
-/// the run failed.
+/// Two bonded grains separate, and later two others overlap too much: the table of bonds contains the bond that
+/// broke before the run failed.
 #[test]
 fn a_run_that_fails_leaves_its_tables() {
     let grain =

@@ -1,5 +1,5 @@
-//! Checkpoints that were written by hand. Anyone can compute the hash of a manifest, so that a hash that fits
-//! proves no good will: what a manifest says is bounded by the case, and files are those of its folder.
+//! Checkpoints written by hand. Any program can compute the hash of a manifest, so that a matching hash does not
+//! exclude manipulation: the case bounds the contents of a manifest, and its files must be in its folder.
 //!
 //! [`no_signed_mutant_gets_through`] makes as many mutants as `SOLVER_CHECKPOINT_MUTANTS` says, 36 without it,
 //! with the seeds from `SOLVER_MUTANTS_FROM` on. Each is signed anew and restarted by the real binary under a
@@ -23,7 +23,7 @@ struct Signed<'a> {
     manifest_blake3: String,
 }
 
-/// Writes a manifest with its hash; what does not have the form of one is written without.
+/// Writes a manifest with its hash; a text without the form of a manifest is written without hash.
 fn sign(path: &Path, tree: &Value) {
     let text = match serde_json::from_value::<Manifest>(tree.clone()) {
         Ok(manifest) => {
@@ -39,7 +39,7 @@ fn sign(path: &Path, tree: &Value) {
     std::fs::write(path, text).unwrap();
 }
 
-/// Returns a run of some hundred steps with checkpoints, made once.
+/// Returns a run of some hundred steps with checkpoints, made once per process.
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -49,10 +49,10 @@ fn shared() -> &'static Study {
     })
 }
 
-/// Positions at which the bytes of a column are searched at most.
+/// Maximum number of positions at which the bytes of a column are searched.
 const EQUAL_COLUMNS: usize = 2048;
 
-/// A copy of the run with its newest checkpoint alone.
+/// Copy of the run with its newest checkpoint only.
 struct Copy {
     folder: PathBuf,
     manifest: PathBuf,
@@ -89,7 +89,7 @@ impl Copy {
         self.manifest.with_file_name(name)
     }
 
-    /// Restarts; returns exit code and words.
+    /// Restarts the run; returns exit code and messages.
     fn restart(&self, ranks: usize) -> (Option<i32>, String) {
         let mut words = vec!["--kill-after=5".to_owned(), "60".into()];
         if ranks > 0 {
@@ -115,7 +115,7 @@ impl Copy {
             without_daemon(&mut command, session.path());
         }
         command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
-        // Refused before it computes, or a few steps: on several ranks it waits more than it works.
+        // The run is refused before it computes, or makes a few steps: on several ranks it mostly waits.
         let _cores = Cores::acquire(1);
         let done = command.args(&words).output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr).into_owned();
@@ -123,8 +123,8 @@ impl Copy {
     }
 
     /// Overwrites a number of a column in the heavy file, and signs the manifest for it; returns `true` if the
-    /// column then has the number, in this row or in another one. Of equal bytes, such as zeros, one after the
-    /// other is taken until the column has changed.
+    /// column then has the number, in this row or in another one. If the bytes occur several times, such as zeros,
+    /// each position is tried until the column has changed.
     fn put(&self, column: &str, row: usize, bits: u64) -> bool {
         let old = self.read(column).unwrap();
         let raw: Vec<u8> = old.iter().flat_map(|word| word.to_le_bytes()).collect();
@@ -294,7 +294,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
     assert_eq!(code, Some(0), "the whole one is taken: {told}");
 }
 
-/// Numbers that no run of the case could have written are refused by the name of their column.
+/// Numbers that no run of the case could have written are refused with the name of their column.
 #[test]
 fn every_column_of_grains_and_contacts_has_bounds() {
     let _beside = beside_others();
@@ -415,7 +415,7 @@ fn a_table_that_was_changed_is_told() {
         copy.refused(2, name);
         std::fs::write(&path, &whole[..length - 1]).unwrap();
         copy.refused(0, "at the checkpoint; restore it");
-        // Longer is cut back, as a run that was killed leaves it.
+        // A longer table is truncated, like that of a killed run.
         std::fs::write(
             &path,
             [&whole[..length], &b"9999999,what was never a row"[..]].concat(),
@@ -435,7 +435,7 @@ fn a_table_that_was_changed_is_told() {
     );
 }
 
-/// Collects JSON pointers of everything below a node; of long lists a few.
+/// Collects JSON pointers of all nodes below a node; of long lists a few.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map.iter().map(|(k, v)| (k.replace('/', "~1"), v)).collect(),
@@ -471,7 +471,7 @@ fn no_signed_mutant_gets_through() {
         let what;
         let mut infinite = false;
         if seed % 3 == 2 {
-            // A number of a column of grains or contacts.
+            // Changes a number of a column of grains or contacts.
             copy = Copy::new("mutants");
             let column = dice.choose(&copy.columns()).clone();
             let (row, any) = (dice.below(1000), dice.draw());
@@ -522,7 +522,7 @@ fn no_signed_mutant_gets_through() {
             *tree.pointer_mut(&path).unwrap() = value;
             sign(&copy.manifest, &tree);
         } else {
-            // Words of eight bytes in the file itself, which is hashed and signed anew.
+            // Changes words of eight bytes in the file, which is hashed and signed again.
             copy = Copy::new("mutants");
             let mut bytes = heavy.clone();
             let words = 1 + dice.below(4);

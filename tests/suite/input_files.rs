@@ -1,5 +1,5 @@
 //! Files that a case, a study or a command names are data: those that are broken, endless or of another kind are
-//! refused with the path of the field, by `validate` as by a run, and a run writes nowhere but into its own folder.
+//! refused with the path of the field, both by `validate` and by a run, and a run writes only into its own folder.
 
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, Study, beside_others, run};
 use serde_json::{Value, json};
@@ -34,7 +34,7 @@ fn example(name: &str) -> Value {
     serde_json::from_str(find(name).unwrap().text).unwrap()
 }
 
-/// Returns the program with arguments, ended after a minute: a hang.
+/// Returns the output of the program with arguments; a run of a minute counts as hanging.
 fn solver(arguments: &[&str]) -> Output {
     let mut command = Command::new("timeout");
     command
@@ -83,7 +83,7 @@ fn lists_of_other_lengths_are_refused_in_every_example() {
             for length in [0, 1, 4, 7] {
                 let mut changed = case.clone();
                 *changed.pointer_mut(&path).unwrap() = json!(vec![1; length]);
-                // Whatever is said of it, it is said.
+                // There is at least one problem.
                 problems(&changed, Path::new(""));
             }
         }
@@ -112,7 +112,7 @@ fn huge_and_deep_texts_cost_little() {
     assert_eq!(done.status.code(), Some(3));
     assert!(told.contains("{300000 keys}"), "{told}");
     assert!(told.lines().count() < 60, "{told}");
-    // Wrong in every entry of a list, where no object is large.
+    // Every entry of a list is invalid, and no object is large.
     let mut case = example("settling-disc");
     let grain = json!({"position": [1e9, 1e9], "radius": 1e-5, "colour": 1});
     case["grains"] = json!({"material": "disc", "initial": {"list": vec![grain; 5_000]}});
@@ -125,7 +125,7 @@ fn huge_and_deep_texts_cost_little() {
 
     std::fs::write(&path, "[".repeat(200_000)).unwrap();
     ends(&["validate", name], 3, "not valid JSON");
-    // A file without content takes no space on the disk, whatever its length.
+    // A sparse file takes no space on the disk at any length.
     let file = std::fs::File::create(&path).unwrap();
     file.set_len(300 << 20).unwrap();
     ends(&["validate", name], 5, "at most 268435456 are read");
@@ -293,7 +293,7 @@ fn a_sample_is_read_in_full_or_refused() {
         "materials.light.density",
         "needs the density",
     );
-    // A gate may have held the sample when it was made; here it holds nothing.
+    // A gate may have supported the sample when it was made; here it supports nothing.
     let gate = json!([{
         "name": "gate", "material": "glass", "during": "preparation",
         "shape": {"plane": {"point": [0.15, 0], "normal": [-1, 0]}}
@@ -307,7 +307,7 @@ fn a_sample_is_read_in_full_or_refused() {
     );
 }
 
-/// Returns a channel whose inlet has the velocities of a table.
+/// Returns a channel with an inlet velocity from a table.
 fn with_profile(text: &str, folder: &Path) -> Value {
     std::fs::write(folder.join("inlet.csv"), text).unwrap();
     json!({
@@ -354,7 +354,7 @@ fn a_profile_is_read_by_validate() {
 fn the_speeds_of_a_profile_are_judged_like_constants() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    // Three times the largest speed that the lattice can carry, at one place only.
+    // Three times the largest speed allowed on the lattice, at a single point.
     let fast = with_profile("y,u,v\n0,0,0\n0.005,1.5,0\n0.01,0,0\n", here);
     let mut constant = fast.clone();
     constant["fluid"]["lattice_boltzmann"]["boundaries"][0]["condition"]["velocity"]["profile"] =
@@ -404,7 +404,7 @@ fn an_initial_field_of_other_cells_is_refused_by_validate() {
     let size = case["domain"]["size"][0].as_f64().unwrap();
     case["domain"]["size"][0] = json!(2.0 * size);
     says(&case, &here, path, "which is not that of");
-    // The field is read by the run, on two ranks as on one.
+    // The run reads the field on two ranks as on one.
     let set = format!("fluid.lattice_boltzmann.initial={{\"file\": {{\"path\": {last:?}}}}}");
     study.run("again", 0, 1, &[&set]);
     study.run("together", 2, 1, &[&set]);
@@ -480,7 +480,7 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
             .map(str::to_owned)
             .to_vec();
         words.push(ranks.to_string());
-        // mpirun keeps files of its own, so that only what it starts is limited.
+        // mpirun writes files itself, so that only its child processes are limited.
         words.extend(["bash", "-c"].map(str::to_owned));
         words.push(format!("ulimit -f {limit}; exec \"$0\" \"$@\""));
         words.push(SOLVER.to_owned());
@@ -488,9 +488,9 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         let mut command = Command::new("timeout");
         command.args(["--kill-after=5", "60"]).args(&words);
         command.envs(ENVIRONMENT);
-        // Shared memory is a file too: with its size limited, messages need another way.
+        // Shared memory is a file too: with limited file sizes, messages need another transport.
         command.env_remove("OMPI_MCA_btl");
-        // Time for the other rank to end.
+        // The other rank has time to end.
         command.env(
             "OMPI_MCA_odls_base_sigkill_timeout",
             (ranks - 1).to_string(),
@@ -501,11 +501,11 @@ fn a_limit_of_file_sizes_ends_with_a_sentence() {
         assert_eq!(done.status.code(), Some(5), "{limit}: {told}");
         assert!(told.contains("File too large"), "{limit}: {told}");
     }
-    // What was there before stays whole: the run that met no limit continues.
+    // The earlier files are intact: the unlimited run continues.
     study.restart("full", 0, &["time.end=0.016"]).expect(0);
 }
 
-/// Returns a channel with an inlet and a start of the given texts.
+/// Returns a channel with the given texts for inlet and initial state.
 fn stream(inlet: &Value, start: &Value) -> Value {
     json!({
         "domain": {"size": [0.02, 0.01], "spacing": 0.0005},
@@ -535,7 +535,7 @@ fn a_uniform_velocity_is_a_list_or_an_object_at_inlets_as_at_the_start() {
     let pressed = scene(&list, &json!({"velocity": [1e-3, 0], "pressure": 1e-3}));
     assert_ne!(pressed, wanted);
 
-    // Each form is recognized by the position and the value of its fault.
+    // Each form is recognised by the position and the value of its fault.
     let fluid = "fluid.lattice_boltzmann";
     let profile = format!("{fluid}.boundaries[0].condition.velocity.profile.uniform");
     let start = format!("{fluid}.initial.uniform");
@@ -642,7 +642,7 @@ fn grains_of_a_file_do_not_start_in_structures() {
     assert!(found.iter().all(|p| p.path != path), "{found:#?}");
 }
 
-/// A rank in the environment of a shell, without a number of ranks, silences no command.
+/// A rank variable in the environment of a shell, without a number of ranks, does not silence any command.
 #[test]
 fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     for name in ["SLURM_PROCID", "PMI_RANK", "PMIX_RANK"] {
@@ -668,7 +668,8 @@ fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     assert!(command.output().unwrap().stdout.is_empty());
 }
 
-/// Writes only into the folder of the run: links there are replaced or refused, and their targets stay as they are.
+/// The program writes only into the folder of the run: links there are replaced or refused, and their targets are
+/// unchanged.
 #[test]
 fn links_in_the_folder_of_a_run_are_not_followed() {
     let folder = tempfile::tempdir().unwrap();

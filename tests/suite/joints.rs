@@ -19,7 +19,7 @@ fn a_closed_joint_amplifies_like_the_exact_layer() {
         rows.column("time").unwrap(),
         rows.column("pressure").unwrap(),
     );
-    // The last four periods.
+    // The last four periods are evaluated.
     let late = times.iter().zip(&pressures);
     let late = late.filter(|(time, _)| **time > 1.2 - 4.0 / 23.83);
     let most = late.fold(0.0_f64, |most, (_, pressure)| most.max(pressure.abs()));
@@ -40,8 +40,8 @@ fn set(dip: f64, direction: f64, spacing: f64) -> Value {
     })
 }
 
-/// Returns a bed of bricks, jointed in three directions, under a table of pressures at one side of its top and a
-/// pulsating one at the other.
+/// Returns a bed of bricks with joints in three directions, under a table of pressures at one side of its top and
+/// an oscillating pressure at the other.
 fn bed() -> Value {
     json!({
         "domain": {"size": [1, 0.6, 0.5], "spacing": 0.1},
@@ -218,14 +218,14 @@ fn wrong_joints_are_refused_with_one_finding_each() {
     );
 }
 
-/// Returns the water of the joints of a case in its steady state.
+/// Returns the steady-state water in the joints of a case.
 fn water(case: &Value) -> Result<solver::coupling::joint_water::JointWater, Vec<Problem>> {
     let read = Document::read(&case.to_string(), &[], Path::new("."));
     let plan = read.and_then(Plan::prepare)?;
     Ok(solver::simulation::setup::joints(&plan).unwrap().unwrap())
 }
 
-/// Makes steps of the water alone; returns the largest and the smallest pressure.
+/// Makes steps of the joint water alone; returns the largest and the smallest pressure.
 fn steps(water: &mut solver::coupling::joint_water::JointWater, number: usize) -> [f64; 2] {
     use solver::coupling::Flow;
     use solver::dem::particles::Particles;
@@ -260,11 +260,11 @@ fn forty_random_rock_masses_keep_their_water() {
                 })
             })
             .collect();
-        // A probe may lie in a joint of a random mass.
+        // A probe could be in a joint of a random rock mass.
         case["probes"] = json!([]);
         case["blocks"]["initial"]["joints"]["sets"] = json!(sets);
         case["blocks"]["initial"]["joints"]["seed"] = json!(scene);
-        // Closed, thin, open.
+        // Closed, thin and open joints.
         let aperture = [0.0, 1e-4, 1.5e-3][scene % 3];
         case["blocks"]["initial"]["joints"]["aperture"] = json!(aperture);
         case["blocks"]["initial"]["joints"]["smallest_thickness"] = json!(0.02);

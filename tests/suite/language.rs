@@ -1,10 +1,10 @@
-//! Reads sources and pages, and counts the faults that the rules of language forbid (section Language
-//! of `.github/CONTRIBUTING.md`).
+//! Reads sources and pages, and counts violations of the language rules (section Language of
+//! `.github/CONTRIBUTING.md`).
 //!
-//! `tests/language.csv` has the number of present faults by rule and file. A number may only fall: a
-//! file with more faults than its number fails the test, and a file that is not listed may have none.
-//! `SOLVER_LANGUAGE=record cargo test --test suite -- language` writes the present numbers, after
-//! a page was mended or renamed, or two branches were merged.
+//! `tests/language.csv` contains the number of present faults by rule and file. A number may only decrease: a file
+//! with more faults than its number fails the test, and a file that is not listed may have none.
+//! `SOLVER_LANGUAGE=record cargo test --test suite -- language` writes the present numbers, after a page was mended
+//! or renamed, or two branches were merged.
 //!
 //! | rule | fault |
 //! |---|---|
@@ -14,24 +14,24 @@
 //! | function | a function with a name of [`FUNCTIONS`] |
 //! | width | a line of Rust with more than [`WIDTH`] characters |
 //! | word | a word of [`WORDS`] in a comment of Rust, or in a page |
-//! | reference | a path of the repository, in a comment or on a page, that is not there |
+//! | reference | a path of the repository, in a comment or on a page, that does not exist |
 //!
 //! The comment of an option of the command line is its help, so that the rule `boolean` does not apply to it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Words that a doc comment does not begin with.
+/// Words with which a doc comment may not begin.
 const OPENINGS: &[&str] = &[
     "What", "Whether", "Where", "Who", "How", "Of", "As", "The same",
 ];
 
-/// Names that say nothing about a function.
+/// Names that do not describe a function.
 const FUNCTIONS: &[&str] = &[
     "of", "at", "look", "tell", "some", "share", "place", "holder", "nature",
 ];
 
-/// Words that stand for many terms of the field.
+/// Words to be replaced by precise terms of the field.
 const WORDS: &[&str] = &[
     "beside",
     "somebody",
@@ -53,10 +53,10 @@ const WORDS: &[&str] = &[
 /// Maximum number of characters in a line of Rust.
 const WIDTH: usize = 120;
 
-/// Maximum number of public types of one name.
+/// Maximum number of public types with the same name.
 const NAMESAKES: usize = 2;
 
-/// Folders whose paths are checked where a text names them.
+/// Folders whose paths in texts are checked.
 const FOLDERS: &[&str] = &[
     "src/",
     "decomposition/",
@@ -68,10 +68,10 @@ const FOLDERS: &[&str] = &[
     ".ci/",
 ];
 
-/// Folders that are not read: built or generated files, and the list of faults itself.
+/// Folders that are skipped: built or generated files, and the list of faults itself.
 const SKIPPED: &[&str] = &["target", "results", "__pycache__", "build", ".git"];
 
-/// A fault: rule, file, line, and the text that is at fault.
+/// Fault with its rule, file, line, and text.
 #[derive(Debug, PartialEq)]
 struct Fault {
     rule: &'static str,
@@ -80,7 +80,7 @@ struct Fault {
     text: String,
 }
 
-/// Collects the files below a folder that are Rust, Markdown, shell or Python, as paths from the root.
+/// Collects the Rust, Markdown, shell and Python files below a folder, as paths from the root.
 fn files(root: &Path, folder: &Path, found: &mut Vec<(String, String)>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
@@ -121,7 +121,7 @@ fn comment(line: &str) -> Option<&str> {
         .then(|| line[start..].trim_start_matches('/'))
 }
 
-/// Returns `true` if a text has a word or a group of words between characters that are no letters.
+/// Returns `true` if a text contains a word or a group of words between characters that are not letters.
 fn has_word(text: &str, word: &str) -> bool {
     let letter = |c: char| c.is_alphanumeric() || matches!(c, '_' | '`');
     text.match_indices(word).any(|(start, _)| {
@@ -131,7 +131,7 @@ fn has_word(text: &str, word: &str) -> bool {
     })
 }
 
-/// Returns the name that follows a keyword at the start of an item, with its visibility left out.
+/// Returns the name after a keyword at the start of an item, and `true` if the item is public.
 fn named<'a>(line: &'a str, keywords: &[&str]) -> Option<(&'a str, bool)> {
     let mut rest = line.trim_start();
     let mut public = false;
@@ -156,7 +156,7 @@ fn named<'a>(line: &'a str, keywords: &[&str]) -> Option<(&'a str, bool)> {
     (!name.is_empty()).then_some((name, public))
 }
 
-/// Returns `true` if the item that begins here is a `bool`: a field, a constant, or what a function returns.
+/// Returns `true` if the item that begins here is a `bool`: a field, a constant, or the result of a function.
 fn is_boolean(lines: &[&str]) -> bool {
     let attribute = |line: &&&str| line.trim_start().starts_with("#[") || line.trim().is_empty();
     let Some(first) = lines.iter().find(|line| !attribute(line)) else {
@@ -236,7 +236,7 @@ fn paths(text: &str) -> Vec<&str> {
             let end = rest.find(|c| !part(c)).unwrap_or(rest.len());
             let open = rest[end..].starts_with(['*', '<', '{', '$', '[', '…']);
             let path = rest[..end].trim_end_matches(['.', '-']);
-            // A name in capitals stands for any file.
+            // A name in capitals represents any file.
             let any = path
                 .split('/')
                 .any(|name| name.len() > 1 && name.chars().all(|c| c.is_ascii_uppercase()));
@@ -262,7 +262,7 @@ fn links(line: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Adds the faults of a file that follow from its lines alone.
+/// Adds the faults of a file that depend on its lines only.
 fn line_faults(root: &Path, file: &str, lines: &[&str], faults: &mut Vec<Fault>) {
     let rust = file.ends_with(".rs");
     let page = file.ends_with(".md");
@@ -308,7 +308,7 @@ fn line_faults(root: &Path, file: &str, lines: &[&str], faults: &mut Vec<Fault>)
         }
         for path in paths(prose) {
             let exists = |folder: &Path| folder.join(path).exists();
-            // From the root, a folder above, or that of the modules of a file.
+            // Paths relative to the root, a folder above, or the folder of the modules of a file.
             let modules = whole.with_extension("");
             if !exists(&modules) && !folder.ancestors().any(exists) {
                 add("reference", n, path);
@@ -324,7 +324,7 @@ fn line_faults(root: &Path, file: &str, lines: &[&str], faults: &mut Vec<Fault>)
     }
 }
 
-/// Returns the public types of the program with a name that too many have.
+/// Returns the public types of the program with a name used too often.
 fn type_faults(sources: &[(String, String)]) -> Vec<Fault> {
     let mut types: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for (file, text) in sources {
@@ -396,8 +396,8 @@ fn written(counts: &Counts) -> String {
     text
 }
 
-/// Returns a message for each rule and file with more faults than it may have: the number, and all
-/// its faults with their lines.
+/// Returns a message for each rule and file with more faults than allowed: the number, and all its faults with
+/// their lines.
 fn complaints(faults: &[Fault], allowed: &Counts) -> Vec<String> {
     let mut complaints = Vec::new();
     for ((rule, file), count) in counts(faults) {

@@ -13,7 +13,7 @@ const SETTINGS: [(&str, &str); 11] = [
         r#"[{"materials": ["clay", "clay"], "tensile_strength": 0.05, "shear_strength": 0.2},
             {"materials": ["soil", "soil"], "tensile_strength": 0.0001, "shear_strength": 0.0001}]"#,
     ),
-    // Soft springs: long time steps.
+    // Soft springs allow long time steps.
     ("contact.contact_bond.normal_stiffness.absolute", "1000"),
     ("grains.initial.deposition.falling_stiffness", "100"),
     ("grains.initial.deposition.number", "120"),
@@ -72,7 +72,7 @@ fn the_plan_states_the_percentiles_of_the_grains() {
     let plan = Plan::prepare(document).unwrap();
     let grains = plan.scene.grains.as_ref().unwrap();
     let found = grains.percentiles(3).unwrap();
-    // From the curve: straight over the logarithm between two sieves. 260 grains are few.
+    // The curve is linear in the logarithm between two sieves. 260 grains are few.
     for (found, exact) in [
         (found.d10, 0.002 * 1.2_f64.powf(1.0 / 3.0)),
         (found.d30, 0.0024),

@@ -1,4 +1,4 @@
-//! The integration tests, in one binary.
+//! Integration tests in one binary.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

@@ -1,10 +1,10 @@
-//! Mutants of everything that is written as text: every ready case, every case and study under `jobs`, the files that
-//! they name, and assignments of `--set`.
+//! Mutants of all text input: every example case, every case and study under `jobs`, the files that they name, and
+//! assignments of `--set`.
 //!
-//! A mutant is a function of its seed. In this process it is read and planned as `solver validate` does: it gives a
-//! plan or problems, each with a path, a reason and a remedy, and never a panic. One in twenty, and those that touch a
-//! file, also goes through the real binary with 1 GiB of address space; a few of those that are cheap enough are run
-//! for some steps. The binary ends with one of its exit codes: no signal, no abort, no panic.
+//! A mutant is a function of its seed. In this process it is read and planned as by `solver validate`: the result
+//! is a plan or problems, each with a path, a reason and a remedy, and never a panic. One mutant in twenty, and
+//! every one that changes a file, is also given to the real binary with 1 GiB of address space; a few cheap ones
+//! are run for some steps. The binary ends with one of its exit codes, and not by a signal, an abort or a panic.
 //!
 //! ```text
 //! SOLVER_MUTANTS=20000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- mutants --nocapture
@@ -31,16 +31,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-/// Mutants without `SOLVER_MUTANTS`.
+/// Number of mutants without `SOLVER_MUTANTS`.
 const FEW: u64 = 400;
 /// Address space of the binary [KiB].
 const MEMORY: u64 = 1 << 20;
 
-/// A text with the files that it names.
+/// Text with the files that it names.
 struct Seed {
     name: String,
     text: String,
-    /// Name and bytes.
+    /// Names and bytes of the files.
     files: Vec<(String, Vec<u8>)>,
     study: bool,
 }
@@ -55,7 +55,8 @@ pub(crate) const TETRAHEDRON: &str = "solid t\n\
     facet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\nendfacet\nendsolid\n";
 const BLOCKS: &str = r#"[{"shape": {"half_spaces":[[1,0,0,1],[-1,0,0,0],[0,1,0,1],[0,-1,0,0],[0,0,1,1],[0,0,-1,0]]}}]"#;
 
-/// Returns ready cases, cases and studies under `jobs` with their files, and cases that name every other kind of file.
+/// Returns example cases, cases and studies under `jobs` with their files, and cases that name every other kind of
+/// file.
 fn corpus() -> Vec<Seed> {
     let mut all: Vec<Seed> = EXAMPLES
         .iter()
@@ -156,7 +157,7 @@ fn with_meshes() -> Vec<Seed> {
     all
 }
 
-/// Collects JSON pointers of everything below a node; of long lists the first four and the last.
+/// Collects JSON pointers of all nodes below a node; of long lists the first four entries and the last.
 fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     let children: Vec<(String, &Value)> = match node {
         Value::Object(map) => map
@@ -178,7 +179,7 @@ fn pointers(node: &Value, at: &str, found: &mut Vec<String>) {
     }
 }
 
-/// Returns the path as messages and `--set` write it: `probes[0].every`.
+/// Returns a path in the form of messages and `--set`: `probes[0].every`.
 fn dotted(pointer: &str) -> String {
     let mut path = String::new();
     for part in pointer.split('/').skip(1) {
@@ -237,7 +238,7 @@ fn odd_value(dice: &mut Dice) -> Value {
     .clone()
 }
 
-/// A mutant: a text, what is set, and files.
+/// Mutant: a text, its assignments, and its files.
 pub(crate) struct Mutant {
     pub(crate) text: String,
     pub(crate) set: Vec<String>,
@@ -305,7 +306,7 @@ pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
             format!("lines {a} and {b} exchanged")
         }
         6 if !bytes.is_empty() => {
-            // A digit becomes another, or a sign.
+            // A digit is replaced by another, or by a sign.
             let digits: Vec<usize> = (0..bytes.len())
                 .filter(|&n| bytes[n].is_ascii_digit())
                 .collect();
@@ -368,7 +369,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
         3 => {
             let value = odd_value(dice);
             let place = if dice.below(4) == 0 {
-                // A field that the case may not have.
+                // The field may not exist in the case.
                 let other =
                     serde_json::from_str::<Value>(&dice.choose(corpus).text).unwrap_or_default();
                 let mut others = Vec::new();
@@ -422,7 +423,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
             format!("{path} renamed")
         }
         10 => {
-            // A key written twice, or an entry of a list.
+            // A key is written twice, or an entry of a list is repeated.
             let copy = tree.pointer(&path).cloned().unwrap_or_default();
             match tree.pointer_mut(parent) {
                 Some(Value::Array(list)) => list.push(copy),
@@ -436,7 +437,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
             format!("{path} again")
         }
         11 | 12 => {
-            // A part of another case in the place of the same field, or of any.
+            // Part of another case replaces the same field, or any field.
             let other: Value = serde_json::from_str(&dice.choose(corpus).text).unwrap_or_default();
             let part = match other.pointer(&path) {
                 Some(part) if kind == 11 => Some(part.clone()),
@@ -476,7 +477,7 @@ fn once(made: &mut Mutant, corpus: &[Seed], dice: &mut Dice) -> String {
     note
 }
 
-/// Checks that every problem says where, why and what to do.
+/// Checks that every problem has a path, a reason and a remedy.
 fn complete(problems: &[Problem]) -> Result<(), String> {
     match problems
         .iter()
@@ -487,7 +488,7 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
     }
 }
 
-/// Reads and plans a mutant in this process; returns its plan if it was accepted.
+/// Reads and plans a mutant in this process; returns its plan if it is accepted.
 pub(crate) fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
         if mutant.study {
@@ -520,7 +521,7 @@ pub(crate) fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>,
     }
 }
 
-/// Through the binary: its exit code, or what is wrong with how it ended.
+/// Runs the binary; returns its exit code, or the fault of its end.
 pub(crate) fn through_binary(arguments: &[String]) -> Result<i32, String> {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=5", &(HANG.as_secs() * 6).to_string()]);
@@ -577,9 +578,9 @@ pub(crate) fn variable(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Appends the counts of a campaign to the table that `SOLVER_MUTANTS_CSV` names, if it does: kind, first
-/// seed, mutants, how many were accepted, the exit codes of the binary with their numbers, and how many
-/// mutants were wrong.
+/// Appends the counts of a campaign to the table named by `SOLVER_MUTANTS_CSV`, if it is set: kind, first seed,
+/// number of mutants, number of accepted ones, exit codes of the binary with their numbers, and number of faulty
+/// mutants.
 pub(crate) fn record(
     kind: &str,
     (first, count): (u64, u64),
@@ -622,7 +623,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
         let _core = Cores::acquire(1);
         let mut dice = Dice::new(seed);
         let mutant = mutant(&corpus, &mut dice);
-        // A study is planned member by member: fewer of them.
+        // A study is planned member by member, so that fewer studies are tested.
         if mutant.study {
             studies += 1;
         }
@@ -630,7 +631,7 @@ fn mutants_are_planned_or_refused_and_nothing_else() {
             std::fs::write(folder.path().join(name), bytes).unwrap();
         }
         if long {
-            // Should memory end, which no test survives: who it was.
+            // If memory runs out, which ends the test, the file identifies the mutant.
             std::fs::write(
                 std::env::temp_dir().join("solver-mutant.txt"),
                 format!("{seed} {}", mutant.what),

@@ -1,4 +1,4 @@
-//! Verdicts of the plan on openings whose ends lie between the faces of cells, on grains that nothing stops, and on
+//! Verdicts of the plan on openings with ends between the faces of cells, on grains that nothing stops, and on
 //! packed spheres.
 
 use crate::ranks::{Study, beside_others};
@@ -17,8 +17,8 @@ fn warned(plan: &Plan, words: &str) -> bool {
     plan.warnings.iter().any(|w| w.to_string().contains(words))
 }
 
-/// An outlet is as wide as its cells, which the plan says; what an inlet imposes is weighted by area in the cells that
-/// its ends cut.
+/// An outlet is as wide as its cells, which the plan reports; the values of an inlet are weighted by area in the
+/// cells that its ends intersect.
 #[test]
 fn an_opening_that_cells_move_is_named() {
     let pool = |from: f64, to: f64, condition: Value| {
@@ -46,8 +46,7 @@ fn an_opening_that_cells_move_is_named() {
     ));
 }
 
-/// The discharge that enters in a step is the one that is stated, whatever the profile, the patch and the number of
-/// ranks.
+/// The discharge that enters in a step equals the stated one, for any profile, patch and number of ranks.
 #[test]
 fn openings_let_the_stated_discharge_in() {
     let _beside = beside_others();
@@ -67,7 +66,7 @@ fn openings_let_the_stated_discharge_in() {
             (json!({"log_law": {"mean": 0.3, "roughness": 0.002}}), 0.3),
         ]
     };
-    // Ends of the patch across the face; none for the whole face.
+    // Ends of the patch along the face; none for the whole face.
     let patches: [Option<[[f64; 2]; 2]>; 3] = [
         None,
         Some([[0.0137, 0.0611], [0.02, 0.0733]]),
@@ -110,7 +109,7 @@ fn openings_let_the_stated_discharge_in() {
     }
 }
 
-/// Water under gravity between two hydrostatic pressures stays at rest.
+/// Water under gravity between two hydrostatic pressures remains at rest.
 #[test]
 fn hydrostatic_pressures_hold_water_at_rest() {
     let _beside = beside_others();
@@ -131,7 +130,7 @@ fn hydrostatic_pressures_hold_water_at_rest() {
     let table = std::fs::read_to_string(study.path("one").join("probe_middle.csv")).unwrap();
     let last = table.lines().last().unwrap();
     let speed: f64 = last.split(',').nth(7).unwrap().parse().unwrap();
-    // A level pressure sets it in motion at 0.02 m/s.
+    // A constant pressure sets it in motion at 0.02 m/s.
     assert!(speed < 2e-4, "{last}");
 }
 
@@ -178,8 +177,8 @@ fn grains_without_a_floor_are_named_with_the_face() {
     );
 }
 
-/// Links lose mass in the pores of a bed: 1.4e-7 of it a step in this flume, where partially saturated cells lose
-/// nothing.
+/// Links lose mass in the pores of a bed: 1.4e-7 of the mass per step in this flume, where partially saturated
+/// cells lose nothing.
 #[test]
 fn spheres_that_fall_into_a_bed_are_partially_saturated_unless_the_case_says_otherwise() {
     let coupling = |case: &Value| plan(case).scene.coupling;

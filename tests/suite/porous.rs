@@ -9,7 +9,7 @@ use solver::plan::Plan;
 use std::path::Path;
 
 /// Returns a duct along x of 16 x 8 x 8 cells of a millimetre between a velocity and a pressure, with a screen that
-/// cuts cells and a cylinder of gravel.
+/// intersects cells and a cylinder of gravel.
 fn duct(turbulence: &Value) -> Value {
     json!({
         "domain": {"size": [0.016, 0.008, 0.008], "spacing": 1e-3, "periodic": ["z"]},
@@ -79,7 +79,7 @@ fn problems(case: &Value) -> Vec<Problem> {
     }
 }
 
-/// Returns a box that is filled with gravel; its fields can be set.
+/// Returns a box filled with gravel of variable properties.
 fn gravel(permeability: &Value, time_step: f64) -> Value {
     json!({
         "domain": {"size": [0.01, 0.01], "spacing": 1e-3, "periodic": ["x", "y"]},
@@ -97,7 +97,7 @@ fn gravel(permeability: &Value, time_step: f64) -> Value {
 
 #[test]
 fn a_resistance_that_a_step_cannot_follow_is_refused_with_the_step_that_can() {
-    // 2e-3 s take 4 times the momentum at a permeability of 5e-10 m2.
+    // A time step of 2e-3 s removes 4 times the momentum at a permeability of 5e-10 m2.
     let found = problems(&gravel(&json!(5e-10), 2e-3));
     let refused: Vec<&Problem> = found
         .iter()
@@ -149,12 +149,12 @@ fn a_zone_without_resistance_or_outside_the_domain_is_refused() {
     }
 }
 
-/// The plan takes the speed from the zones that close the channel: u = G/(nu/K) per density.
+/// The plan computes the speed from the zones that close the channel: u = G/(nu/K) per density.
 #[test]
 fn the_plan_knows_the_speed_that_a_zone_allows() {
     let mut case = gravel(&json!(1e-9), 2e-4);
     case["fluid"]["lattice_boltzmann"]["body_force"]["constant"] = json!([5000, 0]);
-    // 5 m/s2 against 1000 1/s: 5 mm/s; without the zone 5 m/s within the run.
+    // 5 m/s2 with 1000 1/s gives 5 mm/s; without the zone 5 m/s is reached within the run.
     let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
     let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{p:#?}"));
     let margin = plan

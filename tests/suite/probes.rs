@@ -1,4 +1,4 @@
-//! Forces in the tables of probes belong to the time in the same row.
+//! Forces in the tables of probes belong to the time of their row.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::json;
@@ -16,7 +16,7 @@ fn columns(text: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// In a periodic channel under a force that oscillates the momentum changes by the force and by that of the walls. At
+/// In a periodic channel under an oscillating force the momentum changes by this force and by that of the walls. At
 /// the time of a row of the walls the force is known, and the change of the momentum follows from the rows of the
 /// discharge before and after.
 #[test]

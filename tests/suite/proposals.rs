@@ -1,4 +1,4 @@
-//! Every value that a message proposes is one that passes: it is set, and the problem is gone.
+//! Every value that a message proposes is valid: after setting it, the problem is solved.
 
 use crate::case_broken::{Break, TABLE, broken};
 use crate::ranks::Cores;
@@ -142,7 +142,7 @@ fn weight(severity: Severity) -> u8 {
     }
 }
 
-/// Returns the faults of the proposals of a case, and adds the paths of those that are right.
+/// Returns the faults of the proposals of a case, and adds the paths of the valid ones.
 fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>) -> Vec<String> {
     let mut wrong = Vec::new();
     let before = judge(text, set);
@@ -153,14 +153,14 @@ fn try_all(name: &str, text: &str, set: &[String], right: &mut BTreeSet<String>)
             .collect();
         let all = [set, &proposed].concat();
         let after = judge(text, &all);
-        // Where two things are wrong with one field, a proposal is for one of them.
+        // If a field has two faults, a proposal is for one of them.
         let here = |all: &[Problem]| {
             let heavy = |p: &&Problem| {
                 p.path == problem.path && weight(p.severity) >= weight(problem.severity)
             };
             all.iter().filter(heavy).count()
         };
-        // A value that is no value of this field is an error there, above or below.
+        // A value that is invalid in this field causes an error at this path, above or below.
         let touched = |p: &&Problem| {
             let assigned = problem
                 .remedy
@@ -213,7 +213,7 @@ fn what_is_proposed_passes() {
         }
         wrong.extend(try_all(name, text, &set, &mut right));
     }
-    // Warnings of the examples as they are.
+    // Warnings of the unchanged examples.
     for example in solver::case::examples::EXAMPLES {
         wrong.extend(try_all(example.name, example.text, &[], &mut right));
     }
@@ -232,7 +232,7 @@ fn a_proposal_can_be_pasted() {
     let problems = judge(text, &["checkpoint.keep=1".to_owned()]);
     let line = problems[0].to_string();
     assert!(line.ends_with("(--set checkpoint.keep=2)"), "{line}");
-    // As data, in addition to the sentence.
+    // The proposal is also given as data, in addition to the sentence.
     let data = serde_json::to_value(&problems[0]).unwrap();
     assert!(data["remedy"].is_string(), "{data}");
     let [set] = data["proposal"].as_array().unwrap().as_slice() else {
@@ -244,7 +244,7 @@ fn a_proposal_can_be_pasted() {
     );
     let mut tree: Value = serde_json::from_str(text).unwrap();
     apply(&mut tree, "checkpoint.keep=2").unwrap();
-    // Quotes where a shell needs them.
+    // Values are quoted where a shell requires it.
     let problems = judge(
         text,
         &["contact={\"linear\": {\"normal_stiffness\": {\"per_diameter\": 1e8}}}".to_owned()],

@@ -1,4 +1,4 @@
-//! Whole runs: the real binary under the real `mpirun`, always under a timeout.
+//! Whole runs: the real binary under the real `mpirun`, always with a timeout.
 
 use serde_json::Value;
 use std::cell::Cell;
@@ -9,15 +9,15 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::{Condvar, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
-/// Lock of the machine: jobs that are watched while they run have it to themselves; all others run at the same time.
+/// Lock of the machine: jobs observed during their run have exclusive use; all others run simultaneously.
 static MACHINE: RwLock<()> = RwLock::new(());
 
 thread_local! {
-    /// `true` if this thread holds [`Alone`]: its jobs do not wait for others.
+    /// `true` if this thread has [`Alone`]: its jobs do not wait for others.
     static IS_ALONE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The machine, for one test.
+/// Exclusive use of the machine for one test.
 pub(crate) struct Alone {
     _cores: Cores,
     _machine: RwLockWriteGuard<'static, ()>,
@@ -40,16 +40,16 @@ pub(crate) fn alone() -> Alone {
     }
 }
 
-/// Waits until no job runs that needs the machine for itself.
+/// Waits until no job with exclusive use of the machine runs.
 pub(crate) fn beside_others() -> RwLockReadGuard<'static, ()> {
     MACHINE.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The binary under test.
+/// Binary under test.
 pub(crate) const SOLVER: &str = env!("CARGO_BIN_EXE_solver");
 
-/// A job that takes longer hangs [s]: the longest needs half a minute on a quiet machine. `SOLVER_TEST_PATIENCE`
-/// multiplies it.
+/// Time after which a job counts as hanging [s]: the longest takes half a minute on an idle machine.
+/// `SOLVER_TEST_PATIENCE` multiplies it.
 const LIMIT: f64 = 300.0;
 
 /// Returns the factor of every time limit.
@@ -64,15 +64,16 @@ fn limit() -> String {
     format!("{:.0}", LIMIT * patience())
 }
 
-/// Returns the time after which something hangs that takes `usual` seconds on a quiet machine: twenty times as long.
+/// Returns the time after which an operation that takes `usual` seconds on an idle machine counts as hanging:
+/// twenty times as long.
 pub(crate) fn hang(usual: f64) -> Duration {
     Duration::from_secs_f64(20.0 * usual * patience())
 }
 
-/// Cores and jobs in use.
+/// Numbers of cores and jobs in use.
 struct Use {
     cores: usize,
-    /// Jobs of several ranks that wait for the machine.
+    /// Number of jobs of several ranks that wait for the machine.
     waiting: usize,
 }
 
@@ -84,14 +85,14 @@ static USE: (Mutex<Use>, Condvar) = (
     Condvar::new(),
 );
 
-/// Cores that a job or a long calculation of a test holds: one, or for several ranks the whole machine. Ranks give way
-/// while they wait for a message: next to a process that computes, a job of two ranks takes six times as long.
+/// Cores reserved by a job or a long calculation of a test: one, or the whole machine for several ranks. Ranks
+/// yield while they wait for a message: next to a computing process, a job of two ranks takes six times as long.
 pub(crate) struct Cores(usize);
 
 impl Cores {
-    /// Waits for a core, or for the whole machine. One single process more than there are cores may run: starting and
-    /// ending leave cores idle. An idle machine goes to a job of several ranks first; single processes join others that
-    /// run.
+    /// Waits for a core, or for the whole machine. One process more than there are cores may run, because starting
+    /// and ending leave cores idle. On an idle machine a job of several ranks has priority; single processes run
+    /// together with others.
     pub(crate) fn acquire(ranks: usize) -> Self {
         if IS_ALONE.get() {
             return Self(0);
@@ -121,26 +122,26 @@ impl Drop for Cores {
     }
 }
 
-/// Environment of every job, whoever starts it: what `jobs/install.sh` gives, and what shortens starts and ends on one
+/// Environment of every job: the variables of `jobs/install.sh`, and those that shorten starts and ends on one
 /// machine.
 pub(crate) const ENVIRONMENT: [(&str, &str); 8] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_btl_vader_single_copy_mechanism", "none"),
-    // A Munge socket without a server costs two seconds at every start.
+    // A Munge socket without a server delays every start by two seconds.
     ("PMIX_MCA_psec", "native"),
-    // Ranks share memory: looking for the hardware of clusters takes most of a start.
+    // Ranks share memory; the search for cluster hardware would take most of a start.
     ("OMPI_MCA_pml", "ob1"),
     ("OMPI_MCA_btl", "self,vader"),
-    // mpirun binds the first rank of every job to the first core: jobs at the same time would share it.
+    // mpirun binds the first rank of every job to the first core, which simultaneous jobs would share.
     ("OMPI_MCA_hwloc_base_binding_policy", "none"),
-    // Ranks outnumber cores here: one that waits lets another run.
+    // There are more ranks than cores: a waiting rank yields its core.
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
-/// Lets a process without mpirun do without the daemon of Open MPI, which takes most of its start. Such processes share
-/// one session folder, and the one that ends first removes it while another is about to use it: here each has its own
-/// in `folder`.
+/// Disables the daemon of Open MPI for a process without mpirun, because its start dominates. Such processes share
+/// one session folder, and the first that ends would remove it while another is about to use it: here each has its
+/// own in `folder`.
 pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
     command.env("OMPI_MCA_ess_singleton_isolated", "1");
     command.env("OMPI_MCA_orte_tmpdir_base", folder);
@@ -150,18 +151,18 @@ pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
 fn command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     command.arg(SOLVER);
-    // mpirun waits twice this long at every end other than success.
+    // mpirun waits twice this long at every unsuccessful end.
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
     command
 }
 
-/// Runs the program as it is on the first rank. The others stay a little after an error, so that the first rank has
-/// spoken and ended before mpirun kills whoever is left.
+/// Script that runs the program directly on the first rank. The others delay their end after an error, so that the
+/// first rank has reported it and ended before mpirun kills the others.
 const FIRST_RANK_ENDS_FIRST: &str = r#"
 [ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
 "$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
 
-/// Returns a [`command`] for jobs that get no signals: mpirun need not wait at an error.
+/// Returns a [`command`] for jobs without signals: mpirun need not wait after an error.
 fn prompt_command(ranks: usize) -> Command {
     let mut command = launcher(ranks);
     if ranks > 1 {
@@ -181,7 +182,7 @@ fn launcher(ranks: usize) -> Command {
         command.arg(ranks.to_string());
     }
     command.envs(ENVIRONMENT);
-    // Of a job within which the tests may run.
+    // Variables of a job within which the tests may run.
     for name in [
         "OMPI_COMM_WORLD_RANK",
         "OMPI_COMM_WORLD_SIZE",
@@ -221,27 +222,27 @@ impl Done {
     }
 }
 
-/// A job under way.
+/// Running job.
 pub(crate) struct Running {
     child: Child,
     start: Instant,
     logs: tempfile::TempDir,
 }
 
-/// Starts the program; hold [`alone`] or [`beside_others`] meanwhile. The output goes to files, so that no pipe held
-/// open by a rank can delay the end.
+/// Starts the program; the caller must hold [`alone`] or [`beside_others`]. The output goes to files, so that no
+/// pipe kept open by a rank can delay the end.
 pub(crate) fn start(ranks: usize, arguments: &[String]) -> Running {
     begin(command(ranks), ranks, arguments)
 }
 
-/// Starts a job like [`start`], but mpirun kills the other ranks at once when one has ended with an error.
+/// Starts a job like [`start`], but mpirun kills the other ranks immediately when one has ended with an error.
 pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
     let mut command = command(ranks);
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
     begin(command, ranks, arguments)
 }
 
-/// Starts a job like [`start`] that gets no signals: mpirun need not wait at an error.
+/// Starts a job like [`start`] without signals: mpirun need not wait after an error.
 pub(crate) fn start_prompt(ranks: usize, arguments: &[String]) -> Running {
     begin(prompt_command(ranks), ranks, arguments)
 }
@@ -307,7 +308,7 @@ impl Running {
                 let done = self.done(status);
                 panic!("ended before {what}: {done:#?}");
             }
-            // A watcher that only yields takes a core from the ranks.
+            // An observer that only yields would occupy a core.
             std::thread::sleep(Duration::from_millis(1));
         }
     }
@@ -324,7 +325,7 @@ impl Running {
         .0
     }
 
-    /// Returns the processes of the ranks, or the one without mpirun.
+    /// Returns the processes of the ranks, or the single process without mpirun.
     #[track_caller]
     pub(crate) fn ranks(&mut self, ranks: usize) -> Vec<i32> {
         let parent = if ranks == 0 {
@@ -359,7 +360,7 @@ fn children(parent: u32) -> Vec<(i32, String)> {
         let Some(id) = entry.file_name().to_str().and_then(|n| n.parse().ok()) else {
             continue;
         };
-        // A process may be gone by now.
+        // A process may have ended by now.
         let Ok(stat) = std::fs::read_to_string(entry.path().join("stat")) else {
             continue;
         };
@@ -374,17 +375,17 @@ fn children(parent: u32) -> Vec<(i32, String)> {
     all
 }
 
-/// Case in a folder of its own, which also holds the folders of its runs.
+/// Case in its own folder, which also contains the folders of its runs.
 pub(crate) struct Study {
     folder: tempfile::TempDir,
     case: PathBuf,
     set: Vec<String>,
-    /// Additional words of every command.
+    /// Additional arguments of every command.
     flags: Vec<String>,
 }
 
 impl Study {
-    /// Returns an example with changes that hold for every run.
+    /// Returns an example with changes for all runs.
     pub(crate) fn from_example(example: &str, set: &[(&str, &str)]) -> Self {
         let mut study = Self::new(solver::case::examples::find(example).unwrap().text);
         let set = set.iter().map(|(path, value)| format!("{path}={value}"));
@@ -392,7 +393,7 @@ impl Study {
         study
     }
 
-    /// Returns a case of its own.
+    /// Returns the study of a case given as text.
     pub(crate) fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let case = folder.path().join("case.json");
@@ -405,8 +406,8 @@ impl Study {
         }
     }
 
-    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first grains
-    /// leave.
+    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first
+    /// grains leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
         let mut study = Self::from_example(
             "piping",
@@ -453,8 +454,8 @@ impl Study {
         study
     }
 
-    /// Returns a study of the hole in a packing that is grown, bonded and brought to rest first; then the water is
-    /// warmed up.
+    /// Returns a study of the hole in a packing that is grown, bonded and relaxed first; then the water is warmed
+    /// up.
     pub(crate) fn preparing() -> Self {
         let chambers = r#"[
             {"name": "inlet", "box": {"from": [0, 0], "to": [0.0004, 0.0016]}},
@@ -481,7 +482,7 @@ impl Study {
         self.folder.path().join(name)
     }
 
-    /// Arguments of a run into the folder `name`, with more changes.
+    /// Returns the arguments of a run into the folder `name`, with more changes.
     pub(crate) fn arguments(&self, name: &str, threads: usize, set: &[&str]) -> Vec<String> {
         let mut arguments = vec![
             self.case.to_str().unwrap().to_owned(),
@@ -499,7 +500,7 @@ impl Study {
         arguments
     }
 
-    /// Runs although the verdict is `unstable`: on purpose.
+    /// Returns the study with permission for the verdict `unstable`.
     pub(crate) fn unstable(mut self) -> Self {
         self.flags.push("--allow-unstable".into());
         self
@@ -547,14 +548,14 @@ impl Study {
         summary["state_hash"].as_str().unwrap().to_owned()
     }
 
-    /// Lines of a table without its head.
+    /// Returns the number of lines of a table without its header.
     pub(crate) fn rows(&self, name: &str, table: &str) -> usize {
         let text = std::fs::read_to_string(self.path(name).join(table)).unwrap();
         text.lines().count() - 1
     }
 
-    /// Fails unless two runs ended in the same state and wrote the same: tables and series byte for byte, fields by
-    /// their numbers (their headers name the ranks).
+    /// Fails unless two runs ended in the same state and wrote the same data: tables and series byte for byte,
+    /// fields by their numbers (their headers contain the ranks).
     #[track_caller]
     pub(crate) fn same(&self, a: &str, b: &str) {
         assert_eq!(self.hash(a), self.hash(b), "{a} and {b}");
@@ -596,8 +597,8 @@ fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
         .unwrap()
         .datasets
         .into_iter()
-        // Texts: a long case is a dataset, a short one an attribute, and cases may differ in their checkpoints and
-        // slabs.
+        // Texts are excluded: a long case is a dataset, a short one an attribute, and cases may differ in their
+        // checkpoints and slabs.
         .filter(|d| !d.path.trim_start_matches('/').starts_with("provenance/"))
         .map(|d| {
             let start = vec![0; d.shape.len()];
@@ -610,7 +611,7 @@ fn numbers(path: &Path) -> Vec<(String, Vec<usize>, Vec<u64>)> {
     all
 }
 
-/// Returns the rows of discs that just touch, above and below a hole, one in eleven a little smaller.
+/// Returns rows of touching discs above and below a hole, one in eleven of which is slightly smaller.
 fn sample() -> String {
     const RADIUS: f64 = 1e-4;
     let step = 2.0 * RADIUS * (1.0 - 1e-7);

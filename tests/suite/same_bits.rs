@@ -8,7 +8,7 @@ fn an_eroding_hole_on_any_ranks_threads_and_slabs() {
     let _beside = beside_others();
     let study = Study::eroding(&[]);
     study.run("straight", 1, 1, &[]);
-    // The run is one in which everything happens.
+    // All kinds of events occur in the run.
     let bonds = study.rows("straight", "bonds.csv");
     assert!(bonds > 20, "{bonds} bonds broke");
     assert!(study.rows("straight", "removed.csv") > 0);
@@ -43,7 +43,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
     let _beside = beside_others();
     let study = Study::eroding(&[("checkpoint.every", "0.006")]);
     study.run("straight", 1, 1, &[]);
-    // Each part continues past its last checkpoint; what it wrote after that is written again.
+    // Each part continues from its last checkpoint; rows after the checkpoint are written again.
     study.run("parts", 1, 1, &["time.end=0.008"]);
     for (ranks, end) in [(2, "0.014"), (3, "0.02"), (1, "0.024")] {
         let done = study
@@ -58,7 +58,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
     study.same("straight", "parts");
 }
 
-/// Everything that is due falls between the steps, and every end of a part between two rows.
+/// All output times are between steps, and every part ends between two rows.
 #[test]
 fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
     let _beside = beside_others();
@@ -102,7 +102,7 @@ fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
             .collect();
         assert_ne!(expected.last(), Some(&end), "{file} ends between two rows");
         expected.push(end);
-        // Nothing has crossed a face at step 0.
+        // No mass has crossed a face at step 0.
         let expected = &expected[usize::from(file == "probe_face.csv")..];
         assert_eq!(found, expected, "{file}");
     }
@@ -118,7 +118,7 @@ fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
         );
     }
     study.same("straight", "parts");
-    // A finished run that is asked to continue has nothing to do, and stays as it is.
+    // A finished run is unchanged by a restart.
     study.restart("parts", 1, &["time.end=0.006"]).expect(0);
     assert_eq!(study.summary("parts")["steps_of_this_run"], 0);
     study.same("straight", "parts");
@@ -156,7 +156,7 @@ fn fluid_without_grains() {
     study.same("straight", "two along y");
 }
 
-/// Eddies in 3-D: the velocity of the step before is part of the state.
+/// Eddy viscosity in 3-D: the velocity of the previous step is part of the state.
 #[test]
 fn turbulence_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -197,8 +197,8 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
-/// Runs water between walls, which makes two steps at once if no output reads the state between them: outputs, a
-/// checkpoint and the end may fall on any step.
+/// Runs water between walls, which makes two steps in one sweep if no output reads the state between them: outputs,
+/// a checkpoint and the end may be at any step.
 #[test]
 fn a_cavity_that_is_watched_now_and_then() {
     let _beside = beside_others();
@@ -220,7 +220,7 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.run("straight", 1, 1, &[]);
     study.run("watched", 1, 1, &[&format!("probes={watched}")]);
     assert_eq!(study.hash("watched"), study.hash("straight"));
-    // A line of units in addition to the rows.
+    // One line of units in addition to the rows.
     assert_eq!(study.rows("watched", "probe_often.csv"), 183);
     assert_eq!(study.rows("straight", "probe_seldom.csv"), 13);
     for (name, ranks, threads, set) in [
@@ -228,7 +228,7 @@ fn a_cavity_that_is_watched_now_and_then() {
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("uneven", 2, 1, "domain.slab_bounds=[5]"),
-        // The rank in the middle has no planes: it follows which pass is next all the same.
+        // The middle rank has no planes, but still tracks the parity of the passes.
         ("empty", 3, 1, "domain.slab_bounds=[25, 25]"),
     ] {
         study.run(name, ranks, threads, &[set]);
@@ -240,7 +240,8 @@ fn a_cavity_that_is_watched_now_and_then() {
     study.same("straight", "parts");
 }
 
-/// Runs three dimensions with eddies, whose velocities beyond walls and slabs the second of two steps needs.
+/// Runs 3-D flow with an eddy viscosity, whose velocities beyond walls and slabs are needed by the second of two
+/// steps.
 #[test]
 fn eddies_between_walls_watched_now_and_then() {
     let _beside = beside_others();
@@ -276,7 +277,7 @@ fn eddies_between_walls_watched_now_and_then() {
     }
 }
 
-/// A checkpoint of some megabytes is written and read in pieces, of which a thick slab has more than a thin one.
+/// A checkpoint of some megabytes is written and read in pieces, more of them for a thick slab than for a thin one.
 #[test]
 fn a_state_of_many_pieces() {
     let _beside = beside_others();
@@ -312,7 +313,7 @@ fn a_state_of_many_pieces() {
     }
 }
 
-/// Synthetic turbulence enters, is carried out, and is averaged: sums over time are part of the state.
+/// Synthetic turbulence enters, is convected out, and is averaged: sums over time are part of the state.
 #[test]
 fn averages_of_a_gusty_stream() {
     let _beside = beside_others();
@@ -357,7 +358,7 @@ fn averages_of_a_gusty_stream() {
     study.same("straight", "parts");
 }
 
-/// Openings that absorb sound sum over their faces, and what they remember is part of the state.
+/// Openings that absorb sound sum over their faces, and their stored values are part of the state.
 #[test]
 fn sound_leaves_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -411,8 +412,8 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
-/// A jointed slab on soft springs, a named block next to it: shapes, orientations and the histories of faces go with
-/// the blocks.
+/// A jointed slab on soft springs and a named block next to it: shapes, orientations and the histories of faces
+/// move with the blocks between ranks.
 #[test]
 fn blocks_without_fluid() {
     let _beside = beside_others();
@@ -457,8 +458,8 @@ fn a_body_wider_than_a_slab_in_a_stream() {
     }
 }
 
-/// Rock in turbulent water: covered cells, a free block that lies across slabs, a bed of fixed ones, a driven sphere,
-/// eddies, inlet and outlet. Slabs of two planes are thinner than the block.
+/// Rock in turbulent water: covered cells, a free block across slabs, a bed of fixed blocks, a driven sphere, an
+/// eddy viscosity, inlet and outlet. Slabs of two planes are thinner than the block.
 #[test]
 fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -477,7 +478,7 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     study.run("parts", 2, 1, &["time.end=0.01"]);
     study.restart("parts", 3, &["time.end=0.02"]).expect(0);
     study.same("straight", "parts");
-    // The other operators, in water thick enough for the matched one.
+    // The other operators, in water viscous enough for the matched one.
     let thick = "fluid.lattice_boltzmann.kinematic_viscosity=0.02";
     let trt = r#"fluid.lattice_boltzmann.collision={"trt": {}}"#;
     for operator in ["superposition", "viscosity_matched"] {
@@ -495,11 +496,11 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     }
 }
 
-/// Runs blocks with links that bounce back.
+/// Runs blocks with bounce-back links.
 #[test]
 fn blocks_with_bouncing_links_on_any_ranks() {
     let _beside = beside_others();
-    // Thick water: links at faces bear no more than the plan says.
+    // Viscous water: the plan limits the Reynolds number of links at faces.
     let case = SCOUR
         .replace(
             r#"{"partially_saturated": {}}"#,
@@ -584,8 +585,8 @@ const SCOUR: &str = r#"{
   "checkpoint": {"every": 0.006}
 }"#;
 
-/// A block of discs crosses the domain: the slabs are cut by cost at the start and again at checkpoints in the run. By
-/// the rates of the plan a step costs more than messages do, so that other slabs are worth it.
+/// A block of discs crosses the domain: the slabs are divided by cost at the start and again at checkpoints during
+/// the run. With the rates of the plan a step costs more than messages, so that new slabs are worthwhile.
 #[test]
 fn slabs_of_equal_cost_change_in_the_run() {
     let _beside = beside_others();
@@ -631,7 +632,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
         let summary = study.summary(&name);
         assert_eq!(summary["steps_of_this_run"], summary["steps"]);
     }
-    // Slabs that the case lists stay.
+    // Slabs listed in the case are not changed.
     let done = study.run("listed", 2, 1, &["domain.slab_bounds=[50]"]);
     assert!(
         !done.stdout.contains("slabs of equal cost"),
@@ -641,7 +642,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
     study.same("straight", "listed");
 }
 
-/// Whatever the fluid runs on: where there is no GPU `auto` is the processor, and `gpu` ends with a sentence.
+/// Without a GPU, `auto` selects the processor and `gpu` ends with an error message.
 #[test]
 fn a_cavity_on_a_gpu_if_there_is_one() {
     let _beside = beside_others();
@@ -677,12 +678,12 @@ fn a_cavity_on_a_gpu_if_there_is_one() {
             gpu.stderr
         );
     }
-    // A run may continue on the other.
+    // A run may continue on the other device.
     study.run("parts", 1, 1, &["time.end=0.006"]);
     let set = [&on("auto")[..], "time.end=0.0121"];
     study.restart("parts", 1, &set).expect(0);
     study.same("cpu", "parts");
-    // Several ranks share no GPU.
+    // Several ranks cannot share a GPU.
     let two = run(2, &study.arguments("two", 1, &[&on("gpu")])).expect(2);
     assert!(two.stderr.contains("several ranks"), "{}", two.stderr);
 }

@@ -35,7 +35,8 @@ fn a_restart_on_other_ranks_gives_the_same_bits() {
     study.same("straight", "parts");
 }
 
-/// Rows 4 of the fissure: bonds, polygons, a gate that opens, grains taken out below, water through all of it.
+/// Row 4 of the fissure: bonds, polygons, a gate that opens, grains removed below, and water through the whole
+/// domain.
 #[test]
 fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
     let _beside = beside_others();
@@ -51,7 +52,7 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
                     "boundaries": [{"name": "rain", "face": "z_max", "condition": {"pressure": {"value": 5000}}},
                         {"name": "point", "face": "z_min", "condition": {"pressure": {"value": 0}}}]}}"#,
             ),
-            // Soft springs: long time steps.
+            // Soft springs allow long time steps.
             ("contact.contact_bond.normal_stiffness.absolute", "1000"),
             ("grains.initial.deposition.falling_stiffness", "100"),
             (
@@ -65,10 +66,10 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
         ],
     );
     study.run("straight", 1, 1, &[]);
-    // The run is one in which everything happens.
+    // All kinds of events occur in the run.
     assert!(study.rows("straight", "removed.csv") > 15);
     assert!(study.summary("straight")["grains"].as_u64() > Some(20));
-    // No grain is faster than 5 kPa of water and a fall through the domain make it.
+    // No grain is faster than a pressure of 5 kPa and a fall through the domain can make it.
     let seepage = &study.summary("straight")["seepage"];
     let number = |name: &str| seepage[name].as_f64().unwrap();
     let bernoulli = (2.0_f64 * 5000.0 / 1000.0).sqrt();
@@ -98,7 +99,8 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
 #[test]
 fn a_pocket_is_named() {
     let _beside = beside_others();
-    // Two planes meet above the opening: the cell below their edge has water in front of either, but of both none.
+    // Two planes meet above the opening: the cell below their edge has water in front of each plane, but not of
+    // both.
     let study = Study::from_example(
         "seepage",
         &[
@@ -122,7 +124,7 @@ fn a_pocket_is_named() {
     );
 }
 
-/// The search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) to 5 %.
+/// The search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) within 5 %.
 #[test]
 fn the_search_finds_the_gradient_that_lifts_a_bed() {
     let _beside = beside_others();
@@ -132,7 +134,7 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
     let mut arguments =
         words("critical-gradient --json --allow-unstable --threads 1 --tolerance 0.02");
-    // Heads at 0.9 and 1.1 of the gradient of a bed of porosity 0.4993 in 0.052 m.
+    // Heads at 0.9 and 1.1 times the critical gradient of a bed of porosity 0.4993 in 0.052 m.
     arguments.extend(words("--from 0.09066 --to 0.09926 --output"));
     arguments.push(folder.path().to_str().unwrap().to_owned());
     arguments.push(case.to_str().unwrap().to_owned());
@@ -144,7 +146,7 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
         let gradient = found["gradient"][end].as_f64().unwrap();
         assert!((gradient / terzaghi - 1.0).abs() < 0.05, "{found:#}");
     }
-    // A search that begins where all is afloat says so.
+    // A search that begins above the critical gradient reports it.
     let afloat = "critical-gradient --allow-unstable --threads 1 --from 0.11 --to 0.12 --output";
     let mut arguments = words(afloat);
     arguments.push(folder.path().join("afloat").to_str().unwrap().to_owned());
@@ -157,8 +159,8 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     );
 }
 
-/// A pile with less permeable layers: cells that boundaries cut, a raster from a file, a law that depends on the
-/// gradient.
+/// A pile with less permeable layers: cells intersected by boundaries, a raster from a file, a law that depends on
+/// the gradient.
 #[test]
 fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
@@ -187,7 +189,7 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     std::fs::write(study.path("map.csv"), map).unwrap();
     study.run("straight", 1, 1, &[]);
     let one = study.summary("straight");
-    // Zones slow the water.
+    // The zones reduce the flow.
     study.run("open", 1, 1, &["fluid.darcy.zones=[]"]);
     let flow = |name: &str| study.summary(name)["seepage"]["inflow"].as_f64().unwrap();
     assert!(flow("straight") < 0.9 * flow("open"));
@@ -204,7 +206,7 @@ fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     study.same("straight", "parts");
 }
 
-/// The rules of the paper for the grid of the seepage are checked: at least five cells along an axis, an even number
+/// Checks the rules of the paper for the grid of the seepage: at least five cells along an axis, an even number
 /// across an opening, cells of at most four median diameters.
 #[test]
 fn a_coarse_or_uneven_grid_is_warned_of() {
@@ -238,8 +240,8 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
     );
 }
 
-/// Free water stands over the ground on both sides of a dam: with a resistance a thousand million times smaller than
-/// that of the sand it passes on the heads, and what seeps is what the mapping of Harr (1962) says.
+/// Free water above the ground on both sides of a dam, with a resistance 10⁹ times smaller than that of the sand,
+/// transmits the heads, and the seepage is that of the mapping of Harr (1962).
 #[test]
 fn water_ponded_over_the_ground_passes_on_its_head() {
     let _beside = beside_others();
@@ -267,7 +269,7 @@ fn water_ponded_over_the_ground_passes_on_its_head() {
     );
 }
 
-/// Ground of zones under a dam, without a single grain.
+/// Ground of zones under a dam, without grains.
 #[test]
 fn zones_alone_are_a_bed() {
     let _beside = beside_others();
@@ -309,7 +311,7 @@ fn zones_that_need_grains_are_refused_without_them() {
         }
     };
     assert!(problems("domain.spacing=0.05").is_empty());
-    // Open water stands on a part of the ground.
+    // Open water above part of the ground.
     let part = r#"[{"name": "sand", "region": {"layer": {"to": 0.51}}, "permeability": {"value": 1e-11},
         "without_grains": true}]"#;
     let by_grains =
@@ -327,7 +329,7 @@ fn zones_that_need_grains_are_refused_without_them() {
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
 }
 
-/// Closed ends near a dam on a leaky layer: the loss of discharge that the plan states is that of runs with near and
+/// Closed ends near a dam on a leaky layer: the loss of discharge stated by the plan is that of runs with near and
 /// far ends.
 #[test]
 fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {

@@ -1,8 +1,8 @@
 //! Mutants of every kind of file that a case names: samples, lists of other programs, profiles, rasters, meshes
 //! and lists of blocks.
 //!
-//! Only the file is changed. The case that names it is planned, or refused with a path, a reason and a remedy;
-//! no number of a file that was accepted is NaN or infinite. One in twenty also goes through the real binary.
+//! Only the file is changed. The case that names it is planned, or refused with a path, a reason and a remedy; no
+//! number from an accepted file is NaN or infinite. One mutant in twenty is also given to the real binary.
 //!
 //! ```text
 //! SOLVER_SIDE_FILES=2000 SOLVER_MUTANTS_FROM=0 cargo test --test suite -- side_files --nocapture
@@ -22,10 +22,10 @@ use solver::plan::Plan;
 use solver::scene::grains::GrainSource;
 use std::collections::BTreeMap;
 
-/// Mutants without `SOLVER_SIDE_FILES`.
+/// Number of mutants without `SOLVER_SIDE_FILES`.
 const FEW: u64 = 80;
 
-/// A case and the file that it names.
+/// Case with the file that it names.
 struct Named {
     kind: &'static str,
     case: Value,
@@ -64,7 +64,7 @@ const SPARK_ROCKS: &str = r#"{"centerX":1.5,"centerY":1.5,"centerZ":0.5,"generat
 {"a":0,"b":0,"c":1,"d":0.5,"phi":30,"cohesion":0},{"a":0,"b":0,"c":-1,"d":0.5,"phi":30,"cohesion":0}]}
 "#;
 
-/// The cases with their files.
+/// Returns the cases with their files.
 fn corpus() -> Vec<Named> {
     let grains = json!({
         "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005},

@@ -1,4 +1,4 @@
-//! A stream down a slope: the weight of its water drives it, and it pushes what stands in it down the slope.
+//! A stream down a slope: the weight of its water drives it, and it exerts a force down the slope on bodies in it.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -7,7 +7,7 @@ use solver::error::{Problem, Severity};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Returns syrup, 8 cells deep, on a slope of 3 degrees round a cube of 3 cells on the bed.
+/// Returns a viscous liquid, 8 cells deep, on a slope of 3 degrees around a cube of 3 cells on the bed.
 fn stream(gravity_acts: &Value) -> Value {
     json!({
         "domain": {"size": [0.2, 0.08, 0.08], "spacing": 0.01, "periodic": ["x", "y"]},
@@ -52,7 +52,7 @@ fn problems(case: &Value) -> Vec<Problem> {
 #[test]
 fn the_weight_of_a_stream_is_borne_by_its_bed_and_what_stands_in_it() {
     let _beside = beside_others();
-    // The choice of the program, and the same stated.
+    // The automatic choice, and the same choice stated.
     for acts in [json!("auto"), json!("along_periodic_axes")] {
         let study = Study::new(&stream(&acts).to_string());
         study.run("run", 1, 1, &[]).expect(0);
@@ -72,7 +72,8 @@ fn the_weight_of_a_stream_is_borne_by_its_bed_and_what_stands_in_it() {
             (cube + bed - weight).abs() < 1e-3 * weight,
             "{cube} + {bed} N, not {weight}"
         );
-        // Across the slope the lattice holds the excess over hydrostatic, and the cube its buoyancy.
+        // Normal to the slope, the lattice contains the excess over hydrostatic pressure, and the cube has its
+        // buoyancy.
         let lift = last("probe_cube.csv", "fluid_force_z");
         let buoyancy = 1000.0 * 9.796_556 * 0.03_f64.powi(3);
         assert!(
@@ -94,7 +95,7 @@ fn the_stream_of_the_example_pushes_its_blocks_down_the_slope() {
         assert!(force[1..].iter().sum::<f64>() > 0.0, "{block}: {force:?}");
         column(&study, "run", &table, "x").last().unwrap() - 0.1
     });
-    // The rough one, too: dry it would stick, as tan 40 is more than tan 30.
+    // The rough cube slides too: dry it would not, because tan 40 is more than tan 30.
     assert!(ways[1] > ways[0] && ways[0] > 0.01, "{ways:?}");
 }
 
@@ -110,7 +111,7 @@ fn the_weight_of_the_water_counts_once() {
             .iter()
             .all(|p| p.path != path)
     );
-    // A closed conduit may hold its water.
+    // In a closed conduit the walls can support the water.
     let mut conduit = stream(&json!(false));
     conduit["fluid"]["lattice_boltzmann"]["boundaries"] = json!([]);
     assert!(problems(&conduit).iter().all(|p| p.path != path));
@@ -136,8 +137,8 @@ fn the_weight_of_the_water_counts_once() {
     }
 }
 
-/// Returns water at rest in a box, with planes across all of it at which its largest speed is taken, and a structure on
-/// the lattice planes.
+/// Returns water at rest in a box, with planes over its whole section at which its largest speed is measured, and a
+/// structure on the lattice planes.
 fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
     let up = size.len() - 1;
     let axis = ["x", "y", "z"][up];
@@ -199,7 +200,7 @@ fn still_water_under_its_weight_stays_at_rest() {
             size.len()
         );
         assert!(fastest < 1e-10, "{operator} {boundaries}: {fastest} m/s");
-        // What the case states about its start holds.
+        // The initial state stated in the case is used.
         let uniform = "fluid.lattice_boltzmann.initial={\"uniform\": [0, 0]}".replace(
             "[0, 0]",
             if size.len() == 2 {

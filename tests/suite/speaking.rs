@@ -1,5 +1,5 @@
-//! Messages of a run: under `RUST_LOG=debug` every module logs, without it none does; the table at the end has the time
-//! that ranks waited; the message about a grain that left names its face and a remedy.
+//! Messages of a run: with `RUST_LOG=debug` every module logs, without it none does; the table at the end contains
+//! the waiting time of the ranks; the message about a grain that left names its face and a remedy.
 
 use crate::ranks::{Done, beside_others, run, run_with};
 use serde_json::{Value, json};
@@ -15,7 +15,7 @@ fn write(folder: &Path, name: &str, case: &Value) -> PathBuf {
     path
 }
 
-/// Returns a disc that sinks in a box of water, with everything that is written.
+/// Returns a disc that sinks in a box of water, with all outputs.
 fn sinking() -> Value {
     json!({
         "title": "a disc sinks",
@@ -95,7 +95,7 @@ fn every_room_speaks_at_debug_and_none_without_being_asked() {
     assert!(lines_of(&one, "checkpoint") > 0, "{}", one.stderr);
     assert_eq!(lines_of(&one, "dem"), 0, "{}", one.stderr);
 
-    // The state does not depend on who listens.
+    // The state does not depend on logging.
     let hash = |name: &str| summary(&folder.path().join(name))["state_hash"].clone();
     assert_eq!(hash("quiet"), hash("told"));
 
@@ -164,7 +164,7 @@ fn the_end_tells_how_long_ranks_waited() {
     }
 }
 
-/// Returns a disc that flies out at the right of a box that is open there.
+/// Returns a disc that leaves a box through its open right side.
 fn flying() -> Value {
     json!({
         "title": "a disc flies out",
@@ -200,7 +200,7 @@ fn a_grain_that_left_names_face_place_time_and_remedies() {
         }
         let time = errors.split(" at t = ").nth(1).unwrap();
         let time: f64 = time.split(' ').next().unwrap().parse().unwrap();
-        // It has flown 12 mm at 2 m/s, and lists are made anew every now and then.
+        // It has moved 12 mm at 2 m/s; lists are renewed at intervals.
         assert!((0.0055..0.0075).contains(&time), "{errors}");
         let (_, json) = errors.split_once(r#""regions": "#).unwrap();
         let (json, _) = json.split_once(", or close").unwrap();

@@ -1,5 +1,5 @@
-//! Runs that end early, on request or by force: a valid checkpoint no older than one interval stays, no rank hangs, and
-//! continuing gives the bits of the run that was never interrupted.
+//! Runs that end early, on request or by force: a valid checkpoint no older than one interval remains, no rank
+//! hangs, and the continued run has the bits of an uninterrupted one.
 
 use crate::ranks::{
     Done, Running, Study, alone, beside_others, hang, run, signal, start, start_impatient,
@@ -12,12 +12,12 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-/// Steps between checkpoints.
+/// Number of steps between checkpoints.
 const INTERVAL: u64 = 100;
-/// Steps of the whole run.
+/// Number of steps of the whole run.
 const STEPS: u64 = 1000;
 
-/// Returns a study that is long enough to be interrupted: 1000 steps, a checkpoint every 100.
+/// Returns a study of 1000 steps with a checkpoint every 100.
 fn study(more: &[(&str, &str)]) -> Study {
     let mut set = vec![
         ("time.end", "0.08"),
@@ -30,7 +30,7 @@ fn study(more: &[(&str, &str)]) -> Study {
     Study::eroding(&set)
 }
 
-/// Returns the study with its uninterrupted run, made once; hold [`alone`] or [`beside_others`].
+/// Returns the study with its uninterrupted run, made once; the caller must hold [`alone`] or [`beside_others`].
 fn shared() -> &'static Study {
     static STUDY: OnceLock<Study> = OnceLock::new();
     STUDY.get_or_init(|| {
@@ -40,7 +40,7 @@ fn shared() -> &'static Study {
     })
 }
 
-/// Returns the newest checkpoint of a run: its step. It is read whole and compared with its hashes.
+/// Returns the step of the newest checkpoint of a run, which is read completely and compared with its hashes.
 #[track_caller]
 fn newest(folder: &Path) -> u64 {
     io::newest(&folder.join("checkpoints"), &Alone)
@@ -49,10 +49,10 @@ fn newest(folder: &Path) -> u64 {
         .step
 }
 
-/// Returns the last step a table holds.
+/// Returns the last step in a table.
 fn last_row(folder: &Path, table: &str) -> Option<u64> {
     let text = std::fs::read_to_string(folder.join(table)).ok()?;
-    // The last line may be cut off.
+    // The last line may be incomplete.
     text.rsplit_once('\n')?
         .0
         .rsplit('\n')
@@ -71,14 +71,14 @@ fn reaches(running: &mut Running, folder: &Path, step: u64) {
     });
 }
 
-/// Continues to the end on `ranks` ranks and compares with the straight run.
+/// Continues to the end on `ranks` ranks and compares with the uninterrupted run.
 #[track_caller]
 fn goes_on(study: &Study, name: &str, ranks: usize) {
     study.restart(name, ranks, &[]).expect(0);
     study.same("straight", name);
 }
 
-/// Checks a request that the program answers: a checkpoint at the very step it stopped, `code`, and the words for the
+/// Checks a request to stop: a checkpoint at the step of the stop, the exit code `code`, and the message for the
 /// user.
 #[track_caller]
 fn stops(study: &Study, name: &str, done: Done, code: i32) {
@@ -86,7 +86,7 @@ fn stops(study: &Study, name: &str, done: Done, code: i32) {
     let summary: Value = study.summary(name);
     assert_eq!(summary["outcome"], "stopped", "{summary:#}");
     let step = summary["steps"].as_u64().unwrap();
-    // At 0 it was still in its preparation.
+    // At step 0 it was still in its preparation.
     assert!(step < STEPS, "stopped at {step}");
     assert_eq!(newest(&study.path(name)), step);
     assert!(done.stderr.contains("solver restart"), "{}", done.stderr);
@@ -124,7 +124,7 @@ fn sigterm_to_mpirun_leaves_time_for_a_checkpoint() {
     let mut running = start(2, &arguments);
     reaches(&mut running, &study.path("mpirun"), 50);
     signal(running.mpirun(), "TERM");
-    // mpirun ends with 1 whatever the ranks say.
+    // mpirun ends with 1 for any exit code of the ranks.
     running.wait().expect(1);
     let step = newest(&study.path("mpirun"));
     assert!((50..STEPS).contains(&step), "{step}");
@@ -165,15 +165,15 @@ fn a_file_named_stop_and_the_walltime() {
 fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     let _alone = alone();
     let study = Study::preparing();
-    // Short enough for stops in every phase, long enough to get further than the start.
+    // The pause is short enough for stops in every phase, and long enough to get beyond the start.
     let pause = study.run("straight", 1, 1, &[]).elapsed / 5;
     let folder = study.path("parts");
     std::fs::create_dir(&folder).unwrap();
     let mut phases = Vec::new();
     for attempt in 0.. {
         let ranks = 1 + attempt % 3;
-        // A stop from before the start is heard after the first batch of the sample. The later ones come while the job
-        // runs, so that each attempt gets further than the one before.
+        // A stop requested before the start is noticed after the first batch of the sample. Later ones are
+        // requested while the job runs, so that each attempt gets further than the previous one.
         let done = if attempt == 0 {
             std::fs::write(folder.join("STOP"), "").unwrap();
             run(ranks, &study.arguments("parts", 1, &[]))
@@ -211,13 +211,13 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
         "{phases:?}"
     );
     assert!(phases.iter().any(|phase| phase == "warm_up"), "{phases:?}");
-    // The last attempt may have come to its end before it looked.
+    // The last attempt may have ended before it checked the file.
     let _ = std::fs::remove_file(folder.join("STOP"));
     study.same("straight", "parts");
     assert!(!folder.join("preparation").exists());
 }
 
-/// Checks a job of which a rank was killed: it ends soon, and its files are enough to continue.
+/// Checks a job with a killed rank: it ends soon, and its files are sufficient to continue.
 #[track_caller]
 fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
     let done = running.wait();
@@ -255,7 +255,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let mut running = start_impatient(2, &study.arguments(&name, 1, &[]));
         reaches(&mut running, &study.path(&name), 2 * INTERVAL + 10);
         let ranks = running.ranks(2);
-        // A shell that only polls can answer within a millisecond.
+        // A shell that only polls responds within a millisecond.
         let trap = Command::new("bash")
             .args([
                 "-c",
@@ -271,7 +271,7 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
         let done = running.wait();
         assert!(done.code.is_some_and(|code| code != 0), "{done:#?}");
         assert!(killed.elapsed() < hang(1.0), "{:?}", killed.elapsed());
-        // The write was hit where it did not come to its end.
+        // The write was interrupted before its end.
         let step = newest(&study.path(&name));
         let reached = last_row(&study.path(&name), "erosion.csv").unwrap();
         assert!(
@@ -289,11 +289,11 @@ fn a_rank_killed_while_a_checkpoint_is_written() {
     assert!(hits > 0, "no write was hit");
 }
 
-/// A small disk of its own; unmounted at the end.
+/// Small separate disk, unmounted at the end.
 struct Disk<'a>(&'a Path);
 
 impl<'a> Disk<'a> {
-    /// Mounts the file system; none, with the reason printed, if mounting is forbidden.
+    /// Mounts the file system; returns `None` and prints the reason if mounting is forbidden.
     fn mount(at: &'a Path, options: &str) -> Option<Self> {
         std::fs::create_dir(at).unwrap();
         let done = Command::new("mount")

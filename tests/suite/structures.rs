@@ -1,5 +1,5 @@
-//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains next
-//! to them, and the same bits on any number of ranks.
+//! Structures in both fluids: channels built of boxes, cylinders of every kind, sheets thinner than a cell, grains
+//! next to structures, and the same bits on any number of ranks.
 
 use crate::ranks::{Study, beside_others};
 use serde_json::{Value, json};
@@ -48,8 +48,8 @@ fn slab(name: &str, from: f64, to: f64) -> Value {
     json!({"name": name, "shape": {"box": {"from": [-1, from], "to": [1, to]}}})
 }
 
-/// Between domain walls, between boxes in the same place, and between boxes that cut cells: the flux is H³/12 of the
-/// force over the viscosity, and the boxes bear the force on all the water.
+/// Between domain walls, between boxes at the same place, and between boxes that intersect cells: the flux is H³/12
+/// times the force divided by the viscosity, and the boxes carry the force on all the water.
 #[test]
 fn a_channel_of_boxes_is_one_of_walls() {
     let _beside = beside_others();
@@ -84,24 +84,25 @@ fn a_channel_of_boxes_is_one_of_walls() {
         let mut case = channel(0.14, &cut);
         case["domain"]["spacing"] = json!(h);
         let (boxes, forces) = of(&case);
-        // The parabola between the boxes at the centres of the cells that are water.
+        // Parabola between the boxes at the centres of the wet cells.
         let speed = |y: f64| 8.0 / (2.0 * 10.0) * (y - 0.0234) * (0.1171 - y);
         let centres = (0..14 * cells).map(|j| h * (f64::from(j) + 0.5));
         let exact: f64 = centres.map(|y| h * speed(y).max(0.0)).sum();
         let error = (boxes / exact - 1.0).abs();
-        // Linear interpolation errs by less than half of the curvature of a cell at the walls: h² u''/4 in the
-        // velocity.
+        // The error of linear interpolation is less than half of the curvature of a cell at the walls: h² u''/4 in
+        // the velocity.
         let bound = 3.0 * (h / (0.1171 - 0.0234)).powi(2);
         println!("boxes that cut cells of {h} m: error of the flux {error:.2e}, bound {bound:.2e}");
         assert!(error < bound, "{boxes} {exact}");
-        // They bear the force on the water: that of its cells.
+        // The structures carry the force on the water, which is that of its cells.
         let water = wet_cells(14 * cells, h) * h * 0.04;
         let force: f64 = forces.iter().sum();
         assert!((force / (8.0 * water) - 1.0).abs() < 1e-5, "{forces:?}");
     }
 }
 
-/// A stream that starts developed between a floor and the top of the domain has its discharge from the first step on.
+/// A stream that is developed at the start, between a floor and the top of the domain, has its discharge from the
+/// first step on.
 #[test]
 fn a_stream_over_a_raised_floor_starts_developed() {
     let _beside = beside_others();
@@ -115,7 +116,7 @@ fn a_stream_over_a_raised_floor_starts_developed() {
     let study = Study::new(&case.to_string());
     study.run("run", 1, 1, &[]);
     let discharge = column(&study, "run", "probe_flow.csv", "discharge");
-    // f H³/(12 mu), and what half-way links and ten cells add.
+    // Discharge f H³/(12 mu), plus the errors of half-way links and ten cells.
     for found in &discharge {
         assert!(
             (found / (8.0 * 1e-3 / 120.0) - 1.0).abs() < 0.02,
@@ -148,7 +149,8 @@ fn wet_cells(cells: i32, h: f64) -> f64 {
         .sum()
 }
 
-/// A channel that a sheet of a tenth of a cell closes, upright in the middle of a cell or oblique: nothing flows.
+/// In a channel closed by a sheet of a tenth of a cell, upright in the middle of a cell or oblique, there is no
+/// flow.
 #[test]
 fn a_sheet_thinner_than_a_cell_holds_water_back() {
     let _beside = beside_others();
@@ -199,7 +201,7 @@ fn stl(centre: [f64; 2], radius: f64, low: f64, high: f64) -> String {
     text + "endsolid\n"
 }
 
-/// Returns a weir with a step, not convex, as an STL file: an L in x and z, extruded along y beyond the domain.
+/// Returns a non-convex weir with a step as an STL file: an L in x and z, extruded along y beyond the domain.
 fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     let [x0, xm, x1] = x;
     let [z0, za, zb] = z;
@@ -221,7 +223,7 @@ fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     text + "endsolid\n"
 }
 
-/// The weir of triangles bears the force and passes the discharge of one of two boxes, under a stream and in the
+/// A weir of triangles carries the force and has the discharge of a weir of two boxes, in a stream and in the
 /// ground.
 #[test]
 fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
@@ -293,8 +295,8 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     }
 }
 
-/// Refuses a drawing in millimetres with the scale that mends it, also if it covers the whole domain; for one that is
-/// outside the domain the message has its position.
+/// A drawing in millimetres is refused with a proposed scale, even if it covers the whole domain; for one outside
+/// the domain the message contains its position.
 #[test]
 fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -428,7 +430,7 @@ fn a_cylinder_bears_the_same_force_however_it_is_written() {
     ];
     let names = ["disc", "cylinder", "surface"];
     for (n, (force, flow)) in results.into_iter().enumerate() {
-        // Of 0.04 m of the cylinder.
+        // Force on a length of 0.04 m of the cylinder.
         let depth = if n == 0 { 1.0 } else { 0.04 };
         let (force, flow) = (force / depth / reference.0, flow / depth / reference.1);
         println!(
@@ -443,7 +445,7 @@ fn a_cylinder_bears_the_same_force_however_it_is_written() {
     }
 }
 
-/// Discs that fall onto a weir and past a sheet in water, in both couplings.
+/// Returns discs that fall onto a weir and past a sheet in water, in both couplings.
 fn weir(coupling: &Value) -> Value {
     json!({
         "domain": {"size": [0.02, 0.02], "spacing": 2.5e-4},
@@ -506,8 +508,8 @@ fn covered_cells_beside_structures_have_the_same_bits_on_any_ranks_and_after_a_r
     grains_beside_structures(&json!({"partially_saturated": {}}));
 }
 
-/// A disc rolls down a ramp without friction and rests in a corner: it touches both faces, and nothing else of the
-/// polygon.
+/// A disc rolls down a frictionless ramp and comes to rest in a corner: it touches both faces, and no other part of
+/// the polygon.
 #[test]
 fn a_disc_rests_in_the_corner_of_a_structure() {
     let _beside = beside_others();
@@ -539,7 +541,7 @@ fn a_disc_rests_in_the_corner_of_a_structure() {
     )
     .unwrap();
     println!("at rest at {:?}", info.values);
-    // On the floor of the valley, pressed in by its weight.
+    // The overlap with the floor of the valley is that of the weight.
     let weight = 2000.0 * PI * 0.01 * 10.0;
     assert!(
         (info.values[1] - 0.3 + weight / 1e7).abs() < 2e-5,
@@ -547,7 +549,7 @@ fn a_disc_rests_in_the_corner_of_a_structure() {
         info.values
     );
     assert!(info.values[0] > 0.33 && info.values[0] < 0.66);
-    // Its surface is there for ParaView.
+    // The surface is written for ParaView.
     let surface = io::fields::read_column(
         &study.path("run").join("structures_000000000.vtkhdf"),
         "structure",
@@ -624,7 +626,8 @@ fn structures_that_cannot_be_are_refused_by_name() {
             "{path}: {found:#?}"
         );
     }
-    // A wall in water is for grains only, and says so; one on the floor of the domain is not in the water.
+    // A wall in water acts on grains only, which a message states; a wall on the floor of the domain is not in the
+    // water.
     let mut case = weir(&json!({"bounce_back": {}}));
     case["walls"] = json!([
         {"name": "gate", "shape": {"plane": {"point": [0.018, 0.01], "normal": [-1, 0]}}, "material": "disc"},
@@ -640,8 +643,9 @@ fn structures_that_cannot_be_are_refused_by_name() {
     assert!(said[0].reason.contains("for grains only") && said[0].severity == Severity::Warning);
 }
 
-/// Returns grains that slide down an inclined periodic chute whose floor, a saw of 10 degrees in STL, begins and ends
-/// in the middle of the domain; a bar of several periods lies across it. Everything crosses both periodic faces.
+/// Returns grains that slide down an inclined periodic chute, whose floor is a saw-tooth surface of 10 degrees in
+/// STL that begins and ends in the middle of the domain; a bar of several periods lies across it. Floor and bar
+/// cross both periodic faces.
 fn chute(folder: &Path) -> Value {
     let (edge, depth, rise) = (0.024, 0.012, 0.001);
     let mut text = String::from("solid saw\n");
@@ -703,6 +707,6 @@ fn grains_on_facets_across_periodic_faces_have_the_same_bits_on_any_ranks_and_af
     study.run("parts", 2, 1, &["domain.split=y", "time.end=0.011"]);
     study.restart("parts", 1, &["time.end=0.02"]).expect(0);
     study.same("straight", "parts");
-    // None fell through the floor.
+    // No grain fell through the floor.
     assert_eq!(study.summary("straight")["grains"], 24);
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// Returns the ready study over the spacing alone, in a folder of its own.
+/// Returns the example study with the spacing as its only variation, in its own folder.
 fn study(change: impl Fn(&mut Value)) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let mut tree: Value = serde_json::from_str(solver::case::examples::STUDY.text).unwrap();
@@ -67,7 +67,7 @@ fn an_interrupted_sweep_goes_on_to_the_table_of_a_straight_one() {
     let output = file.with_extension("");
     done(&file, &[]);
     let straight = table(&output.join("members.csv"));
-    // The nodal mean of the exact parabola, which the operator gives with half-way walls, is off by (h/H)²/2.
+    // The nodal mean of the exact parabola, which the operator gives with half-way walls, has an error of (h/H)²/2.
     for (member, cells) in [
         ("spacing=1e-4", 10.0),
         ("spacing=5e-5", 20.0),
@@ -81,13 +81,13 @@ fn an_interrupted_sweep_goes_on_to_the_table_of_a_straight_one() {
         let whole: f64 = row["core-seconds of the run"].parse().unwrap();
         assert!(cost > 0.0 && cost <= whole, "{cost} of {whole}");
     }
-    // Finer is better and dearer: all three.
+    // Finer cells are more accurate and more expensive, so that all three are in the Pareto set.
     assert_eq!(column(&straight, "pareto error-time"), ["yes"; 3]);
     let svg = std::fs::read_to_string(output.join("sweep.svg")).unwrap();
     assert!(svg.contains("1 spacing=1e-4") && svg.contains("3 spacing=2.5e-5"));
     assert!(done(&file, &[]).contains("3 of 3 members need no run"));
 
-    // Again, ended by a signal as soon as the second member runs.
+    // A second sweep, ended by a signal as soon as the second member runs.
     let other = output.with_extension("again");
     let more = ["--output", other.to_str().unwrap()];
     let mut running = sweep(&file, &more).spawn().unwrap();
@@ -95,7 +95,7 @@ fn an_interrupted_sweep_goes_on_to_the_table_of_a_straight_one() {
     while !other.join("spacing=5e-5/member.json").exists() {
         assert!(begun.elapsed() < hang(3.0), "no second member");
         assert!(running.try_wait().unwrap().is_none(), "ended by itself");
-        // A watcher that only yields takes a core from the members.
+        // An observer that only yields would occupy a core.
         std::thread::sleep(Duration::from_millis(1));
     }
     crate::ranks::signal(i32::try_from(running.id()).unwrap(), "TERM");
@@ -135,7 +135,7 @@ fn members_of_a_job_array_are_collected() {
     done(&file, &["--member", "1"]);
     done(&file, &["--collect"]);
     let whole = table(&file.with_extension("").join("members.csv"));
-    // Of the errors 1/200 and 1/800 one over the other.
+    // Ratio of the errors 1/200 and 1/800.
     let error: f64 = whole["spacing=1e-4"]["error"].parse().unwrap();
     approx::assert_relative_eq!(
         error,
@@ -154,8 +154,8 @@ fn a_map_shows_what_becomes_of_settings_that_the_plan_refuses() {
     let (_folder, file) = study(|tree| {
         tree["case"]["time"]["end"] = json!(1.5);
         tree["case"]["probes"][0]["every"] = json!(1.5);
-        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which costs accuracy but fails
-        // nowhere, and would be 0.8 at 640, which the guard finds at step 1000.
+        // In the middle u = F H²/(8 mu) is 0.2 of the lattice speed at 160 N/m3, which reduces accuracy without a
+        // failure, and would be 0.8 at 640, which the guard detects at step 1000.
         tree["vary"] = json!({
             "domain.spacing": [1e-4],
             "fluid.lattice_boltzmann.body_force.constant[0]": [1, 160, 640],
@@ -193,7 +193,7 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
     assert!(!file.with_extension("").exists());
 }
 
-/// A member that is ended by a signal is named by the exit code and the table.
+/// The exit code and the table report a member that is ended by a signal.
 #[test]
 fn a_member_that_is_killed_is_told() {
     let (folder, file) = study(|_| {});

@@ -1,4 +1,4 @@
-//! The lessons of `jobs/tutorial`: reduced runs agree with the numbers that the texts state.
+//! The tutorials in `jobs/tutorial`: reduced runs agree with the numbers in the texts.
 
 use super::verification::{short_forms, suite};
 use crate::ranks::{ENVIRONMENT, beside_others, without_daemon};
@@ -10,7 +10,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/tutorial")
 }
 
-/// Each number that `expected.json` holds a run against stands in the table of the lesson, and the runs agree with it.
+/// Each number of `expected.json` is in the table of the tutorial, and the runs agree with it.
 #[test]
 fn the_numbers_of_the_lessons_are_those_of_their_runs() {
     let _beside = beside_others();
@@ -40,8 +40,7 @@ fn the_numbers_of_the_lessons_are_those_of_their_runs() {
     assert_eq!((cases, compared), (6, stated));
 }
 
-/// The lesson on clusters: a run that continues from its checkpoint ends in the same state as one that was not
-/// interrupted.
+/// Tutorial on clusters: a run continued from its checkpoint ends in the same state as an uninterrupted one.
 #[test]
 fn the_lesson_on_clusters_ends_in_the_same_state() {
     let _beside = beside_others();

@@ -1,11 +1,11 @@
-//! Runs of ground that drains: dams, rain, the same bits on any number of ranks and after a restart, refusals.
+//! Runs of ground that drains: dams, rain, the same bits on any number of ranks and after a restart, and refusals.
 
 use crate::ranks::{Study, beside_others};
 use solver::case::{Document, examples};
 use solver::plan::Plan;
 use std::path::Path;
 
-/// Reads the columns of a probe as rows of numbers, without the step.
+/// Returns the columns of a probe as rows of numbers, without the step.
 fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
     let path = study.path(&format!("{run}/probe_{probe}.csv"));
     let text = std::fs::read_to_string(path).unwrap();
@@ -24,7 +24,7 @@ fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
 fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
     let _beside = beside_others();
     let study = Study::from_example("earth-dam", &[]);
-    // The surface of a tenth of a cell adds its height times the drop of the phreatic line over the length.
+    // The transition zone of a tenth of a cell adds its height times the drop of the phreatic line per length.
     let exit = |run: &str, spacing: f64| {
         let near = 1e-3 * spacing / 0.0625;
         study.run(run, 1, 1, &[&format!("domain.spacing={spacing}")]);
@@ -64,7 +64,7 @@ fn the_phreatic_line_of_a_dam_is_the_exact_one() {
         (7.5, 6.3432),
         (9.0, 5.0266),
     ] {
-        // Between the columns of cells before and behind.
+        // Interpolation between the adjacent columns of cells.
         let after = table.iter().position(|row| row[2] > x).unwrap();
         let (a, b) = (&table[after - 1], &table[after]);
         let found = a[3] + (b[3] - a[3]) * (x - a[2]) / (b[2] - a[2]);
@@ -72,7 +72,7 @@ fn the_phreatic_line_of_a_dam_is_the_exact_one() {
     }
 }
 
-/// Column of an exponential soil under rain R above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z).
+/// Column of exponential soil under rain R above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z).
 #[test]
 fn rain_on_an_exponential_soil_gives_the_exact_suction() {
     let _beside = beside_others();
@@ -264,7 +264,8 @@ fn flow_in_time_needs_a_soil_that_stores_water() {
     }
 }
 
-/// A dam with k_h = 9 k_v against its isotropic twin: lengths along x over 3, conductivity of the geometric mean.
+/// A dam with k_h = 9 k_v compared with its isotropic equivalent: lengths along x divided by 3, and the geometric
+/// mean of the conductivities.
 #[test]
 fn a_layered_dam_is_its_stretched_twin() {
     let _beside = beside_others();
@@ -297,7 +298,7 @@ fn a_layered_dam_is_its_stretched_twin() {
         ],
     );
     assert!((layered / twin - 1.0).abs() < 1e-6, "{layered} {twin}");
-    // Exact: k_h (h1^2 - h2^2)/(2 L).
+    // Exact solution: k_h (h1^2 - h2^2)/(2 L).
     assert!((layered / 2.88e-4 - 1.0).abs() < 6e-3, "{layered}");
 }
 
@@ -342,7 +343,7 @@ fn uplift_of_a_flat_base_on_deep_ground() {
     );
 }
 
-/// Exit gradient next to a sheet pile to half the depth of a stratum, 0.0599 (M. E. Harr, Groundwater and Seepage,
+/// Exit gradient at a sheet pile to half the depth of a stratum: 0.0599 (M. E. Harr, Groundwater and Seepage,
 /// 1962).
 #[test]
 fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
@@ -362,7 +363,7 @@ fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
     assert!(exits["upstream"].is_null(), "{exits}");
 }
 
-/// Conditions that follow tables, soils in layers: the same bits on any ranks and after a restart.
+/// Conditions from tables, and layered soils: the same bits on any ranks and after a restart.
 #[test]
 fn a_falling_level_gives_the_same_bits_after_a_restart() {
     let _beside = beside_others();

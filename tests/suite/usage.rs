@@ -1,5 +1,5 @@
-//! Wrong usage is reported in one sentence with exit code 2; text of a file never reaches a terminal or a script as a
-//! command; information about the program itself.
+//! Wrong usage is reported in one sentence with exit code 2; text of a file is never interpreted as a command by a
+//! terminal or a script; information about the program itself.
 
 use assert_cmd::Command;
 use serde_json::Value;
@@ -45,7 +45,7 @@ fn a_word_that_is_nothing_is_an_error_of_usage() {
     let (code, errors) = refused(&["restrat", "results/x"]);
     assert_eq!(code, Some(2), "{errors}");
     assert!(errors.contains("did you mean `restart`?"), "{errors}");
-    // What may be a file is one that cannot be read.
+    // A possible file name is reported as a file that cannot be read.
     assert_eq!(refused(&["frobnicate.json"]).0, Some(5));
     let (code, errors) = refused(&["example", "pipping"]);
     assert_eq!(code, Some(2), "{errors}");

@@ -1,7 +1,7 @@
-//! The short forms of the cases under `jobs/verification`: runs of the binary compared with published and analytic
+//! Short forms of the cases under `jobs/verification`: runs of the binary compared with published and analytical
 //! numbers.
 //!
-//! `jobs/verification/run.sh` runs the long forms through the same comparison.
+//! `jobs/verification/run.sh` runs the long forms with the same comparison.
 
 #[path = "../../jobs/verification/suite.rs"]
 pub(crate) mod suite;
@@ -13,8 +13,9 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/verification")
 }
 
-/// Runs the short form of every `of`-th case in a folder, from the one with the number `part` on; all must pass. Tests
-/// of all parts share the cores evenly: neighbours by name take about as long. Cases and quantities that were compared.
+/// Runs the short form of every `of`-th case in a folder, beginning with number `part`; all must pass. Neighbours
+/// by name take about the same time, so that the parts have similar durations. Returns the numbers of compared
+/// cases and quantities.
 pub(crate) fn short_forms(root: &Path, part: usize, of: usize) -> (usize, usize) {
     let work = tempfile::tempdir().unwrap();
     let solver = Path::new(env!("CARGO_BIN_EXE_solver"));

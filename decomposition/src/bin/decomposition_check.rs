@@ -1,8 +1,8 @@
 //! Checks an MPI installation, and this crate on it: `mpirun -n 4 decomposition_check`.
 //!
-//! Prints one `ok` line for each promise and ends with exit code 0, or says which rank saw what and
-//! ends with 1. `decomposition_check panic` lets the last rank panic while the others wait for it:
-//! the job must end with exit code 101, and not hang.
+//! Prints one `ok` line for each guarantee and ends with exit code 0, or prints the rank and the fault and ends
+//! with 1. `decomposition_check panic` lets the last rank panic while the others wait for it: the job must end with
+//! exit code 101 without hanging.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 type Outcome = Result<(), String>;
 type Check = fn(&Communicator) -> Outcome;
 
-/// Largest number of bytes in a message of the checks that cut messages into pieces.
+/// Maximum number of bytes per message in checks with divided messages.
 const SMALL_LIMIT: usize = 7;
 
 const CHECKS: [(&str, Check); 10] = [
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     for (variant, communicator) in &variants {
         for (name, check) in CHECKS {
             if let Err(error) = check(communicator) {
-                // The other ranks may be deep in the next exchange: end them too.
+                // The other ranks may already be in the next exchange, so that the whole job is ended.
                 let rank = communicator.rank();
                 eprintln!("FAILED {name}{variant}, rank {rank}: {error}");
                 communicator.abort(1);
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
             }
         }
     }
-    // `variants` outlives the world; the last handle to go finalises MPI.
+    // `variants` outlives the world; dropping the last handle finalises MPI.
     drop(world);
     ExitCode::SUCCESS
 }
@@ -107,7 +107,7 @@ fn random(key: u64) -> u64 {
 /// Returns a random number with magnitudes from about 1e-9 to 1e9 and both signs.
 fn random_f64(key: u64) -> f64 {
     let bits = random(key);
-    // Sign and mantissa at random, the exponent between -30 and 30.
+    // Sign and mantissa are random; the exponent is between -30 and 30.
     let exponent = 1023 - 30 + random(key ^ 0xabcd) % 61;
     f64::from_bits((bits & !(0x7ff << 52)) | (exponent << 52))
 }
@@ -161,7 +161,7 @@ fn reductions(communicator: &Communicator) -> Outcome {
         true,
     )?;
 
-    // Longer than one chunk of the reduction.
+    // The list is longer than one chunk of the reduction.
     let mut many: Vec<i64> = (0..1500).map(|index| index - signed).collect();
     let allocations = allocations_of(|| communicator.all_reduce_sum_i64s(&mut many));
     expect("allocations", allocations, 0)?;
@@ -197,7 +197,7 @@ fn letter(from: usize, to: usize, length: usize) -> Vec<u8> {
 
 fn bytes(communicator: &Communicator) -> Outcome {
     let (rank, size) = (communicator.rank(), communicator.size());
-    // Rank 0 has nothing, the others more and more.
+    // Rank 0 has no bytes; the number grows with the rank.
     let mine = letter(rank, rank, 50 * rank);
     let all: Vec<Vec<u8>> = (0..size)
         .map(|from| letter(from, from, 50 * from))
@@ -226,7 +226,7 @@ fn agreement(communicator: &Communicator) -> Outcome {
     let value = communicator.agree(Ok::<_, String>(rank * 2));
     expect("no failure", value, Ok(rank * 2))?;
     for failing in 0..size {
-        // All ranks from `failing` on fail; the lowest is heard.
+        // All ranks from `failing` on fail; the error of the lowest is reported.
         let outcome = if rank >= failing {
             Err(format!("trouble at {rank}"))
         } else {
@@ -242,7 +242,7 @@ fn agreement(communicator: &Communicator) -> Outcome {
     Ok(())
 }
 
-/// Splits that try the corners: even, thin, uneven, empty slabs at each place.
+/// Returns splits with special cases: even, thin and uneven slabs, and empty slabs at each position.
 fn splits(size: usize) -> Vec<Slabs> {
     let mut splits = Vec::new();
     for periodic in [false, true] {
@@ -252,7 +252,7 @@ fn splits(size: usize) -> Vec<Slabs> {
         for seed in 0..12 {
             let mut bounds = vec![0];
             for rank in 0..size {
-                // Thickness 0 to 3; the domain must have a plane.
+                // The thickness is 0 to 3; the domain must have at least one plane.
                 let random = random(seed * 100 + rank as u64).to_le_bytes()[0] % 4;
                 let thickness = usize::from(random) + usize::from(rank == 0 && size == 1);
                 bounds.push(bounds[rank] + thickness);
@@ -269,7 +269,7 @@ fn cargo(plane: usize, upwards: bool, round: usize, item: usize) -> f64 {
     random_f64(number as u64)
 }
 
-/// Fills the send buffers with the cargo of my outermost planes.
+/// Fills the send buffers with the numbers of the outermost planes of this rank.
 fn fill(halo: &mut HaloExchange, domain: &Domain, round: usize) {
     let range = domain.range();
     let (lower, upper) = halo.send_buffers_mut::<f64>();
@@ -282,7 +282,7 @@ fn fill(halo: &mut HaloExchange, domain: &Domain, round: usize) {
     pack(upper, range.end.saturating_sub(1), true);
 }
 
-/// Compares what came with the cargo of the planes next to mine.
+/// Compares the received numbers with those of the planes next to this rank's.
 fn compare(halo: &HaloExchange, domain: &Domain, round: usize, down: usize, up: usize) -> Outcome {
     let (range, planes) = (domain.range(), domain.slabs().planes());
     let closed = !domain.slabs().periodic();
@@ -324,7 +324,7 @@ fn halos(communicator: &Communicator) -> Outcome {
                     .and_then(|()| expect("allocations", allocations, 0))
                     .and_then(|()| compare(&halo, &domain, round, down, up));
             }
-            // The other ranks are in the same round: leave together.
+            // The other ranks are in the same round, so that all end together.
             communicator.agree(outcome).map_err(|e| e.to_string())?;
         }
     }
@@ -347,7 +347,7 @@ fn halos_at_once(communicator: &Communicator) -> Outcome {
     for (round, halo) in halos.iter_mut().enumerate() {
         fill(halo, &domain, round);
     }
-    // Started in another order on every other rank, finished in a third one.
+    // The exchanges start in a different order on every other rank, and finish in a third order.
     let started: Vec<usize> = if communicator.rank().is_multiple_of(2) {
         vec![0, 1, 2, 3]
     } else {
@@ -359,7 +359,7 @@ fn halos_at_once(communicator: &Communicator) -> Outcome {
     for index in [2, 0] {
         halos[index].finish();
     }
-    // The others are waited for when they are read; one is dropped under way.
+    // The remaining exchanges are waited for when they are read; one is dropped before its end.
     let outcome = [0, 1, 2]
         .into_iter()
         .try_for_each(|round| compare(&halos[round], &domain, round, 4, 4));
@@ -371,7 +371,7 @@ fn unequal_halos(communicator: &Communicator) -> Outcome {
     let (rank, size) = (communicator.rank(), communicator.size());
     let slabs = Slabs::even(SplitAxis::X, size, size, true);
     let domain = Domain::new(communicator.clone(), slabs).map_err(|e| e.to_string())?;
-    // The last rank sends more to its upper neighbour, rank 0, than that expects.
+    // The last rank sends more to its upper neighbour, rank 0, than that rank expects.
     let mut sizes = HaloBytes::symmetric(16);
     if rank + 1 == size {
         sizes.to_upper = 24;
@@ -399,7 +399,7 @@ fn pattern(seed: u64, from: usize, to: usize) -> usize {
 fn sparse_exchange(communicator: &Communicator) -> Outcome {
     let (rank, size) = (communicator.rank(), communicator.size());
     for seed in 0..40 {
-        // In falling order and with empty messages, to be sorted out by the receiver.
+        // The list is in descending order and has empty messages; the receiver sorts them.
         let sends = (0..size)
             .rev()
             .map(|to| (to, letter(rank, to, pattern(seed, rank, to))))
@@ -410,7 +410,7 @@ fn sparse_exchange(communicator: &Communicator) -> Outcome {
             .collect();
         expect("pattern", exchange(communicator, sends), wanted)?;
     }
-    // All to rank 0, in two parts.
+    // All ranks send to rank 0, in two parts.
     let sends = vec![(0, vec![1, 2]), (0, letter(rank, 0, 9))];
     let wanted: Vec<(usize, Vec<u8>)> = (0..size)
         .filter(|_| rank == 0)
@@ -432,7 +432,7 @@ fn fixed_exchange(communicator: &Communicator) -> Outcome {
         };
         let sends = partners(&|to| words(seed, rank, to));
         let receives = partners(&|from| words(seed, from, rank));
-        // Known sizes and discovered ones, under way together.
+        // Exchanges with known sizes and with discovered sizes at the same time.
         let mut known = FixedExchange::new(communicator, 1, &sends, &receives)
             .map_err(|error| error.to_string())?;
         let (mut discovered, found) =
@@ -466,7 +466,7 @@ fn fixed_exchange(communicator: &Communicator) -> Outcome {
     Ok(())
 }
 
-/// Returns which rank owns an item in one of several partitions.
+/// Returns the rank that owns an item in one of several partitions.
 fn owner(partition: u64, item: u64, size: usize) -> usize {
     let size = size as u64;
     let owner = match partition {
@@ -496,7 +496,7 @@ fn exact_sums(communicator: &Communicator) -> Outcome {
             mine.add(random_f64(item));
             fixed[0].add(small(item));
             fixed[1].add(-small(item));
-            // Out of range on one rank alone.
+            // The value is out of range on one rank only.
             fixed[2].add(if item == 500 { 2.0 } else { 0.5 });
         }
         let allocations = allocations_of(|| {
@@ -542,12 +542,12 @@ fn state_hash(communicator: &Communicator) -> Outcome {
     Ok(())
 }
 
-/// Counts what the program allocates, to show that exchanges do not.
+/// Allocator that counts allocations, to show that exchanges make none.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 
-// SAFETY: hands every call on to the system's allocator.
+// SAFETY: every call is passed to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
@@ -564,7 +564,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations during a call.
+/// Returns the number of allocations during a call.
 fn allocations_of(call: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.load(Ordering::Relaxed);
     call();

@@ -36,13 +36,13 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Returns `true` if a value is inside.
+    /// Returns `true` if a value lies in the interval.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }
 
-    /// Returns the smallest interval around both.
+    /// Returns the smallest interval that contains both.
     #[must_use]
     fn hull(self, other: Self) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Interval {
 /// One measured pair of stress and rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RatePoint {
-    /// Run that it is from; the bootstrap draws runs.
+    /// Number of the run of this point; the bootstrap draws whole runs.
     pub run: usize,
     /// Hydraulic shear stress, Pa.
     pub shear: f64,
@@ -63,14 +63,14 @@ pub struct RatePoint {
     pub rate: f64,
     /// Standard error of the rate, kg/(m^2 s).
     pub error: f64,
-    /// Rate that one grain makes, kg/(m^2 s).
+    /// Erosion rate of one grain in the window, kg/(m^2 s).
     pub quantum: f64,
-    /// `true` if it counts as eroding.
+    /// `true` if the window counts as eroding.
     pub eroding: bool,
 }
 
 impl RatePoint {
-    /// Returns a window as a point.
+    /// Returns the point of a window of a run.
     #[must_use]
     pub fn new(run: usize, window: &RateWindow) -> Self {
         Self {
@@ -99,12 +99,12 @@ impl RatePoint {
     }
 }
 
-/// Settings of the intervals.
+/// Settings of the confidence intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FitOptions {
-    /// Samples of the bootstrap.
+    /// Number of bootstrap samples.
     pub replicates: usize,
-    /// Seed.
+    /// Seed of the bootstrap.
     pub seed: u64,
 }
 
@@ -117,20 +117,20 @@ impl Default for FitOptions {
     }
 }
 
-/// The law that follows from the points.
+/// Erosion law, or bound of it, that the points give.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FittedErosionLaw {
-    /// Threshold and slope are known.
+    /// Critical stress and erosion coefficient are known.
     Fitted(LinearLaw),
-    /// Nothing erodes at the highest stress: `tau_c >= at_least`.
+    /// No erosion at the highest stress: `tau_c >= at_least`.
     LowerBound {
         /// Highest stress applied, Pa.
         at_least: f64,
     },
     /// Erosion starts between two stresses, and only one stress erodes.
     Bracketed {
-        /// Highest stress without erosion below the first with erosion, Pa; 0 where there is none.
+        /// Highest stress without erosion below the lowest one with erosion, Pa; 0 if there is none.
         above: f64,
         /// Lowest stress with erosion, Pa.
         below: f64,
@@ -142,26 +142,26 @@ pub enum FittedErosionLaw {
 pub struct LinearLaw {
     /// Critical shear stress tau_c, Pa.
     pub critical_shear: f64,
-    /// Interval, Pa.
+    /// Confidence interval of tau_c, Pa.
     pub critical_shear_interval: Interval,
     /// Erosion coefficient k_d, s/m.
     pub coefficient: f64,
-    /// Interval, s/m.
+    /// Confidence interval of k_d, s/m.
     pub coefficient_interval: Interval,
-    /// Share of the variance of the eroding points' rates that the law explains; not a number for two points, which a
-    /// line always joins.
+    /// Fraction of the variance of the rates of eroding points that the law explains (R^2); NaN for two points,
+    /// which a line always joins.
     pub r_squared: f64,
-    /// Relative scatter from run to run beyond counting grains.
+    /// Relative scatter between runs in addition to the counting error of the grains.
     pub scatter: f64,
-    /// Points used.
+    /// Number of points.
     pub points: usize,
-    /// Points that erode.
+    /// Number of points with erosion.
     pub eroding_points: usize,
-    /// Runs used.
+    /// Number of runs.
     pub runs: usize,
     /// k_d from Theil and Sen's median of slopes over the eroding points, s/m.
     pub coefficient_median: f64,
-    /// tau_c that goes with it, Pa.
+    /// tau_c of this median line, Pa.
     pub critical_shear_median: f64,
     /// Bootstrap samples `(k_d, tau_c)`.
     #[serde(skip)]
@@ -199,21 +199,21 @@ impl LinearLaw {
     }
 }
 
-/// Covariance of a weighted line.
+/// Weighted regression line with its variances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Line {
     /// Weighted mean stress.
     centre: f64,
-    /// Variance of the line's value there.
+    /// Variance of the line's value at the mean stress.
     variance: f64,
     /// Variance of the slope.
     slope_variance: f64,
-    /// Student's t.
+    /// Quantile of Student's t.
     quantile: f64,
 }
 
 impl Line {
-    /// Returns half the interval of the line's value.
+    /// Returns the half width of the interval of the line's value at a stress.
     fn half_width(&self, shear: f64) -> f64 {
         let distance = shear - self.centre;
         self.quantile * (self.variance + self.slope_variance * distance * distance).sqrt()
@@ -230,7 +230,7 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosio
         .collect();
     sort(&mut points);
     let highest = *points.last()?;
-    // The run under the highest load decides, not one of its windows.
+    // The whole run at the highest stress decides, not a single window of it.
     let highest_erodes = points
         .iter()
         .any(|point| point.run == highest.run && point.eroding);
@@ -267,7 +267,7 @@ pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosio
     )))
 }
 
-/// Intervals and figures of merit of a fit.
+/// Adds confidence intervals and goodness of fit to a fit.
 fn describe(
     points: &[RatePoint],
     eroding: &[RatePoint],
@@ -329,7 +329,7 @@ fn describe(
     }
 }
 
-/// Slope and threshold.
+/// Slope and threshold of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Threshold {
     k: f64,
@@ -354,7 +354,8 @@ fn runs_of(points: &[RatePoint]) -> Vec<usize> {
     runs
 }
 
-/// Computes least squares with weights from the law itself, iterated to rest. Points sorted by stress.
+/// Minimises the squared misfit, with weights from the law itself, iterated until law and weights converge. The
+/// points are sorted by stress.
 fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     let start =
         |point: &RatePoint| 1.0 / point.variance(point.rate, scatter).max(f64::MIN_POSITIVE);
@@ -376,11 +377,12 @@ fn minimise(points: &[RatePoint], scatter: f64) -> Option<Threshold> {
     Some(best)
 }
 
-/// Returns the exact least-squares threshold law for given weights; points sorted by stress. `None` where no set of at
-/// least two points rises.
+/// Returns the exact least-squares threshold law for given weights. The points are sorted by stress. `None` if no
+/// set of at least two points has a positive slope.
 fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     let reference = points.last()?.shear;
-    // Sums over the points from the present one to the last: 1, x, y, xx, xy, yy with x from the highest stress.
+    // Sums over the points from the current one to the last: 1, x, y, xx, xy, yy, with x relative to the highest
+    // stress.
     let (mut w, mut wx, mut wy, mut wxx, mut wxy, mut wyy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut below: f64 = points
         .iter()
@@ -409,7 +411,7 @@ fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
             continue;
         }
         let mut offer = |c: f64| {
-            // The best slope for a threshold at c, and the misfit it leaves.
+            // Best slope for a threshold at c, and its misfit.
             let xx = wxx - 2.0 * c * wx + c * c * w;
             let xy = wxy - c * wy;
             if xx > 0.0 && xy > 0.0 {
@@ -445,9 +447,10 @@ fn scan(points: &[RatePoint], weights: &[f64]) -> Option<Threshold> {
     })
 }
 
-/// Returns the smallest relative scatter with which the points above the threshold fit; `None` where there is no fit.
+/// Returns the smallest relative scatter at which the points above the threshold fit the law; `None` if there is no
+/// fit.
 fn scatter(points: &[RatePoint]) -> Option<f64> {
-    // Misfit per degree of freedom, less one.
+    // Misfit per degree of freedom, minus one.
     let excess = |scatter: f64| {
         let law = minimise(points, scatter)?;
         let above: Vec<f64> = points
@@ -537,7 +540,7 @@ fn bootstrap(points: &[RatePoint], scatter: f64, options: FitOptions) -> Vec<(f6
         .collect()
 }
 
-/// Returns the middle 95 %; `None` for fewer than forty values.
+/// Returns the central interval with 95 % of the values; `None` for fewer than forty values.
 fn percentiles(values: &mut [f64]) -> Option<Interval> {
     if values.len() < 40 {
         return None;
@@ -567,27 +570,28 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
     (slope, -median(&mut intercepts) / slope)
 }
 
-/// Trends over the fits of a cohesion series.
+/// Trends of the fits over a series of cohesions.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.
     pub coefficient_exponent: Option<f64>,
-    /// Interval.
+    /// Confidence interval of this slope.
     pub coefficient_exponent_interval: Option<Interval>,
     /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,
     /// `(max - min) / mean` of k_d over the fits.
     pub coefficient_variation: f64,
-    /// `true` if tau_c never falls from one cohesion to the next beyond both intervals, and rises over the series.
+    /// `true` if tau_c never decreases from one cohesion to the next by more than both intervals, and increases
+    /// over the series.
     pub critical_shear_increases: bool,
-    /// Pairs of neighbours at which tau_c falls beyond both intervals.
+    /// Number of pairs of neighbours at which tau_c decreases by more than both intervals.
     pub reversals: usize,
 }
 
 /// Returns the trend of tau_c and k_d with cohesion, from `(C/d in N/m, law)` in any order. `None` for fewer than two
 /// fits.
 ///
-/// A lower bound cannot contradict a rise and is left to the reader.
+/// A lower bound cannot contradict an increase and does not enter the trend.
 #[must_use]
 pub fn cohesion_trend(laws: &[(f64, FittedErosionLaw)]) -> Option<CohesionTrend> {
     let mut fits: Vec<(f64, &LinearLaw)> = laws
@@ -761,7 +765,8 @@ mod tests {
         }
     }
 
-    /// Returns a study: ten runs of four windows; grains leave one by one at random, runs scatter by `scatter`.
+    /// Returns a study of ten runs with four windows each: grains leave one by one at random times, and the rates
+    /// of the runs scatter by `scatter`.
     fn study(draws: &mut Draws, scatter: f64) -> Vec<RatePoint> {
         let mut points = Vec::new();
         for run in 0..10_u32 {
@@ -771,7 +776,7 @@ mod tests {
                 let shear = load * (1.0 + 0.08 * f64::from(window));
                 let rate = TRUTH.rate(shear) * factor;
                 let quantum = 2e-4;
-                // Grains in the window: a Poisson process by its waiting times.
+                // Number of grains in the window: a Poisson process, by its waiting times.
                 let (mut clock, mut grains) = (0.0, 0_u32);
                 loop {
                     clock += draws.exponential(1.0);
@@ -794,7 +799,8 @@ mod tests {
         points
     }
 
-    /// Shares of 200 studies whose intervals hold k_d and tau_c, and the mean k_d over the truth.
+    /// Returns the fractions of 200 studies whose intervals contain k_d and tau_c, and the mean k_d divided by the
+    /// true one.
     fn coverage(scatter: f64) -> (f64, f64, f64) {
         let mut draws = Draws::new(42);
         let options = FitOptions {
@@ -844,7 +850,7 @@ mod tests {
             (1..=5_u32).map(|i| exact(0, 1e-4 * f64::from(i))).collect();
         let law = fit_law(&points, FitOptions::default());
         assert_eq!(law, Some(FittedErosionLaw::LowerBound { at_least: 5e-4 }));
-        // Grains that left at a lower load do not make a law.
+        // Grains that leave at a lower stress do not make a law.
         points.push(RatePoint {
             run: 1,
             eroding: true,

@@ -30,7 +30,7 @@ impl HoleProfile<'_> {
         self.origin + (real(cell) + 0.5) * self.spacing
     }
 
-    /// Returns the position of the far edge, m.
+    /// Returns the position of the far edge of the last cell, m.
     fn end(&self) -> f64 {
         self.origin + real(self.values.len()) * self.spacing
     }
@@ -52,7 +52,7 @@ impl HoleFaces {
     }
 }
 
-/// Shear stress on the two faces, both positive where the fluid pulls along +x.
+/// Shear stresses on the two faces, positive where the fluid pulls the face along +x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallShear {
     /// Stress on the lower face, Pa.
@@ -72,15 +72,16 @@ impl WallShear {
 /// Finds the faces of the hole from the solid fraction averaged along it.
 ///
 /// `intact` is the mean solid fraction of the packing before erosion, `middle` the height at which the hole was cut, m.
-/// A packing that is gone down to the wall has its face at the wall. `None` where the hole is closed: no cell with
-/// less than half the intact solid fraction within half of either side of the middle, or no cells at all.
+/// If the packing is eroded down to the wall, the face is at the wall. `None` if the hole is closed, that is, if no
+/// cell within half the distance from the middle to either wall has less than half the intact solid fraction, or if
+/// there are no cells.
 #[must_use]
 pub fn hole_faces(solid: HoleProfile<'_>, intact: f64, middle: f64) -> Option<HoleFaces> {
     let cells = solid.values.len();
     if cells == 0 || intact.is_nan() || intact <= 0.0 {
         return None;
     }
-    // The open cell nearest to the middle; a hole that moved a little is still found.
+    // The open cell nearest to the middle: a hole that moved a little is still found.
     let open = (0..cells)
         .filter(|&cell| solid.values[cell] < 0.5 * intact)
         .min_by(|&a, &b| {
@@ -127,7 +128,7 @@ fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64
     let first = best?;
     let before = solid(if first == 0 { open } else { path[first - 1] });
     let after = solid(path[first]);
-    // `before` < 1/2 < `after`, else the step would lie elsewhere.
+    // `before` < 1/2 < `after`; otherwise the step would be elsewhere.
     let crossing = ((0.5 - before) / (after - before)).clamp(0.0, 1.0);
     Some(real(first) + crossing)
 }
@@ -147,7 +148,7 @@ pub fn shear_by_gradient(
 ) -> Option<WallShear> {
     let middle = 0.5 * (faces.lower + faces.upper);
     let depth = (0.25 * faces.width()).max(4.0 * velocity.spacing);
-    // Distance from the face into the fluid and velocity there.
+    // Distance from the face into the fluid and velocity at this distance.
     let near = |face: f64, sign: f64| -> Vec<(f64, f64)> {
         let reach = depth.min((middle - face).abs());
         velocity
@@ -155,7 +156,7 @@ pub fn shear_by_gradient(
             .iter()
             .enumerate()
             .map(|(cell, &v)| ((velocity.centre(cell) - face) * sign, v))
-            // A cell centre on the middle, but for rounding, belongs to both halves.
+            // A cell centre on the middle, up to rounding, belongs to both halves.
             .filter(|&(distance, _)| distance > 0.0 && distance <= reach + 1e-9 * velocity.spacing)
             .collect()
     };
@@ -172,7 +173,7 @@ fn parabola_slope(points: &[(f64, f64)], scale: f64) -> Option<f64> {
     if points.len() < 4 {
         return None;
     }
-    // Orthogonal polynomials on the points keep the normal equations diagonal.
+    // Orthogonal polynomials on the points make the normal equations diagonal.
     let n = real(points.len());
     let x: Vec<f64> = points.iter().map(|&(x, _)| x / scale).collect();
     let mean = x.iter().sum::<f64>() / n;

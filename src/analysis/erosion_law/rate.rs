@@ -29,17 +29,17 @@ use base::number::real;
 /// Settings for the windows of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// Most windows per run.
+    /// Maximum number of windows per run.
     pub windows: usize,
-    /// Smallest number of grains in a window.
+    /// Minimum number of grains in a window.
     pub grains: u64,
-    /// Fewest grains that count as erosion.
+    /// Minimum number of grains that count as erosion.
     pub eroding_grains: u64,
-    /// Eroded fraction at which the span of a whole run begins: the first loose grains are no erosion yet.
+    /// Eroded fraction at which the span of a whole run begins: the first loose grains are not erosion.
     pub first_fraction: f64,
-    /// Eroded fraction at which the last window ends: beyond, the pipe is no pipe.
+    /// Eroded fraction at which the last window ends: beyond it the hole is no longer a pipe.
     pub last_fraction: f64,
-    /// Batches for the variance of a bursty process.
+    /// Number of batches for the variance of a process with clusters.
     pub batches: usize,
 }
 
@@ -56,14 +56,14 @@ impl Default for WindowOptions {
     }
 }
 
-/// One window of one run: stress, rate and how well the rate is known.
+/// One window of one run: shear stress, erosion rate and its error.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RateWindow {
     /// Start, s.
     pub start: f64,
     /// End, s.
     pub end: f64,
-    /// Grains that left.
+    /// Number of grains that left.
     pub grains: u64,
     /// `true` if the window counts as eroding.
     pub eroding: bool,
@@ -83,14 +83,14 @@ pub struct RateWindow {
     pub rate: f64,
     /// Standard error, kg/(m^2 s).
     pub rate_error: f64,
-    /// Rate that one mean grain makes in the window, kg/(m^2 s): the resolution of the measurement.
+    /// Erosion rate of one mean grain in the window, kg/(m^2 s): the resolution of the measurement.
     pub quantum: f64,
     /// Rate from Theil and Sen's median slope of M_e(t), kg/(m^2 s).
     pub rate_median: f64,
 }
 
-/// Returns the mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains where known, else the
-/// mean mass.
+/// Returns the mean jump of the eroded mass, `sum m^2 / sum m`, kg/m: from the removed grains if they are known,
+/// otherwise the mean mass of a grain.
 #[must_use]
 pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<f64> {
     let mass: f64 = removed.iter().map(|grain| grain.mass).sum();
@@ -111,9 +111,9 @@ pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<
 }
 /// Cuts a run into windows and measures each.
 ///
-/// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of a
-/// grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (a
-/// hole that is not there) carry no weight. Empty where fewer than two records remain.
+/// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of
+/// a grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear
+/// stress (no hole) have no weight. The result is empty if fewer than two records remain.
 #[must_use]
 pub fn erosion_windows(
     records: &[ErosionRecord],
@@ -125,8 +125,8 @@ pub fn erosion_windows(
         .iter()
         .filter(|record| record.time >= ramp_end && record.shear_gradient.is_finite())
         .collect();
-    // The last record before the first grain leaves is where the staircase has no step yet: start one later, at the
-    // record that holds the first grain, so that the grain that set the start is not counted in the span it opened.
+    // The last record before the first grain leaves has no step yet. The span starts one record later, at the
+    // record with the first grain, so that the grain that defines the start is not counted in the span.
     let first = usable
         .iter()
         .position(|record| record.eroded_grains > 0)
@@ -189,7 +189,7 @@ pub fn run_point(
     Some(measure(&usable[begun.unwrap_or(0)..=end], jump, options))
 }
 
-/// Measures one window; at least two records.
+/// Measures one window of at least two records.
 fn measure(records: &[&ErosionRecord], jump: f64, options: WindowOptions) -> RateWindow {
     let (first, last) = (records[0], records[records.len() - 1]);
     let duration = last.time - first.time;
@@ -220,7 +220,7 @@ fn measure(records: &[&ErosionRecord], jump: f64, options: WindowOptions) -> Rat
     }
 }
 
-/// Returns the mean over time by the trapezoidal rule, over the intervals at whose both ends the value exists.
+/// Returns the time mean by the trapezoidal rule, over the intervals with a value at both ends.
 fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
     for pair in records.windows(2) {
@@ -237,7 +237,8 @@ fn time_mean(records: &[&ErosionRecord], value: impl Fn(&ErosionRecord) -> f64) 
 /// Returns the standard error of the mean mass rate from the means of equal batches, kg/(m s); 0 where batches are too
 /// short.
 ///
-/// Widened by Student's t over the normal quantile, so that 1.96 of it is an interval of 95 % for few batches too.
+/// The error is scaled by Student's t divided by the normal quantile, so that 1.96 times the error is an interval
+/// of 95 % for few batches too.
 fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
     let steps = records.len() - 1;
     if batches < 2 || steps < 2 * batches {
@@ -306,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Returns a run whose grains leave at random with a mean of `per_second`, in clusters of `cluster`.
+    /// Returns a run whose grains leave at random, `per_second` on average, in clusters of `cluster` grains.
     fn run(draws: &mut Draws, per_second: f64, cluster: u64, seconds: f64) -> Vec<ErosionRecord> {
         let mut next = draws.exponential(per_second / real(cluster));
         let (mut mass, mut grains) = (0.0, 0);
@@ -330,7 +331,8 @@ mod tests {
             .collect()
     }
 
-    /// Returns the share of intervals `rate ± 1.96 se` that hold the truth, and the mean rate over the truth.
+    /// Returns the fraction of intervals `rate ± 1.96 se` that contain the true rate, and the mean rate divided by
+    /// the true one.
     fn coverage(cluster: u64) -> (f64, f64) {
         let mut draws = Draws::new(11 + cluster);
         let truth = 10.0 * GRAIN / (2.0 * LENGTH);
@@ -390,11 +392,11 @@ mod tests {
         assert_relative_eq!(windows[3].end, 10.0);
     }
 
-    /// A run that reaches two per cent of eroded mass with its last grains has the rate of all its records.
+    /// A run that reaches 2 % of eroded mass with its last grains gets the rate of all its records.
     #[test]
     fn few_grains_at_the_end_do_not_make_the_rate_of_a_run() {
         let mut records = run(&mut Draws::new(5), 2.0, 1, 10.0);
-        // The sample is so large that two per cent are reached with the last grain but one.
+        // The sample is so large that 2 % is reached only with the last grain but one.
         let last = records.last().map_or(0, |record| record.eroded_grains);
         for record in &mut records {
             record.eroded_fraction = 0.02 * real(record.eroded_grains) / real(last - 1);

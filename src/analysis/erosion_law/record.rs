@@ -65,9 +65,9 @@ macro_rules! csv_row {
 
 pub(crate) use csv_row;
 
-/// A value of one column.
+/// Value of one column.
 pub(crate) trait Value: Sized {
-    /// Appends it to a line.
+    /// Appends the value to a line.
     fn put(&self, line: &mut String);
 }
 
@@ -133,10 +133,10 @@ pub struct ErosionRecord {
     /// Largest fluid speed in lattice units, |u| dt/h. Earlier versions named the column `mach [1]`.
     #[serde(alias = "mach [1]")]
     lattice_velocity: f64 = "lattice_velocity [1]",
-    /// Fluid mass now over fluid mass expected, less one.
+    /// Fluid mass relative to the expected one, minus one.
     mass_error: f64 = "mass_error [1]",
-    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left. Earlier versions had
-    /// no such column.
+    /// Fraction of the bonds broken before a tenth of the mass had left that broke at the wall of the hole. Earlier
+    /// versions had no such column.
     #[serde(default = "unknown")]
     face_share: f64 = "face_share [1]",
     /// Mean displacement of the grains that started next to the hole and more than two mean diameters behind its
@@ -153,7 +153,7 @@ pub struct RemovedGrain {
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// The grain.
+    /// Id of the grain.
     id: u64 = "id",
     /// Mass, kg; in 2-D kg/m.
     mass: f64 = "mass [kg; 2-D kg/m]",
@@ -172,9 +172,9 @@ pub struct RemovedGrain {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakMode {
-    /// The normal force passed the tensile strength.
+    /// Normal force above the tensile strength.
     Tension,
-    /// The shear force passed its limit.
+    /// Shear force above its limit.
     Shear,
 }
 
@@ -182,7 +182,7 @@ pub enum BreakMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreakPlace {
-    /// Bulk of the packing, where only a pressure wave reaches.
+    /// Bulk of the packing, which only a pressure wave reaches.
     Inside,
     /// Wall of the hole.
     HoleWall,
@@ -221,9 +221,9 @@ pub struct BondBreak {
     x: f64 = "x [m]",
     /// Contact point, m.
     y: f64 = "y [m]",
-    /// Mode in which it broke.
+    /// Mode of breakage.
     mode: BreakMode = "mode",
-    /// Part of the packing in which it broke.
+    /// Part of the packing in which the bond broke.
     place: BreakPlace = "place",
 }
 }
@@ -231,9 +231,9 @@ pub struct BondBreak {
 /// Data of a run that a study needs in addition to its record: the value of the key `erosion` of `summary.json`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ErosionSummary {
-    /// Cohesion over mean diameter, C/d, N/m.
+    /// Cohesion divided by the mean diameter, C/d, N/m.
     pub cohesion: f64,
-    /// Pressure difference over the box once any ramp is over, Pa.
+    /// Pressure difference over the box after any ramp, Pa.
     pub pressure_difference: f64,
     /// Time at which a ramp of the pressure ends, s; 0 without a ramp.
     pub ramp_end: f64,
@@ -245,22 +245,23 @@ pub struct ErosionSummary {
     pub hole_width: f64,
     /// Initial hole length L, m.
     pub hole_length: f64,
-    /// Contacts of a grain with grains and walls at the start of the flow, mean over all grains.
+    /// Mean number of contacts of a grain with grains and walls at the start of the flow.
     #[serde(default)]
     pub contacts_per_grain: Option<f64>,
-    /// Bonds of a grain with grains and walls at the start of the flow, mean over all grains.
+    /// Mean number of bonds of a grain with grains and walls at the start of the flow.
     #[serde(default)]
     pub bonds_per_grain: Option<f64>,
-    /// Share at the wall of the hole of the bonds that broke before a tenth of the mass had left; none if no bond
-    /// broke.
+    /// Fraction of the bonds broken before a tenth of the mass had left that broke at the wall of the hole; none if
+    /// no bond broke.
     #[serde(default)]
     pub face_share: Option<f64>,
-    /// Mean displacement of the bulk at that time, or at the end where less has left, in mean diameters of the grains.
+    /// Mean displacement of the bulk at the time at which a tenth of the mass had left, or at the end if less has
+    /// left, in mean diameters.
     #[serde(default)]
     pub bulk_displacement: Option<f64>,
 }
 
-/// Returns the value of a column that a table does not have.
+/// Returns the value of a column that is missing in a table.
 fn unknown() -> f64 {
     f64::NAN
 }
@@ -277,7 +278,7 @@ const RENAMED: [(&str, &str); 2] = [
 /// Reads a CSV file whose first line is the header of the row. Column names of earlier versions are accepted.
 ///
 /// A run that was killed and resumed may have written rows after its last checkpoint twice. Of rows with the same
-/// `key` the last one replaces the first. Lines that start with `#` are skipped.
+/// `key`, the last one is used. Lines that start with `#` are skipped.
 ///
 /// # Errors
 /// [`Error::Io`] with file, line and column where the file cannot be read.
@@ -322,7 +323,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
 /// Writes a whole CSV file: header and rows.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be written.
+/// [`Error::Io`] if the file cannot be written.
 pub fn write_rows<R: RecordRow>(path: &Path, rows: &[R]) -> Result<(), Error> {
     let mut text = R::header();
     text.push('\n');
@@ -367,7 +368,7 @@ mod tests {
     fn rows_come_back_bit_for_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("erosion.csv");
-        // Subnormal fractions are below anything a run can mean and are written as zero.
+        // Subnormal fractions are below the resolution of any run and are written as zero.
         let rows: Vec<ErosionRecord> = (0..3).map(record).collect();
         write_rows(&path, &rows).unwrap();
         let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
@@ -398,7 +399,7 @@ mod tests {
         fs::write(&path, &old).unwrap();
         let back = read_rows::<ErosionRecord>(&path, |row| row.step).unwrap();
         assert_eq!(back[0].lattice_velocity.to_bits(), 0.05_f64.to_bits());
-        // Still earlier ones end before the columns of the mechanism.
+        // Even earlier versions end before the columns of the mechanism.
         let cut = |line: &str| line.rsplitn(3, ',').last().unwrap_or_default().to_owned();
         let older: Vec<String> = old.lines().map(cut).collect();
         fs::write(&path, older.join("\n")).unwrap();

@@ -2,7 +2,7 @@
 
 use base::number::real;
 
-/// Returns the median; `NaN` of nothing.
+/// Returns the median; `NaN` for an empty list.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -16,8 +16,8 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
     }
 }
 
-/// Returns Student's t for a two-sided interval of 95 %. Without a degree of freedom, that of one: two points do not
-/// show how far a third would scatter.
+/// Returns the quantile of Student's t for a two-sided interval of 95 %. Zero degrees of freedom take the quantile
+/// of one: two points do not show the scatter of a third.
 pub(super) fn student(freedom: usize) -> f64 {
     const TABLE: [f64; 30] = [
         12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
@@ -26,7 +26,7 @@ pub(super) fn student(freedom: usize) -> f64 {
     ];
     match freedom.max(1) {
         freedom @ 1..=30 => TABLE[freedom - 1],
-        // Second-order expansion in 1 / freedom, right to 1e-3 here.
+        // Second-order expansion in 1 / freedom, accurate to 1e-3 here.
         freedom => 1.960 + 2.372 / real(freedom),
     }
 }

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-/// Groups grains by their bonds; both ends of a bond count only where they are among the grains. Grains and clusters
-/// are in rising order, independently of the order of the bonds.
+/// Groups grains by their bonds. A bond counts only if both grains are in the list. Grains and clusters are in
+/// ascending order of id, independently of the order of the bonds.
 #[must_use]
 pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     let mut sorted = grains.to_vec();
@@ -15,7 +15,7 @@ pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
             continue;
         };
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        // The lower one leads, so that a cluster is named by its lowest grain.
+        // The lower index is the root, so that a cluster is identified by its lowest grain.
         parent[a.max(b)] = a.min(b);
     }
     let mut groups: BTreeMap<usize, Vec<u64>> = BTreeMap::new();
@@ -26,7 +26,7 @@ pub fn clusters(grains: &[u64], bonds: &[[u64; 2]]) -> Vec<Vec<u64>> {
     groups.into_values().collect()
 }
 
-/// Returns the head of a group; paths are cut short on the way.
+/// Returns the root of a group and shortens the paths to it.
 fn root(parent: &mut [usize], mut k: usize) -> usize {
     while parent[k] != k {
         parent[k] = parent[parent[k]];
@@ -35,7 +35,8 @@ fn root(parent: &mut [usize], mut k: usize) -> usize {
     k
 }
 
-/// Returns the number of grains of each of the `blocks` among the `left`, with 1 for every one that belongs to none.
+/// Returns the size of each of the `blocks` counted by its grains in `left`, and 1 for every grain of `left`
+/// without a block.
 #[must_use]
 pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     let block_of: HashMap<u64, usize> = blocks
@@ -55,7 +56,7 @@ pub fn sizes_of_left(left: &[u64], blocks: &[Vec<u64>]) -> Vec<u64> {
     sizes
 }
 
-/// Returns the number of occurrences of each size, by rising size.
+/// Returns the number of occurrences of each size, in ascending order of size.
 #[must_use]
 pub fn histogram(sizes: impl IntoIterator<Item = u64>) -> Vec<(u64, u64)> {
     let mut counts = BTreeMap::new();

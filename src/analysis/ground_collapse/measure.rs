@@ -1,29 +1,29 @@
 //! Voids over the seepage points, the front of the moving ground, and the settlement of the surface, from the grains.
 //!
-//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding: pass them by
-//! rising id.
+//! [`super`] defines the quantities. All functions are pure. The order of the grains affects the rounding; grains
+//! are passed in ascending order of id.
 
 use base::number::real;
 use serde::{Deserialize, Serialize};
 
-/// A cell with at least this part of solid at time 0 is ground: a quarter of a packing, so that the cells which the
-/// surface or a wall cuts in halves belong to it.
+/// Minimum solid fraction of a cell of ground at time 0: a quarter of that of a packing, so that cells cut in half
+/// by the surface or a wall belong to the ground.
 pub const GROUND: f64 = 0.15;
 
-/// A grain of the surface is not further than this many mean diameters from others, surface to surface ...
+/// Maximum gap between surfaces of neighbouring grains of the ground surface, in mean diameters.
 pub const GAP: f64 = 0.5;
 
-/// ... from at least so many: a grain in flight has none, one on a slope at a wall has two.
+/// Minimum number of such neighbours: a grain in flight has none, one on a slope at a wall has two.
 pub const NEIGHBOURS: usize = 2;
 
-/// Number of the highest grains of a column at time 0 that are its surface. The middle one shows its settlement: one
-/// large grain that lay on the others may roll down by more than a mean diameter alone.
+/// Number of highest grains of a column at time 0 that form its surface. The median of their displacements is the
+/// settlement: a single large grain on top may roll down by more than a mean diameter.
 pub const SKIN: usize = 3;
 
-/// A grain in the frame of the analysis: long axis, across, up.
+/// Grain in the frame of the analysis: long axis, transverse axis, upward axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredGrain {
-    /// Name.
+    /// Id.
     pub id: u64,
     /// Centre \[m\].
     pub at: [f64; 3],
@@ -33,7 +33,7 @@ pub struct MeasuredGrain {
     pub radius: f64,
 }
 
-/// The cells: the box from the origin, cut evenly along each axis.
+/// Cells: the box from the origin, divided evenly along each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cells {
     /// Number of cells along each axis.
@@ -61,22 +61,23 @@ pub struct Ground {
     pub cells: Cells,
     /// Mean diameter of the grains \[m\].
     pub diameter: f64,
-    /// Solid fraction of each cell, to four decimals, so that it is short to write down.
+    /// Solid fraction of each cell, rounded to four decimals for a short record.
     pub solid: Vec<f64>,
-    /// Elevation of the surface of each column \[m\]; none if there was no grain.
+    /// Elevation of the surface of each column \[m\]; none without a grain.
     pub surface: Vec<Option<f64>>,
-    /// Elevation from which on grains were the surface of each column \[m\]; none if there was no grain.
+    /// Minimum elevation of the grains that formed the surface of each column at time 0 \[m\]; none without a
+    /// grain.
     pub skin: Vec<Option<f64>>,
 }
 
 /// Thresholds for void, moving and settled cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// A cell with less than this part of its initial solid is void.
+    /// Fraction of the initial solid below which a cell is void.
     pub void_below: f64,
-    /// A cell whose grains went down by this much on average moves \[m\].
+    /// Mean downward displacement of its grains above which a cell moves \[m\].
     pub moving: f64,
-    /// A column that went down by this much belongs to the depression \[m\].
+    /// Settlement from which on a column belongs to the depression \[m\].
     pub settled: f64,
     /// Percentile of the settlement to be computed.
     pub percentile: f64,
@@ -87,34 +88,34 @@ pub struct Limits {
 pub struct Above {
     /// Volume of soil missing in the void connected with the point \[m3\].
     pub void_volume: f64,
-    /// Top of that void over the lowest ground at the point \[m\].
+    /// Height of the top of that void above the lowest ground at the point \[m\].
     pub arch_height: f64,
     /// Thickness of the ground over the point at time 0 \[m\].
     pub cover: f64,
-    /// Upper end of the moving ground, as part of the cover.
+    /// Upper end of the moving ground, as a fraction of the cover.
     pub front: f64,
-    /// Moving length of the long section in the upper half below the front over that in the lower half; NaN where
-    /// nothing moves.
+    /// Moving length of the long section in the upper half below the front divided by that in the lower half; NaN
+    /// if no cell moves.
     pub front_shape: f64,
 }
 
 /// Area where the surface has settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Depression {
-    /// Length along the long axis over which any column has settled \[m\].
+    /// Total length along the long axis over which any column has settled \[m\].
     pub length: f64,
-    /// Longest unbroken part of it \[m\].
+    /// Longest continuous part of this length \[m\].
     pub longest: f64,
-    /// Extent across the long axis \[m\].
+    /// Extent along the transverse axis \[m\].
     pub width: f64,
 }
 
-/// The ground at one time.
+/// Measured quantities of the ground at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// Voids connected with points, each counted once.
+    /// Number of voids connected with points, each counted once.
     pub voids: u64,
-    /// Volume of these cells \[m3\].
+    /// Volume of these voids \[m3\].
     pub void_volume: f64,
     /// Quantities over each point.
     pub points: Vec<Above>,
@@ -124,15 +125,15 @@ pub struct Sample {
     pub settlement: Vec<Option<f64>>,
     /// Largest settlement \[m\].
     pub settlement_max: f64,
-    /// Largest settlement of a column over a point, or that two neighbouring columns share \[m\].
+    /// Largest settlement of a column over a point, or of both of two neighbouring columns \[m\].
     pub sinkhole: f64,
     /// Mean settlement over the middle third along the long axis \[m\].
     pub settlement_middle: f64,
-    /// The requested percentile \[m\].
+    /// The requested percentile of the settlement \[m\].
     pub settlement_percentile: f64,
-    /// Area where it has settled.
+    /// Area of settled columns.
     pub depression: Depression,
-    /// Mean displacement of the soil at the sides of the points towards them \[m\].
+    /// Mean displacement of the soil at the sides of the points towards the points \[m\].
     pub inward: f64,
 }
 #[expect(
@@ -154,19 +155,19 @@ impl Cells {
         }
     }
 
-    /// Returns the cell of a point; points outside belong to the nearest one.
+    /// Returns the cell that contains a position; positions outside the box belong to the nearest cell.
     #[must_use]
     pub fn cell_of(&self, at: [f64; 3]) -> [usize; 3] {
         std::array::from_fn(|axis| index_along(at[axis], self.size[axis], self.count[axis]))
     }
 
-    /// Returns the index of a cell in lists of cells.
+    /// Returns the index of a cell in arrays over cells.
     #[must_use]
     pub fn index(&self, cell: [usize; 3]) -> usize {
         (cell[2] * self.count[1] + cell[1]) * self.count[0] + cell[0]
     }
 
-    /// Returns the index of a column in lists of columns.
+    /// Returns the index of a column in arrays over columns.
     #[must_use]
     pub fn column(&self, long: usize, across: usize) -> usize {
         across * self.count[0] + long
@@ -178,7 +179,7 @@ impl Cells {
         self.count.iter().product()
     }
 
-    /// Returns the volume of one \[m3\].
+    /// Returns the volume of one cell \[m3\].
     #[must_use]
     pub fn volume(&self) -> f64 {
         self.size.iter().product()
@@ -188,7 +189,7 @@ impl Cells {
         real(cell) * self.size[axis]
     }
 
-    /// Returns the first cell and one past the last that a stretch covers; at least one.
+    /// Returns the range of cells that an interval covers along an axis; at least one.
     fn covered(&self, axis: usize, from: f64, to: f64) -> std::ops::Range<usize> {
         let size = self.size[axis];
         // A box that ends on a face does not cover the cell beyond it.
@@ -285,7 +286,7 @@ fn skin(cells: &Cells, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
 }
 
 impl Ground {
-    /// Returns the ground as it is now.
+    /// Returns the ground at time 0 from the current grains.
     #[must_use]
     pub fn new(cells: Cells, grains: &[MeasuredGrain], diameter: f64, overlap: Overlap) -> Self {
         let solid = solid_fractions(&cells, grains, overlap);
@@ -314,15 +315,15 @@ impl Ground {
         self.solid[self.cells.index(cell)] >= GROUND
     }
 
-    /// Returns the lowest ground of a column \[m\].
+    /// Returns the elevation of the lowest ground of a column \[m\].
     fn floor(&self, long: usize, across: usize) -> Option<f64> {
         (0..self.cells.count[2])
             .find(|&z| self.is_ground([long, across, z]))
             .map(|z| self.cells.lower(z, 2))
     }
 
-    /// Returns the settlement of every column: of its elevation or of the grains that were its surface, whichever is
-    /// smaller.
+    /// Returns the settlement of every column: the smaller of the decrease of its elevation and the descent of the
+    /// grains that formed its surface.
     #[must_use]
     pub fn settlement(&self, now: &[Option<f64>], grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
         let [nx, ny, _] = self.cells.count;
@@ -339,11 +340,11 @@ impl Ground {
             .collect()
     }
 
-    /// Returns the settlement of the middle one of the grains that were the surface of every column at time 0, wherever
-    /// they are now (the lower middle of an even number); none if all of them have left.
+    /// Returns the settlement of the median of the grains that formed the surface of every column at time 0, at
+    /// their current positions (the lower median of an even number); none if all of them have left.
     fn descent(&self, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
         let mut down: Vec<Vec<f64>> = vec![Vec::new(); self.skin.len()];
-        // The place at time 0 is rounded.
+        // The recorded position at time 0 is rounded.
         let slack = 1e-9 * self.diameter;
         for grain in grains {
             let start = std::array::from_fn(|axis| grain.at[axis] - grain.moved[axis]);
@@ -368,7 +369,8 @@ impl Ground {
             .collect()
     }
 
-    /// Returns the void cells connected through faces with those at the box of a point, and just above it, rising.
+    /// Returns the void cells connected through faces with those at the box of a point or just above it, in
+    /// ascending order.
     #[must_use]
     pub fn void_over(&self, point: &Point, void: &[bool]) -> Vec<usize> {
         let cells = &self.cells;
@@ -408,7 +410,7 @@ impl Ground {
         all.filter(|(_, seen)| **seen).map(|(k, _)| k).collect()
     }
 
-    /// Returns the volume of soil missing in some cells \[m3\].
+    /// Returns the volume of soil missing in the listed cells \[m3\].
     fn missing(&self, cells: &[usize], solid: &[f64]) -> f64 {
         let lost: f64 = cells
             .iter()
@@ -417,7 +419,7 @@ impl Ground {
         lost * self.cells.volume() / self.packing()
     }
 
-    /// Returns the lowest ground and surface over a point at time 0 \[m\].
+    /// Returns the elevations of the lowest ground and of the surface over a point at time 0 \[m\].
     fn cover(&self, point: &Point) -> (f64, f64) {
         let cells = &self.cells;
         let [xs, ys] = [0, 1].map(|axis| cells.covered(axis, point.from[axis], point.to[axis]));
@@ -429,11 +431,11 @@ impl Ground {
                     top.max(self.surface[cells.column(long, across)].unwrap_or(f64::NEG_INFINITY));
             }
         }
-        // A point in the midst of the ground: only what lies above its lower face counts.
+        // For a point inside the ground, only the ground above its lower face counts.
         (base.max(point.from[2]), top)
     }
 
-    /// Returns the ground now.
+    /// Measures the ground at the current time.
     #[must_use]
     pub fn measure(
         &self,
@@ -467,7 +469,7 @@ impl Ground {
                 },
                 front_shape: self.front_shape(&moving, n, points, base, front),
             });
-            // Voids of two points that have met are one.
+            // Merged voids of two points count once.
             if !hole.is_empty() && !distinct.contains(&hole) {
                 distinct.push(hole);
             }
@@ -493,8 +495,8 @@ impl Ground {
         }
     }
 
-    /// Returns the most that a column over a point (along the long axis) has settled, or that two columns side by side
-    /// or corner to corner have settled both: away from the points, one that sinks alone is a loose grain.
+    /// Returns the largest settlement of a column over a point (along the long axis), or of both of two columns
+    /// that share an edge or a corner. Away from the points a single settled column is a loose grain.
     #[must_use]
     pub fn sinkhole(&self, settlement: &[Option<f64>], points: &[Point]) -> f64 {
         let [nx, ny, _] = self.cells.count;
@@ -509,7 +511,7 @@ impl Ground {
                     most = most.max(here);
                     continue;
                 }
-                // Both neighbours along, and the three of the adjacent rows.
+                // The two neighbours along the row and the three of each adjacent row.
                 for other in long.saturating_sub(1)..(long + 2).min(nx) {
                     for row in across.saturating_sub(1)..(across + 2).min(ny) {
                         if (other, row) != (long, across) {
@@ -522,7 +524,7 @@ impl Ground {
         most
     }
 
-    /// Returns the mean over the middle third along the long axis.
+    /// Returns the mean settlement over the middle third along the long axis.
     fn middle(&self, settlement: &[Option<f64>]) -> f64 {
         let [nx, ny, _] = self.cells.count;
         let third = nx / 3;
@@ -616,10 +618,11 @@ impl Ground {
         front
     }
 
-    /// Returns the moving length above half the front over that below it, over the length nearest to point `n`.
+    /// Returns the moving length above half the front divided by that below it, over the length nearest to point
+    /// `n`.
     ///
-    /// Each column of the long section counts by the moving part of its width, so that a fissure that widens upwards (a
-    /// V) does not pass for ground that moves more above.
+    /// Each column of the long section is weighted with the moving fraction of its width, so that a fissure that
+    /// widens upwards (V-shaped) does not appear as more moving ground above.
     fn front_shape(
         &self,
         moving: &[bool],
@@ -632,7 +635,7 @@ impl Ground {
         let [along, up] = [0, 2].map(|axis| self.cells.size[axis]);
         let (mut upper, mut lower) = (0.0, 0.0);
         for z in 0..self.cells.count[2] {
-            // The layer in the middle belongs to both halves.
+            // The middle layer belongs to both halves.
             let bottom = self.cells.lower(z, 2);
             let part = |from: f64, to: f64| ((bottom + up).min(to) - bottom.max(from)).max(0.0);
             let (above, below) = (part(half, front), part(base, half));
@@ -657,7 +660,7 @@ impl Ground {
         if lower > 0.0 { upper / lower } else { f64::NAN }
     }
 
-    /// Returns the mean displacement of the soil at the sides of the points towards the nearest one.
+    /// Returns the mean displacement of the soil at the sides of the points towards the nearest point.
     fn inward(&self, grains: &[MeasuredGrain], points: &[Point]) -> f64 {
         let covers: Vec<f64> = points
             .iter()
@@ -688,7 +691,7 @@ fn distance(point: &Point, x: f64) -> f64 {
     (point.from[0] - x).max(x - point.to[0]).max(0.0)
 }
 
-/// Returns the nearest point along the long axis, the first of equals.
+/// Returns the nearest point along the long axis; the first one of equally near points.
 fn nearest(points: &[Point], x: f64) -> Option<usize> {
     let all = points.iter().enumerate();
     all.min_by(|(_, a), (_, b)| distance(a, x).total_cmp(&distance(b, x)))

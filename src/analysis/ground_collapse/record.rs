@@ -23,35 +23,36 @@ pub struct CollapseRecord {
     time: f64 = "time [s]",
     /// Mass that left through the seepage points so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
-    /// Eroded part of the mass of all grains at time 0.
+    /// Eroded fraction of the mass of all grains at time 0.
     eroded_fraction: f64 = "eroded_fraction [1]",
     /// Grains that left through the seepage points so far.
     eroded_grains: u64 = "eroded_grains [1]",
-    /// Voids connected with seepage points.
+    /// Number of voids connected with seepage points.
     voids: u64 = "voids [1]",
-    /// Soil missing in them, m^3.
+    /// Volume of soil missing in the voids, m^3.
     void_volume: f64 = "void_volume [m^3]",
-    /// Highest top of a void over the lowest ground at its point, m.
+    /// Largest height of the top of a void above the lowest ground at its point, m.
     arch_height: f64 = "arch_height [m]",
-    /// Largest part of the cover of a point that moves.
+    /// Largest moving fraction of the cover of a point.
     front: f64 = "front [1]",
-    /// Upper half of the moving zone over its lower half, at the point with that front.
+    /// Moving length in the upper half of the moving zone divided by that in the lower half, at the point of the
+    /// largest front.
     front_shape: f64 = "front_shape [1]",
     /// Largest settlement of a column, m.
     settlement_max: f64 = "settlement_max [m]",
-    /// Largest settlement of a column over a point, or that two neighbouring columns share, m.
+    /// Largest settlement of a column over a point, or of both of two neighbouring columns, m.
     sinkhole: f64 = "sinkhole [m]",
     /// Mean settlement over the middle third of the long axis, m.
     settlement_middle: f64 = "settlement_middle [m]",
     /// The requested percentile of the settlement, m.
     settlement_percentile: f64 = "settlement_percentile [m]",
-    /// Length along the long axis that has settled, m.
+    /// Length along the long axis over which the surface has settled, m.
     extension: f64 = "extension [m]",
-    /// Growth since the last row, m/s.
+    /// Growth rate of this length since the last row, m/s.
     extension_rate: f64 = "extension_rate [m/s]",
-    /// Mean displacement of the soil at the sides of the points towards them, m.
+    /// Mean displacement of the soil at the sides of the points towards the points, m.
     inward: f64 = "inward [m]",
-    /// Stages that have begun.
+    /// Number of stages that have begun.
     stages: u64 = "stages [1]",
 }
 }
@@ -65,30 +66,30 @@ pub struct PointRecord {
     time: f64 = "time [s]",
     /// Number of the point, in the order of `summary.json`, from 0.
     point: u64 = "point",
-    /// Mass that left through it so far, kg.
+    /// Mass that left through the point so far, kg.
     eroded_mass: f64 = "eroded_mass [kg]",
-    /// Grains that left through it so far.
+    /// Number of grains that left through the point so far.
     eroded_grains: u64 = "eroded_grains [1]",
-    /// Soil missing in the void over it, m^3.
+    /// Volume of soil missing in the void over the point, m^3.
     void_volume: f64 = "void_volume [m^3]",
-    /// Top of the void over the lowest ground at the point, m.
+    /// Height of the top of the void above the lowest ground at the point, m.
     arch_height: f64 = "arch_height [m]",
-    /// Thickness of the ground over it at time 0, m.
+    /// Thickness of the ground over the point at time 0, m.
     cover: f64 = "cover [m]",
-    /// Part of the cover that moves.
+    /// Moving fraction of the cover.
     front: f64 = "front [1]",
-    /// Upper half of the moving zone over its lower half.
+    /// Moving length in the upper half of the moving zone divided by that in the lower half.
     front_shape: f64 = "front_shape [1]",
 }
 }
 
-/// Kind of grains that a cluster is made of.
+/// Kind of grains in a cluster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClusterKind {
-    /// Grains in the ground that have come loose.
+    /// Loosened grains in the ground.
     Loose,
-    /// Grains that left since the last row, by the loose cluster they belonged to then.
+    /// Grains that left since the last row, by the loose cluster to which they then belonged.
     Left,
 }
 
@@ -110,9 +111,9 @@ pub struct ClusterRecord {
     time: f64 = "time [s]",
     /// Kind of the clustered grains.
     kind: ClusterKind = "kind",
-    /// Grains of one cluster.
+    /// Number of grains of one cluster.
     size: u64 = "size [1]",
-    /// Clusters of this size.
+    /// Number of clusters of this size.
     count: u64 = "count [1]",
 }
 }
@@ -126,29 +127,29 @@ pub struct SurfaceRecord {
     time: f64 = "time [s]",
     /// Column along the long axis.
     ix: u64 = "ix",
-    /// Column across.
+    /// Column along the transverse axis.
     iy: u64 = "iy",
     /// Middle of the column along the long axis, m.
     long: f64 = "long [m]",
-    /// Middle of the column across, m.
+    /// Middle of the column along the transverse axis, m.
     across: f64 = "across [m]",
-    /// Top of the highest grain in company, over the lower end of the domain, m; NaN if there is none.
+    /// Top of the highest grain with neighbours, above the lower end of the domain, m; NaN if there is none.
     elevation: f64 = "elevation [m]",
     /// Settlement since time 0, m.
     settlement: f64 = "settlement [m]",
 }
 }
 
-/// Start of each stage, s; none if it did not begin.
+/// Start of each stage, s; none if the stage did not begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// t1.
+    /// Time t1 of the hidden hole.
     pub hidden_hole: Option<f64>,
-    /// t2.
+    /// Time t2 of the arch.
     pub arch: Option<f64>,
-    /// t3.
+    /// Time t3 of the sinkhole.
     pub sinkhole: Option<f64>,
-    /// t4.
+    /// Time t4 of the extension.
     pub extension: Option<f64>,
     /// Shape of the moving front at t2: 1/3 is a triangle with its apex up, 1 a rectangle.
     #[serde(default)]
@@ -161,9 +162,9 @@ pub struct StageTimes {
 /// Grains and mass that left through one point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointSummary {
-    /// Name.
+    /// Name of the point.
     pub name: String,
-    /// Grains.
+    /// Number of grains.
     pub eroded_grains: u64,
     /// Mass of these grains, kg.
     pub eroded_mass: f64,
@@ -180,7 +181,7 @@ pub struct CollapseSummary {
     pub initial_mass: f64,
     /// Mean diameter of the grains, m.
     pub mean_diameter: f64,
-    /// Edges of a cell along the long axis, across and up, m.
+    /// Edges of a cell along the long, transverse and upward axes, m.
     pub cell: [f64; 3],
 }
 

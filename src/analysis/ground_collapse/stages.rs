@@ -12,50 +12,51 @@ pub struct Evidence {
     pub eroded_grains: u64,
     /// Volume of the void over one point \[m3\].
     pub void_volume: f64,
-    /// Part of the cover that moves, over points with a void of [`Thresholds::arch_void`]; 0 where there is none.
+    /// Moving fraction of the cover over points with a void of at least [`Thresholds::arch_void`]; 0 if there is
+    /// none.
     pub front: f64,
-    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if nothing moves.
+    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if no cell moves.
     pub shape: f64,
-    /// Settlement of a column over a point, or that two neighbouring columns share \[m\].
+    /// Settlement of a column over a point, or of both of two neighbouring columns \[m\].
     pub settlement: f64,
     /// Longest depression along the long axis \[m\].
     pub longest: f64,
     /// Width of the depressions \[m\].
     pub width: f64,
-    /// Displacement of the soil at the sides of the points towards them \[m\].
+    /// Displacement of the soil at the sides of the points towards the points \[m\].
     pub inward: f64,
 }
 
-/// Values from which on a sample shows a stage.
+/// Thresholds of the quantities from which on a sample shows a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
-    /// Samples in a row.
+    /// Number of consecutive samples.
     pub samples: u32,
-    /// t1: grains.
+    /// t1: minimum number of grains that left.
     pub eroded_grains: u64,
-    /// t1: or volume of a void \[m3\].
+    /// t1: or minimum volume of a void \[m3\].
     pub void_volume: f64,
-    /// t2: part of the cover.
+    /// t2: minimum moving fraction of the cover.
     pub front: f64,
-    /// t2: over a void of this volume \[m3\].
+    /// t2: minimum volume of the void below it \[m3\].
     pub arch_void: f64,
-    /// t3: settlement \[m\].
+    /// t3: minimum settlement \[m\].
     pub settlement: f64,
-    /// t4: length over that of the sinkhole at t3.
+    /// t4: minimum length divided by that of the sinkhole at t3.
     pub extension: f64,
-    /// t4: displacement inwards \[m\].
+    /// t4: minimum inward displacement \[m\].
     pub inward: f64,
 }
 
-/// Samples in a row that show a stage.
+/// Consecutive samples that show a stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Streak {
     samples: u32,
-    /// Time of the first of them \[s\].
+    /// Time of the first of these samples \[s\].
     time: f64,
-    /// Longer side of the depression at the first of them \[m\].
+    /// Longer side of the depression at the first of these samples \[m\].
     extent: f64,
-    /// Shape of the front at the first of them.
+    /// Shape of the front at the first of these samples.
     #[serde(default)]
     shape: Option<f64>,
 }
@@ -68,7 +69,7 @@ pub struct Stages {
     streaks: [Streak; 4],
     /// Longer side of the sinkhole at t3 \[m\].
     sinkhole: Option<f64>,
-    /// Shapes of the front when arch and sinkhole began.
+    /// Shapes of the front at the start of arch and sinkhole.
     #[serde(default)]
     pub shapes: [Option<f64>; 2],
 }
@@ -80,14 +81,14 @@ impl Stages {
         self.times.iter().flatten().count()
     }
 
-    /// Takes note of a sample; returns the stages (0 … 3) that are now known to have begun.
+    /// Records a sample; returns the stages (0 … 3) whose start it confirms.
     pub fn note(&mut self, time: f64, seen: &Evidence, from: &Thresholds) -> Vec<usize> {
         let wide = self
             .sinkhole
             .is_some_and(|sinkhole| seen.longest >= from.extension * sinkhole);
         let shown = [
             seen.eroded_grains >= from.eroded_grains || seen.void_volume >= from.void_volume,
-            // Ground that moves together over a void while the surface stands.
+            // The ground over a void moves while the surface is stationary.
             seen.front >= from.front && seen.settlement < from.settlement,
             seen.settlement >= from.settlement,
             wide && seen.inward >= from.inward,
@@ -153,7 +154,7 @@ mod tests {
         assert!(stages.note(2.0, &hole(11), &FROM).is_empty());
         assert_eq!(stages.note(3.0, &hole(12), &FROM), [0]);
         assert_eq!(stages.times, [Some(2.0), None, None, None]);
-        // Once.
+        // Each stage begins only once.
         assert!(stages.note(4.0, &hole(12), &FROM).is_empty());
         assert_eq!(stages.begun(), 1);
     }
@@ -173,7 +174,7 @@ mod tests {
         seen.longest = 0.08;
         stages.note(2.0, &seen, &FROM);
         assert!(stages.note(3.0, &seen, &FROM).is_empty());
-        // 1.5 times the width, but the adjacent soil stands still: only round the hole.
+        // 1.5 times the width, but the adjacent soil is stationary: only the hole has widened.
         seen.longest = 0.091;
         seen.inward = 0.0;
         stages.note(4.0, &seen, &FROM);
@@ -184,7 +185,7 @@ mod tests {
         assert_eq!(stages.times, [None, None, Some(0.0), Some(6.0)]);
     }
 
-    /// Ground that moves up to a surface that has sunk is no arch; the shapes are those of the first samples.
+    /// Moving ground below a surface that has sunk is not an arch. The shapes are those of the first samples.
     #[test]
     fn an_arch_stands_under_a_surface_at_rest() {
         let moves = |settlement, shape| Evidence {

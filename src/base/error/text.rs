@@ -1,4 +1,4 @@
-//! Texts as the program prints them: without control characters, and numbers with four significant digits.
+//! Printable texts: without control characters, and with numbers of four significant digits.
 
 use std::borrow::Cow;
 
@@ -8,13 +8,14 @@ pub fn controls(c: char) -> bool {
     c.is_control()
 }
 
-/// Returns a text of unknown origin as one line without control characters, which are written as JSON does: `\u001b`.
+/// Returns a text of unknown origin as one line; control characters are escaped as in JSON: `\u001b`.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
 }
 
-/// Escapes a text like [`printable`], but keeps line breaks and tabs: for texts that the program composes of lines.
+/// Escapes a text like [`printable`], but keeps line breaks and tabs, for texts of several lines composed by the
+/// program.
 #[must_use]
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
@@ -35,7 +36,7 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// Returns a number as in a sentence: four significant digits.
+/// Returns a number as text with four significant digits.
 #[must_use]
 pub fn number(value: f64) -> String {
     let size = value.abs();

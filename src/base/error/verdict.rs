@@ -5,7 +5,7 @@ use super::{Error, Problem, Severity};
 /// Verdict on a case from all findings. Every command that reads a case states exactly one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// Verdict without findings.
+    /// No findings.
     Valid,
     /// The case runs, with warnings.
     ValidWithWarnings,
@@ -31,7 +31,7 @@ impl Verdict {
         }
     }
 
-    /// Returns the words of tables and of `--json`.
+    /// Returns the name of the verdict in tables and in `--json`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -42,7 +42,7 @@ impl Verdict {
         }
     }
 
-    /// Returns `true` if a case with this verdict is run; `allow_unstable` decides about unstable cases.
+    /// Returns `true` if a case with this verdict can run; `allow_unstable` permits unstable cases.
     #[must_use]
     pub fn runs(self, allow_unstable: bool) -> bool {
         match self {
@@ -86,7 +86,7 @@ impl Verdict {
     }
 }
 
-/// Option that lets an unstable case run.
+/// Option that allows an unstable case to run.
 pub const ALLOW_UNSTABLE: &str = "--allow-unstable";
 
 #[cfg(test)]

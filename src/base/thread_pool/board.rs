@@ -1,12 +1,14 @@
 //! Protocol between a caller that posts jobs and the helpers that join them.
 //!
-//! One atomic word holds whether a job is open, its number, and the helpers that have joined. A helper joins by adding
-//! one to the word of an open job, so that it can join no job that is closed or replaced. The caller closes the job
-//! when all pieces are begun and waits until the last helper has left; only then may it post the next one.
+//! One atomic word contains the state of a job: open or closed, its number, and the number of helpers that have
+//! joined. A helper joins by adding one to the word of an open job, so that it cannot join a job that is closed or
+//! replaced. The caller closes the job when all pieces are begun and waits until the last helper has left; only
+//! then may it post the next one.
 //!
-//! A thread that finds nothing to do for some time sleeps. It first says so, then checks once more; who has something
-//! for it first writes that, then asks whether it sleeps. A fence between the two steps of either side makes one of
-//! them see the other. The model at the end of this file runs through all orders of these events:
+//! A thread without work for some time sleeps. It first sets a flag, then checks for work once more. A thread
+//! with new work first writes the work, then reads the flag. A fence between the two steps on both sides ensures
+//! that at least one of them sees the other's write. The model at the end of this file runs through all orders of
+//! these events:
 //!
 //! `RUSTFLAGS="--cfg loom" cargo test --locked -p base --lib --release board`
 
@@ -17,19 +19,19 @@ use super::sync::{
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::PoisonError;
 
-/// Turns of polling for work, tens of microseconds.
+/// Number of polls for work, which take tens of microseconds.
 const SPINS: u32 = if cfg!(loom) { 0 } else { 4000 };
-/// Turns of yielding to other threads after that.
+/// Number of yields to other threads after polling.
 const YIELDS: u32 = if cfg!(loom) { 1 } else { 200 };
-/// Yields of a caller that waits for a helper, before it sleeps.
+/// Number of yields of a caller that waits for a helper before it sleeps.
 const CALLER_YIELDS: u32 = if cfg!(loom) { 1 } else { 50 };
 /// Maximum number of groups of pieces, one bit each.
 const GROUPS: usize = 64;
 
-/// Work of the pool: a function of the number of the piece.
+/// Work of the pool: a function of the number of a piece.
 pub(super) type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
-/// A function, its pieces, and the number of threads that may do them.
+/// Function with the number of its pieces and of the threads that may do them.
 #[derive(Clone, Copy)]
 struct Job {
     work: *const Work<'static>,
@@ -38,44 +40,44 @@ struct Job {
 }
 
 impl Job {
-    /// Returns the number of groups of pieces: group g has the pieces g, g + groups, g + 2 groups ...
+    /// Returns the number of groups of pieces: group g contains the pieces g, g + groups, g + 2 groups ...
     fn groups(&self) -> usize {
         self.pieces.min(GROUPS)
     }
 }
 
-/// Bit of a job that helpers may join.
+/// Bit of a state: helpers may join the job.
 const OPEN: u64 = 1 << 63;
-/// Difference between two jobs; below it stands the number of helpers that have joined.
+/// Increment of the state between two jobs; the bits below it contain the number of helpers that have joined.
 const NEXT: u64 = 1 << 32;
 
-/// Returns the number of helpers that have joined the job of a state.
+/// Returns the number of helpers that have joined the job, from a state.
 const fn joined(state: u64) -> u64 {
     state % NEXT
 }
 
-/// Returns the number of the job of a state.
+/// Returns the number of the job, from a state.
 const fn number(state: u64) -> u64 {
     (state & !OPEN) / NEXT
 }
 
 /// State that the caller and its helpers share.
 pub(super) struct Board {
-    /// [`OPEN`] from when a job is posted until all its pieces are begun, the number of the job, and the helpers that
-    /// have joined it.
+    /// State of the job: [`OPEN`] from posting until all pieces are begun, the number of the job, and the number of
+    /// helpers that have joined it.
     state: AtomicU64,
-    /// Written while the state is not open and no helper has joined.
+    /// Current job; it is written only while the state is not open and no helper has joined.
     job: Turns<Option<Job>>,
-    /// Groups of pieces that a thread has begun.
+    /// Bits of the groups of pieces that a thread has begun.
     begun: AtomicU64,
     failed: AtomicBool,
-    /// The caller sleeps until the last helper has left.
+    /// `true` while the caller sleeps until the last helper has left.
     caller_sleeps: AtomicBool,
     caller: Mutex<Option<Thread>>,
 }
 
-// SAFETY: `job` is written by the caller alone and only while no helper has joined and none can join; the function it
-// points to is `Sync` and lives until the caller has closed the job and seen the last helper leave.
+// SAFETY: `job` is written by the caller alone and only while no helper has joined and none can join; the function
+// to which it points is `Sync` and exists until the caller has closed the job and seen the last helper leave.
 unsafe impl Sync for Board {}
 // SAFETY: as above.
 unsafe impl Send for Board {}
@@ -87,7 +89,7 @@ pub(super) struct Helper {
 }
 
 impl Helper {
-    /// Wakes the helper if it sleeps; the caller has written what it is to find before a fence.
+    /// Wakes the helper if it sleeps; the caller has written the new state before a fence.
     fn wake(&self) {
         if self.sleeps.load(Ordering::Relaxed) {
             self.thread.unpark();
@@ -112,13 +114,13 @@ impl Board {
         number(self.state.load(Ordering::Acquire))
     }
 
-    /// Calls `work` with each number below `pieces`, by the caller and the helpers that come; returns when all are done
-    /// and every helper has left.
+    /// Calls `work` with each number below `pieces` on the caller and the available helpers; returns when all
+    /// pieces are done and every helper has left.
     ///
     /// # Panics
     /// If `work` does.
     pub(super) fn run(&self, pieces: usize, work: &Work<'_>, helpers: &[Helper]) {
-        // SAFETY: the lifetime is restored by waiting below, whatever happens.
+        // SAFETY: the wait below restores the lifetime in all cases.
         let work = unsafe { std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work) };
         let job = Job {
             work,
@@ -145,7 +147,7 @@ impl Board {
         );
     }
 
-    /// Does the pieces of a thread, then those that no other thread has begun.
+    /// Does the pieces of a thread, then pieces that no other thread has begun.
     fn work_on(&self, job: &Job, thread: usize) {
         let groups = job.groups();
         let all = u64::MAX >> (GROUPS - groups);
@@ -167,7 +169,7 @@ impl Board {
         }
     }
 
-    /// Joins the job of a state; returns `true` unless it is closed or another one by now.
+    /// Joins the job of a state; returns `true` unless the job is closed or replaced by now.
     fn join(&self, job: u64) -> bool {
         let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
         self.state
@@ -175,7 +177,7 @@ impl Board {
             .is_ok()
     }
 
-    /// Leaves the job; the last helper wakes a caller that sleeps.
+    /// Leaves the job; the last helper wakes a sleeping caller.
     fn leave(&self) {
         let before = self.state.fetch_sub(1, Ordering::AcqRel);
         fence(Ordering::SeqCst);
@@ -187,7 +189,8 @@ impl Board {
         }
     }
 
-    /// Waits until the last helper has left a closed job. A helper without a core gets that of a caller that sleeps.
+    /// Waits until the last helper has left a closed job. A sleeping caller releases its core for a helper without
+    /// one.
     fn wait_for_helpers(&self) {
         let busy = || joined(self.state.load(Ordering::Acquire)) > 0;
         let mut turns = 0;
@@ -207,14 +210,14 @@ impl Board {
         }
     }
 
-    /// Waits for a job after that of number `seen`, joins it unless it is closed by then, and does a thread's part of
-    /// it. Returns the number of the job.
+    /// Waits for a job after number `seen`, joins it unless it is already closed, and does a thread's part of it.
+    /// Returns the number of the job.
     pub(super) fn help(&self, sleeps: &AtomicBool, thread: usize, seen: u64) -> u64 {
         let mut turns = 0;
         while self.last() == seen {
             if !wait(&mut turns, YIELDS) {
-                // A caller that posts a job after this flag stands wakes the sleeper; a job posted before is seen by
-                // the second check.
+                // A caller that posts a job after this flag is set wakes the sleeper; a job posted before is found
+                // by the second check.
                 sleeps.store(true, Ordering::Relaxed);
                 fence(Ordering::SeqCst);
                 if self.last() == seen {
@@ -238,7 +241,7 @@ impl Board {
     }
 }
 
-/// Waits for one turn; returns `true` until it is time to sleep.
+/// Waits for one turn; returns `true` until the thread should sleep.
 fn wait(turns: &mut u32, yields: u32) -> bool {
     *turns = turns.saturating_add(1);
     if *turns < SPINS {
@@ -254,7 +257,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::AtomicU32;
 
-    /// Checks that no thread waits for a helper without a core: the caller does its pieces.
+    /// Checks that no thread waits for a helper without a core: the caller does the pieces of that helper.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
         let board = Board::new();
@@ -281,7 +284,7 @@ mod tests {
                 "{pieces}"
             );
         }
-        // A closed job and another one cannot be joined.
+        // A closed or replaced job cannot be joined.
         assert!(board.join(1) && !board.join(2));
         assert_eq!(joined(board.state.load(Ordering::Relaxed)), 1);
         board.leave();
@@ -327,8 +330,8 @@ mod models {
                 // SAFETY: all helpers have left.
                 assert!(done.iter().all(|cell| unsafe { cell.get() } == job));
             }
-            // The model ends when all its threads have. A caller that joined them could be woken by a late call of
-            // `unpark`, which the `join` of loom does not expect.
+            // The model ends when all its threads have ended. A caller that joined them could be woken by a late
+            // call of `unpark`, which the `join` of loom does not expect.
         });
     }
 

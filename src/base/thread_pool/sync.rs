@@ -17,12 +17,12 @@ pub(super) use loom::{
     thread::{Thread, current, park, yield_now},
 };
 
-/// A value that threads access by turns.
+/// Value that threads access in turn.
 #[cfg(not(loom))]
 #[derive(Debug)]
 pub(super) struct Turns<T>(std::cell::UnsafeCell<T>);
 
-/// A value that threads access by turns, which loom checks.
+/// Value that threads access in turn, checked by loom.
 #[cfg(loom)]
 #[derive(Debug)]
 pub(super) struct Turns<T>(loom::cell::UnsafeCell<T>);

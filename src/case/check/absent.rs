@@ -1,12 +1,12 @@
 //! Features that this program does not have, with the alternative for each.
 //!
-//! A field or choice of one of these names is answered with the alternative rather than with a similar name. README.md
-//! has the list for readers, and a test compares both.
+//! For a field or choice with one of these names the alternative is reported instead of a similar name. README.md
+//! has the list for users, and a test compares both.
 
-/// A feature that the program does not have.
+/// Feature that the program does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Absent {
-    /// Parts of names, in small letters without separators.
+    /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
     /// The feature.
     pub feature: &'static str,
@@ -133,13 +133,13 @@ pub const ABSENT: [Absent; 12] = [
     ),
 ];
 
-/// A feature that others state under another name.
+/// Feature that other programs state under another name.
 struct Renamed {
-    /// Parts of names, in small letters without separators.
+    /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
     /// The feature.
     feature: &'static str,
-    /// Field of a case that has it.
+    /// Field of a case that provides the feature.
     field: &'static str,
 }
 
@@ -157,20 +157,21 @@ const RENAMED: [Renamed; 2] = [
     },
 ];
 
-/// Returns the field that has the feature of a name under another name, with the feature.
+/// Returns the field that provides the feature of a name, with the feature.
 #[must_use]
 pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
     let renamed = RENAMED.iter().find(|renamed| means(name, renamed.words))?;
     Some((renamed.feature, renamed.field))
 }
 
-/// Returns the feature that a name stands for: one of its words, or several together, begin with a word of the feature.
+/// Returns the feature that a name stands for, if one of its words, or several joined, begin with a word of the
+/// feature.
 #[must_use]
 pub(super) fn feature(name: &str) -> Option<&'static Absent> {
     ABSENT.iter().find(|absent| means(name, absent.words))
 }
 
-/// Returns `true` if one of the words of a name, or several together, begin with one of `sought`.
+/// Returns `true` if one of the words of a name, or several joined, begin with one of `sought`.
 fn means(name: &str, sought: &[&str]) -> bool {
     let mut words: Vec<String> = Vec::new();
     let mut before = None;
@@ -189,7 +190,7 @@ fn means(name: &str, sought: &[&str]) -> bool {
     }
     let from: Vec<String> = (0..words.len()).map(|n| words[n..].concat()).collect();
     sought.iter().any(|word| match word.len() {
-        // Short words stand alone: `gas` is no part of `gasket`.
+        // Short words must match entirely: `gas` is not part of `gasket`.
         ..5 => words.iter().any(|w| w == word),
         _ => from.iter().any(|text| text.starts_with(*word)),
     })

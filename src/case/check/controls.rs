@@ -4,15 +4,16 @@ use crate::text::{brief, join};
 use base::error::{Problem, Severity, controls};
 use serde_json::Value;
 
-/// Texts with characters that control a terminal, or end a line where a file or script expects one: titles, names,
-/// paths, keys. They are refused here, once, so that no output has to guard against them. A description may have lines.
+/// Reports texts with characters that control a terminal, or end a line where a file or script expects a single
+/// one: titles, names, paths, keys. They are refused here, once, so that no output has to escape them. A
+/// description may have several lines.
 pub(super) fn control_characters(tree: &Value) -> Vec<Problem> {
     let mut found = Vec::new();
     look_for_controls(tree, &Place::Case, false, &mut found);
     found
 }
 
-/// Path of a value; made into text only for a problem: lists have a hundred thousand values.
+/// Path of a value, converted to text only for a problem: lists may have a hundred thousand values.
 enum Place<'a> {
     Case,
     Key(&'a Place<'a>, &'a str),

@@ -1,14 +1,14 @@
-//! The known name that is nearest to an unknown one, and the remedies that propose it.
+//! Search for the known name nearest to an unknown one, and the remedies that propose it.
 
 use base::error::Remedy;
 use std::borrow::Cow;
 
-/// Returns the names to choose from, as a remedy.
+/// Returns a remedy that lists the available names.
 pub(super) fn choose(names: &[&str]) -> String {
     format!("use one of: {}", names.join(", "))
 }
 
-/// Returns the remedy for a name that is not among the known ones.
+/// Returns the remedy for an unknown name.
 pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     match nearest(name, known) {
         _ if known.is_empty() => "remove it: there are no fields here".into(),
@@ -17,7 +17,7 @@ pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// Returns a remedy like [`nearest_remedy`] for a word of a choice; it is proposed if it is valid alone, without
+/// Returns a remedy like [`nearest_remedy`] for a word of a choice; the word is proposed if it is valid without
 /// parameters.
 pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str]) -> Remedy {
     let remedy = Remedy::from(nearest_remedy(name, known));
@@ -30,7 +30,7 @@ pub(super) fn nearest_word(path: &str, name: &str, known: &[&str], plain: &[&str
 /// Maximum length of a name in a case [bytes].
 const LONGEST_NAME: usize = 200;
 
-/// Returns a name as it stands in a sentence.
+/// Returns a name shortened for a sentence.
 pub(super) fn clipped(name: &str) -> Cow<'_, str> {
     if name.len() <= LONGEST_NAME {
         return name.into();
@@ -39,7 +39,7 @@ pub(super) fn clipped(name: &str) -> Cow<'_, str> {
     format!("{begin}...").into()
 }
 
-/// Returns the name with the smallest edit distance, if it is close enough to be meant.
+/// Returns the known name with the smallest edit distance, if it is close enough.
 #[must_use]
 pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if name.len() > LONGEST_NAME {
@@ -64,7 +64,7 @@ mod tests {
             Some("viscosity")
         );
         assert_eq!(nearest("qqqqqq", &["density", "viscosity"]), None);
-        // Three of five letters differ.
+        // Three of five letters differ, which is too many.
         assert_eq!(nearest("speed", &["head", "velocity"]), None);
     }
 }

@@ -1,13 +1,13 @@
-//! A schema prepared for many values: a check without paths and messages.
+//! Templates of schemas for lists of many values: a check without paths and messages.
 
 use super::SMALLEST;
 use serde_json::Value;
 
 /// Condition under which a value is valid without a detailed check.
 pub(super) enum Template<'a> {
-    /// Only the walk over the schema can decide.
+    /// Undecided: only the walk over the schema can decide.
     Unknown,
-    /// Absent or as the other template requires.
+    /// Absent, or valid for the other template.
     Optional(Box<Template<'a>>),
     Number {
         whole: bool,
@@ -30,7 +30,7 @@ pub(super) enum Template<'a> {
     },
 }
 
-/// Schemas within schemas that are looked into: those of a case that contain themselves have no template.
+/// Maximum nesting depth of schemas: recursive schemas have no template.
 const DEEPEST: usize = 8;
 
 impl<'a> Template<'a> {
@@ -119,8 +119,8 @@ impl<'a> Template<'a> {
         }
     }
 
-    /// Returns `true` if the walk would find nothing; `largest` bounds the size of every number, [`SMALLEST`] numbers
-    /// that must be above 0.
+    /// Returns `true` if the walk would report nothing; `largest` bounds the magnitude of every number, and
+    /// [`SMALLEST`] is the minimum of numbers that must be above 0.
     pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// A value that fits is one with which the walk finds nothing wrong, and almost all right grains fit.
+    /// Checks that the walk reports nothing for a value that fits, and that almost all valid grains fit.
     #[test]
     fn what_fits_is_what_the_walk_lets_pass() {
         let root = bare_schema();

@@ -3,7 +3,7 @@
 use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;
 
-/// First words of the front page.
+/// Introduction on the front page.
 pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as \
     messages and `--set` write \
 it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value stands, an object \
@@ -11,7 +11,7 @@ it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value
 
 const STYLE: &str = include_str!("style.css");
 
-/// Returns all files.
+/// Returns all files of the reference.
 #[must_use]
 pub fn files() -> Vec<File> {
     let pages = pages();
@@ -71,7 +71,7 @@ fn text(pages: &[Page], page: &Page) -> String {
     )
 }
 
-/// Links to all pages and, below the present one, to its parameters.
+/// Returns links to all pages and, below the present one, to its parameters.
 fn sidebar(pages: &[Page], present: &Page) -> String {
     let mut out = String::from("<ul>\n");
     for page in pages {
@@ -134,7 +134,7 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
     *out += "</table>\n</section>\n";
 }
 
-/// Returns a description with links at the names of parameters.
+/// Returns a description in which the names of parameters are links.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
         .map(|(name, part)| match meant(pages, from, part) {

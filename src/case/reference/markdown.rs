@@ -3,7 +3,7 @@
 use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
 use std::fmt::Write;
 
-/// Returns all files.
+/// Returns all files of the reference.
 #[must_use]
 pub fn files() -> Vec<File> {
     let pages = pages();
@@ -80,7 +80,7 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
     out.push('\n');
 }
 
-/// Returns a description with links at the names of parameters.
+/// Returns a description in which the names of parameters are links.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
         .map(|(name, part)| match meant(pages, from, part) {

@@ -1,4 +1,4 @@
-//! JSON text to a tree, for texts without errors.
+//! Parsing of JSON text into a tree, for texts without errors.
 
 use super::{MOST_KEYS, MOST_VALUES};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -14,7 +14,7 @@ pub(super) fn parse(text: &str) -> Option<Value> {
     Some(tree)
 }
 
-/// Counts the values.
+/// Visitor that counts the values.
 #[derive(Clone, Copy)]
 struct Plain<'a>(&'a Cell<usize>);
 

@@ -8,11 +8,11 @@ use lbm::links::BodyLink;
 use lbm::populations::Populations;
 use std::sync::atomic::Ordering;
 
-/// A direction of the lattice.
+/// Direction of the lattice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Direction {
     c: [i32; 3],
-    /// Distance in places of the map and of the lattice.
+    /// Index offset in the map, then in the lattice.
     in_map: isize,
     in_lattice: isize,
     opposite: usize,
@@ -32,7 +32,7 @@ pub(super) fn directions<S: Stored>(slab: &Slab, populations: &Populations<S>) -
 }
 
 impl BodyMap {
-    /// Asks for new links of every body in the cells near one that changed.
+    /// Requests new links for every body with cells near a changed cell.
     pub(super) fn relink_around(&self, cell: [i32; 3], before: u32, reach: i32) {
         // Most neighbours belong to the same body.
         let mut last = [FLUID, OUTSIDE, FLUID];
@@ -93,7 +93,7 @@ impl BodyMap {
         };
         links.clear();
         let directions = &self.directions;
-        // Beyond the ends all neighbours are cells of the body or of another of lower id.
+        // Cells beyond the ends of a row have only neighbours that belong to this body or another of lower id.
         let rows = &self.bodies[k].rows;
         let ends = rows
             .rows()
@@ -103,7 +103,7 @@ impl BodyMap {
             if self.owner[place] != mine {
                 continue;
             }
-            // All cells that a link reads are in the slab.
+            // All cells read by the link are in the slab.
             let deep = self.slab.deep(inner);
             let cell = populations.cell(inner.map(|v| v as isize));
             for (out, along) in directions.iter().enumerate().skip(1) {
@@ -114,7 +114,7 @@ impl BodyMap {
                 }
                 let (outer_place, there) = owner(place, along);
                 let between = there != FLUID;
-                // A link between two bodies is the business of the one with the lower id.
+                // A link between two bodies is treated by the one with the lower id.
                 if there == mine || there == OUTSIDE || (between && there < mine) {
                     continue;
                 }
@@ -157,15 +157,15 @@ impl BodyMap {
         }
     }
 
-    /// Returns `true` if a sheet cuts the link from the cell at an index of the map along a direction: the link is then
-    /// the sheet's.
+    /// Returns `true` if a sheet cuts the link from the cell at an index of the map along a direction: the link
+    /// then belongs to the sheet.
     fn cut(&self, place: usize, direction: usize) -> bool {
         !self.sheets.is_empty()
             && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(place, d)))
     }
 
-    /// Returns `true` if bodies, and walls next to them, hold more than half of the neighbours of a cell of the slab
-    /// (local coordinates).
+    /// Returns `true` if bodies, and walls next to them, occupy more than half of the neighbours of a cell of the
+    /// slab (local coordinates).
     #[must_use]
     pub fn encloses<S: Stored>(&self, cell: [usize; 3], populations: &Populations<S>) -> bool {
         let velocities = populations.velocities();

@@ -1,4 +1,4 @@
-//! The cells of each body by geometry alone, found again where a body has moved.
+//! Search for the cells of each body by geometry alone, repeated when a body has moved.
 
 use super::rows::{Row, Rows};
 use super::slab::Slab;
@@ -12,13 +12,13 @@ use lbm::links::{CellPlane, Rigid};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     again: Vec<Again>,
-    /// Cells that bodies which shared none have lost and gained, with the body.
+    /// Cells lost by bodies that shared none, with the body, then cells gained.
     pub(super) lost: Vec<(usize, Row)>,
     pub(super) gained: Vec<(usize, Row)>,
 }
 
 impl BodyMap {
-    /// Checks the bodies that moved, by threads: most still hold the same cells, the others are to be mapped `again`.
+    /// Checks the bodies that moved, by threads: most still have the same cells, the others must be mapped `again`.
     pub(super) fn look_again(&mut self) {
         let count = self.bodies.len();
         let runs = thread_pool::runs(count, PER_THREAD);
@@ -110,7 +110,7 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
         .sum();
-    // A point of a polyhedron moves no further than its centroid and its farthest corner by turning.
+    // A point of a polyhedron moves at most as far as its centroid plus its farthest corner by rotation.
     let moved = block.map_or(moved, |block| {
         let turned: f64 = (0..4)
             .map(|a| (block.quaternion[a] - body.orientation[a]).powi(2))
@@ -125,20 +125,20 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
     body.slack < 0.0 || moved >= body.slack * body.slack || resized
 }
 
-/// Cells round a body that are looked at as well.
+/// Distance from a body, in cells, within which cells are searched as well.
 const REACH: f64 = 1.5;
 
-/// Cells watched.
+/// Number of cells that are watched.
 const WATCHED: usize = 8;
 
-/// Cells whose centres are nearest to the surface of a disc or sphere: the first that can change as it moves. In most
-/// cases none has changed, and the others need no check.
+/// Cells whose centres are nearest to the surface of a disc or sphere, which are the first to change as it moves.
+/// If none of them has changed, the other cells need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
-    /// Cells in the raw frame, with the value of [`beyond`] when they were found, by rising size.
+    /// Cells in the raw frame, with the value of [`beyond`] when they were found, in ascending order of magnitude.
     cells: [([i32; 3], f64); WATCHED],
     count: usize,
-    /// Lower bound of the size of [`beyond`] of all other cells.
+    /// Lower bound of the magnitude of [`beyond`] of all other cells.
     others: f64,
     /// Displacement of the body below which no other cell changes.
     reach: f64,
@@ -151,13 +151,13 @@ impl Nearest {
         self.reach = 0.0;
     }
 
-    /// Handles a cell that is not watched.
+    /// Takes account of a cell that is not watched.
     #[inline(always)]
     fn pass(&mut self, beyond: f64) {
         self.others = self.others.min(beyond.abs());
     }
 
-    /// Adds a cell that is watched unless others are nearer.
+    /// Watches a cell, unless enough others are nearer.
     #[inline(always)]
     fn watch(&mut self, cell: [i32; 3], beyond: f64) {
         if beyond.abs() >= self.others {
@@ -196,20 +196,20 @@ fn beyond(cell: [i32; 3], rigid: &Rigid, dimension: usize) -> f64 {
     square(0) + beside - rigid.radius * rigid.radius
 }
 
-/// Returns a lower bound of the distance from the surface of cell centres with `|d² - R²|` of this size: the size
-/// over `d + R`, which is at most 2 R and the reach of a search. It is slightly reduced, so that rounding cannot
-/// matter; beyond the searched box it is at least half a cell.
+/// Returns a lower bound of the distance from the surface for cell centres with `|d² - R²|` of this magnitude: the
+/// magnitude divided by `d + R`, which is at most 2 R plus the reach of the search. It is slightly reduced to
+/// exclude rounding; beyond the searched box it is at least half a cell.
 fn slack(size: f64, radius: f64) -> f64 {
     if size.is_finite() {
         (size / (2.0 * radius + 2.5) * (1.0 - 1e-6) - 1e-9).clamp(0.0, 0.4)
     } else {
-        // The body does not reach this slab: it may approach by its whole distance, but is checked again soon.
+        // The body does not reach this slab: the bound could be its whole distance, but it is checked again soon.
         0.4
     }
 }
 
-/// Returns `true` if a disc or sphere that has moved by its slack holds the same cells as at the last check. If so, it
-/// has a new slack.
+/// Returns `true` if a disc or sphere that has moved by its slack has the same cells as at the last check, and
+/// updates its slack.
 fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
     let moved: f64 = (0..dimension)
         .map(|a| (now.position[a] - body.centre[a]).powi(2))
@@ -281,7 +281,8 @@ fn look_in<const D: usize>(
             if D == 3 {
                 beside += square(z, 2);
             }
-            // Falls towards the cell that holds the centre and rises from there, rounding included.
+            // The function decreases up to the cell that contains the centre and increases from there, in spite of
+            // rounding.
             let beyond = |x: i32| beyond([x, y, z], rigid, D);
             let mut near = |x: i32| {
                 let x = x.clamp(low[0], high[0]);
@@ -314,7 +315,7 @@ fn look_in<const D: usize>(
                 near(last);
             }
             near(last + 1);
-            // The cells next to these, those further on being further from the surface.
+            // The next cells are enough: cells further away are further from the surface.
             nearest.pass(beyond(first - 2).min(beyond(last + 2)));
             if first + 1 < last {
                 nearest.pass(beyond(first + 1).max(beyond(last - 1)));
@@ -334,8 +335,8 @@ fn look_in<const D: usize>(
     slack(size.min(nearest.others), rigid.radius)
 }
 
-/// Finds the rows of a polyhedron, like [`look_in`]: the distance from its surface is at least that from the nearest
-/// plane.
+/// Finds the rows of a polyhedron, like [`look_in`]: the distance from its surface is at least that from the
+/// nearest plane.
 fn look_in_block(
     slab: &Slab,
     rigid: &Rigid,
@@ -376,8 +377,8 @@ mod tests {
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
     use lbm::populations::Populations;
 
-    /// Checks that no cell centre is nearer to the surface than the slack, and none but those watched nearer than the
-    /// reach.
+    /// Checks that no cell centre is nearer to the surface than the slack, and only watched ones are nearer than
+    /// the reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();
         let grid = MapGrid {
@@ -397,7 +398,7 @@ mod tests {
                 ..Rigid::default()
             };
             for a in 0..D {
-                // Places that rounding and symmetry make special too.
+                // Positions that rounding and symmetry make special are included.
                 let at = (cells[a] as f64 + 4.0) * draw.uniform() - 2.0;
                 rigid.position[a] = if draw.uniform() < 0.2 { at.round() } else { at };
             }

@@ -1,4 +1,4 @@
-//! The body that contains each cell near a slab.
+//! Assignment of each cell near a slab to the body that contains it.
 
 use super::rows::{Row, Rows};
 use super::slab::Slab;
@@ -10,16 +10,16 @@ use lbm::links::BodyLink;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Marks a cell whose owner before this update is noted.
+/// Bit that marks a cell whose owner before this update is recorded.
 const NOTED: u32 = 1 << 31;
 
-/// Rows from which a thread pays.
+/// Minimum number of rows per thread.
 const ROWS_PER_THREAD: usize = 16;
 
-/// Bodies that turned out to share cells with others.
+/// Bodies found to share cells with others.
 #[derive(Clone, Debug, Default)]
 struct Sharing {
-    /// Places of those that came, and tags of those that were there.
+    /// Indices of the new bodies in a shared cell, and tags of those already there.
     came: Vec<usize>,
     there: Vec<u32>,
 }
@@ -31,7 +31,7 @@ pub(super) struct Settled {
     sharing: Sharing,
 }
 
-/// Layers of cells along the last axis, which one thread changes.
+/// Layers of cells along the last axis that one thread changes.
 struct Layers<'a> {
     slab: &'a Slab,
     /// Owners of the cells of these layers.
@@ -42,7 +42,8 @@ struct Layers<'a> {
 }
 
 impl BodyMap {
-    /// Gives each entry of the particles the map of the same body and image, and clears those that went away.
+    /// Assigns to each entry of the particles the map of the same body and image, and clears the maps of bodies
+    /// that are gone.
     pub(super) fn adopt<Sp: Space>(&mut self, particles: &Particles<Sp>) {
         let mut old: HashMap<(u64, [i32; 3]), (Mapped, Vec<BodyLink>)> = self
             .bodies
@@ -65,7 +66,7 @@ impl BodyMap {
             bodies.push(mapped);
             links.push(list);
         }
-        // What is left went away; in a fixed order, though no result depends on it.
+        // The remaining bodies are gone; they are processed in a fixed order, although no result depends on it.
         let mut gone: Vec<Mapped> = old.into_values().map(|(body, _)| body).collect();
         gone.sort_by_key(|body| (body.id, body.shift));
         let mut all = Layers {
@@ -92,7 +93,7 @@ impl BodyMap {
         }
     }
 
-    /// Maps again the bodies found by the search and those that share cells.
+    /// Maps the bodies again that the search found, and those that share cells.
     pub(super) fn settle(&mut self) {
         for one in &self.again {
             let body = &mut self.bodies[one.body];
@@ -103,7 +104,7 @@ impl BodyMap {
         let (again, found) = (&self.again, &self.found);
         let (bodies, slab) = (&self.bodies, &self.slab);
         let shared = || again.iter().filter(|one| one.shared);
-        // Rows that bodies leave, and then those that they take.
+        // Rows that bodies release, then rows that they occupy.
         let before = |one: &Again| match &bodies[one.body] {
             body if one.moved => &body.other,
             body => &body.rows,
@@ -111,7 +112,7 @@ impl BodyMap {
         let lost = || found.iter().flat_map(|found| &found.lost);
         let gained = || found.iter().flat_map(|found| &found.gained);
 
-        // Each thread settles the layers of as many rows.
+        // Each thread assigns layers with about equally many rows.
         let mut rows_below = std::mem::take(&mut self.rows_below);
         rows_below.clear();
         rows_below.resize(slab.layers() + 1, 0);
@@ -130,7 +131,7 @@ impl BodyMap {
             piece if piece == pieces => slab.layers(),
             piece => rows_below.partition_point(|&rows| rows * pieces < all * piece),
         };
-        // What threads had before stays for when they are needed again.
+        // Buffers of further threads are kept for later use.
         self.settled
             .resize_with(pieces.max(self.settled.len()), Settled::default);
         let cells = slab.cells_of_a_layer();
@@ -148,7 +149,7 @@ impl BodyMap {
                 changes,
                 sharing,
             };
-            // First all release cells, so that none takes what another is about to leave.
+            // All cells are released first, so that no body takes a cell that another is about to release.
             for one in shared() {
                 let mine = tag(bodies[one.body].id);
                 own.each(before(one), |own, row| own.release(row, mine));
@@ -170,7 +171,7 @@ impl BodyMap {
             }
         });
         self.rows_below = rows_below;
-        // Of bodies that went away.
+        // Changes by bodies that are gone.
         for change in &self.changes {
             self.owner[self.slab.layout_index(change.cell)] &= !NOTED;
         }
@@ -197,7 +198,7 @@ impl Layers<'_> {
         (place < self.owner.len()).then_some(place)
     }
 
-    /// Returns the owners of the cells of a row, with the first of the cells; none of other layers.
+    /// Returns the index range of the cells of a row; empty for other layers.
     fn row(&self, row: Row) -> Range<usize> {
         let first = [row.span[0], row.y, row.z];
         let first = self.index(first).filter(|_| row.length() > 0);
@@ -211,7 +212,7 @@ impl Layers<'_> {
         }
     }
 
-    /// Sets the owner of a cell, and remembers the one before this update.
+    /// Sets the owner of a cell, and records the owner before this update.
     fn set(&mut self, cell: [i32; 3], place: usize, owner: u32) {
         let before = self.owner[place];
         if before & NOTED == 0 {
@@ -224,7 +225,7 @@ impl Layers<'_> {
         self.owner[place] = owner | NOTED;
     }
 
-    /// Gives the cells of a row that are a body's back to the water.
+    /// Returns the cells of a row that a body owns to the water.
     fn release(&mut self, row: Row, mine: u32) {
         for (place, cell) in self.row(row).zip(row.cells()) {
             if self.owner[place] == mine {
@@ -233,7 +234,7 @@ impl Layers<'_> {
         }
     }
 
-    /// Takes the cells of a row for the body at a place, but those of bodies of lower id.
+    /// Assigns the cells of a row to the body at an index, except those of bodies of lower id.
     fn occupy(&mut self, row: Row, body: usize, mine: u32) {
         for (place, cell) in self.row(row).zip(row.cells()) {
             let there = self.owner[place] & !NOTED;

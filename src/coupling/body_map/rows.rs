@@ -1,17 +1,17 @@
-//! The cells of a body near a slab, as one span in each row along x: bodies are convex.
+//! Cells of a body near a slab, as one span per row along x: bodies are convex.
 
 /// Spans of cells in rows along x.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Rows {
     /// First row: its y and z.
     low: [i32; 2],
-    /// Rows along y and z.
+    /// Number of rows along y and z.
     count: [i32; 2],
-    /// First x of a row and one past its last, y fastest; equal where the row is empty.
+    /// First x of a row and one past its last, y fastest; equal for an empty row.
     spans: Vec<[i32; 2]>,
 }
 
-/// One row: a span of x, and y and z.
+/// Row of cells: a span of x, and y and z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Row {
     pub(super) span: [i32; 2],
@@ -31,8 +31,8 @@ impl Row {
 }
 
 impl Rows {
-    /// Takes new rows, from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are left out, so
-    /// that the same cells in two dimensions are the same rows.
+    /// Sets the rows from `low` to `high` (y and z, both inclusive). Rows without cells at the ends are dropped, so
+    /// that equal cells give equal rows in two dimensions.
     pub(super) fn take(
         &mut self,
         low: [i32; 2],
@@ -47,7 +47,7 @@ impl Rows {
                 self.spans.push(span(y, z));
             }
         }
-        // Whole planes, or single rows of the only plane.
+        // Drop whole planes, or single rows if there is one plane only.
         let axis = usize::from(self.count[1] != 1);
         let group = if axis == 1 {
             usize::try_from(self.count[0]).unwrap_or(0)
@@ -83,7 +83,7 @@ impl Rows {
         self.count = [0; 2];
     }
 
-    /// Returns the span of a row; an empty one where there is none.
+    /// Returns the span of a row; empty if there is no such row.
     pub(super) fn span(&self, y: i32, z: i32) -> [i32; 2] {
         let at = [y - self.low[0], z - self.low[1]];
         if (0..2).all(|a| (0..self.count[a]).contains(&at[a])) {
@@ -94,7 +94,7 @@ impl Rows {
         }
     }
 
-    /// Returns every row that holds cells.
+    /// Returns every non-empty row.
     pub(super) fn rows(&self) -> impl Iterator<Item = Row> {
         let width = usize::try_from(self.count[0]).unwrap_or(0).max(1);
         let place = |n: usize| i32::try_from(n).unwrap_or(i32::MAX);
@@ -107,7 +107,7 @@ impl Rows {
         all.filter(|row| row.span[0] < row.span[1])
     }
 
-    /// Returns the parts of a row that are not in these rows.
+    /// Returns the parts of a row that these rows do not contain.
     pub(super) fn lack(&self, row: Row) -> [Row; 2] {
         let here = self.span(row.y, row.z);
         let part = |from: i32, to: i32| Row {
@@ -121,10 +121,11 @@ impl Rows {
         [part(from, to.min(here[0])), part(from.max(here[1]), to)]
     }
 
-    /// Returns the ends of a row whose cells have a neighbour outside the body, among the adjacent cells (3 or 9 rows).
+    /// Returns the parts at both ends of a row whose cells have a neighbour outside the body, judged by the
+    /// adjacent rows (3 or 9).
     pub(super) fn ends(&self, row: Row, deep: bool) -> [Row; 2] {
         let deep = i32::from(deep);
-        // What all rows around hold, without the first and the last cell.
+        // Intersection of all adjacent rows, without its first and last cell.
         let [mut from, mut to] = row.span;
         for z in row.z - deep..=row.z + deep {
             for y in row.y - 1..=row.y + 1 {

@@ -1,4 +1,4 @@
-//! The cells of one slab and of the layers round it.
+//! Cells of one slab and of the ghost layers around it.
 
 use super::rows::Row;
 use super::{GHOSTS, MapGrid};
@@ -6,7 +6,7 @@ use base::number::{floor_i32, to_i32};
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
 
-/// Positions of the cells of a slab; all coordinates are local.
+/// Index computations for the cells of a slab; all coordinates are local.
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
     pub(super) grid: MapGrid,
@@ -29,8 +29,8 @@ impl Slab {
         if axis < self.dimension { GHOSTS } else { 0 }
     }
 
-    /// Returns one value for each cell of the slab and of [`GHOSTS`] layers round it, x fastest: one within the domain,
-    /// one outside.
+    /// Returns one value for each cell of the slab and of [`GHOSTS`] layers around it, x fastest: `inside` within
+    /// the domain, `outside` elsewhere.
     pub(super) fn layout(&self, inside: u32, outside: u32) -> Vec<u32> {
         let range = |a: usize| -self.ghosts(a)..self.cells[a] + self.ghosts(a);
         let mut values = Vec::with_capacity((0..3).map(|a| range(a).len()).product());
@@ -48,13 +48,13 @@ impl Slab {
         values
     }
 
-    /// Layers of cells along the last axis, ghosts among them.
+    /// Returns the number of layers of cells along the last axis, including ghosts.
     pub(super) fn layers(&self) -> usize {
         let axis = self.dimension - 1;
         usize::try_from(self.cells[axis] + 2 * self.ghosts(axis)).unwrap_or(0)
     }
 
-    /// Returns the cells of a layer: they follow each other in a [`Self::layout`].
+    /// Returns the number of cells of a layer, which are contiguous in a [`Self::layout`].
     pub(super) fn cells_of_a_layer(&self) -> usize {
         let all = (0..self.dimension - 1).map(|a| self.cells[a] + 2 * self.ghosts(a));
         usize::try_from(all.product::<i32>()).unwrap_or(0)
@@ -74,7 +74,7 @@ impl Slab {
         usize::try_from((k(2) * size(1) + k(1)) * size(0) + k(0)).unwrap_or(usize::MAX)
     }
 
-    /// Returns the distance between the places of a cell and of its neighbour along a direction.
+    /// Returns the index offset between a cell and its neighbour along a direction.
     pub(super) fn step(&self, c: [i8; 3]) -> isize {
         let size = |a: usize| (self.cells[a] + 2 * self.ghosts(a)) as isize;
         (isize::from(c[2]) * size(1) + isize::from(c[1])) * size(0) + isize::from(c[0])
@@ -119,7 +119,7 @@ impl Slab {
         [low, high]
     }
 
-    /// Returns the largest number of rows that a window of this reach has, wherever its body is.
+    /// Returns the maximum number of rows of a window with this reach, for any position of the body.
     pub(super) fn most_rows(&self, reach: f64) -> usize {
         let across = floor_i32(2.0 * reach) + 2;
         (1..self.dimension)

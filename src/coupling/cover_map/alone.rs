@@ -1,9 +1,9 @@
-//! Bodies that are apart from all others and from the walls.
+//! Bodies that are separate from all others and from the walls.
 //!
-//! Full cells of two bodies are neighbours only if the bodies nearly touch: each reaches the corner that the cells
-//! share. A body whose bounding sphere keeps a distance from those of all others and from the walls therefore has no
-//! such cells, and the lattice need not check their neighbours ([`lbm::saturation::CoveringBody::alone`]). A result is
-//! valid until a body has moved by half of the margin with which it was found.
+//! Full cells of two bodies are neighbours only if the bodies nearly touch, because both reach the corner that the
+//! cells share. A body whose bounding sphere has a minimum distance from all others and from the walls therefore
+//! has no such cells, and the lattice need not check their neighbours ([`lbm::saturation::CoveringBody::alone`]). A
+//! result is valid until a body has moved by half of the margin used in the search.
 
 use super::super::body_map::MapGrid;
 use super::super::solid_fraction::FractionMethod;
@@ -11,10 +11,10 @@ use base::number::real;
 use lbm::lanes::{Level, Work};
 use std::cmp::Ordering;
 
-/// Distance that is found to spare, in cells.
+/// Margin of the search, in cells.
 const SPARE: f64 = 0.25;
 
-/// The bounding sphere of a body or of its image, in cells from the corner of the domain.
+/// Bounding sphere of a body or of its image, in cells from the corner of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sphere {
     pub(super) centre: [f64; 3],
@@ -26,12 +26,12 @@ pub(super) struct Sphere {
 pub(super) struct Alone {
     found_for: Vec<Sphere>,
     alone: Vec<bool>,
-    /// The spheres from low to high along an axis.
+    /// Indices of the spheres sorted along an axis.
     order: Vec<u32>,
     sorted: Sorted,
 }
 
-/// The spheres in the order of [`Alone::order`]: an array for each number, so that several neighbours are looked at in
+/// Spheres in the order of [`Alone::order`], with an array per coordinate, so that several neighbours are tested by
 /// one instruction.
 #[derive(Debug, Default)]
 struct Sorted {
@@ -39,11 +39,11 @@ struct Sorted {
     radius: Vec<f64>,
     /// Start of each sphere along the axis.
     low: Vec<f64>,
-    /// 0 or 1: whether it is near another.
+    /// 1 if the sphere is near another, otherwise 0.
     near: Vec<u64>,
 }
 
-/// Marks each sphere that is near another.
+/// Operation that marks each sphere that is near another.
 struct Pairs<'a> {
     sorted: &'a mut Sorted,
     axis: usize,
@@ -80,7 +80,7 @@ impl Work for Pairs<'_> {
             for n in 0..count {
                 let (dx, dy, dz) = (own[0] - x[n], own[1] - y[n], own[2] - z[n]);
                 let apart = size + radius[n];
-                // Also where a number is none.
+                // Written so that NaN counts as near.
                 let meets = u64::from(dx * dx + dy * dy + dz * dz > apart * apart) ^ 1;
                 others[n] |= meets;
                 found |= meets;
@@ -91,7 +91,7 @@ impl Work for Pairs<'_> {
 }
 
 impl Alone {
-    /// Returns `true` if a sphere of the last update is apart from all others.
+    /// Returns `true` if a sphere of the last update is separate from all others.
     #[must_use]
     pub(super) fn is(&self, k: usize) -> bool {
         self.alone[k]
@@ -109,7 +109,7 @@ impl Alone {
             let moved: f64 = (0..3)
                 .map(|a| (old.centre[a] - new.centre[a]).powi(2))
                 .sum();
-            // Nothing is known where a number is none.
+            // A NaN counts as moved.
             moved <= (0.5 * SPARE).powi(2) && old.radius.total_cmp(&new.radius).is_eq()
         };
         if self.found_for.len() == spheres.len()
@@ -119,8 +119,8 @@ impl Alone {
         }
         self.found_for.clear();
         self.found_for.extend(spheres);
-        // A cell counts as full if no more than 1e-6 of it is missing. Samples and the linear rule err by parts of a
-        // cell at each of two bodies.
+        // A cell counts as full if at most 1e-6 of it is missing. The fractions by samples and by the linear rule
+        // have errors of parts of a cell at each of two bodies.
         let reach = match method {
             FractionMethod::Exact => 0.25,
             FractionMethod::Samples(_) | FractionMethod::Linear => 2.0,
@@ -157,7 +157,7 @@ impl Alone {
             self.order.clear();
             self.order.extend((0..).take(spheres.len()));
         }
-        // Nearly sorted but for the first time.
+        // Nearly sorted, except the first time.
         self.order.sort_by(|a, b| low(a).total_cmp(&low(b)));
         let Sorted {
             centre,
@@ -167,7 +167,7 @@ impl Alone {
         } = &mut self.sorted;
         for (a, centre) in centre.iter_mut().enumerate() {
             centre.clear();
-            // Bodies beyond the plane do not matter.
+            // Bodies beyond the plane have no effect.
             centre.extend(self.order.iter().map(|&k| {
                 if a < dimension {
                     spheres[k as usize].centre[a]
@@ -273,7 +273,7 @@ mod tests {
                 FractionMethod::Exact,
                 3,
             );
-            // A gap below a quarter of a cell is never taken for none.
+            // A gap above a quarter of a cell always counts as separate.
             assert!(x > 18.25 || !alone.is(0), "{x}");
             assert!(x < 18.75 || alone.is(1), "{x}");
             x -= 0.01;

@@ -1,4 +1,4 @@
-//! The cells that a body covers, as runs along the rows of the lattice.
+//! Cells covered by a body, as runs along the rows of the lattice.
 
 use super::super::solid_fraction::{BallInCells, Form, FractionMethod, PolyhedronSurface, Scratch};
 use base::ball::Beside;
@@ -8,27 +8,27 @@ use lbm::saturation::DEEP;
 use lbm::saturation::cover::CoverPart;
 use std::ops::Range;
 
-/// Neighbouring cells of a row.
+/// Run of neighbouring cells of a row.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     /// Position in the lattice of cell 0 of the row.
     row: u32,
     /// First cell.
     first: i32,
-    /// End of its fractions in [`Runs::parts`]; they begin at the end of the run before it.
+    /// End of its fractions in [`Runs::parts`]; they begin at the end of the previous run.
     end: u32,
 }
 
-/// The cells of one body by rising position, at most one run in a row.
+/// Cells of one body in ascending order of positions, at most one run per row.
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     runs: Vec<Run>,
-    /// Fraction of each cell that the body fills: [`DEEP`] deep inside, 0 if it does not, and for a ghost cell the
-    /// negative. Elements beyond the end of the last run are spare capacity.
+    /// Solid fraction of each cell: [`DEEP`] for cells deep inside, 0 for cells not covered, and negative for ghost
+    /// cells. Elements beyond the end of the last run are spare capacity.
     parts: Vec<f32>,
 }
 
-/// The next run and its fractions.
+/// Run with its fractions.
 type Piece<'a> = (Run, &'a [f32]);
 
 impl Runs {
@@ -69,7 +69,7 @@ impl Runs {
         before.map_or(0, |before| self.runs[before].end as usize)
     }
 
-    /// Returns the runs in rows whose positions are some of these.
+    /// Returns the runs of rows whose positions are in a range.
     fn within(&self, positions: &Range<usize>) -> Range<usize> {
         let lies =
             |run: Option<&Run>| run.is_some_and(|run| positions.contains(&(run.row as usize)));
@@ -83,7 +83,7 @@ impl Runs {
         before(positions.start)..before(positions.end)
     }
 
-    /// Positions of its cells in the share of a thread in the rows, and how much of each it fills.
+    /// Returns position and solid fraction of the cells in the rows of one thread.
     pub(super) fn cells_of_thread(
         &self,
         thread: usize,
@@ -97,7 +97,7 @@ impl Runs {
         })
     }
 
-    /// Takes out the cells marked at their position.
+    /// Removes the cells that are marked at their position.
     pub(super) fn leave_out(&mut self, closed: &[bool]) {
         let mut start = 0;
         for run in &self.runs {
@@ -111,10 +111,11 @@ impl Runs {
         }
     }
 
-    /// Passes to a part of the lattice in what the cells of a body there differ from those that it covered before. Rows
-    /// lie in one part each.
+    /// Writes to a part of the cover only the cells of a body that differ from `before`. Each row belongs to one
+    /// part.
     pub(super) fn write_changes(&self, cover: &mut CoverPart<'_>, slot: u32, before: &Self) {
-        // Runs ahead whose cells are asked for: the pass over the populations has driven them out of the cache.
+        // Number of runs by which cells are prefetched: the pass over the populations has evicted them from the
+        // cache.
         const AHEAD: usize = 16;
         let place = |run: &Run, k: i32| (run.row as usize).wrapping_add_signed(k as isize);
         let positions = cover.positions();
@@ -149,7 +150,7 @@ impl Runs {
     }
 }
 
-/// Passes to the lattice in what two runs of a row differ, each given by its first cell and its fractions.
+/// Writes the difference of two runs of a row, each given by its first cell and its fractions.
 #[inline(always)]
 fn change(
     cover: &mut CoverPart<'_>,
@@ -162,7 +163,7 @@ fn change(
     let mut tell = |k: i32, part: f32| {
         cover.cover(row.wrapping_add_signed(k as isize), slot, part);
     };
-    // The cells that both have lie between `from` and `to`.
+    // The cells in both runs lie between `from` and `to`.
     let from = was_first.max(first);
     let to = (was_first + to_i32(was.len()))
         .min(first + to_i32(parts.len()))
@@ -198,7 +199,7 @@ fn change(
     }
 }
 
-/// The lattice as rows of cells.
+/// Lattice as rows of cells.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
     pub(super) cells: [i32; 3],
@@ -214,14 +215,14 @@ fn whole(n: i32) -> usize {
     usize::try_from(n).unwrap_or(0)
 }
 
-/// Lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one instruction with
-/// AVX2 and a call without.
+/// Operation that lists the cells of the slab and its ghost cells that a body fills. Rounding to whole cells is one
+/// instruction with AVX2, and a function call without.
 pub(super) struct Walk<'a, 'f> {
     pub(super) rows: &'a Rows,
     pub(super) form: &'a Form<'f>,
     /// Offset from the raw frame of the body to the cells of the slab.
     pub(super) frame: [i32; 3],
-    /// Planes of the slab to search; ghost planes are those before the first and behind the last.
+    /// Planes of the slab to search; ghost planes are those before the first and after the last.
     pub(super) planes: Range<i32>,
     pub(super) method: FractionMethod,
     pub(super) scratch: &'a mut Scratch,
@@ -234,7 +235,7 @@ enum Exact<'a> {
     Ball,
     Disc,
     Block(&'a PolyhedronSurface),
-    /// Each cell is measured alone.
+    /// No table: each cell is measured separately.
     None,
 }
 
@@ -250,7 +251,7 @@ impl<'a> Exact<'a> {
     }
 }
 
-/// Box of cells that holds what a slab has of a body.
+/// Box of cells that contains the part of a body in a slab.
 struct Area<'a, 'f> {
     rows: &'a Rows,
     form: &'a Form<'f>,
@@ -267,13 +268,14 @@ struct Area<'a, 'f> {
 /// Coordinates of a row of cells.
 #[derive(Clone, Copy)]
 struct Place {
-    /// Along the axis of the layers.
+    /// Coordinate along the axis of the layers.
     layer: i32,
-    /// Along the axis of the rows of a layer.
+    /// Coordinate along the axis of the rows of a layer.
     row: i32,
 }
 
-/// Cells of a row: those that a body may meet, those that it fills, and those that it fills with all cells around them.
+/// Cells of a row that a body may intersect, cells that it fills, and cells that it fills together with all
+/// adjacent cells.
 struct InRow {
     outer: Range<i32>,
     full: Range<i32>,
@@ -306,7 +308,7 @@ impl Work for Walk<'_, '_> {
                     let parts = &mut found.parts[end..end + length];
                     area.measure(place, &cells, scratch, parts);
                 } else {
-                    // In whole vectors: what is beyond the end of the row is written over.
+                    // Copied in whole vectors; elements beyond the end of the row are overwritten.
                     let padded = length.next_multiple_of(WIDEST);
                     let parts = &mut found.parts[end..end + padded];
                     area.take(place, &cells, scratch, parts);
@@ -325,7 +327,7 @@ impl Work for Walk<'_, '_> {
 }
 
 impl<'a, 'f> Walk<'a, 'f> {
-    /// Returns the box of the body; none if the slab has no cell of it.
+    /// Returns the box of the body; none if it has no cell in the slab.
     #[inline(always)]
     fn area(&self) -> Option<Area<'a, 'f>> {
         let (rows, frame) = (self.rows, self.frame);
@@ -343,7 +345,7 @@ impl<'a, 'f> Walk<'a, 'f> {
         if (0..3).any(|a| low[a] >= high[a]) {
             return None;
         }
-        // In the plane all rows are in one layer: their ends are found together.
+        // In the plane all rows are in one layer, so that their ends are computed together.
         let axes = match rows.order {
             [slow, middle, fast] if middle >= rows.dimension => [middle, slow, fast],
             order => order,
@@ -376,7 +378,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Prepares the tables: exact fractions are found for all cells of the box at once.
+    /// Prepares the tables: exact fractions are computed for all cells of the box at once.
     #[inline(always)]
     fn fill(&self, scratch: &mut Scratch) {
         let (centre, radius) = self.form.bounds();
@@ -410,7 +412,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Goes to a layer.
+    /// Prepares a layer.
     #[inline(always)]
     fn layer(&self, layer: i32, scratch: &mut Scratch) {
         let [slow, _, fast] = self.axes;
@@ -432,7 +434,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Returns the cells of a row; none if the body does not meet it.
+    /// Returns the cells of a row; none if the body does not intersect it.
     #[inline(always)]
     fn cells(&self, place: Place, scratch: &Scratch) -> Option<InRow> {
         let [_, middle, fast] = self.axes;
@@ -450,7 +452,7 @@ impl Area<'_, '_> {
         Some(InRow { outer, full, deep })
     }
 
-    /// Takes the fractions of a row from the table, in one loop.
+    /// Copies the fractions of a row from the table, in one loop.
     #[inline(always)]
     fn take(&self, place: Place, cells: &InRow, scratch: &mut Scratch, parts: &mut [f32]) {
         let [slow, middle, fast] = self.axes;
@@ -461,7 +463,7 @@ impl Area<'_, '_> {
             Exact::Ball => scratch.ball.row(across, start, count),
             Exact::Block(_) => scratch.block.row(across, start, count),
             Exact::Disc | Exact::None => {
-                // One of the two axes has one cell alone.
+                // One of the two axes has a single cell.
                 let row = whole(place.layer - self.low[slow]).max(across);
                 scratch.disc.row(row, start, count)
             }
@@ -479,7 +481,7 @@ impl Area<'_, '_> {
         }
     }
 
-    /// Measures the cells at the surface one by one; those between them are full.
+    /// Measures the cells at the surface one by one; the cells between them are full.
     #[inline(always)]
     fn measure(&self, place: Place, cells: &InRow, scratch: &mut Scratch, parts: &mut [f32]) {
         let [slow, middle, fast] = self.axes;
@@ -500,7 +502,7 @@ impl Area<'_, '_> {
         parts[within(deep)].fill(DEEP);
     }
 
-    /// Marks the ghost cells of a row from cell `first` on: all of them, or those at its ends.
+    /// Marks the ghost cells of a row that begins at cell `first`: all of them, or those at its ends.
     #[inline(always)]
     fn mark_ghosts(&self, place: Place, first: i32, parts: &mut [f32]) {
         let ([slow, middle, fast], cells) = (self.axes, &self.rows.cells);
@@ -536,11 +538,11 @@ impl Area<'_, '_> {
 /// Marks a ghost cell.
 #[inline(always)]
 fn turn(part: &mut f32) {
-    // Not -0: a cell that is not covered has one form.
+    // This avoids -0, so that a cell that is not covered has one representation.
     *part = 0.0 - *part;
 }
 
-/// Returns the part of the cells within a range; an empty part also lies within it.
+/// Returns the part of the cells within a range; an empty part also lies within the range.
 #[inline(always)]
 fn clamped([start, end]: [i32; 2], range: &Range<i32>) -> Range<i32> {
     let start = start.clamp(range.start, range.end);

@@ -1,4 +1,4 @@
-//! The balance of momentum of water and grains, and the extremes of a run.
+//! Balance of momentum of water and grains, and extreme values of a run.
 
 use super::Seepage;
 use super::medium::pores_of;
@@ -6,45 +6,45 @@ use super::water::size;
 use decomposition::ExactSum;
 use dem::space::Space;
 
-/// Balance of a coupling.
+/// Momentum balance of a coupling.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
     /// Sum of the forces on grains \[N\].
     pub on_grains: [f64; 3],
-    /// -integral of grad p over the cells that hold grains, inside the walls \[N\].
+    /// Integral of -grad p over the cells that contain grains, inside the walls \[N\].
     pub pressure: [f64; 3],
     /// Weight of the water in those cells \[N\].
     pub weight: [f64; 3],
-    /// Reaction of grains in dilute water and friction of open water in those cells, which walls and inertia
-    /// take up \[N\].
+    /// Reaction of grains in dilute water and friction of open water in those cells, absorbed by walls and inertia
+    /// \[N\].
     pub open_water: [f64; 3],
-    /// Size of what is missing over the largest of the four.
+    /// Magnitude of the residual divided by the largest of the four.
     pub closure: f64,
-    /// The largest Reynolds number `rho q d/mu` of the flux past the grains of a cell.
+    /// Largest Reynolds number `rho q d/mu` of the flux past the grains of a cell.
     pub reynolds: f64,
-    /// Grains whose drag was taken at the end of the interval.
+    /// Number of grains whose drag was taken at the end of the interval.
     pub implicit: u64,
 }
 
-/// The extremes of all couplings of a run, a restart aside.
+/// Extreme values over all couplings of a run since its last restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extremes {
-    /// The largest closure of momentum.
+    /// Largest closure of momentum.
     pub closure: f64,
-    /// The largest Reynolds number of the pores.
+    /// Largest Reynolds number of the pores.
     pub reynolds: f64,
-    /// The largest speed of a grain of this rank \[m/s\].
+    /// Largest speed of a grain of this rank \[m/s\].
     pub speed: f64,
     /// Largest speed of a grain of this rank at the first coupling \[m/s\].
     pub first_speed: f64,
-    /// The largest difference of the reduced pressure \[Pa\].
+    /// Largest difference of the reduced pressure \[Pa\].
     pub pressure: f64,
-    /// The largest speed of the water in a cell \[m/s\].
+    /// Largest speed of the water in a cell \[m/s\].
     pub water: f64,
 }
 
 impl<Sp: Space> Seepage<Sp> {
-    /// Returns the extremes of the couplings so far, with the speeds of all ranks. Collective.
+    /// Returns the extreme values of the couplings so far, with the speeds of all ranks. Collective.
     #[must_use]
     pub fn extremes(&self) -> Extremes {
         let mine = self.extremes.unwrap_or_default();
@@ -56,7 +56,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Takes note of a coupling at which the fastest grain of this rank had this speed \[m/s\].
+    /// Records a coupling at which the largest speed of a grain of this rank was this \[m/s\].
     pub(super) fn keep_extremes(&mut self, speed: f64) {
         let before = self.extremes.unwrap_or(Extremes {
             first_speed: speed,
@@ -73,7 +73,7 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Returns `true` if the cell holds grains whose forces are part of the balance.
+    /// Returns `true` if the cell contains grains whose forces are part of the balance.
     fn counts(&self, cell: usize) -> bool {
         self.pores.solid_volume(cell) > 0.0 && !self.is_body(cell)
     }
@@ -89,7 +89,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Returns what walls and inertia of open water take up in a cell along an axis \[N\].
+    /// Returns the momentum absorbed by walls and inertia of open water in a cell along an axis \[N\].
     fn taken_up(&self, cell: usize, axis: usize) -> f64 {
         let water = &self.water;
         let flux = water.flux[cell][axis];
@@ -107,7 +107,7 @@ impl<Sp: Space> Seepage<Sp> {
         (1.0 - water.coupled[cell]) * drag - friction
     }
 
-    /// Balances momentum. Collective.
+    /// Computes the momentum balance. Collective.
     pub(super) fn close(&mut self, mut on_grains: [ExactSum; 3], implicit: u64) {
         let mut balance = Balance {
             implicit: self.communicator.all_reduce_sum_u64(implicit),

@@ -1,9 +1,8 @@
-//! The grains as the water of each cell meets them: their drag, their motion until the next coupling, and
-//! the sums of both.
+//! Grains as seen by the water of each cell: their drag, their motion until the next coupling, and the sums of
+//! both.
 //!
-//! See the module above for the equations. A grain that lies in several cells answers in each of them to the
-//! water there: the force on it is
-//! the sum over its parts.
+//! See the module above for the equations. A grain that lies in several cells responds in each of them to the water
+//! there: the force on it is the sum over its parts.
 
 use super::parts::{GrainLoad, NUMBERS, Share, Term, UNITS};
 use super::water::{Ground, Water};
@@ -25,14 +24,14 @@ pub(super) struct Laws<'a> {
 }
 
 impl Laws<'_> {
-    /// Returns the force over the superficial slip \[kg/s\] by the reaction of the resistance, as the mean
-    /// over the axes.
+    /// Returns the coefficient of force over superficial slip \[kg/s\] from the reaction of the resistance,
+    /// averaged over the axes.
     pub(super) fn reaction(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> f64 {
         let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
         bed + alone
     }
 
-    /// Returns the part of a bed and the part of dilute water in [`Self::reaction`].
+    /// Returns the contributions of the bed law and of dilute water to [`Self::reaction`].
     fn parts_of_reaction(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> [f64; 2] {
         let mut parts = [0.0; 2];
         if ground.dense > 0.0 {
@@ -51,9 +50,9 @@ impl Laws<'_> {
         parts
     }
 
-    /// Returns the force over the superficial slip \[kg/s\] on a grain, and that of its reaction on the
-    /// water, along each axis. A bed that a boundary
-    /// of zones cuts differs along the axes; dilute water does not.
+    /// Returns the coefficients of force over superficial slip \[kg/s\] for a grain and for its reaction on the
+    /// water, along each axis. In a cell cut by a zone boundary the bed law depends on the axis; dilute water does
+    /// not.
     fn coefficients(&self, ground: &Ground, grain: &GrainSize, speed: f64) -> [[f64; 3]; 2] {
         let reaction = || {
             let [bed, alone] = self.parts_of_reaction(ground, grain, speed);
@@ -78,10 +77,10 @@ impl Laws<'_> {
     }
 }
 
-/// Least part of a change of velocity over the interval that counts: the load is that of the middle of the interval.
+/// Minimum weight of a velocity change over the interval: the load is that of the middle of the interval.
 const MIDDLE: f64 = 0.5;
 
-/// Knowledge of a grain before a coupling.
+/// Known data of a grain before a coupling.
 enum Start {
     /// First coupling; held by contacts.
     Held,
@@ -105,7 +104,7 @@ fn start<Sp: Space>(particles: &ParticlesView<'_, Sp>, k: usize) -> Start {
     }
 }
 
-/// Fills the terms of one thread's grains.
+/// Computes the terms of the grains of one thread.
 pub(super) fn fill<Sp: Space>(
     laws: Laws<'_>,
     ground: &[Option<Ground>],
@@ -123,7 +122,7 @@ pub(super) fn fill<Sp: Space>(
         let grain = GrainSize::new(Sp::DIMENSION, body.radius);
         let velocity: [f64; 3] = components(&particles.motion[k].velocity);
         let start = start(particles, k);
-        // What contacts hold bears the water at first as it is at rest.
+        // At first, a grain held by contacts loads the water as if it were stationary.
         let free =
             settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
         let (before, last) = match start {
@@ -144,7 +143,7 @@ pub(super) fn fill<Sp: Space>(
                 std::array::from_fn(|a| ground.flux[a] - ground.measure * velocity[a]);
             let speed = slip.iter().map(|u| u * u).sum::<f64>().sqrt();
             let [drag, reaction] = laws.coefficients(ground, &grain, speed);
-            // The interval over the time in which drag stops a bed.
+            // Ratio of the interval to the time in which drag stops a bed.
             let strongest = drag.iter().copied().fold(0.0, f64::max);
             let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
@@ -184,9 +183,8 @@ pub(super) fn fill<Sp: Space>(
     }
 }
 
-/// Finds the loads of one thread's grains: the force on each, and whether its drag is that at the end of the
-/// interval. `weight`: that of the
-/// water per volume \[N/m3\].
+/// Computes the loads of the grains of one thread: the force on each, and `true` if its drag is that at the end of
+/// the interval. `weight` is that of the water per volume \[N/m³\].
 pub(super) fn load<Sp: Space>(
     (water, weight): (&Water, [f64; 3]),
     particles: &ParticlesView<'_, Sp>,
@@ -218,25 +216,26 @@ pub(super) fn load<Sp: Space>(
     }
 }
 
-/// Sums over the parts of grains in a cell, along each axis; `w` is the part, `b` reaction times answer.
+/// Sums over the parts of grains in a cell, along each axis; `w` is the fraction, `b` reaction times answer.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
-    /// `sum w b`: reaction over flux \[kg/s\].
+    /// `sum w b`: ratio of reaction to flux \[kg/s\].
     pub(super) drag: [f64; 3],
-    /// `sum w b measure known`: reaction of the grains' own velocities \[N\].
+    /// `sum w b measure known`: reaction of the known velocities of the grains \[N\].
     pub(super) held: [f64; 3],
     /// `sum w V answer known` \[m4/s\].
     pub(super) moving: [f64; 3],
-    /// `sum w V compliance drag answer` \[m3\]: volume of grains that goes with the flux.
+    /// `sum w V compliance drag answer` \[m³\]: volume of grains that moves with the flux.
     pub(super) with_flux: [f64; 3],
-    /// `sum w V^2 compliance answer` [m6 s/kg]: volume of grains that the gradient moves.
+    /// `sum w V^2 compliance answer` [m⁶ s/kg]: volume of grains moved by the gradient.
     pub(super) with_gradient: [f64; 3],
-    /// `sum w b measure compliance V` \[m3\]: reaction over gradient.
+    /// `sum w b measure compliance V` \[m³\]: ratio of reaction to gradient.
     pub(super) pushed: [f64; 3],
 }
 
 impl Sum {
-    /// Returns the velocity of the water at which the reaction vanishes without a gradient, along each axis \[m/s\].
+    /// Returns the velocity of the water at which the reaction vanishes without a gradient, along each axis
+    /// \[m/s\].
     pub(super) fn mean(&self) -> [f64; 3] {
         std::array::from_fn(|a| {
             if self.drag[a] > 0.0 {
@@ -248,7 +247,7 @@ impl Sum {
     }
 }
 
-/// The sums of all cells, as integers: they do not depend on the order of grains or ranks.
+/// Sums of all cells as integers, which do not depend on the order of grains or ranks.
 #[derive(Debug)]
 pub(super) struct Sums {
     sums: Vec<[i128; NUMBERS]>,
@@ -257,7 +256,7 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Sums of a number of cells without grains.
+    /// Returns the sums of a number of cells without grains.
     pub(super) fn new(cells: usize) -> Self {
         Self {
             sums: vec![[0; NUMBERS]; cells],
@@ -337,13 +336,13 @@ impl Sums {
     }
 }
 
-/// Sizes between which a unit and its inverse are finite.
+/// Magnitude below which a unit and its inverse are finite.
 const LARGEST: f64 = 1e300;
 const SMALLEST: f64 = 1e-300;
-/// 2^-62.
+/// Smallest step, 2^-62.
 const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 
-/// Returns the contribution of the part of a grain to the sums of its cell, in the order of [`Sum`].
+/// Returns the contribution of a part of a grain to the sums of its cell, in the order of [`Sum`].
 fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
     let mut all = [0.0; NUMBERS];
     for a in 0..3 {

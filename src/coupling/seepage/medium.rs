@@ -1,4 +1,5 @@
-//! Porosity, permeability and pressure for the grains where they are: see the module above for the equations.
+//! Porosity, permeability and pressure for the present positions of the grains: see the module above for the
+//! equations.
 
 use super::bed::{self, Laws, Sum};
 use super::water::{Ground, Secant, size};
@@ -16,29 +17,30 @@ use dem::particles::ParticlesView;
 use dem::space::Space;
 use std::sync::Arc;
 
-/// Relative change of a coefficient in a round from which the rounds continue in the next coupling, where
-/// grains move meanwhile.
+/// Relative change of a coefficient in a round below which the rounds continue in the next coupling, if grains move
+/// meanwhile.
 const GOES_ON: f64 = 2e-3;
-/// Relative change of a coefficient in a round at which it is settled, over the tolerance of the pressure,
-/// and at least.
+/// Relative change of a coefficient in a round at which it is converged: a multiple of the tolerance of the
+/// pressure, and a minimum.
 const SETTLED: f64 = 100.0;
 const LEAST_SETTLED: f64 = 1e-11;
-/// Rounds after which a change of this size is enough: below it, what is left may be the rounding of a
-/// pressure that next to nothing drives.
+/// Number of rounds after which a change of this size is accepted: it may be the rounding error of a pressure that
+/// has almost no drive.
 const PATIENT: u32 = 50;
 const NEAR: f64 = 1e-5;
-/// Rounds after which a run ends: the error halves in each or better.
+/// Maximum number of rounds: the error at least halves in each.
 const MOST_ROUNDS: u32 = 200;
-/// Solid fractions up to which the reaction of grains does not move the water around them, and from which it does.
+/// Solid fraction up to which the reaction of grains does not move the water around them, then that from which it
+/// does.
 const LONE: f64 = 0.02;
 const CLOUD: f64 = 0.05;
-/// Porosity from which the permeability of a zone passes over to that of its grains.
+/// Porosity above which the permeability of a zone changes to that of its grains.
 const LOOSE: f64 = 0.8;
-/// Largest porosity of the permeability from which open water has the resistance of its channel alone.
+/// Maximum porosity of the permeability law above which open water has only the resistance of its channel.
 const FREE: f64 = 0.9999;
-/// Least part of a cell that counts as pores in the balance of momentum.
+/// Minimum fraction of a cell that counts as pores in the balance of momentum.
 const LEAST_PORES: f64 = 1e-6;
-/// Relative distance of two speeds between which the slope of a law is taken.
+/// Relative difference of the two speeds with which the slope of a law is computed.
 const NEARBY: f64 = 1e-4;
 
 /// Returns d log R/d log u of a resistance at a speed.
@@ -52,7 +54,7 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
 }
 
 impl<Sp: Space> Seepage<Sp> {
-    /// Computes porosity, permeability and pressure for the grains where they are. Collective.
+    /// Computes porosity, permeability and pressure for the present positions of the grains. Collective.
     pub(super) fn seep(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
         self.parts.find(&self.pores, particles);
         self.pores.clear();
@@ -101,7 +103,7 @@ impl<Sp: Space> Seepage<Sp> {
         };
         self.water.has_open = self.water.channels.measure(&self.openness, openness_of);
         self.water.roughness = self.settings.roughness.unwrap_or_else(|| {
-            // The grains of the walls.
+            // Mean diameter of the grains of the walls.
             let (mut sum, mut count) = (0.0, 0.0);
             for (cell, porosity) in porosity.iter().enumerate() {
                 if !self.openness.blocked(cell) && openness(1.0 - porosity) <= 0.0 {
@@ -113,9 +115,9 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Weighs the cells: by the gradient, with the drag on the grains, and the speed of the water over the
-    /// largest of all cells. A coefficient counts as
-    /// much as it can change the flow; in water at rest nothing depends on it.
+    /// Computes the weights of the cells: their gradient with the drag on the grains, and their water speed,
+    /// relative to the largest of all cells. A coefficient counts as much as it can change the flow; in stationary
+    /// water nothing depends on it.
     fn weigh(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
@@ -137,7 +139,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Computes the friction of open water along each axis by the present speeds, for the next round; returns the
+    /// Computes the friction of open water along each axis from the present speeds, for the next round; returns the
     /// largest relative change, weighted.
     fn resist(&mut self) -> f64 {
         if !self.water.has_open {
@@ -162,7 +164,7 @@ impl<Sp: Space> Seepage<Sp> {
                 let duct = water.channels.duct(cell, axis);
                 let mut found = duct.resistance(liquid, water.roughness, water.speed[cell]);
                 if cap < FREE {
-                    // The case gives open water the resistance of a bed at least.
+                    // The case gives open water at least the resistance of a bed.
                     let diameter = self.pores.diameter()[cell];
                     found += law.resistance(cap, diameter, liquid, water.speed[cell]);
                 }
@@ -186,7 +188,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Porosities and laws of all cells, apart from the flux.
+    /// Computes porosities and laws of all cells, except for the flux.
     fn survey(&mut self) {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
@@ -234,7 +236,8 @@ impl<Sp: Space> Seepage<Sp> {
                     permeability: self.permeability[cell],
                 },
                 measure: match settings.equations {
-                    // A zone states a porosity of the law; that of the balances remains that of the grains.
+                    // A zone states the porosity of the law; the porosity of the balances is still that of the
+                    // grains.
                     Equations::Corrected if zone => settings.permeability.limited(porosity[cell]),
                     Equations::Corrected => felt,
                     Equations::Paper => 1.0,
@@ -254,8 +257,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Computes the permeability of the cells whose resistance is not a sum over grains: those of zones, and all where
-    /// the bed counts as at rest.
+    /// Computes the permeability of the cells whose resistance is not a sum over grains: those of zones, and all
+    /// cells if the bed counts as stationary.
     fn permeate(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let moves = settings.moves();
@@ -302,7 +305,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Finds the flux through each cell as a linear function of the gradient.
+    /// Computes the flux through each cell as a linear function of the gradient.
     fn conduct(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let dimension = self.openness.grid.dimension;
@@ -344,7 +347,7 @@ impl<Sp: Space> Seepage<Sp> {
                     (along[a], water.carried[cell][a]) = (mobility, 0.0);
                 }
             }
-            // Nothing crosses an axis that a scene in 2-D lacks.
+            // There is no flow along the axis that a 2-D scene lacks.
             let first = along[0];
             along[dimension..].fill(first);
             water.conductivity[cell] = along[0];
@@ -353,7 +356,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Laws and pressure, in turn until both stay; returns how many iterations that took. Collective.
+    /// Computes laws and pressure alternately until both converge; returns the number of iterations. Collective.
     fn converge(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
         let source = self.settings.transient && !moves && self.has_before;
@@ -370,7 +373,7 @@ impl<Sp: Space> Seepage<Sp> {
         let mut iterations = 0;
         for round in 1.. {
             if self.water.has_open {
-                // The friction by which the pressure was found stays that of its balance of momentum.
+                // The friction with which the pressure was computed is kept for its balance of momentum.
                 let water = &mut self.water;
                 water.still.copy_from_slice(&water.friction_next);
             }
@@ -402,7 +405,7 @@ impl<Sp: Space> Seepage<Sp> {
             }
         }
         if !moves {
-            // What grains meet is the flux found.
+            // The grains are subject to the computed flux.
             for (ground, flux) in self.water.ground.iter_mut().zip(&self.water.flux) {
                 if let Some(ground) = ground {
                     ground.flux = *flux;
@@ -433,7 +436,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Computes drag and motion of each part of a grain by the present flux.
+    /// Computes drag and motion of each part of a grain from the present flux.
     fn answer(&mut self, particles: &ParticlesView<'_, Sp>) {
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (laws, ground) = (self.laws(), &self.water.ground);
@@ -443,7 +446,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.parts.shares = shares;
     }
 
-    /// Terms and sums of the grains where they move with the water.
+    /// Computes terms and sums of the grains, if they move with the water.
     fn sum(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
         if !self.settings.moves() {
             return Ok(());
@@ -454,8 +457,9 @@ impl<Sp: Space> Seepage<Sp> {
             .map_err(failed)
     }
 
-    /// Computes the flux of the water at the pressure found, and the flux and speed for the next iteration; returns the
-    /// largest relative change of a coefficient, weighted by the gradient or the speed of its cell over the largest.
+    /// Computes the flux of the water from the pressure, and the flux and speed for the next iteration; returns the
+    /// largest relative change of a coefficient, weighted by the gradient or the speed of its cell relative to the
+    /// largest.
     fn follow(&mut self) -> f64 {
         let dimension = self.openness.grid.dimension;
         for cell in 0..self.water.flow.len() {
@@ -527,7 +531,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.settings.liquid.viscosity * ground.factor * grain.volume / b
     }
 
-    /// Returns the message of a run that ends because the coefficients do not settle.
+    /// Returns the message of a run that ends because the coefficients do not converge.
     fn unsettled(&self, change: f64, rounds: u32) -> String {
         let weight = &self.water.weight;
         let worst = (0..weight.len())
@@ -545,7 +549,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 }
 
-/// Returns the part of a cell inside the walls that water fills \[m3\].
+/// Returns the water-filled volume of a cell inside the walls \[m³\].
 pub(super) fn pores_of(openness: &Openness, porosity: &[f64], cell: usize) -> f64 {
     openness.volume(cell) * porosity[cell].max(LEAST_PORES)
 }

@@ -1,4 +1,4 @@
-//! The cells that hold parts of each own grain, found once for a coupling, by threads.
+//! Cells that contain parts of each owned grain, computed once per coupling, by threads.
 
 use base::thread_pool;
 use darcy::Pores;
@@ -6,36 +6,34 @@ use dem::particles::ParticlesView;
 use dem::space::Space;
 use std::ops::Range;
 
-/// Grains from which a thread pays.
+/// Minimum number of grains per thread.
 const PER_THREAD: usize = 100;
 
-/// Kinds of numbers that are summed in each cell; each kind shares a unit.
+/// Number of kinds of values that are summed in each cell; each kind has a common unit.
 pub(super) const UNITS: usize = 6;
-/// Numbers that are summed in each cell: each kind along each axis.
+/// Number of values that are summed in each cell: each kind along each axis.
 pub(super) const NUMBERS: usize = 3 * UNITS;
 
-/// The part of a grain in a cell, between two couplings: its velocity at the end is
-/// `answer [known + compliance (drag flux - V grad phi)]`, the force on it `drag (flux - measure velocity) -
-/// V grad p`.
+/// Part of a grain in a cell, between two couplings: its velocity at the end is `answer [known + compliance (drag
+/// flux - V grad phi)]`, the force on it `drag (flux - measure velocity) - V grad p`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Term {
-    /// Force over superficial slip along each axis \[kg/s\].
+    /// Ratio of force to superficial slip along each axis \[kg/s\].
     pub(super) drag: [f64; 3],
-    /// Reaction on the water over superficial slip along each axis \[kg/s\].
+    /// Ratio of the reaction on the water to superficial slip along each axis \[kg/s\].
     pub(super) reaction: [f64; 3],
-    /// Part of the interval over the mass of the grain \[s/kg\]; 0 where its velocity counts as it is.
+    /// Part of the interval divided by the mass of the grain \[s/kg\]; 0 if its present velocity counts.
     pub(super) compliance: f64,
     /// 1/(1 + compliance drag measure) along each axis.
     pub(super) answer: [f64; 3],
     /// Velocity without flux and gradient \[m/s\].
     pub(super) known: [f64; 3],
-    /// `true` if drag stops the grain within the interval, so that its velocity counts later than in the middle.
+    /// `true` if drag stops the grain within the interval, so that its velocity is taken later than in the middle.
     pub(super) late: bool,
 }
 
 impl Term {
-    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the grain as a
-    /// whole \[N\].
+    /// Returns the drag of a flux \[m/s\] and a gradient of the reduced pressure \[Pa/m\] on the whole grain \[N\].
     pub(super) fn drag(
         &self,
         volume: f64,
@@ -56,7 +54,7 @@ impl Term {
 pub(super) struct GrainLoad {
     /// Force \[N\].
     pub(super) force: [f64; 3],
-    /// Part of the force that the balance of momentum counts \[N\].
+    /// Part of the force that the balance of momentum includes \[N\].
     pub(super) counted: [f64; 3],
     /// `true` if the drag stops the grain within the interval.
     pub(super) implicit: bool,
@@ -69,7 +67,7 @@ pub(super) struct Share {
     first: usize,
     /// End of the parts of each grain.
     ends: Vec<usize>,
-    /// Cells that hold a part of a grain, each with the part.
+    /// Cells that contain a part of a grain, each with the fraction of the grain.
     pub(super) parts: Vec<(usize, f64)>,
     /// Drag and motion of each part.
     pub(super) terms: Vec<Term>,
@@ -86,27 +84,27 @@ impl Share {
         self.first..self.first + self.ends.len()
     }
 
-    /// Returns where the parts of one of its grains stand.
+    /// Returns the index range of the parts of one of its grains.
     pub(super) fn places(&self, grain: usize) -> Range<usize> {
         let n = grain - self.first;
         let start = n.checked_sub(1).map_or(0, |before| self.ends[before]);
         start..self.ends[n]
     }
 
-    /// Returns the cells that hold parts of one of its grains, each with the part.
+    /// Returns the cells that contain parts of one of its grains, each with the fraction.
     pub(super) fn cells_of(&self, grain: usize) -> &[(usize, f64)] {
         &self.parts[self.places(grain)]
     }
 }
 
-/// The parts of all own grains.
+/// Parts of all owned grains.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     pub(super) shares: Vec<Share>,
 }
 
 impl Parts {
-    /// Finds the parts of the grains where they are.
+    /// Computes the parts of the grains at their present positions.
     pub(super) fn find<Sp: Space>(&mut self, pores: &Pores, grains: &ParticlesView<'_, Sp>) {
         let owned = grains.owned;
         let threads = thread_pool::threads().min(owned / PER_THREAD).max(1);
@@ -123,7 +121,7 @@ impl Parts {
         });
     }
 
-    /// Returns every own grain with its parts.
+    /// Returns every owned grain with its parts.
     pub(super) fn each(&self) -> impl Iterator<Item = (usize, &[(usize, f64)])> {
         let shares = self.shares.iter();
         shares.flat_map(|share| share.grains().map(|k| (k, share.cells_of(k))))

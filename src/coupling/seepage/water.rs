@@ -1,86 +1,86 @@
-//! The water of all cells: laws of the drag, flux, and the iteration towards both.
+//! Water of all cells: laws of the drag, flux, and the iteration for both.
 
 use darcy::drag::BedConditions;
 use darcy::open_water::{Face, OpenWater};
 use darcy::{Condition, Pressure, SeepageGrid};
 
-/// Relative step of a speed below which its response is rounding.
+/// Relative change of a speed below which its response is rounding.
 const NOISE: f64 = 1e-7;
-/// Properties of a cell by which the drag follows from a grain and its slip.
+/// Properties of a cell that determine the drag on a grain at a given slip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ground {
-    /// The water and the bed, with the porosity of the neighbourhood.
+    /// Conditions of water and bed, with the porosity of the neighbourhood.
     pub(super) bed: BedConditions,
-    /// Factor of the velocity of a grain relative to the flux of the water: this porosity, or 1 in the equations as
+    /// Factor of the velocity of a grain relative to the flux of the water: the porosity, or 1 in the equations as
     /// printed.
     pub(super) measure: f64,
     /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
     pub(super) packing: (f64, f64),
-    /// Drag on the volume of a grain over resistance times flux: porosity over solid fraction.
+    /// Ratio of the drag on the volume of a grain to resistance times flux: porosity over solid fraction.
     pub(super) factor: f64,
-    /// Resistance \[Pa s/m2\] where a zone states it.
+    /// Resistance \[Pa s/m²\] if a zone states it.
     pub(super) stated: Option<f64>,
-    /// `true` if the forces on the grains of the cell are part of the balance of momentum.
+    /// `true` if the forces on the grains of the cell are included in the balance of momentum.
     pub(super) counts: bool,
     /// Solid fraction of the neighbourhood; 0 without grains.
     pub(super) around: f64,
-    /// Part of the volume of the grains whose motion water of other cells replaces: the water that a lone grain
-    /// displaces returns next to it.
+    /// Fraction of the volume of the grains whose displacement is compensated by water of other cells: the water
+    /// displaced by a lone grain returns next to it.
     pub(super) displaced: f64,
-    /// Share of the law of a bed; the rest is that of dilute water.
+    /// Weight of the law of a bed; the remainder is that of dilute water.
     pub(super) dense: f64,
     /// Factor of the drag in dilute water, for the gradient that its reaction does not build up.
     pub(super) dilute: f64,
-    /// Flux of the water by which the coefficients of drag are taken \[m/s\].
+    /// Flux of the water at which the coefficients of drag are taken \[m/s\].
     pub(super) flux: [f64; 3],
-    /// Iteration towards that flux.
+    /// Iteration for that flux.
     pub(super) secant: Secant,
-    /// Drag along each axis over the mean.
+    /// Ratio of the drag along each axis to the mean.
     pub(super) ratios: [f64; 3],
 }
 
-/// The water of all cells.
+/// Water of all cells.
 pub(super) struct Water {
     /// Laws and porosities of the cells; none if a cell is outside the walls.
     pub(super) ground: Vec<Option<Ground>>,
-    /// Part of the reaction of the grains of a cell that moves its water, 0 to 1.
+    /// Fraction of the reaction of the grains of a cell that moves its water, 0 to 1.
     pub(super) coupled: Vec<f64>,
     /// Flux of the water \[m/s\].
     pub(super) flux: Vec<[f64; 3]>,
     /// Gradient of the reduced pressure \[Pa/m\].
     pub(super) gradient: Vec<[f64; 3]>,
-    /// Resistance of what does not move, walls and zones without grains, along each axis \[Pa s/m2\].
+    /// Resistance of stationary walls and zones without grains, along each axis \[Pa s/m²\].
     pub(super) still: Vec<[f64; 3]>,
-    /// The friction of open water in it, for the next round.
+    /// Friction of open water in it, for the next round.
     pub(super) friction_next: Vec<[f64; 3]>,
-    /// Speed by which the friction of open water is taken \[m/s\].
+    /// Speed at which the friction of open water is taken \[m/s\].
     pub(super) speed: Vec<f64>,
-    /// Iteration towards that speed.
+    /// Iteration for that speed.
     pub(super) friction: Vec<Secant>,
-    /// Size of the gradient \[Pa/m\].
+    /// Magnitude of the gradient \[Pa/m\].
     pub(super) steepness: Vec<f64>,
     /// Weight of each cell in the change of a round, 0 to 1.
     pub(super) weight: Vec<f64>,
-    /// Flux of the water without a gradient \[m/s\], and what a gradient takes from it [m2/(Pa s)], along each axis.
+    /// Flux of the water without a gradient \[m/s\], and its decrease per gradient [m²/(Pa s)], along each axis.
     pub(super) flow: Vec<[(f64, f64); 3]>,
-    /// Conductivity of water and grains together, its ratios along the axes, and the flux that the grains carry.
+    /// Total conductivity of water and grains, its ratios along the axes, and the flux carried by the grains.
     pub(super) conductivity: Vec<f64>,
     pub(super) ratios: Vec<[f64; 3]>,
     pub(super) carried: Vec<[f64; 3]>,
-    /// `true` if some cell conducts differently along its axes.
+    /// `true` if some cell has an anisotropic conductivity.
     pub(super) directed: bool,
     /// Channels of open water.
     pub(super) channels: OpenWater,
     /// Permeability of open water along each axis \[m2\].
     pub(super) open: Vec<[f64; 3]>,
-    /// Height of the roughness of channels \[m\].
+    /// Roughness height of channels \[m\].
     pub(super) roughness: f64,
     /// `true` if there is open water.
     pub(super) has_open: bool,
 }
 
 impl Water {
-    /// Returns water at rest.
+    /// Returns stationary water.
     pub(super) fn new(grid: SeepageGrid, pressure: &Pressure, walls: [[bool; 2]; 3]) -> Self {
         let n = grid.count();
         let face =
@@ -114,7 +114,7 @@ impl Water {
         }
     }
 
-    /// Takes over the gradients of a saved run.
+    /// Computes the magnitudes of the gradients of a restored run.
     pub(super) fn steepen(&mut self) {
         for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
             *steepness = size(*gradient);
@@ -122,19 +122,19 @@ impl Water {
     }
 }
 
-/// Secant iteration towards the speed of a cell by which its coefficient is taken and which it has with it.
+/// Secant iteration for the speed of a cell at which its coefficient is taken and which results from it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Secant {
-    /// Logarithms of the speed used and the speed found in the last round.
+    /// Logarithms of the speed used and the resulting speed in the last round.
     last: Option<(f64, f64)>,
-    /// d log found/d log used: between minus the slope of the law, where the gradient is given, and 0, where
-    /// the flux is.
+    /// Derivative d log found/d log used: between minus the slope of the law if the gradient is given, and 0 if the
+    /// flux is.
     response: Option<f64>,
 }
 
 impl Secant {
-    /// Returns the speed for the next iteration: that which is used and found, if the response stays. `slope`: d log
-    /// R/d log u of the law.
+    /// Returns the speed for the next iteration, at which the used and the resulting speed agree if the response is
+    /// constant. `slope` is d log R/d log u of the law.
     pub(super) fn next(&mut self, used: f64, found: f64, slope: f64) -> f64 {
         if used <= 0.0 || found <= 0.0 {
             return found;
@@ -152,7 +152,7 @@ impl Secant {
     }
 }
 
-/// Returns the size of a vector.
+/// Returns the magnitude of a vector.
 pub(super) fn size(vector: [f64; 3]) -> f64 {
     vector.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

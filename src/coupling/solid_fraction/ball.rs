@@ -1,4 +1,4 @@
-//! The exact solid fractions of a ball in the cells at its surface: the bits of
+//! Exact solid fractions of a ball in the cells at its surface, with the same bits as
 //! [`sphere_box`](darcy::overlap::sphere_box) at a fraction of its cost.
 //!
 //! The volume of a ball in a cell is the sum over its eight corners, with alternating signs, of a function of the
@@ -12,7 +12,7 @@ use base::ball::{Coordinate, edge_by, filled, less_cubed, meeting, octant_of};
 use base::number::real;
 use lbm::lanes::{Level, WIDEST, Work};
 
-/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the
+/// Coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the
 /// surface of the ball.
 #[derive(Debug, Default)]
 struct Coordinates {
@@ -22,19 +22,19 @@ struct Coordinates {
     cap: Vec<f64>,
     /// [`less_cubed`] of the size.
     less: Vec<f64>,
-    /// The one nearest to the centre.
+    /// Index of the coordinate nearest to the centre.
     nearest: usize,
 }
 
-/// A plane of corners: the signed part of the ball between its centre and each corner, in units of the cubed radius.
+/// Plane of corners: the signed part of the ball between its centre and each corner, in units of the cubed radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Number of the plane along the slowest axis; none before the first.
+    /// Index of the plane along the slowest axis; none before the first.
     plane: Option<usize>,
     parts: Vec<f64>,
 }
 
-/// A ball and the cells that [`BallTable::fill`] prepares.
+/// Ball and the cells that [`BallTable::fill`] prepares.
 #[derive(Clone, Copy, Debug)]
 pub struct BallInCells {
     /// Centre, in cells.
@@ -43,29 +43,30 @@ pub struct BallInCells {
     pub radius: f64,
     /// Lower corner of the first cell.
     pub lower: [i32; 3],
-    /// Cells along each axis.
+    /// Number of cells along each axis.
     pub cells: [usize; 3],
     /// Axes from slowest to fastest.
     pub order: [usize; 3],
 }
 
-/// The parts of the corners of some cells; buffers reused.
+/// Corner values of some cells; the buffers are reused.
 ///
-/// [`Self::fill`] starts a ball, [`Self::layer`] a layer of cells, and [`Self::row`] gives the fractions of a row of
-/// the layer.
+/// [`Self::fill`] starts a ball, [`Self::layer`] computes a layer of cells, and [`Self::row`] returns the fractions
+/// of a row of the layer.
 #[derive(Debug)]
 pub struct BallTable {
     level: Level,
     coordinates: [Coordinates; 3],
-    /// Edges along axes a and a + 1, in rows along the fastest axis, or along axis a + 1 if neither is.
+    /// Edge functions along axes a and a + 1, in rows along the fastest axis, or along axis a + 1 if neither is the
+    /// fastest.
     edges: [Vec<f64>; 3],
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// Vector from the first corner to the centre, along each axis, and the radius, in cells.
+    /// Vector from the first corner to the centre, and the radius, in cells.
     centre: [f64; 3],
     radius: f64,
     corners: [Corners; 2],
-    /// Filled parts of the cells of the layer, row by row.
+    /// Filled fractions of the cells of the layer, row by row.
     fractions: Vec<f64>,
 }
 
@@ -85,20 +86,19 @@ impl Default for BallTable {
 }
 
 impl BallTable {
-    /// Starts a ball.
+    /// Prepares a ball.
     pub fn fill(&mut self, ball: &BallInCells) {
         self.level.run(Fill(self, ball));
     }
 
-    /// Goes to a layer of cells, counted along the slowest axis. Layers in rising order share their corners.
+    /// Computes a layer of cells, counted along the slowest axis. Consecutive layers share their corners.
     pub fn layer(&mut self, layer: usize) {
         self.level.run(Layer(self, layer));
     }
 
-    /// Returns the filled parts of `count` cells from number `first` on in row `row` of the layer, counted along the
-    /// axis between the slowest and the fastest. The value of a cell with all eight corners inside the ball has no
-    /// meaning, nor has that of one which the ball does not reach, nor what is beyond the row: up to [`WIDEST`]
-    /// numbers.
+    /// Returns the filled fractions of `count` cells from number `first` on in row `row` of the layer, counted
+    /// along the axis between the slowest and the fastest. Undefined are the values of cells with all eight corners
+    /// inside the ball, of cells that the ball does not reach, and of up to [`WIDEST`] elements beyond the row.
     #[must_use]
     pub fn row(&self, row: usize, first: usize, count: usize) -> &[f64] {
         let along = self.coordinates[self.order[2]].size.len();
@@ -141,7 +141,7 @@ impl BallTable {
         }
         for a in 0..3 {
             let (first, second) = (&self.coordinates[a], &self.coordinates[(a + 1) % 3]);
-            // The bits of an edge depend on the order of its arguments.
+            // The bits of an edge function depend on the order of its arguments.
             if a == order[2] {
                 tabulate::<false>(second, first, &mut self.edges[a]);
             } else {
@@ -151,7 +151,7 @@ impl BallTable {
         let plane = self.coordinates[order[1]].count * self.coordinates[order[2]].size.len();
         for corners in &mut self.corners {
             corners.plane = None;
-            // The last row of cells reads one number beyond its corners.
+            // The last row of cells reads one element beyond its corners.
             corners.parts.resize(plane + 1, 0.0);
         }
         self.fractions.resize(plane + WIDEST, 0.0);
@@ -206,18 +206,18 @@ impl BallTable {
         self.fractions = fractions;
     }
 
-    /// Finds the corners of a plane.
+    /// Computes the corners of a plane.
     #[inline(always)]
     fn plane<const FAST: usize>(&self, plane: usize, parts: &mut [f64]) {
         let [slow, middle, _] = self.order;
         let along = self.coordinates[FAST].size.len();
         let mut at = [0; 3];
         at[slow] = plane;
-        // The pairs (FAST, next), (next, last) and (last, FAST), each in the order that `edge` takes.
+        // Pairs (FAST, next), (next, last) and (last, FAST), each in the order of the arguments of `edge`.
         let (next, last) = ((FAST + 1) % 3, (FAST + 2) % 3);
         let others = self.coordinates[last].size.len();
         let own = &self.coordinates[FAST];
-        // From the centre to the nearer of the cells on both sides of a corner, squared.
+        // Squared distance from the centre to the nearer of the cells on both sides of a corner.
         let near = |axis: usize, corner: usize| {
             let away = (real(corner) - self.centre[axis]).abs();
             (away - 1.0).max(0.0).powi(2)
@@ -250,8 +250,8 @@ impl BallTable {
     }
 }
 
-/// Tabulates the edges of two axes, in rows along the second of them; `FORWARD`: the first is the first argument of
-/// [`edge`](crate::ball::edge).
+/// Tabulates the edge functions of two axes, in rows along the second of them; `FORWARD` if the first axis is the
+/// first argument of [`edge`](crate::ball::edge).
 #[inline(always)]
 fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges: &mut Vec<f64>) {
     let width = along.size.len();
@@ -264,8 +264,8 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
             meeting(q, p)
         }) > 0.0
     };
-    // Where the planes of a row and those along it meet in the ball: an interval about the centre, in the next row
-    // about the same.
+    // Interval about the centre in which the planes of a row and those along it intersect within the ball; it
+    // changes little from row to row.
     let (mut from, mut to) = (along.nearest, along.nearest + 1);
     for (row, edges) in edges.chunks_exact_mut(width).enumerate() {
         let (p, less) = (rows.size[row], rows.less[row]);
@@ -285,7 +285,7 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
         while to < along.count && meets(p, to) {
             to += 1;
         }
-        // As whole vectors. Beyond the interval an edge is 0.
+        // Computed in whole vectors. Beyond the interval an edge function is 0.
         let length = (to - from).next_multiple_of(WIDEST);
         let start = from.min(width - length);
         edges[..start].fill(0.0);
@@ -302,7 +302,7 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
     }
 }
 
-/// [`BallTable::fill`].
+/// Operation of [`BallTable::fill`].
 struct Fill<'a>(&'a mut BallTable, &'a BallInCells);
 
 impl Work for Fill<'_> {
@@ -312,7 +312,7 @@ impl Work for Fill<'_> {
     }
 }
 
-/// [`BallTable::layer`].
+/// Operation of [`BallTable::layer`].
 struct Layer<'a>(&'a mut BallTable, usize);
 
 impl Work for Layer<'_> {
@@ -322,8 +322,8 @@ impl Work for Layer<'_> {
     }
 }
 
-/// Sums up the filled parts of a row of cells from its four edges: 2 times the place along the slowest axis plus that
-/// along the middle one.
+/// Sums up the filled fractions of a row of cells from its four edges; the index is 2 times the position along the
+/// slowest axis plus that along the middle one.
 #[inline(always)]
 fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     edges: [&[f64]; 4],
@@ -331,8 +331,8 @@ fn sum_corners<const SLOW: usize, const MIDDLE: usize, const FAST: usize>(
     fractions: &mut [f64],
 ) {
     let count = fractions.len();
-    // Corner c lies at the upper end of the axes whose bit it has. No closures over arrays here: they would stay calls
-    // in the loop.
+    // Corner c lies at the upper end of the axes whose bit is set. Closures over arrays would remain calls in the
+    // loop.
     let corner = |c: usize| {
         let edge = edges[2 * (c >> SLOW & 1) + (c >> MIDDLE & 1)];
         &edge[c >> FAST & 1..][..count]
@@ -382,8 +382,8 @@ mod tests {
                             low[fast] = f64::from(lower[fast]) + real(k);
                             let exact = sphere_box(centre, radius, low, low.map(|x| x + 1.0));
                             volume += exact;
-                            // Cells inside by their corners, and those that no ball of this size reaches, are not asked
-                            // for.
+                            // Cells with all corners inside, and those that no ball of this size reaches, are not
+                            // compared.
                             let (mut near, mut far) = (0.0, 0.0);
                             for a in 0..3 {
                                 let (p, q) = (low[a] - centre[a], low[a] + 1.0 - centre[a]);

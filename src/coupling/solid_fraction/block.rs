@@ -1,16 +1,16 @@
-//! The exact solid fractions of a convex polyhedron in all cells of a layer at once.
+//! Exact solid fractions of a convex polyhedron in all cells of a layer at once.
 //!
-//! Along a row of cells each face is where the solid begins or ends, so the volume in cell k of the row is
+//! Along a row of cells the solid begins or ends at each face, so that the volume in cell k of the row is
 //!
 //! V_k = -Σ ∫ clamp(k + 1 - x, 0, 1) n_x dA
 //!
-//! over the part of the surface in the row's square column, x along the row and n the outward normal (the divergence
-//! theorem). A piece of a face within cell k adds its integral to that cell, and its projected area to each cell behind
-//! it. The faces are cut along the planes between layers, rows and cells, each piece from the one before. No plane of
-//! another face takes part, so that the cost is that of the surface: some 30 ns for each piece, whatever the number of
-//! faces.
+//! over the part of the surface in the row's square column, x along the row and n the outward normal (the
+//! divergence theorem). A piece of a face within cell k adds its integral to that cell, and its projected area to
+//! each cell behind it. The faces are cut along the planes between layers, rows and cells, each piece from the
+//! previous one. Planes of other faces are not involved, so that the cost is proportional to the surface: some 30
+//! ns per piece, for any number of faces.
 //!
-//! Each layer is cut from the whole faces. Its fractions are the same bits whichever other layers are computed.
+//! Each layer is cut from the whole faces, so that its fractions have the same bits for any set of computed layers.
 
 use super::faces;
 use base::number::{floor_i32, to_i32};
@@ -19,23 +19,24 @@ use lbm::lanes::WIDEST;
 use lbm::links::CellPlane;
 use nalgebra::{Matrix3, Vector3};
 
-/// A fraction below this is rounding, and the cell free.
+/// Fraction below which a cell counts as free, because it is rounding.
 const NOTHING: f64 = 1e-12;
 
-/// The surface of a convex polyhedron in cells.
+/// Surface of a convex polyhedron in cells.
 #[derive(Debug, Default, PartialEq)]
 pub struct PolyhedronSurface {
     planes: Vec<CellPlane>,
-    /// Corners of one face after the other, counter-clockwise seen from outside.
+    /// Corners of one face after another, counter-clockwise seen from outside.
     corners: Vec<[f64; 3]>,
-    /// End of each face in the corners.
+    /// End of each face in the list of corners.
     ends: Vec<usize>,
     /// The corners of the shape.
     placed: Vec<[f64; 3]>,
 }
 
 impl PolyhedronSurface {
-    /// Takes the surface of a shape: body frame turned by `rotation`, centroid at `centre`, `spacing` metres a cell.
+    /// Computes the surface of a shape: body frame rotated by `rotation`, centroid at `centre`, `spacing` metres
+    /// per cell.
     pub fn set_pose(
         &mut self,
         shape: &Polyhedron,
@@ -65,7 +66,7 @@ impl PolyhedronSurface {
         &self.planes
     }
 
-    /// Returns each face: its plane and corners.
+    /// Returns plane and corners of each face.
     fn faces(&self) -> impl Iterator<Item = (&CellPlane, &[[f64; 3]])> {
         let mut start = 0;
         self.planes
@@ -79,30 +80,30 @@ impl PolyhedronSurface {
     }
 }
 
-/// A point: its coordinates along the slow, the middle and the fast axis.
+/// Point: its coordinates along the slow, the middle and the fast axis.
 type Point = [f64; 3];
 
-/// The fractions of a layer of cells; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a layer,
-/// and [`Self::row`] gives the fractions of a row.
+/// Fractions of a layer of cells; the buffers are reused. [`Self::fill`] starts a body, [`Self::layer`] computes a
+/// layer, and [`Self::row`] returns the fractions of a row.
 #[derive(Debug, Default)]
 pub struct BlockTable {
     /// Axes from slowest to fastest.
     order: [usize; 3],
-    /// Lowest cell and number of cells, by `order`. Rows begin where the body does, so that sums along them do not
-    /// depend on the box.
+    /// Lowest cell and number of cells, in the order of `order`. Rows begin at the body, so that sums along them do
+    /// not depend on the box.
     lower: [i32; 3],
     cells: [usize; 3],
-    /// Cells of a row before the box.
+    /// Number of cells of a row before the box.
     before: usize,
-    /// Volume for each cell of the layer that begins in it, and volume that begins for all cells from it on.
+    /// Volume in each cell of the layer from faces within it, and volume that begins there for all later cells.
     within: Vec<f64>,
     from: Vec<f64>,
-    /// Filled parts of the cells of a row.
+    /// Filled fractions of the cells of a row.
     fractions: Vec<f64>,
     cut: Cut,
 }
 
-/// Polygons on the way to pieces.
+/// Intermediate polygons.
 #[derive(Debug, Default)]
 struct Cut {
     slab: Vec<Point>,
@@ -113,7 +114,7 @@ struct Cut {
 }
 
 impl BlockTable {
-    /// Starts a body over the `cells` from `lower` on, in rows along the last axis of `order`.
+    /// Prepares a body over the `cells` from `lower` on, in rows along the last axis of `order`.
     pub fn fill(
         &mut self,
         surface: &PolyhedronSurface,
@@ -129,14 +130,14 @@ impl BlockTable {
         self.before = usize::try_from(self.lower[2] - first).unwrap_or(0);
         self.lower[2] = first;
         self.cells[2] += self.before;
-        // One more cell takes what begins behind the last.
+        // One extra cell receives the volume that begins after the last.
         let room = self.cells[1] * (self.cells[2] + 1);
         self.within.resize(self.within.len().max(room), 0.0);
         self.from.resize(self.from.len().max(room), 0.0);
         self.fractions.resize(self.cells[2] + 2 * WIDEST, 0.0);
     }
 
-    /// Goes to a layer, counted from the first.
+    /// Computes a layer, counted from the first.
     pub fn layer(&mut self, surface: &PolyhedronSurface, layer: usize) {
         let length = self.cells[2] + 1;
         self.within[..self.cells[1] * length].fill(0.0);
@@ -145,7 +146,7 @@ impl BlockTable {
         let bottom = f64::from(self.lower[0] + to_i32(layer));
         let mut cut = std::mem::take(&mut self.cut);
         for (plane, corners) in surface.faces() {
-            // Outwards against the row: the solid begins.
+            // The normal points against the row: the solid begins.
             let sign = -plane.normal[fast];
             if sign == 0.0 {
                 continue;
@@ -212,8 +213,8 @@ impl BlockTable {
         add(cell, &cut.row);
     }
 
-    /// Computes the filled parts of `count` cells from number `first` on in a row of the layer. What is beyond the row
-    /// has no meaning: up to [`WIDEST`] numbers.
+    /// Computes the filled fractions of `count` cells from number `first` on in a row of the layer. Up to
+    /// [`WIDEST`] elements beyond the row are undefined.
     pub fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         let length = self.cells[2] + 1;
         let within = &self.within[row * length..][..length];
@@ -236,7 +237,8 @@ fn range(coordinates: impl Iterator<Item = f64>) -> (f64, f64) {
     })
 }
 
-/// Parts of a convex polygon below and above a coordinate. It must reach to both sides of it.
+/// Splits a convex polygon at a coordinate into the parts below and above it. The polygon must extend to both
+/// sides.
 #[inline(always)]
 fn split<const AXIS: usize>(
     polygon: &[Point],
@@ -268,7 +270,7 @@ fn split<const AXIS: usize>(
     }
 }
 
-/// Returns the area of a polygon projected along the fast axis, and that times the mean distance from it to the upper
+/// Returns the area of a polygon projected along the fast axis, and the area times its mean distance to the upper
 /// end of a cell.
 #[inline(always)]
 fn integrals(polygon: &[Point], cell: f64) -> (f64, f64) {

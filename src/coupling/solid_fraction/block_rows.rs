@@ -1,15 +1,15 @@
-//! The rows of a layer of cells in which a convex polyhedron covers some: where they begin and end, of all rows of the
-//! layer in one loop for each plane.
+//! Rows of a layer of cells covered by a convex polyhedron: the beginning and end of all rows of the layer, in one
+//! loop per plane.
 //!
-//! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
-//! one row alone.
+//! The loops have neither branches nor calls, so that the compiler vectorises them. Each number has the same bits
+//! as for a single row.
 
 use super::{LEVEL, RowCells, RowIntervals};
 use base::ball::EMPTY;
 use lbm::links::CellPlane;
 
-/// The rows of the layers of a polyhedron; buffers reused. [`Self::fill`] starts a body, [`Self::layer`] goes to a
-/// layer, and [`Self::row`] gives the cells of a row.
+/// Rows of the layers of a polyhedron; the buffers are reused. [`Self::fill`] starts a body, [`Self::layer`]
+/// computes a layer, and [`Self::row`] returns the cells of a row.
 #[derive(Debug, Default)]
 pub(crate) struct BlockRows {
     /// Axes from slowest to fastest.
@@ -22,7 +22,7 @@ pub(crate) struct BlockRows {
 }
 
 impl BlockRows {
-    /// Starts a body over the `count` rows from `first` on along the middle axis of `order`.
+    /// Prepares a body over the `count` rows from `first` on along the middle axis of `order`.
     #[inline(always)]
     pub(crate) fn fill(&mut self, first: i32, count: i32, order: [usize; 3]) {
         self.order = order;
@@ -34,7 +34,7 @@ impl BlockRows {
         }
     }
 
-    /// Goes to the layer with this lower end.
+    /// Computes the layer with this lower end.
     #[inline(always)]
     pub(crate) fn layer(&mut self, planes: &[CellPlane], bottom: f64) {
         for n in 0..3 {
@@ -48,7 +48,7 @@ impl BlockRows {
         }
     }
 
-    /// Keeps of the outer (0), inner (1) or deep (2) interval of each row what lies below a plane.
+    /// Narrows the outer (0), inner (1) or deep (2) interval of each row to the part below a plane.
     #[inline(always)]
     fn narrow<const N: usize>(&mut self, plane: &CellPlane, bottom: f64) {
         let [across, along, slope] = self.order.map(|axis| plane.normal[axis]);
@@ -82,7 +82,7 @@ impl BlockRows {
         }
     }
 
-    /// Returns the cells of a row of the layer; `frame` from the raw frame of the body to the cells.
+    /// Returns the cells of a row of the layer; `frame` is the offset from the raw frame of the body to the cells.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize, frame: i32) -> RowCells {
         let ends = |n: usize| [self.low[n][row], self.high[n][row]];

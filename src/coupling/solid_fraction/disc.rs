@@ -1,15 +1,16 @@
-//! The exact solid fractions of a disc in the cells at its edge: the bits of
+//! Exact solid fractions of a disc in the cells at its edge, with the same bits as
 //! [`disc_rectangle`](darcy::overlap::disc_rectangle) at a fraction of its cost.
 //!
-//! The area of a disc in a cell is the sum over its four corners, with alternating signs, of a function of the corner:
-//! a product of its coordinates inside the disc, else two segments, each of one coordinate. A segment costs a root and
-//! an arctangent. The coordinates of N cells in a row have N + 1 of them, whereas each cell would ask for eight.
+//! The area of a disc in a cell is the sum over its four corners, with alternating signs, of a function of the
+//! corner: a product of its coordinates inside the disc, otherwise two segments, each of one coordinate. A segment
+//! costs a root and an arctangent. N cells in a row have only N + 1 corner coordinates, whereas cell by cell eight
+//! segments would be computed.
 
 use darcy::overlap::{quadrant_of, segment};
 use lbm::lanes::WIDEST;
 use std::ops::Range;
 
-/// The coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the edge
+/// Coordinates of the corners along one axis, in radii from the centre. Those after the last corner lie at the edge
 /// of the disc.
 #[derive(Debug, Default)]
 struct Coordinates {
@@ -38,31 +39,31 @@ impl Coordinates {
     }
 }
 
-/// A line of corners along the fast axis: the signed part of the disc between its centre and each corner, in units of
+/// Line of corners along the fast axis: the signed part of the disc between its centre and each corner, in units of
 /// the squared radius.
 #[derive(Debug, Default)]
 struct Corners {
-    /// Number of the line across the fast axis; none before the first.
+    /// Index of the line across the fast axis; none before the first.
     line: Option<usize>,
     parts: Vec<f64>,
 }
 
-/// The parts of the corners of some cells; buffers reused. [`Self::fill`] starts a disc, and [`Self::row`] gives the
+/// Corner values of some cells; the buffers are reused. [`Self::fill`] starts a disc, and [`Self::row`] returns the
 /// fractions of a row.
 #[derive(Debug, Default)]
 pub(crate) struct DiscTable {
-    /// 0 or 1.
+    /// Fast axis: 0 or 1.
     fast: usize,
     radius: f64,
     along: Coordinates,
     across: Coordinates,
     corners: [Corners; 2],
-    /// Filled parts of the cells of a row.
+    /// Filled fractions of the cells of a row.
     fractions: Vec<f64>,
 }
 
 impl DiscTable {
-    /// Starts a disc over the cells from `lower` on, in rows along axis `fast`, which is 0 or 1.
+    /// Prepares a disc over the cells from `lower` on, in rows along axis `fast`, which is 0 or 1.
     #[inline(always)]
     pub(crate) fn fill(
         &mut self,
@@ -77,15 +78,15 @@ impl DiscTable {
         self.across.fill(corners(across), centre[across], radius);
         for corners in &mut self.corners {
             corners.line = None;
-            // The last cell reads one number beyond its corners.
+            // The last cell reads one element beyond its corners.
             corners.parts.resize(self.along.size.len() + 1, 0.0);
         }
         self.fractions.resize(self.along.size.len() + WIDEST, 0.0);
     }
 
-    /// Computes the filled parts of `count` cells from number `first` on in a row, counted across the fast axis. Rows
-    /// in rising order share their corners. The value of a cell inside the disc and of one which it does not reach has
-    /// no meaning, nor has what is beyond the row: up to [`WIDEST`] numbers.
+    /// Computes the filled fractions of `count` cells from number `first` on in a row, counted across the fast
+    /// axis. Consecutive rows share their corners. Undefined are the values of cells inside the disc, of cells that
+    /// it does not reach, and of up to [`WIDEST`] elements beyond the row.
     #[inline(always)]
     pub(crate) fn row(&mut self, row: usize, first: usize, count: usize) -> &[f64] {
         if self.fast == 0 {
@@ -106,7 +107,7 @@ impl DiscTable {
         let length = self.along.size.len();
         let lower = &self.corners[row % 2].parts[..=length];
         let upper = &self.corners[(row + 1) % 2].parts[..=length];
-        // The corners of low x and high y, and of high x and low y.
+        // Corners of low x and high y, and of high x and low y.
         let [low_high, high_low] = if FAST == 0 {
             [&upper[..length], &lower[1..]]
         } else {
@@ -134,7 +135,7 @@ impl DiscTable {
         let segments = &self.along.segment[..length];
         let parts = &mut parts[..length];
         for k in 0..length {
-            // The bits depend on which is the first argument.
+            // The bits depend on the order of the arguments.
             parts[k] = if FAST == 0 {
                 signs[k] * sign * quadrant_of([sizes[k], size], [segments[k], its])
             } else {

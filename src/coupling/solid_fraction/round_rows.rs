@@ -1,13 +1,12 @@
-//! The rows of a layer of cells in which a ball or disc covers some: where they begin and end, of all rows of the layer
-//! in one loop.
+//! Rows of a layer of cells covered by a ball or disc: the beginning and end of all rows of the layer, in one loop.
 //!
-//! The loops have neither branches nor calls, so that the compiler makes vectors of them. Each number has the bits of
-//! one row alone.
+//! The loops have neither branches nor calls, so that the compiler vectorises them. Each number has the same bits
+//! as for a single row.
 
 use super::RowIntervals;
 use base::ball::{Beside, around, chord, within};
 
-/// Bounds of the cells of a row, as coordinates along it: the first and one past the last.
+/// Ranges of the cells of a row, as coordinates along it: the first cell and one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RowCells {
     /// Cells that the body reaches.
@@ -34,11 +33,11 @@ impl RowCells {
     }
 }
 
-/// The rows of the layers of a ball or disc; buffers reused.
+/// Rows of the layers of a ball or disc; the buffers are reused.
 #[derive(Debug, Default)]
 pub(crate) struct RoundRows {
-    /// Distance of each row from the centre along the axis between the slowest and the fastest: nearest, farthest,
-    /// beyond.
+    /// Distance of each row from the centre along the axis between the slowest and the fastest: smallest, largest,
+    /// and with the adjacent rows.
     beside: [Vec<f64>; 3],
     /// Ends of the cells of each row: outer, full, deep.
     low: [Vec<i32>; 3],
@@ -66,7 +65,7 @@ impl RoundRows {
         }
     }
 
-    /// Goes to a layer.
+    /// Computes a layer.
     #[inline(always)]
     pub(crate) fn layer(&mut self, layer: Beside, centre: f64, radius: f64, frame: i32) {
         self.ends::<0>(layer.nearest, centre, radius, frame);

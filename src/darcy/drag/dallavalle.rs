@@ -4,11 +4,12 @@
 //! f = C_d rho A |U| U / 2,   C_d = (0.63 + 4.8/sqrt(Re))^2,   Re = rho d |U|/mu
 //! ```
 //!
-//! (J. M. DallaValle, Micromeritics, 1948.) `C_d |U|` is computed as one, so that it stays finite at rest.
+//! (J. M. DallaValle, Micromeritics, 1948.) `C_d |U|` is computed as one expression, so that it is finite at zero
+//! speed.
 
 use super::{BedConditions, DragFormula, GrainSize};
 
-/// The law.
+/// Drag law of Dallavalle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dallavalle;
 

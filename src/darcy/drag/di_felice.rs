@@ -4,15 +4,15 @@
 //! f = C_d rho A |U| U eps^-chi / 2,   chi = 3.7 - 0.65 exp[-(1.5 - log10 Re)^2/2],   Re = rho d |U|/mu
 //! ```
 //!
-//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the water
-//! past the grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The fissure paper uses the interstitial
-//! velocity for U. As a resistance it is [`super::permeability`] of this drag.
+//! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the
+//! water past the grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The published fissure model uses the
+//! interstitial velocity for U. As a resistance law it is [`super::permeability`] with this drag.
 
 use super::dallavalle::Dallavalle;
 use super::{BedConditions, DragFormula, GrainSize};
 use crate::{Equations, Liquid, permeability};
 
-/// The law.
+/// Drag law of Di Felice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DiFelice;
 
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn is_a_known_multiple_of_stokes_at_rest() {
-        // Over 3 pi mu d U at Re -> 0: 47.1 at 0.35, 28.7 at 0.40 (with (4.8)^2/24 = 0.96 of Stokes).
+        // Drag over 3 pi mu d U at Re -> 0: 47.1 at 0.35, 28.7 at 0.40 (with (4.8)^2/24 = 0.96 of Stokes).
         let grain = GrainSize::new(3, 5e-4);
         for (eps, factor) in [(0.35, 47.1), (0.40, 28.7), (0.45, 18.6)] {
             let f = DiFelice.coefficient(&bed(eps, 1e-3), &grain, 1e-12);

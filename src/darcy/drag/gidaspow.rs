@@ -7,39 +7,38 @@
 //!             C_d = 24/Re (1 + 0.15 Re^0.687), 0.44 from Re = 1000;  Re = rho eps |u - v| d/mu
 //! ```
 //!
-//! `C_d` is that of L. Schiller and A. Naumann (1933) for a lone sphere. Ergun's law is not that of Wen and
-//! Yu at a porosity of 0.8: from
-//! 0.77 to 0.8 the force passes over from one to the other ([`dense_share`]), so that it is continuous in
-//! the porosity.
+//! `C_d` is that of L. Schiller and A. Naumann (1933) for a lone sphere. The laws of Ergun and of Wen and Yu differ
+//! at a porosity of 0.8: from
+//! 0.77 to 0.8 the force changes continuously from one to the other ([`dense_share`]).
 //!
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and
-//! Fluidization, 1994.) The pressure gradient acts on grains and water alike, so that a bed at rest has Ergun's loss of
-//! pressure. The same law as a resistance is that of Ergun below a porosity of 0.8, and [`super::permeability`] of Wen
-//! and Yu's drag above.
+//! Fluidization, 1994.) The pressure gradient acts on grains and water alike, so that a stationary bed has Ergun's
+//! pressure loss. The corresponding resistance law is that of Ergun below a porosity of 0.8, and
+//! [`super::permeability`] with Wen and Yu's drag above.
 
 use super::{BedConditions, DragFormula, GrainSize};
 use crate::open_water::rise;
 use crate::permeability::ergun::Ergun;
 use crate::{Equations, Liquid, permeability};
 
-/// Porosities up to which the drag is that of Ergun, and from which it is that of Wen and Yu.
+/// Porosity up to which the drag is that of Ergun.
 pub const DENSE: f64 = 0.77;
-/// See [`DENSE`].
+/// Porosity from which the drag is that of Wen and Yu.
 pub const DILUTE: f64 = 0.8;
 
-/// Returns the share of Ergun's law at a porosity: 1 in a bed, 0 in dilute water.
+/// Returns the weight of Ergun's law at a porosity: 1 in a bed, 0 in dilute water.
 #[must_use]
 pub fn dense_share(porosity: f64) -> f64 {
     1.0 - rise((porosity - DENSE) / (DILUTE - DENSE))
 }
 
-/// Returns the force over the superficial speed after Wen and Yu \[kg/s\]; at a porosity of 1 that of
-/// Schiller and Naumann on a lone sphere.
+/// Returns the force over the superficial speed by Wen and Yu \[kg/s\]; at a porosity of 1 it is that of Schiller
+/// and Naumann for a single sphere.
 #[must_use]
 pub fn wen_yu(bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
     let d = grain.diameter;
     let reynolds = bed.density * speed * d / bed.viscosity;
-    // C_d times the speed, finite at rest.
+    // C_d times the speed, finite at zero speed.
     let drag = if reynolds < 1000.0 {
         24.0 * bed.viscosity / (bed.density * d) * (1.0 + 0.15 * reynolds.powf(0.687))
     } else {
@@ -48,7 +47,7 @@ pub fn wen_yu(bed: &BedConditions, grain: &GrainSize, speed: f64) -> f64 {
     grain.volume * 0.75 * drag * bed.density * bed.porosity.powf(-3.65) / d
 }
 
-/// The law.
+/// Drag law of Gidaspow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gidaspow;
 
@@ -122,13 +121,13 @@ mod tests {
             let loss = gradient(&Gidaspow, &bed(eps, mu), d, speed);
             assert!((loss / (a * speed + b * speed * speed) - 1.0).abs() < 1e-12);
         }
-        // Minimum fluidisation: the loss bears the buoyant weight.
+        // Minimum fluidisation: the pressure loss balances the buoyant weight.
         let weight = (1.0 - eps) * 1650.0 * 9.81;
         let lifts = (-a + (a * a + 4.0 * b * weight).sqrt()) / (2.0 * b);
         let grain = GrainSize::new(3, 0.5 * d);
         let bed = bed(eps, mu);
         let drag = Gidaspow.coefficient(&bed, &grain, lifts) * lifts;
-        // Drag and the gradient of the reduced pressure carry a grain.
+        // Drag and the gradient of the reduced pressure together support a grain.
         let total = drag + grain.volume * gradient(&Gidaspow, &bed, d, lifts);
         assert!((total / (grain.volume * 1650.0 * 9.81) - 1.0).abs() < 1e-12);
     }

@@ -1,21 +1,22 @@
-//! The drag that a law of resistance implies: its reaction on the grains. It closes the balance of momentum with every
+//! Drag implied by a resistance law: its reaction on the grains. It closes the balance of momentum with every
 //! resistance.
 //!
 //! ```text
 //! f = V mu eps U/[K (1 - eps)]        sum over the grains of a cell at rest: eps mu q V_cell/K = -eps grad phi V_cell
 //! ```
 //!
-//! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on grains at rest balance the
-//! imposed pressures and the weight of the water. Each grain of a cell bears a share in proportion to its volume.
+//! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on stationary grains balance
+//! the imposed pressures and the weight of the water. Each grain of a cell bears a fraction proportional to its
+//! volume.
 //!
-//! `eps` is the unlimited porosity, while `K` may use a limited one. In a cell with a solid fraction of one or more the
-//! drag is zero. In a cell with a porosity above the cap, a grain bears the drag of a bed at the cap. Without this rule
-//! the few grains at a surface would bear the resistance of the whole cell, which still has the permeability of the
-//! cap.
+//! `eps` is the unlimited porosity, while `K` may use a limited one. In a cell with a solid fraction of one or more
+//! the drag is zero. In a cell with a porosity above the maximum of the permeability law, a grain bears the drag of
+//! a bed at this maximum. Without this rule the few grains at a surface would bear the resistance of the whole
+//! cell, which has the permeability at the maximum.
 
 use super::{BedConditions, DragFormula, GrainSize};
 
-/// The law.
+/// Drag law of the reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reaction;
 

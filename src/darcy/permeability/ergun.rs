@@ -6,7 +6,7 @@
 //! |grad p - rho g| = A q + B q^2,   A = 150 (1 - eps)^2 mu/(eps^3 d^2),   B = 1.75 (1 - eps) rho/(eps^3 d)
 //! ```
 //!
-//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89.) The same loss in a bed with a permeability that decreases with the
+//! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89.) The same loss expressed by a permeability that decreases with the
 //! gradient:
 //!
 //! ```text
@@ -16,7 +16,7 @@
 use super::PermeabilityFormula;
 use crate::{Equations, Liquid};
 
-/// The law.
+/// Resistance law of Ergun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ergun;
 
@@ -48,7 +48,7 @@ impl PermeabilityFormula for Ergun {
         true
     }
 
-    /// Returns `true` for the corrected equations: those as printed have the resistance of Kozeny and Carman alone.
+    /// Returns `true` for the corrected equations: those as printed use only the resistance of Kozeny and Carman.
     fn goes_with(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }
@@ -76,7 +76,7 @@ mod tests {
             let resistance = Ergun.resistance(eps, d, WATER, q);
             assert!((resistance * q - gradient).abs() <= 1e-12 * gradient);
         }
-        // At rest it is that of Kozeny and Carman with 150 for 180.
+        // At zero flux it is the law of Kozeny and Carman with 150 in place of 180.
         let at_rest = Ergun.permeability(eps, d, WATER, 0.0);
         assert!((at_rest / kozeny_carman(eps, d) - 1.2).abs() < 1e-12);
     }

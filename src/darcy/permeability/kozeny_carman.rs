@@ -9,7 +9,7 @@
 use super::PermeabilityFormula;
 use crate::Liquid;
 
-/// The law.
+/// Resistance law of Kozeny and Carman.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KozenyCarman;
 

@@ -3,7 +3,7 @@
 use super::PorosityFormula;
 use crate::grid::SeepageGrid;
 
-/// The method.
+/// Porosity method by centres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Centroid;
 

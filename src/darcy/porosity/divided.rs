@@ -10,11 +10,11 @@ use base::number::real;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::LazyLock;
 
-/// The method.
+/// Porosity method by points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Divided;
 
-/// The points of a disc and of a sphere.
+/// Points of a disc and of a sphere.
 static POINTS: LazyLock<[Vec<[f64; 3]>; 2]> = LazyLock::new(|| [satellites(2), satellites(3)]);
 
 impl PorosityFormula for Divided {

@@ -5,7 +5,7 @@ use crate::grid::SeepageGrid;
 use crate::overlap::{disc_rectangle, sphere_box};
 use base::number::real;
 
-/// The method.
+/// Porosity method by overlaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exact;
 
@@ -35,7 +35,7 @@ impl PorosityFormula for Exact {
             from[axis] = grid.along(axis, centre[axis] - radius).unwrap_or(0);
             to[axis] = grid.along(axis, centre[axis] + radius).unwrap_or(last);
         }
-        // Most grains lie in one cell, or are cut across one axis only.
+        // Most grains lie in one cell, or are cut normal to one axis only.
         let cuts = |axis: usize| {
             let (low, high) = (centre[axis] - radius, centre[axis] + radius);
             let end = grid.origin[axis] + real(to[axis] + 1) * grid.spacing[axis];
@@ -88,7 +88,7 @@ impl PorosityFormula for Exact {
     }
 }
 
-/// Returns the part of a unit ball below a plane at this distance above its centre.
+/// Returns the fraction of a ball below a plane at this distance above its centre, in radii.
 fn cap(distance: f64) -> f64 {
     let height = 1.0 + distance;
     0.25 * height * height * (3.0 - height)
@@ -98,7 +98,8 @@ fn cap(distance: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Balls in one cell, across one face, and across an end of the grid have the parts of the general formula.
+    /// Checks that balls in one cell, across one face, and across an end of the grid have the fractions of the
+    /// general formula.
     #[test]
     fn balls_that_few_planes_cut_have_their_parts() {
         let grid = SeepageGrid {

@@ -1,6 +1,6 @@
-//! Answers of the seepage: exit gradients on its boundary, heave of prisms of ground.
+//! Derived results of the seepage: exit gradients on its boundary, heave of prisms of ground.
 //!
-//! Apart from the solver because probes and the summary of a run read them.
+//! They are separate from the solver because probes and the summary of a run read them.
 
 use super::Pressure;
 use base::number::real;
@@ -21,11 +21,11 @@ pub struct ExitGradient {
 pub struct Prisms {
     /// Axis of gravity.
     pub vertical: usize,
-    /// `true` if coordinates along gravity rise upwards.
+    /// `true` if the coordinate along gravity increases upwards.
     pub rises: bool,
-    /// Axis along which widths count.
+    /// Axis along which widths are measured.
     pub across: usize,
-    /// `true` if widths count from the upper end.
+    /// `true` if widths are measured from the upper end.
     pub from_upper: bool,
     /// First cell of the widest prism along each axis.
     pub first: [usize; 3],
@@ -48,22 +48,22 @@ impl Prisms {
     }
 }
 
-/// Heave of a prism of ground, the friction on its sides left out: K. Terzaghi, Theoretical Soil Mechanics (1943).
+/// Heave of a prism of ground, without friction on its sides: K. Terzaghi, Theoretical Soil Mechanics (1943).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Heave {
     /// Width of the prism \[m\].
     pub width: f64,
-    /// Mean head at its base above that at the surface \[m\].
+    /// Mean head at its base minus that at the surface \[m\].
     pub excess_head: f64,
     /// Excess head over the depth \[1\].
     pub gradient: f64,
-    /// Submerged weight over the force of the water \[1\]; infinite where the water does not lift.
+    /// Submerged weight over the force of the water \[1\]; infinite if the water exerts no uplift.
     pub factor_of_safety: f64,
 }
 
 impl Pressure {
-    /// Returns the largest hydraulic gradient with which water leaves through each patch, over the half cell below the
-    /// face; none where none leaves at an imposed pressure, and without gravity.
+    /// Returns the largest hydraulic gradient with which water leaves through each patch, over the half cell below
+    /// the face; none if no water leaves at an imposed pressure, or without gravity.
     #[must_use]
     pub fn exit_gradients(&self) -> Vec<Option<ExitGradient>> {
         let mut found: Vec<Option<ExitGradient>> = vec![None; self.patches.len()];
@@ -116,7 +116,7 @@ impl Pressure {
                 }
                 count += 1;
             }
-            // A prism that a structure or a cavity is part of has no heave.
+            // A prism that contains part of a structure or a cavity has no heave.
             let excess_head = if dry {
                 f64::NAN
             } else {
@@ -137,8 +137,8 @@ impl Pressure {
         (0..prisms.widths()).map(layer).collect()
     }
 
-    /// Returns the heave of the prism whose width is closest to half its depth, and of the width with the least factor
-    /// of safety.
+    /// Returns the heave of the prism whose width is closest to half its depth, and of the width with the smallest
+    /// safety factor.
     #[must_use]
     pub fn critical_heave(&self, prisms: &Prisms) -> Option<[Heave; 2]> {
         let grid = &self.slab.grid;

@@ -1,4 +1,4 @@
-//! Faces of the grid that water crosses, and the slabs of the solver.
+//! Boundary faces crossed by water, and the slabs of the solver.
 
 use super::{Condition, Equations, Liquid, PressurePatch, PressureSettings};
 use crate::enclosure::Openness;
@@ -7,33 +7,33 @@ use crate::layout::Layout;
 use crate::multigrid::first_joined;
 use decomposition::{ExactSum, Slabs, SplitAxis};
 
-/// A face on the boundary of the grid, or of a drain in it, that something crosses.
+/// Boundary face of the grid, or of a drain in it, that may be crossed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Boundary {
-    /// Place of the cell among the cells and in the layout.
+    /// Index of the cell among the cells, then in the layout.
     pub(super) cell: usize,
     pub(super) at: usize,
     pub(super) axis: usize,
     pub(super) upper: bool,
     /// Open area \[m2\].
     pub(super) area: f64,
-    /// Part of the area of the patch, or of the volume of a well.
+    /// Fraction of the area of the patch, or of the volume of a well.
     pub(super) share: f64,
-    /// `true` for a source of the cell, whose area is without end, so that it has no flux.
+    /// `true` for a source of the cell, whose area is infinite, so that it has no flux.
     pub(super) source: bool,
-    /// Number of the patch.
+    /// Index of the patch.
     pub(super) patch: usize,
-    /// Reduced pressure on the face if its patch has pressure 0 \[Pa\].
+    /// Reduced pressure on the face at zero pressure of its patch \[Pa\].
     pub(super) lift: f64,
-    /// Part of the area that faces up.
+    /// Fraction of the area that faces upwards.
     pub(super) up: f64,
     /// Conductance from the centre of the cell.
     pub(super) conductance: f64,
-    /// Volume that enters in a second beyond the flow of two points, where the ground dips \[m3/s\].
+    /// Inflow beyond the two-point flux, where the permeability is inclined \[m³/s\].
     pub(super) extra: f64,
-    /// Volume that enters in a second where the ground drains \[m3/s\].
+    /// Inflow in unsaturated ground \[m³/s\].
     pub(super) rate: f64,
-    /// Its derivative by minus the reduced pressure of the cell.
+    /// Derivative of this inflow with respect to minus the reduced pressure of the cell.
     pub(super) response: f64,
 }
 
@@ -43,7 +43,7 @@ pub(super) fn head_pressure(liquid: &Liquid, settings: &PressureSettings, head: 
     liquid.density * (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt() * head
 }
 
-/// Slabs along the longest axis, cut between cells that the coarser grid joins.
+/// Returns the slabs along the longest axis, cut between cells that the coarser grid merges.
 pub(super) fn slabs(grid: &SeepageGrid, size: usize) -> Slabs {
     let axis = SplitAxis::longest(grid.cells);
     let a = axis.index();
@@ -57,7 +57,7 @@ pub(super) fn slabs(grid: &SeepageGrid, size: usize) -> Slabs {
     Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
 }
 
-/// Returns the faces of the boundary that belong to a patch, by rising position of their cell.
+/// Returns the boundary faces of a patch, in ascending order of the positions of their cells.
 pub(super) fn boundary(
     openness: &Openness,
     layout: &Layout,

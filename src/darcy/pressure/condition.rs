@@ -1,6 +1,6 @@
-//! Conditions of the seepage on faces of the grid and on drains in the ground.
+//! Boundary conditions of the seepage on faces of the grid and on drains in the ground.
 //!
-//! Apart from the solver because cases state them.
+//! They are separate from the solver because cases state them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,20 +31,20 @@ pub enum Condition {
         #[schemars(range(min = 0.0))]
         rate: f64,
     },
-    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a level of water, its
+    /// Contact with air, where water leaves at atmospheric pressure and none enters; below a water level, its
     /// hydrostatic pressure. Needs `unsaturated`.
     SeepageFace {
         /// Head of the water in front of the lower part \[m\]. Default: air everywhere.
         #[serde(default)]
         level: Option<f64>,
     },
-    /// Water that enters in total, shared by area; negative for a well that pumps.
+    /// Total discharge, distributed by area; negative for a pumping well.
     Discharge {
         /// Volume per time into the ground [m3/s; in 2-D m2/s].
         value: f64,
     },
-    /// Evaporation from the face: at the stated rate as long as the ground delivers it at a suction below the limit,
-    /// at that suction and less than the rate afterwards. Needs `unsaturated`.
+    /// Evaporation from the face: at the stated rate while the suction is below the limit, afterwards at the
+    /// limiting suction with a lower rate. Needs `unsaturated`.
     Evaporation {
         /// Volume per horizontal area and time [m/s].
         #[schemars(range(min = 0.0))]
@@ -58,7 +58,7 @@ pub enum Condition {
 }
 
 impl Condition {
-    /// `true` if the condition holds the pressure of some water.
+    /// Returns `true` if the condition determines the pressure of some water.
     #[must_use]
     pub fn holds(&self) -> bool {
         matches!(
@@ -67,7 +67,7 @@ impl Condition {
         )
     }
 
-    /// Returns the volume per area and time that the condition states \[m/s\]; none where it states no flux.
+    /// Returns the volume per area and time stated by the condition \[m/s\]; none if it states no flux.
     #[must_use]
     pub fn flux(&self) -> Option<f64> {
         match self {

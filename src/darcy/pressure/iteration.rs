@@ -1,6 +1,6 @@
-//! The linear solver: conjugate gradients with a multigrid cycle, from the last pressure.
+//! Linear solver: conjugate gradients with a multigrid cycle, starting from the last pressure.
 //!
-//! It ends when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
+//! It stops when the largest imbalance of a cell is below the tolerance times the largest flow through an imposed
 //! pressure, or the largest source.
 
 use super::Pressure;
@@ -10,10 +10,10 @@ use crate::reproducible::{dot, power_above};
 use base::number::single;
 
 impl Pressure {
-    /// Iterates conjugate gradients; returns the number of iterations and the relative residual.
+    /// Performs conjugate gradient iterations; returns their number and the relative residual.
     pub(super) fn iterate(&mut self) -> Result<(u32, f64), SeepageError> {
         if self.fresh {
-            // So that water that nothing drives is at rest exactly.
+            // Water without a drive is then exactly stationary.
             self.phi.fill(0.0);
             self.fresh = false;
         }
@@ -22,14 +22,15 @@ impl Pressure {
         if !largest.is_finite() || !drive.is_finite() {
             return Err(SeepageError::NotFinite("the first residual"));
         }
-        // Where only rounding drives, or nothing does, what counts is the size of the terms that cancel.
+        // If only rounding drives the flow, or nothing does, the residual is relative to the size of the terms that
+        // cancel.
         let least = 1e-12 * drive.max(self.largest_term());
         let mut scale = drive.max(least);
         let mut iterations = 0;
         let mut last = 0.0;
         loop {
             if largest <= self.settings.tolerance * scale {
-                // Next to free water the imbalance at uniform pressure is far larger than the final flow.
+                // Next to open water the imbalance at uniform pressure is far larger than the final flow.
                 let flowing = self.flowing().max(least);
                 if flowing >= scale || largest <= self.settings.tolerance * flowing {
                     break;
@@ -45,7 +46,7 @@ impl Pressure {
             }
             let here = (self.slab.layout, self.slab.part.clone());
             let here = (&here.0, &here.1);
-            // The cycle works in single precision: on a residual near 1.
+            // The cycle uses single precision, so that the residual is scaled to near 1.
             let unit = 1.0 / power_above(largest);
             let residual = &self.system.residual;
             here.0
@@ -141,15 +142,15 @@ impl Pressure {
         self.slab.communicator.all_reduce_max_f64(most)
     }
 
-    /// Returns the largest right side: the imbalance at the uniform pressure in the middle of what is imposed, which
-    /// drives the flow. Over the whole grid, so that no message is needed.
+    /// Returns the largest right side, which drives the flow: the imbalance at the uniform midpoint of the imposed
+    /// pressures. Computed over the whole grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()
             .fold(0.0, |most, at| self.system.right[at].abs().max(most))
     }
 
-    /// Returns the largest term of the left sides at the pressure where the iteration starts.
+    /// Returns the largest term of the left sides at the start pressure.
     fn largest_term(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten().fold(0.0, |most, at| {
@@ -163,7 +164,7 @@ impl Pressure {
         self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
     }
 
-    /// Computes `residual = right - A phi`, and its largest size on any rank.
+    /// Computes `residual = right - A phi`, and returns its largest magnitude on any rank.
     fn first_residual(&mut self) -> f64 {
         self.slab.halo.fill(&mut self.phi);
         let (layout, matrix, phi, right) = (

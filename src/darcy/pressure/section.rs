@@ -8,17 +8,17 @@ use std::ops::Range;
 /// Flow, area and pressures at a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Through {
-    /// Water and grains that cross it along the axis in a second \[m3/s; m2/s in 2-D\].
+    /// Discharge of water and grains along the axis \[m³/s; m²/s in 2-D\].
     pub discharge: f64,
     /// Open area \[m2; m in 2-D\].
     pub area: f64,
-    /// Mean reduced pressure of the open cells before it and behind it \[Pa\]; NaN if there are none.
+    /// Mean reduced pressure of the open cells before and behind the section \[Pa\]; NaN if there are none.
     pub reduced: [f64; 2],
 }
 
 impl Pressure {
-    /// Returns the flow through the faces below the cells of a plane across `axis`, of the cells in these ranges along
-    /// the other axes. The plane may be one past the last.
+    /// Returns the flow through the faces below the cells of a plane normal to `axis`, for cells in these ranges
+    /// along the other axes. The plane may be one past the last.
     #[must_use]
     pub fn through(&self, axis: usize, plane: usize, ranges: &[Range<usize>; 3]) -> Through {
         let mut discharge = ExactSum::new();
@@ -60,8 +60,8 @@ impl Pressure {
         }
     }
 
-    /// Returns the flow along an axis through the lower faces of all cells \[m3/s; m2/s in 2-D\], as for cells of a
-    /// grid with one more cell along that axis. Faces of drains count with the flow of both sides.
+    /// Returns the flow along an axis through the lower faces of all cells \[m³/s; m²/s in 2-D\], for a grid with
+    /// one more cell along that axis. Faces of drains have the flow of both sides.
     #[must_use]
     pub fn face_flows(&self, axis: usize) -> Vec<f64> {
         let (grid, layout) = (&self.slab.grid, &self.slab.layout);
@@ -91,7 +91,7 @@ impl Pressure {
         flows
     }
 
-    /// Returns the flow through the open face below a cell, of water and grains \[m3/s\].
+    /// Returns the flow of water and grains through the open face below a cell \[m³/s\].
     fn face_flow(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.slab.layout.stride[axis];
         let dipping = self.tensor.as_ref().map(|own| own.flow[axis][at]);
@@ -104,9 +104,9 @@ impl Pressure {
         }
     }
 
-    /// Returns the reduced pressure on the lower face of a cell, which may be one past the last along the axis: that
-    /// imposed at an end of the grid, else that of the flux through the half cells on both sides \[Pa\]; NaN where no
-    /// cell with water is next to it.
+    /// Returns the reduced pressure on the lower face of a cell, which may be one past the last along the axis
+    /// \[Pa\]: the imposed one at an end of the grid, otherwise that of the flux through the half cells on both
+    /// sides; NaN if neither cell has water.
     #[must_use]
     pub fn face_reduced(&self, axis: usize, upper: [usize; 3]) -> f64 {
         let grid = &self.slab.grid;
@@ -144,8 +144,8 @@ impl Pressure {
     }
 
     /// Returns the stream function at the corners of the cells of a plane grid \[m2/s\], 0 at the lower corner: the
-    /// discharge between two corners is its difference. x fastest, one more than the cells along each axis. Exact
-    /// where the flow neither stores water nor has wells within the ground.
+    /// discharge between two corners is its difference. Values are in an array with x fastest and one more than the
+    /// cells along each axis. It is exact if there are no storage and no wells within the ground.
     #[must_use]
     pub fn stream_function(&self) -> Vec<f64> {
         let [nx, ny, _] = self.slab.grid.cells;
@@ -163,7 +163,7 @@ impl Pressure {
         stream
     }
 
-    /// Returns the hydraulic head of a reduced pressure \[m\]; NaN without gravity.
+    /// Returns the hydraulic head for a reduced pressure \[m\]; NaN without gravity.
     #[must_use]
     pub fn head(&self, reduced: f64) -> f64 {
         reduced / super::head_pressure(&self.liquid, &self.settings, 1.0)

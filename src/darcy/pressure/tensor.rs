@@ -1,58 +1,58 @@
-//! Permeability whose principal axes dip against the axes of the grid, in 2-D.
+//! Permeability whose principal axes are inclined to the axes of the grid, in 2-D.
 //!
 //! ```text
 //! K = | K1 c^2 + K2 s^2    (K1 - K2) s c   |      K1 along the bedding, K2 across it,
 //!     | (K1 - K2) s c      K1 s^2 + K2 c^2 |      c and s: cosine and sine of the dip
 //! ```
 //!
-//! The multi-point flux approximation of I. Aavatsmark, T. Barkve, O. Boe and T. Mannseth (J. Comput. Phys. 127 (1996)
-//! 2), in the form that a variational principle gives on boxes: around each corner of cells the head is linear in the
-//! quarter of each cell, with a value at the middle of each face; these values make the energy of the flow the least,
-//! so that the flux through each half of a face is continuous. The flow is that of nine points, symmetric and positive,
-//! exact for every uniform gradient and for layers along the grid, and the scheme of two points where nothing dips. A
-//! closed face bears no flux, a face with a condition has its pressure or its flux.
+//! The multi-point flux approximation of I. Aavatsmark, T. Barkve, O. Boe and T. Mannseth (J. Comput. Phys. 127
+//! (1996) 2), in the form that a variational principle gives on boxes: around each corner of cells the head is
+//! linear in the quarter of each cell, with a value at the middle of each face; these values minimise the energy of
+//! the flow, so that the flux through each half of a face is continuous. The scheme has nine points, is symmetric
+//! and positive, exact for every uniform gradient and for layers along the grid, and equals the two-point scheme
+//! without inclination. A closed face has zero flux, a face with a condition its pressure or its flux.
 //!
-//! The difference to the scheme of two points is kept apart: the multigrid cycle of the two-point flow is the
-//! preconditioner. Its condition is (1 + r)/(1 - r), r = |Kxy|/sqrt(Kxx Kyy). Couplings along one diagonal are negative
-//! wherever the ground dips, so that the system has no maximum principle; [`Pressure::overshoot`] returns by how much a
-//! solution leaves the range of the heads that drive it.
+//! The difference to the two-point scheme is stored separately: the multigrid cycle of the two-point flow is the
+//! preconditioner. The condition number of the preconditioned system is (1 + r)/(1 - r), r = |Kxy|/sqrt(Kxx Kyy).
+//! Couplings along one diagonal are negative wherever the ground dips, so that the system has no maximum principle;
+//! [`Pressure::overshoot`] returns by how much a solution leaves the range of the heads that drive it.
 
 use super::{Condition, Pressure};
 use crate::layout::Layout;
 
-/// Nodes of a corner: four cells, then at most eight values on faces.
+/// Maximum number of nodes of a corner: four cells, then at most eight values on faces.
 const NODES: usize = 12;
-/// No face of the boundary.
+/// Index that marks the absence of a boundary face.
 const NONE: u32 = u32::MAX;
 
-/// Differences of the flow of dipping ground to that of two points.
+/// Differences of the flow with inclined permeability to the two-point flow.
 pub(super) struct Tensor {
-    /// Cross term of the conductivity over the geometric mean of those along the axes, of each cell.
+    /// Cross term of the conductivity divided by the geometric mean of those along the axes, for each cell.
     shear: Vec<f64>,
-    /// Numbers of the faces of the boundary of each cell: below and above along x, then along y.
+    /// Indices of the boundary faces of each cell: below and above along x, then along y.
     faces: Vec<[u32; 4]>,
-    /// Couplings of each cell with those at its east, north, north-east and north-west.
+    /// Couplings of each cell with its neighbours to the east, north, north-east and north-west.
     coupling: [Vec<f64>; 4],
     /// Couplings with imposed pressures.
     leak: Vec<f64>,
-    /// Flow through the lower face of each cell along x and y, beyond that of two points \[m2/s\].
+    /// Flow through the lower face of each cell along x and y, in addition to the two-point flow \[m²/s\].
     pub(super) flow: [Vec<f64>; 2],
 }
 
 /// Value on a face at a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Edge {
-    /// Free, with this flow into the ground.
+    /// Free value, with this flow into the ground.
     Free(f64),
-    /// Imposed, above the level.
+    /// Imposed value, relative to the level.
     Known(f64),
 }
 
-/// The system of a corner.
+/// System of equations of a corner.
 struct Corner {
-    /// Positions of the cells south-west, south-east, north-west and north-east; none without water.
+    /// Positions of the cells south-west, south-east, north-west and north-east; none for a cell without water.
     cells: [Option<usize>; 4],
-    /// Nodes of the faces across x and y of each cell.
+    /// Nodes of the faces of each cell normal to x and y.
     nodes: [[usize; 2]; 4],
     /// Number of nodes.
     count: usize,
@@ -63,11 +63,11 @@ struct Corner {
     right: [f64; NODES],
 }
 
-/// Offset of the north-east cell of a corner, and the sides of the corner on which a cell lies: 1 below, -1 above.
+/// Signs of the position of each cell at a corner: 1 if the cell is below the corner along an axis, -1 if above.
 const SIDES: [[f64; 2]; 4] = [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
 
 impl Corner {
-    /// Adds the energy of each quarter of a cell; `shear`: with the cross term.
+    /// Adds the energy of each quarter of a cell; with the cross term if `shear`.
     fn assemble(&mut self, shear: bool) {
         self.matrix = [[0.0; NODES]; NODES];
         self.right = [0.0; NODES];
@@ -120,7 +120,7 @@ impl Corner {
         }
     }
 
-    /// Returns the values of all nodes for the pressures of the cells, after [`Self::eliminate`].
+    /// Returns the values of all nodes for given pressures of the cells, after [`Self::eliminate`].
     fn values(&self, phi: &[f64]) -> [f64; NODES] {
         let mut values = [0.0; NODES];
         for (value, cell) in values.iter_mut().zip(self.cells) {
@@ -133,7 +133,7 @@ impl Corner {
         }
         for e in (4..self.count).rev() {
             if matches!(self.edges[e], Edge::Free(_)) && self.matrix[e][e] > 0.0 {
-                // Values that are eliminated before are not in the row.
+                // Values eliminated earlier are not in the row.
                 let mut sum = self.right[e];
                 for (j, value) in values.iter().enumerate().take(self.count) {
                     let before = j >= 4 && j < e && matches!(self.edges[j], Edge::Free(_));
@@ -147,7 +147,7 @@ impl Corner {
         values
     }
 
-    /// Returns the flow out of a cell through its face along an axis; `shear`: with the cross term.
+    /// Returns the flow out of a cell through its face along an axis; with the cross term if `shear`.
     fn outflow(&self, s: usize, axis: usize, values: &[f64; NODES], shear: bool) -> f64 {
         let [a, b, c] = self.quarters[s];
         let c = if shear {
@@ -165,7 +165,7 @@ impl Corner {
 }
 
 impl Tensor {
-    /// Returns what flows into a cell beyond the flow of two points, without imposed pressures.
+    /// Returns the inflow of a cell in addition to the two-point flow, without imposed pressures.
     #[inline]
     fn inflow(&self, layout: &Layout, x: &[f64], at: usize) -> f64 {
         let row = layout.stride[1];
@@ -181,8 +181,8 @@ impl Tensor {
 }
 
 impl Pressure {
-    /// Lets the principal axes of the permeability dip; `shear`: cross term over the geometric mean of the
-    /// conductivities along the axes, of each cell. For saturated ground in 2-D.
+    /// Sets the inclination of the principal axes of the permeability; `shear` is the cross term divided by the
+    /// geometric mean of the conductivities along the axes, for each cell. For saturated ground in 2-D.
     #[must_use]
     pub fn with_shear(mut self, shear: &[f64]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
@@ -208,8 +208,8 @@ impl Pressure {
         self
     }
 
-    /// Returns by how much the reduced pressure of a cell leaves the range of the imposed ones, over that range; none
-    /// where nothing dips or a flux drives the water.
+    /// Returns by how much the reduced pressure of a cell lies outside the range of the imposed ones, relative to
+    /// that range; none without inclination or if a flux drives the water.
     #[must_use]
     pub fn overshoot(&self) -> Option<f64> {
         self.tensor.as_ref()?;
@@ -230,7 +230,8 @@ impl Pressure {
         Some(if high > low { most / (high - low) } else { 0.0 })
     }
 
-    /// Returns the gradient of a flux in dipping ground: the inverse of the tensor times the flux.
+    /// Returns the pressure gradient of a flux with inclined permeability: the inverse of the tensor times the
+    /// flux.
     pub(super) fn dipping_gradient(&self, cell: usize) -> Option<[f64; 3]> {
         let own = self.tensor.as_ref()?;
         let at = self.slab.layout.position(self.slab.grid.cell(cell));
@@ -249,7 +250,7 @@ impl Pressure {
         })
     }
 
-    /// Returns the corner below the cell (i, j); none where no cell around it dips.
+    /// Returns the corner below the cell (i, j); none if no cell around it is inclined.
     fn corner(&self, own: &Tensor, [i, j]: [usize; 2]) -> Option<Corner> {
         let (grid, layout) = (&self.slab.grid, &self.slab.layout);
         let places = [(1, 1), (0, 1), (1, 0), (0, 0)].map(|(x, y)| {
@@ -274,7 +275,7 @@ impl Pressure {
         };
         let mut parts = [[1.0; 2]; 4];
         for axis in 0..2 {
-            // Cells on both sides of the halves of faces at the corner.
+            // Cells on both sides of the half faces at the corner.
             let pairs = if axis == 0 {
                 [(0, 1), (2, 3)]
             } else {
@@ -325,7 +326,7 @@ impl Pressure {
         Some(corner)
     }
 
-    /// Returns half of a face of the boundary: its value or flow, and its open part.
+    /// Returns half of a boundary face: its value or flow, and its open fraction.
     fn edge(&self, number: usize) -> (Edge, f64) {
         let face = &self.boundary[number];
         let open = face.area / self.slab.grid.area(face.axis);
@@ -341,7 +342,7 @@ impl Pressure {
         (edge, open)
     }
 
-    /// Finds the couplings, and adds what imposed pressures and fluxes give to the right sides.
+    /// Computes the couplings, and adds the contributions of imposed pressures and fluxes to the right sides.
     pub(super) fn assemble_tensor(&mut self) {
         let Some(mut own) = self.tensor.take() else {
             return;
@@ -396,7 +397,7 @@ impl Pressure {
         }
     }
 
-    /// Adds what flows into the cells of the part beyond the flow of two points, times a sign.
+    /// Adds the inflow of the cells of the part in addition to the two-point flow, times a sign.
     pub(super) fn add_tensor(&self, x: &[f64], out: &mut [f64], sign: f64) {
         let Some(own) = &self.tensor else {
             return;
@@ -409,7 +410,7 @@ impl Pressure {
         });
     }
 
-    /// Finds the flow through the faces beyond that of two points, at the present pressure.
+    /// Computes the flow through the faces in addition to the two-point flow, at the present pressure.
     pub(super) fn take_tensor_flows(&mut self) {
         let Some(mut own) = self.tensor.take() else {
             return;
@@ -435,7 +436,7 @@ impl Pressure {
         self.tensor = Some(own);
     }
 
-    /// Adds the flows through the halves of faces at a corner.
+    /// Adds the flows through the half faces at a corner.
     fn add_flows(
         &mut self,
         own: &mut Tensor,

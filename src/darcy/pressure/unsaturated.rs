@@ -1,4 +1,4 @@
-//! Water in ground that is saturated in part: the equation of L. A. Richards (Physics 1 (1931) 318) in its mixed form.
+//! Water in partly saturated ground: the equation of L. A. Richards (Physics 1 (1931) 318) in its mixed form.
 //!
 //! ```text
 //! dM/dt + div q = 0,     q = -(K/mu) k_r(psi) grad phi,     M = theta(psi) + S_s max(psi, 0),     psi = p/(rho g)
@@ -8,10 +8,10 @@
 //! pressure head by the model of the soil ([`crate::retention`]). `S_s` is the specific storage of the
 //! saturated part.
 //!
-//! **Space.** Cell-centred finite volumes on the faces of the saturated system. The flux of a face is its conductance
-//! at saturation times `k_f (phi_i - phi_j)`, with the mean `k_f` of [`crate::retention::mean`]. Each flux
-//! rises with the pressure on one side and falls with that on the other, water at rest is at rest, and what leaves a
-//! cell enters the next.
+//! **Space.** Cell-centred finite volumes on the faces of the saturated system. The flux of a face is its
+//! conductance at saturation times `k_f (phi_i - phi_j)`, with the mean `k_f` of [`crate::retention::mean`]. Each
+//! flux increases with the pressure on one side and decreases with that on the other, stationary water remains
+//! stationary, and the scheme is conservative.
 //!
 //! **Boundaries.** The flux of a face with a stated pressure head `psi_f` is `T k_f (phi_f - phi_c)` over the half
 //! cell. A seepage face is in contact with air: either water leaves and its pressure is 0, or nothing crosses it and
@@ -23,18 +23,17 @@
 //! evaporation:    outflow = min{rate, max[0, T k_f (phi_c - phi_f)]}   at psi_f = -suction, the driest surface
 //! ```
 //!
-//! so that no list of wet faces is needed. Rain that the soil does not take runs off: the water above the ground is of
-//! no depth.
+//! so that no list of wet faces is needed. Rain that the soil cannot absorb runs off: ponded water has zero depth.
 //!
-//! **Solution.** Newton's method with the exact derivatives of the fluxes; Picard's iteration does not converge where
-//! the permeability changes within a cell. The Jacobian is not symmetric: the stabilised biconjugate gradients of H.
-//! A. van der Vorst (SIAM J. Sci. Stat. Comput. 13 (1992) 631) solve it. The preconditioner solves the columns of
-//! cells along gravity exactly, in which water falls through unsaturated ground, and adds a multigrid cycle on what
-//! they leave. The cycle takes the symmetric part of the Jacobian over `k_r` of each column of the matrix: in
-//! Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at saturation. A step of
-//! Newton's method is halved until the norm of the imbalance falls. Where Newton's method fails, the permeability is
-//! first replaced by `k_r^s` with a small `s`, and `s` is raised to 1 from solution to solution; Gardner's soil with a
-//! power is Gardner's soil with a longer capillary length.
+//! **Solution.** Newton's method with the exact derivatives of the fluxes; Picard's iteration does not converge
+//! where the permeability changes within a cell. The Jacobian is not symmetric: the stabilised biconjugate
+//! gradients of H. A. van der Vorst (SIAM J. Sci. Stat. Comput. 13 (1992) 631) solve it. The preconditioner solves
+//! the columns of cells along gravity exactly, in which water falls through unsaturated ground, and adds a
+//! multigrid cycle for the remainder. The cycle takes the symmetric part of the Jacobian over `k_r` of each column
+//! of the matrix: in Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at
+//! saturation. A step of Newton's method is halved until the norm of the imbalance falls. Where Newton's method
+//! fails, the permeability is first replaced by `k_r^s` with a small `s`, and `s` is raised to 1 from solution to
+//! solution; Gardner's soil with a power is Gardner's soil with a longer capillary length.
 //!
 //! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums
 //! are exact, so that the bits do not depend on ranks and threads.
@@ -52,26 +51,26 @@ pub(super) use transient::EXTRA_NUMBERS;
 use transient::Transient;
 pub use transient::{ConditionHistory, InitialWater, TransientSettings, WaterBalance};
 
-/// Steps of Newton's method in a steady flow.
+/// Maximum number of Newton steps in a steady flow.
 const STEPS: u32 = 40;
-/// Attempts of the continuation from a permeability that does not fall with the suction.
+/// Maximum number of continuation steps from a permeability that does not decrease with the suction.
 const ATTEMPTS: u32 = 60;
-/// Power of the relative permeability after the first failure.
+/// Exponent of the relative permeability after the first failure.
 const FIRST_POWER: f64 = 0.125;
-/// Factor by which the power rises after a success.
+/// Factor by which the exponent is raised after a success.
 const RAISE: f64 = 4.0;
-/// Closest ratio of two powers.
+/// Minimum ratio of two exponents.
 const CLOSEST: f64 = 1.02;
 
-/// A soil that drains.
+/// Unsaturated soil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Soil {
     /// Retention and relative permeability.
     pub retention: Retention,
 }
 
-/// A face between two cells: flux from the lower cell to the upper one \[m3/s\], its derivatives by the reduced
-/// pressure of the lower and minus that of the upper one, and its conductance \[m3/(Pa s)\].
+/// Face between two cells: flux from the lower cell to the upper one \[m³/s\], its derivatives with respect to the
+/// reduced pressure of the lower and minus that of the upper cell, and its conductance \[m³/(Pa s)\].
 #[derive(Clone, Copy, Debug, Default)]
 struct FaceFlux {
     flux: f64,
@@ -102,9 +101,9 @@ impl CellState {
     }
 }
 
-/// Ground that is saturated in part.
+/// State of partly saturated ground.
 pub(super) struct Unsaturated {
-    /// Soils, and the soil of each cell.
+    /// Retentions of the soils, then the soil index of each cell.
     soils: Vec<Retention>,
     soil_of: Vec<u8>,
     /// Weight of the water \[N/m3\].
@@ -115,25 +114,25 @@ pub(super) struct Unsaturated {
     elevation: Vec<f64>,
     /// Conductances of the faces at saturation.
     saturated: [Vec<f64>; 3],
-    /// Water that appears in each cell \[m3/s\].
+    /// Source of water in each cell \[m³/s\].
     source: Vec<f64>,
-    /// Power of the relative permeability: 1 but in a continuation.
+    /// Exponent of the relative permeability: 1 except in a continuation.
     power: f64,
     states: Vec<CellState>,
     faces: [Vec<FaceFlux>; 3],
-    /// Derivatives of what crosses the boundary and of what is stored, by minus the reduced pressure.
+    /// Derivatives of the boundary inflow and of the storage with respect to minus the reduced pressure.
     diagonal: Vec<f64>,
     krylov: Krylov,
     /// Axis closest to gravity.
     axis: usize,
-    /// Reciprocal relative permeability of each cell: scale of the unknowns of the cycle.
+    /// Reciprocal relative permeability of each cell, which scales the unknowns of the cycle.
     scale: Vec<f64>,
     /// Factor of the matrix of the cycle.
     matrix_scale: f64,
     /// Reduced pressures of the last solution of a continuation or of a Newton step.
     kept: Vec<f64>,
     start: Vec<f64>,
-    /// Flow that changes with time; none where it is steady.
+    /// State of a transient flow; none if the flow is steady.
     transient: Option<Box<Transient>>,
 }
 
@@ -154,7 +153,8 @@ impl Unsaturated {
 }
 
 impl Pressure {
-    /// Adds a soil that drains: from here on [`Pressure::solve`] finds steady flow in saturated and unsaturated ground.
+    /// Adds an unsaturated soil: afterwards [`Pressure::solve`] finds steady flow in saturated and unsaturated
+    /// ground.
     #[must_use]
     pub fn with_soil(mut self, soil: Soil) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
@@ -197,9 +197,9 @@ impl Pressure {
         self
     }
 
-    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the number of the
-    /// soil of each cell, 0 for that soil. The permeability of a face between two soils is that of the side which the
-    /// water leaves, so that a fine soil above a coarse one holds its water.
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the soil index
+    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the upstream side, so
+    /// that a fine soil above a coarse one retains its water.
     #[must_use]
     pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
@@ -212,13 +212,13 @@ impl Pressure {
         self
     }
 
-    /// `true` if the ground may drain.
+    /// Returns `true` if the ground may be unsaturated.
     #[must_use]
     pub fn drains(&self) -> bool {
         self.unsaturated.is_some()
     }
 
-    /// Finds the flow in ground that drains: the steady one, or that at the end of an interval. Collective.
+    /// Finds the flow in unsaturated ground: the steady one, or that at the end of an interval. Collective.
     pub(super) fn solve_unsaturated(
         &mut self,
         medium: Medium<'_>,
@@ -235,7 +235,7 @@ impl Pressure {
             }
         });
         self.take_fluxes(&own);
-        // What crosses the boundary is that of the ground from here on.
+        // From here on the boundary inflow is that of unsaturated ground.
         self.unsaturated = Some(own);
         let (iterations, residual) = solved?;
         let (inflow, outflow) = self.fluxes();
@@ -247,7 +247,7 @@ impl Pressure {
         })
     }
 
-    /// Takes conductivities and sources, and starts a fresh solution from water at rest below the highest head.
+    /// Stores conductivities and sources, and starts a new solution from stationary water at the highest head.
     fn prepare(&mut self, own: &mut Unsaturated, medium: Medium<'_>) -> Result<(), SeepageError> {
         let mut bad = self.take(medium);
         bad |= self.direct();
@@ -258,7 +258,7 @@ impl Pressure {
         for (saturated, t) in own.saturated.iter_mut().zip(&self.system.matrix.t) {
             saturated.copy_from_slice(t);
         }
-        // The level of a flow that changes with time stays that of its start.
+        // The level of a transient flow remains that of its start.
         if own
             .transient
             .as_ref()
@@ -292,7 +292,8 @@ impl Pressure {
         Ok(())
     }
 
-    /// Newton's method, with a continuation in the power of the permeability where it fails: iterations and residual.
+    /// Applies Newton's method, with a continuation in the exponent of the permeability if it fails; returns
+    /// iterations and residual.
     fn find_steady(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), SeepageError> {
         own.kept.copy_from_slice(&self.phi);
         own.power = 1.0;
@@ -393,8 +394,8 @@ impl Pressure {
         }
     }
 
-    /// Returns what enters through a face of the boundary \[m3/s\], and its derivative by minus the reduced pressure
-    /// of the cell.
+    /// Returns the inflow through a boundary face \[m³/s\], and its derivative with respect to minus the reduced
+    /// pressure of the cell.
     fn crossing(&self, own: &Unsaturated, face: &Boundary) -> (f64, f64) {
         let surface = face.lift;
         let held = |phi: f64| {
@@ -459,7 +460,7 @@ impl Pressure {
         }
     }
 
-    /// Writes the conductances of the faces, by which fluxes, sections and probes are found.
+    /// Stores the conductances of the faces, from which fluxes, sections and probes are computed.
     fn take_fluxes(&mut self, own: &Unsaturated) {
         let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
         for (t, faces) in self.system.matrix.t.iter_mut().zip(&own.faces) {
@@ -471,7 +472,7 @@ impl Pressure {
         }
     }
 
-    /// Sets the preconditioner: the symmetric part of the derivatives.
+    /// Sets the matrix of the preconditioner: the symmetric part of the derivatives.
     fn set_symmetric(&mut self, own: &mut Unsaturated) {
         let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
         let states = &own.states;
@@ -529,7 +530,7 @@ impl Pressure {
     }
 }
 
-/// Returns the permeability of a face between two soils: that of the side which the water leaves.
+/// Returns the permeability of a face between two soils: that of the upstream side.
 fn upstream([lower, upper]: [CellState; 2], difference: f64) -> Mean {
     let side = usize::from(difference < 0.0);
     let from = [lower, upper][side];
@@ -542,7 +543,7 @@ fn upstream([lower, upper]: [CellState; 2], difference: f64) -> Mean {
     }
 }
 
-/// Returns the flux of a face over a difference of the reduced pressure.
+/// Returns the flux of a face for a difference of the reduced pressure.
 fn face_flux(saturated: f64, mean: Mean, difference: f64, weight: f64) -> FaceFlux {
     let conductance = saturated * mean.permeability;
     let by = |side: usize| saturated * (mean.derivatives[side] / weight) * difference;

@@ -5,7 +5,7 @@
 //! S_e = 1/[1 + (|psi|/a)^b],     k_r = 1/[1 + (|psi|/c)^d],     psi < 0
 //! ```
 //!
-//! Papers that print `A/(A + |psi|^b)` have `a = A^(1/b)`.
+//! The parameter a of publications that print `A/(A + |psi|^b)` is `A^(1/b)`.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -127,7 +127,7 @@ impl RetentionLaw for Haverkamp {
 mod tests {
     use super::*;
 
-    /// Sand of Vauclin, Khanji and Vachaud (1979), equations as printed, in cm.
+    /// Checks the sand of Vauclin, Khanji and Vachaud (1979), with the equations as printed, in cm.
     #[test]
     fn the_equations_as_printed() {
         let law = Haverkamp {

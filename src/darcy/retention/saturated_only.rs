@@ -4,10 +4,10 @@
 //! k_r = max[exp(psi/h), e_min]     psi < 0
 //! ```
 //!
-//! Gardner's permeability with a capillary length `h` far below a cell, and a least value `e_min` that keeps the dry
-//! soil in the system of equations. The discharge of a rectangular dam between h1 and h2 over L is that of A. Dupuit
-//! and I. A. Charny up to a part of order `h` over the height. Nothing is stored above the phreatic surface: the model
-//! is for steady flow.
+//! Gardner's permeability with a capillary length `h` far below a cell, and a minimum `e_min` that keeps the dry
+//! soil in the system of equations. The discharge of a rectangular dam between h1 and h2 over L is that of A.
+//! Dupuit and I. A. Charny up to a part of order `h` over the height. Nothing is stored above the phreatic surface:
+//! the model is for steady flow.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 /// Natural logarithm of the relative permeability of dry soil, 1e-8.
 const LOG_LEAST: f64 = -18.420_680_743_952_367;
-/// Capillary length where neither the case nor the grid gives one \[m\].
+/// Capillary length if neither the case nor the grid determines one \[m\].
 const USUAL: f64 = 1e-3;
 
 /// Flow below the phreatic surface only.

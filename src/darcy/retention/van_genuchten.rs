@@ -5,8 +5,8 @@
 //! S_e = [1 + (alpha |psi|)^n]^(-m),     m = 1 - 1/n,     k_r = S_e^L [1 - (1 - S_e^(1/m))^m]^2,     psi < 0
 //! ```
 //!
-//! With `u = (alpha |psi|)^n` is `1 - S_e^(1/m) = u/(1 + u)`; in this form nothing cancels near saturation. In dry soil
-//! `1 - [u/(1 + u)]^m` is taken from `expm1`.
+//! With `u = (alpha |psi|)^n`, `1 - S_e^(1/m) = u/(1 + u)`; in this form there is no cancellation near saturation.
+//! In dry soil `1 - [u/(1 + u)]^m` is computed with `expm1`.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -17,7 +17,8 @@ use super::{Fault, RetentionLaw, SoilState};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Least exponent n: below it the permeability falls by more than half within a thousandth of the capillary length.
+/// Minimum exponent n: below it the permeability decreases by more than half within a thousandth of the capillary
+/// length.
 const LEAST_N: f64 = 1.1;
 const MOST_N: f64 = 20.0;
 
@@ -73,11 +74,11 @@ impl RetentionLaw for VanGenuchten {
         let (n, m) = (self.n, 1.0 - 1.0 / self.n);
         let u = suction.powf(n);
         let log_saturation = -m * u.ln_1p();
-        // m ln[u/(1 + u)] and what is left of 1 without its exponential.
+        // Logarithm m ln[u/(1 + u)], and 1 minus its exponential.
         let log_blocked = -m * (1.0 / u).ln_1p();
         let blocked = log_blocked.exp();
         let passes = -log_blocked.exp_m1();
-        // Derivatives by the pressure head of ln S_e and of ln blocked.
+        // Derivatives of ln S_e and of ln blocked with respect to the pressure head.
         let by_saturation = m * n * self.alpha * (u / (1.0 + u)) / suction;
         let by_blocked = -m * n * self.alpha / ((1.0 + u) * suction);
         let saturation = log_saturation.exp();
@@ -132,7 +133,7 @@ impl RetentionLaw for VanGenuchten {
     }
 }
 
-/// Returns the content that is out of its range, if one is.
+/// Returns the first content that is out of range, if any.
 pub(super) fn contents(saturated: f64, residual: f64, paths: [&'static str; 2]) -> Option<Fault> {
     if !(saturated > 0.0 && saturated < 1.0) {
         return Some(Fault {
@@ -163,7 +164,7 @@ mod tests {
         exponent: 0.5,
     };
 
-    /// The equations as printed, at n = 2: m = 1/2.
+    /// Checks the equations as printed, at n = 2: m = 1/2.
     #[test]
     fn the_equations_as_printed() {
         for head in [-0.02, -0.75, -10.0] {

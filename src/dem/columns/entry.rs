@@ -1,23 +1,23 @@
-//! The element of an array: its bytes in a message, its columns in a checkpoint.
+//! Elements of the arrays: their bytes in a message, their columns in a checkpoint.
 
 use super::super::message::{Reader, Writer};
 use super::super::space::{Components, Space};
 use super::super::table::{AXES, Columns, NamedColumns, component_name, small, unsigned};
 use base::error::Error;
 
-/// The element of an array: its bytes in a message, its columns in a checkpoint.
+/// Element of an array: its bytes in a message, its columns in a checkpoint.
 pub(crate) trait Entry<S: Space>: Copy {
-    /// Bytes in a message.
+    /// Number of bytes in a message.
     const BYTES: usize;
     /// Appends the bytes to a message.
     fn pack(&self, to: &mut Writer);
-    /// Takes the bytes from a message.
+    /// Reads the element from a message.
     fn unpack(from: &mut Reader<'_>) -> Result<Self, Error>;
     /// Writes the columns of many entries.
     fn save(name: &str, values: impl Iterator<Item = Self> + Clone, to: &mut Columns<'_>);
-    /// Returns the name of the first column: a table without it does not hold the array.
+    /// Returns the name of the first column; a table without it does not contain the array.
     fn first_column(name: &str) -> String;
-    /// Reads the columns back.
+    /// Reads the values of many entries from their columns.
     fn load(name: &str, from: &NamedColumns) -> Result<Vec<Self>, Error>;
 }
 
@@ -103,7 +103,7 @@ impl<S: Space> Entry<S> for u32 {
     }
 }
 
-/// Box lengths along each axis; columns for the axes of the space.
+/// Numbers of periods along each axis, with one column per axis of the space.
 impl<S: Space> Entry<S> for [i32; 3] {
     const BYTES: usize = 12;
 
@@ -131,7 +131,7 @@ impl<S: Space> Entry<S> for [i32; 3] {
     }
 }
 
-/// Real numbers without names of their own: columns `name_0`, `name_1` and so on.
+/// Unnamed real numbers, in columns `name_0`, `name_1` and so on.
 impl<S: Space, const N: usize> Entry<S> for [f64; N] {
     const BYTES: usize = 8 * N;
 

@@ -10,8 +10,8 @@
 //! area = pi R overlap,   R = r1 r2/(r1 + r2), the radius at a wall
 //! ```
 //!
-//! The area is used if the stiffness is per area. To leading order the volume of the overlap is `area overlap`, as for
-//! a block's patch.
+//! The area is used if the stiffness is per area. To leading order the overlap volume is `area * overlap`, as for a
+//! patch of a block.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -84,7 +84,7 @@ pub enum NormalStiffness {
 }
 
 impl NormalStiffness {
-    /// Returns the normal and shear stiffness, with another number where one is given.
+    /// Returns the normal and shear stiffness, with the value replaced by `number` if it is given.
     fn with(self, number: Option<f64>, ratio: f64) -> Stiffness {
         match self {
             Self::PerContact(own) => {
@@ -146,7 +146,7 @@ impl BlockInput {
         }
     }
 
-    /// Returns the springs of a pair; those of the law without one.
+    /// Returns the springs of a pair, or those of the law without a pair.
     fn springs(&self, pair: Option<&BlockMaterialPair>) -> polyhedron::BlockPairLaw {
         let own = |get: fn(&BlockMaterialPair) -> Option<f64>, otherwise: f64| {
             pair.and_then(get).unwrap_or(otherwise)
@@ -168,7 +168,7 @@ impl BlockInput {
         }
     }
 
-    /// Reports what of a scene the law cannot do.
+    /// Reports features of a scene that the law does not support.
     fn check(scene: &SceneFacts<'_>, report: &mut dyn Report) {
         let source = match scene.grains {
             Preparation::Growth => Some("grains.initial.growth"),
@@ -244,18 +244,18 @@ pub fn example() -> Value {
     json!({"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 30}})
 }
 
-/// The law: see the module.
+/// Law of blocks: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BlockLaw {
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<polyhedron::BlockPairLaw>,
-    /// Method by which contacts of blocks are condensed to a point.
+    /// Method by which a contact of blocks is reduced to a point.
     pub model: BlockContactModel,
-    /// Damping in proportion to mass [1/s] of all bodies, blocks and spheres; 0 for none.
+    /// Mass-proportional damping [1/s] of all bodies, blocks and spheres; 0 for none.
     pub mass_damping: f64,
 }
 
-/// Springs and dashpots of a contact over `area` [m²] against an effective mass [kg], for stability.
+/// Returns springs and dashpots of a contact over `area` [m²] against an effective mass [kg], for stability.
 pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs {
     Springs::damped(
         pair.stiffness(area),
@@ -283,15 +283,15 @@ impl ContactModel for BlockLaw {
         self.parameters.get(a, b).friction
     }
 
-    /// Returns the normal stiffness; if it is per area, that over the section of a sphere of that diameter: no patch
-    /// inside it is larger.
+    /// Returns the normal stiffness; if it is per area, that over the largest section of a sphere of that diameter,
+    /// which bounds every contact area inside it.
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
         let radius = 0.5 * diameter;
         let section = std::f64::consts::PI * radius * radius;
         self.parameters.get(a, b).stiffness(section)[0]
     }
 
-    /// Changes the friction only: the law of blocks prepares no grains.
+    /// Changes only the friction: no grains are prepared with the law of blocks.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);
@@ -305,7 +305,7 @@ impl ContactModel for BlockLaw {
     }
 
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
-        // No section of a sphere is larger than that through its centre.
+        // The largest section of a sphere passes through its centre.
         let area = std::f64::consts::PI * radius * radius;
         let stiffest = |pair: &polyhedron::BlockPairLaw| {
             let [normal, shear] = pair.stiffness(area);
@@ -315,8 +315,8 @@ impl ContactModel for BlockLaw {
         TimeLimits::of_spring(mass, pairs.map(stiffest).fold(0.0, f64::max))
     }
 
-    /// All faces rest on others whole: with the stiffness K of all of them together in the stiffest direction, and
-    /// neighbours that swing against the block, no frequency is above sqrt(2 K/m).
+    /// All faces rest on other blocks: with the total stiffness K in the stiffest direction, and neighbours that
+    /// move against the block, no angular frequency exceeds sqrt(2 K/m).
     fn time_limits_of_block(
         &self,
         material: u32,
@@ -352,14 +352,14 @@ impl ContactModel for BlockLaw {
     }
 }
 
-/// Per pair: effective mass [kg], and `r1 r2/(r1 + r2)` [m] of the spheres round both.
+/// Values per pair: effective mass [kg], and `r1 r2/(r1 + r2)` [m] of the enclosing spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockScale {
     pub(crate) mass: f64,
     radius: f64,
 }
 
-/// Per pair: see [`BlockScale`].
+/// Values per pair: see [`BlockScale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockConstants {
     pub(crate) law: polyhedron::BlockPairLaw,
@@ -367,9 +367,9 @@ pub struct BlockConstants {
 }
 
 impl BlockLaw {
-    /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free one of these blocks can make with bodies or walls
-    /// of `materials` materials, for stiffness per area over the block's largest face. The explicit step must stay well
-    /// below: 0.1 is usual.
+    /// Returns `sqrt(m/k)` [s] of the stiffest contact that any free block can have with bodies or walls of
+    /// `materials` materials; a stiffness per area acts over the largest face of the block. The explicit step must
+    /// be well below it: 0.1 of it is usual.
     #[must_use]
     pub fn critical_time_step<'a>(
         &self,
@@ -463,7 +463,7 @@ impl<S: Space> ContactLaw<S> for BlockLaw {
         out_of_space(&history.spring())
     }
 
-    /// Returns the stiffness over the section of the sphere: no patch inside it is larger.
+    /// Returns the stiffness over the largest section of the sphere, which bounds every contact area inside it.
     fn stiffness(constants: &BlockConstants) -> [f64; 2] {
         let radius = constants.scale.radius;
         constants

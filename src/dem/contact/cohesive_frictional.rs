@@ -5,12 +5,12 @@
 //! F_s = F_s' - k_s slip dt,                 |F_s| <= F_n tan(phi) + C while bonded, else F_n tan(phi)
 //! ```
 //!
-//! A bond fails in tension above the force C, and the contact ends. A bond that is sheared beyond its limit permanently
-//! loses both cohesions. The shear force drops at once to the friction limit, or to zero if the contact was in tension.
-//! Bonds are made once, at the existing contacts with their present forces; broken bonds do not heal. With k_n and C
-//! proportional to the pair's mean diameter d, the bond opens by C/k_n for any d. Optional dashpots, fractions of
-//! critical damping as in [`super::linear`], add to the springs' forces and do not contribute to failure; without a
-//! bond they never pull.
+//! A bond fails in tension above the force C, and the contact ends. A bond sheared beyond its limit permanently
+//! loses tensile and shear cohesion. The shear force drops at once to the friction limit, or to zero if the contact
+//! was in tension. Bonds are made once, at the existing contacts with their present forces; broken bonds do not
+//! heal. With k_n and C proportional to the pair's mean diameter d, the bond opens by C/k_n for any d. Optional
+//! dashpots, fractions of critical damping as in [`super::linear`], add to the springs' forces and do not
+//! contribute to failure; without a bond they never pull.
 //!
 //! Source: L. Sibille, F. Lominé, D. Marot, ICSE-6 (2012) 885; checked against trajectories of YADE 2023.02a
 //! (`Law2_ScGeom6D_CohFrictPhys_CohesionMoment`).
@@ -114,7 +114,7 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
 pub struct CohesiveFrictionalParameters {
     /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
     pub normal_stiffness: Scaled,
-    /// Shear over normal stiffness.
+    /// Ratio of shear to normal stiffness.
     pub stiffness_ratio: f64,
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
@@ -127,7 +127,7 @@ pub struct CohesiveFrictionalParameters {
 }
 
 impl CohesiveFrictionalParameters {
-    /// Returns these parameters with the numbers of a pair.
+    /// Returns these parameters with the values that a pair overrides.
     fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
@@ -144,10 +144,10 @@ impl CohesiveFrictionalParameters {
     }
 }
 
-/// The law: see the module.
+/// Cohesive-frictional law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CohesiveFrictional {
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<CohesiveFrictionalParameters>,
 }
 
@@ -210,8 +210,8 @@ impl ContactModel for CohesiveFrictional {
     }
 }
 
-/// Per pair of materials: stiffness and cohesion as a constant and per diameter, one of them zero; dashpots over the
-/// root of mass times stiffness.
+/// Values per pair of materials: stiffness and cohesion as a constant and per diameter, one of which is zero;
+/// dashpots divided by the root of mass times stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CohesiveFrictionalRow {
     normal: [f64; 2],
@@ -227,7 +227,7 @@ fn scaled([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
     constant + per_diameter * diameter
 }
 
-/// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the cohesion of a new bond [N].
+/// Values per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the cohesion of a new bond [N].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CohesiveFrictionalConstants {
     normal: f64,
@@ -241,7 +241,7 @@ pub struct CohesiveFrictionalConstants {
 }
 
 impl CohesiveFrictionalConstants {
-    /// Returns the normal dashpot over a time step [N s/m].
+    /// Returns the effective normal dashpot over a time step [N s/m].
     #[inline(always)]
     fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
         let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
@@ -249,14 +249,14 @@ impl CohesiveFrictionalConstants {
             * part_of_step(kinematics.overlap, rate, step)
     }
 
-    /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
+    /// Returns the effective normal dashpot of a bond over a time step [N s/m]; it acts across a gap as well.
     #[inline(always)]
     fn bond_dashpot(&self, time_step: f64) -> f64 {
         over_step(self.normal_dashpot, time_step, self.normal, self.square)
     }
 }
 
-/// The force of the shear spring [N] on the second partner, and the cohesion [N], 0 without a bond.
+/// Force of the shear spring [N] on the second partner, and cohesion [N], 0 without a bond.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CohesiveFrictionalHistory<S: Space> {
     shear: S::Tangent,
@@ -276,8 +276,8 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
             ratio: p.stiffness_ratio,
             normal_dashpot: 2.0 * p.normal_damping,
             shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
-            // By way of the angle in degrees, on which the last bit depends: checkpoints of older runs continue to the
-            // same bits.
+            // Computed through the angle in degrees, which affects the last bit: checkpoints of older runs continue
+            // with the same bits.
             friction: coefficient(p.friction.atan().to_degrees()),
             cohesion: p.cohesion.parts(),
         })
@@ -331,7 +331,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
                 failure: None,
             };
         }
-        // Sliding, or the end of a bond: tension where it pulls more than the cohesion, else shear.
+        // Sliding, or failure of a bond: in tension if the tensile force exceeds the cohesion, otherwise in shear.
         let failure = match history.cohesion > 0.0 {
             false => None,
             true if normal < -history.cohesion => Some(Failure::Tension),
@@ -375,7 +375,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
-        // C/k_n is monotone in the diameter, or does not depend on it.
+        // C/k_n is a monotonic function of the diameter, or independent of it.
         let opening = |p: &CohesiveFrictionalParameters, d: f64| {
             p.cohesion.for_diameter(d) / p.normal_stiffness.for_diameter(d)
         };

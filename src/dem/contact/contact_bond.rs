@@ -12,11 +12,11 @@
 //! reduced to the friction limit, and to zero across a gap. Strengths are forces and apply to the springs alone, not to
 //! the dashpots, which are fractions of critical damping as in [`super::linear`].
 //!
-//! Bonds are made once, between all pairs whose surfaces are no further apart than the bonding gap. `rest` is the
-//! reference of the normal spring of a bond across a gap. With 0 the spring pulls at once with k_n times the gap, and a
-//! gap beyond T/k_n fails in the first step. With `unstressed` it is the gap at which the bond was made, so that the
-//! bond starts without a force. After failure overlaps count from contact again. Before failure a bond opens by T/k_n
-//! and shears by S/k_s.
+//! Bonds are created once, between all pairs whose gap is at most the bonding gap. `rest` is the overlap at which
+//! the normal spring of a bond has no force. If it is 0, a bond across a gap starts with a tensile force of k_n
+//! times the gap, and fails in the first step if the gap exceeds T/k_n. With `unstressed` it is the overlap at
+//! which the bond was created, so that the bond starts without a force. After failure, overlaps are measured from
+//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
 //!
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329,
 //! doi:10.1016/j.ijrmms.2004.09.011.
@@ -147,22 +147,22 @@ impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for
 /// Parameters of one pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ContactBondParameters {
-    /// The springs, dashpots and friction.
+    /// Springs, dashpots and friction.
     pub linear: linear::LinearParameters,
     /// Tensile strength T of a bond [N]; in the plane [N per m of depth].
     pub tensile_strength: f64,
     /// Shear strength S of a bond [N]; in the plane [N per m of depth].
     pub shear_strength: f64,
-    /// Surfaces at most so far apart [m] are bonded.
+    /// Largest gap [m] between surfaces that are bonded.
     pub bonding_gap: f64,
-    /// `true` if a bond made across a gap starts without a force.
+    /// `true` if a bond created across a gap starts without a force.
     pub unstressed: bool,
 }
 
-/// The law: see the module.
+/// Contact-bond law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactBond {
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<ContactBondParameters>,
 }
 
@@ -223,7 +223,7 @@ impl ContactModel for ContactBond {
     }
 }
 
-/// Per pair of materials: the linear law's, strengths [N], bonding gap [m].
+/// Values per pair of materials: those of the linear law, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactBondRow {
     linear: linear::LinearRow,
@@ -233,7 +233,7 @@ pub struct ContactBondRow {
     unstressed: bool,
 }
 
-/// Per pair: the linear law's, strengths [N], bonding gap [m].
+/// Values per pair: those of the linear law, strengths [N], bonding gap [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactBondConstants {
     linear: linear::LinearConstants,
@@ -243,7 +243,8 @@ pub struct ContactBondConstants {
     unstressed: bool,
 }
 
-/// The force of the shear spring [N] on the second partner, and of a bond the overlap [m] without a normal force.
+/// Force of the shear spring [N] on the second partner, and for a bond the overlap [m] at which it has no normal
+/// force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactBondHistory<S: Space> {
     shear: S::Tangent,

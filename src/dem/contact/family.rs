@@ -1,16 +1,16 @@
-//! From a list of contact laws, one line each, to types: the choice in a case, the resolved laws, and the dispatch to
-//! the concrete law.
+//! Generation of types from a list of contact laws, one line each: the choice in a case, the resolved laws, and the
+//! dispatch to the concrete law.
 
 use super::{ContactLaw, PairProperties};
 use crate::engine::bodies::Bodies;
 use crate::particles::{Body, Kind};
 use crate::space::Space;
 
-/// Makes the two enums of a family of contact laws from a list.
+/// Generates the two enums of a family of contact laws from a list.
 ///
 /// A line `Name(parameters) => Variant(law), ...;` adds a law: `Name`, in snake case, is its name in a case,
-/// `parameters` implements [`ContactParameters`](super::ContactParameters), and each `law` that can come of them
-/// implements [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
+/// `parameters` implements [`ContactParameters`](super::ContactParameters), and each `law` to which they may
+/// resolve implements [`ContactModel`](super::ContactModel), [`ContactLaw`] and [`Bodies`].
 macro_rules! contact_laws {
     (
         $(#[$about:meta])* $vis:vis $Contact:ident,
@@ -27,7 +27,7 @@ macro_rules! contact_laws {
         }
 
         impl $Contact {
-            /// The law with its parameters for every pair of materials; what is wrong goes to the report.
+            /// Returns the law with its parameters for every pair of materials; reports errors.
             $vis fn resolve(
                 &self,
                 scene: &$crate::contact::SceneFacts<'_>,
@@ -39,7 +39,8 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+            /// Returns the local damping: a force of this fraction of the force on a grain opposes its motion; 0 is
+            /// off.
             #[must_use]
             $vis fn local_damping(&self) -> f64 {
                 match self {
@@ -59,7 +60,7 @@ macro_rules! contact_laws {
                 }
             }
 
-            /// Returns `true` if polyhedra can have the law.
+            /// Returns `true` if the law supports polyhedra.
             #[must_use]
             $vis fn of_polyhedra(&self) -> bool {
                 match self {
@@ -81,7 +82,7 @@ macro_rules! contact_laws {
         }
 
         impl $Law {
-            /// The law as plan, preparation and outputs see it.
+            /// Returns the law as an interface for plan, preparation and outputs.
             #[must_use]
             $vis fn model(&self) -> &dyn $crate::contact::ContactModel {
                 match self {
@@ -120,21 +121,22 @@ macro_rules! contact_laws {
 }
 pub(crate) use contact_laws;
 
-/// One of the resolved laws of a list.
+/// Resolved law of a list.
 pub(crate) trait Family {
-    /// Calls `visitor` with the concrete law: what it does is compiled once per law.
+    /// Calls `visitor` with the concrete law, so that its code is compiled once per law.
     fn visit<S: Space, V: Visitor<S>>(&self, visitor: V) -> V::Output;
 }
 
-/// Something to do with a law whose type is known.
+/// Operation on a law of a concrete type.
 pub(crate) trait Visitor<S: Space> {
     /// Result of the visit.
     type Output;
-    /// Does it.
+    /// Executes the operation.
     fn visit<L: Bodies<S>>(self, law: &L) -> Self::Output;
 }
 
-/// `sqrt(m/k)` [s] of the stiffest contact that any of `grains` can make with bodies or walls of `materials` materials.
+/// Operation that returns `sqrt(m/k)` [s] of the stiffest contact that any of `grains` can have with bodies or
+/// walls of `materials` materials.
 pub(super) struct CriticalTimeStep<I> {
     pub(super) grains: I,
     pub(super) materials: u32,

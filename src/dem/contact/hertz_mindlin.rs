@@ -1,5 +1,5 @@
-//! The law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with Coulomb
-//! friction, for spheres of elastic material.
+//! Contact law of Hertz in the normal direction and of Mindlin without slip in the tangential direction, with
+//! Coulomb friction, for spheres of elastic material.
 //!
 //! ```text
 //! F_n = 4/3 E* sqrt(R*) overlap^(3/2) - c_n d(gap)/dt                 pushing; pulling only with `attraction`
@@ -16,10 +16,10 @@
 //! is reduced in proportion. Without this reduction a spring that is loaded at large overlaps and unloaded at small
 //! ones would return more work than it received (Thornton et al.).
 //!
-//! The dashpots make the restitution a property of the material. With z = overlap^(5/4) the head-on collision is that
-//! of the linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any speed.
-//! With attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`. A dashpot that only pushes has the restitution of the pushing
-//! linear one (Schwager and Pöschel). [`damping`] finds the zeta of either.
+//! The dashpots make the restitution a property of the material. In terms of z = overlap^(5/4), a head-on collision
+//! is that of a linear spring with a dashpot of the fraction zeta of critical damping (Antypov and Elliott), at any
+//! speed. With attraction `e = exp(-pi zeta/sqrt(1 - zeta²))`. Without tensile dashpot forces the restitution is
+//! that of the linear contact without them (Schwager and Pöschel). [`damping`] computes zeta for both cases.
 //!
 //! Sources: H. Hertz 1882; R. D. Mindlin, J. Appl. Mech. 16 (1949) 259; Y. Tsuji, T. Tanaka, T. Ishida, Powder
 //! Technology 71 (1992) 239, doi:10.1016/0032-5910(92)88030-L; A. Di Renzo, F. P. Di Maio, Chem. Eng. Sci. 59 (2004)
@@ -106,7 +106,7 @@ pub struct ElasticPair {
 const PATH: &str = "contact.hertz_mindlin";
 
 impl HertzMindlinInput {
-    /// Returns the moduli of every material; fewer where some are missing, which are findings.
+    /// Returns the moduli of every material; if some are missing, fewer with a finding for each.
     fn moduli(scene: &SceneFacts<'_>, report: &mut dyn Report) -> Vec<Elastic> {
         let mut elastic = Vec::new();
         for material in scene.materials {
@@ -134,7 +134,7 @@ impl HertzMindlinInput {
         elastic
     }
 
-    /// Reports what of a scene the law cannot do.
+    /// Reports features of a scene that the law does not support.
     fn check(scene: &SceneFacts<'_>, report: &mut dyn Report) {
         if scene.grains == (Preparation::Deposition { softened: true }) {
             report.error(
@@ -222,7 +222,7 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for HertzMindlinInput {
     }
 }
 
-/// An isotropic elastic material.
+/// Isotropic elastic material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Elastic {
     /// Young's modulus E [Pa].
@@ -243,8 +243,8 @@ impl Elastic {
         [1.0 / (a[0] + b[0]), 1.0 / (a[1] + b[1])]
     }
 
-    /// Returns the time [s] in which Rayleigh's surface wave runs round half a sphere of this radius [m] and density
-    /// [kg/m³]: `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
+    /// Returns the time [s] in which a Rayleigh surface wave travels around half a sphere of this radius [m] and
+    /// density [kg/m³]: `pi R sqrt(rho/G)/(0.1631 nu + 0.8766)`.
     #[must_use]
     pub fn rayleigh_time(self, radius: f64, density: f64) -> f64 {
         let shear_modulus = 0.5 * self.young_modulus / (1.0 + self.poisson_ratio);
@@ -252,7 +252,7 @@ impl Elastic {
     }
 }
 
-/// Returns the restitution of a head-on collision under a dashpot of the fraction `zeta` of critical damping.
+/// Returns the restitution of a head-on collision with a dashpot of the fraction `zeta` of critical damping.
 #[must_use]
 pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     if zeta <= 0.0 {
@@ -265,7 +265,7 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
             0.0
         };
     }
-    // The force of the oscillator vanishes at the phase 2 acos(zeta); beyond critical damping the angle becomes a
+    // The force of the oscillator vanishes at the phase 2 acos(zeta); above critical damping the angle becomes a
     // logarithm.
     let phase_over_root = if (zeta - 1.0).abs() < 1e-9 {
         2.0
@@ -278,7 +278,7 @@ pub fn restitution(zeta: f64, attraction: bool) -> f64 {
     (-zeta * phase_over_root).exp()
 }
 
-/// Returns the fraction of critical damping that restitutes `e`, above 0 to 1.
+/// Returns the fraction of critical damping for a restitution `e` between 0 (exclusive) and 1.
 #[must_use]
 pub fn damping(e: f64, attraction: bool) -> f64 {
     if e >= 1.0 {
@@ -292,7 +292,7 @@ pub fn damping(e: f64, attraction: bool) -> f64 {
     while restitution(high, false) > e && high < 1e6 {
         high *= 2.0;
     }
-    // Restitution falls with damping.
+    // Restitution decreases with damping.
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
         if restitution(middle, false) > e {
@@ -315,16 +315,17 @@ pub struct HertzMindlinParameters {
     pub damping: f64,
     /// `true` if the normal dashpot may pull.
     pub attraction: bool,
-    /// Fastest approach [m/s] that is expected: the overlap it makes sets the stiffness that time steps are chosen by.
+    /// Largest expected approach speed [m/s]: the overlap of such an impact determines the stiffness for the time
+    /// step.
     pub impact_speed: f64,
 }
 
-/// The law: see the module.
+/// Hertz-Mindlin law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HertzMindlin {
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<HertzMindlinParameters>,
-    /// Every material, for Rayleigh's time; where there are none it is no limit.
+    /// Moduli of every material, for the Rayleigh time; empty if that is not a limit.
     pub materials: Vec<Elastic>,
 }
 
@@ -342,7 +343,7 @@ impl ContactModel for HertzMindlin {
     }
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        // E* d sqrt(overlap/d).
+        // Stiffness E* d sqrt(overlap/d).
         1e-2 * self.parameters.get(a, b).moduli[0] * diameter
     }
 
@@ -350,14 +351,14 @@ impl ContactModel for HertzMindlin {
         1e-2 * self.parameters.get(material, material).moduli[0]
     }
 
-    /// Changes the friction only: the springs of elastic spheres have no stiffness of their own.
+    /// Changes only the friction: the stiffness of elastic spheres follows from their moduli.
     fn prepare(&mut self, _: Option<f64>, friction: Option<f64>) {
         for pair in self.parameters.rows_mut() {
             pair.friction = friction.unwrap_or(pair.friction);
         }
     }
 
-    /// Returns the tangent stiffnesses, and the dashpots that go with them.
+    /// Returns the tangent stiffnesses and the corresponding dashpots.
     fn springs(&self, contact: &StaticContact) -> Springs {
         let [a, b] = contact.materials;
         let pair = self.parameters.get(a, b);
@@ -381,12 +382,13 @@ impl ContactModel for HertzMindlin {
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
         let root = radius.sqrt();
         let spring = |pair: &HertzMindlinParameters| {
-            // At a wall radius and mass are the grain's own: no grain makes a stiffer contact.
+            // At a wall the radius and mass of the grain itself count: no contact with a grain is stiffer.
             let [young, shear] = pair.moduli;
             let overlap = deepest(mass, 4.0 / 3.0 * young * root, pair.impact_speed).sqrt();
             let stiffness = (2.0 * young).max(8.0 * shear) * root * overlap;
             let zeta = pair.damping;
-            // An explicit oscillator with a dashpot needs a shorter step by sqrt(1 + zeta²) - zeta.
+            // With a dashpot the stable step of the explicit oscillator is shorter by the factor sqrt(1 + zeta²) -
+            // zeta.
             2.0 * (mass / stiffness).sqrt() * ((1.0 + zeta * zeta).sqrt() - zeta)
         };
         let pairs = self.parameters.rows_of(material);
@@ -404,7 +406,7 @@ impl ContactModel for HertzMindlin {
     }
 }
 
-/// Per pair of materials: what multiplies the roots of radius and mass.
+/// Values per pair of materials: factors of the roots of radius and mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HertzMindlinRow {
     /// 4/3 E* [Pa].
@@ -418,15 +420,15 @@ pub struct HertzMindlinRow {
     impact_speed: f64,
 }
 
-/// Per pair of grains: sqrt(R*) [m^1/2], and sqrt(m* sqrt(R*)).
+/// Values per pair of grains: sqrt(R*) [m^1/2], and sqrt(m* sqrt(R*)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HertzMindlinScale {
     radius: f64,
     mass: f64,
 }
 
-/// Per pair: the normal force over overlap^(3/2) [N m^-3/2], the shear stiffness over overlap^(1/2) [N m^-3/2], the
-/// dashpots over overlap^(1/4) [N s m^-5/4], friction, and `true` if the normal dashpot pulls.
+/// Values per pair: normal force over overlap^(3/2) [N m^-3/2], shear stiffness over overlap^(1/2) [N m^-3/2],
+/// dashpots over overlap^(1/4) [N s m^-5/4], friction, and `true` if the normal dashpot may pull.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HertzMindlinConstants {
     normal: f64,
@@ -438,7 +440,8 @@ pub struct HertzMindlinConstants {
     impact_speed: f64,
 }
 
-/// The force of the shear spring [N] on the second partner, and the root of the overlap [m^1/2] it was loaded at.
+/// Force of the shear spring [N] on the second partner, and the square root of the overlap [m^1/2] at which it was
+/// loaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HertzMindlinHistory<S: Space> {
     shear: S::Tangent,
@@ -545,8 +548,6 @@ impl<S: Space> ContactLaw<S> for HertzMindlin {
         history.shear
     }
 
-    /// Returns the tangent stiffnesses [N/m] at the overlap of an elastic impact of the expected speed:
-    /// `overlap = (15 m* v²/(16 E* sqrt(R*)))^(2/5)`.
     fn stiffness(c: &HertzMindlinConstants) -> [f64; 2] {
         let mass = c.scale.mass * c.scale.mass / c.scale.radius;
         let overlap = deepest(mass, c.normal, c.impact_speed);
@@ -571,7 +572,7 @@ impl<S: Space> Bodies<S> for HertzMindlin {
     type Scratch = ();
 }
 
-/// Returns the overlap [m] at which an elastic head-on impact at `speed` [m/s] turns: mass m* [kg], force over
+/// Returns the largest overlap [m] of an elastic head-on impact at `speed` [m/s], for mass m* [kg] and force over
 /// overlap^(3/2) [N m^-3/2].
 #[must_use]
 pub fn deepest(mass: f64, normal: f64, speed: f64) -> f64 {
@@ -583,7 +584,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// `e = exp(-2 zeta acos(zeta)/w)` is continuous through critical damping, falls, and is inverted.
+    /// Checks that `e = exp(-2 zeta acos(zeta)/w)` is continuous at critical damping, decreases with zeta, and is
+    /// inverted correctly.
     #[test]
     fn damping_inverts_restitution() {
         for attraction in [false, true] {
@@ -608,7 +610,7 @@ mod tests {
         );
     }
 
-    /// k_s/k_n of two of a kind is Mindlin's 2 (1 - nu)/(2 - nu).
+    /// Checks that k_s/k_n of two equal materials is 2 (1 - nu)/(2 - nu) as given by Mindlin.
     #[test]
     fn the_ratio_of_stiffnesses_is_mindlins() {
         for nu in [0.0, 0.2, 0.3, 0.5] {

@@ -1,5 +1,5 @@
-//! Input shared by all contact laws: quantities that scale with the diameter, overrides for pairs of materials, and the
-//! facts of the scene that a law is resolved against.
+//! Input shared by all contact laws: quantities that scale with the diameter, overrides for pairs of materials, and
+//! the facts of a scene with which a law is resolved.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -13,18 +13,18 @@ use serde_json::json;
 use super::PairTable;
 use base::error::{Remedy, Report};
 
-/// The parameters of a law as they stand in a case. `F` is the family of resolved laws that the result belongs to.
+/// Parameters of a law as written in a case. `F` is the family of resolved laws to which the result belongs.
 pub trait ContactParameters<F> {
-    /// Returns the law with its parameters for every pair of materials. What is wrong goes to the report; nothing comes
-    /// back where no law can be made.
+    /// Returns the law with its parameters for every pair of materials; none if no law can be constructed. Errors
+    /// are reported.
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F>;
 
-    /// Returns the local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    /// Returns the local damping: a force of this fraction of the force on a grain opposes its motion; 0 is off.
     fn local_damping(&self) -> f64 {
         0.0
     }
 
-    /// Returns `true` if polyhedra can have the law.
+    /// Returns `true` if the law supports polyhedra.
     fn of_polyhedra(&self) -> bool {
         false
     }
@@ -35,7 +35,7 @@ pub trait ContactParameters<F> {
     }
 }
 
-/// Returns `true` if a friction angle is stated, for all materials or for each of the pairs that are listed.
+/// Returns `true` if a friction angle is stated for all materials, or for each of the listed pairs.
 pub(super) fn states_friction(
     angle: Option<f64>,
     mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
@@ -43,12 +43,12 @@ pub(super) fn states_friction(
     angle.is_some() || (pairs.len() > 0 && pairs.all(|angle| angle.is_some()))
 }
 
-/// The facts of a scene that contact laws are resolved against.
+/// Facts of a scene with which contact laws are resolved.
 #[derive(Clone, Debug)]
 pub struct SceneFacts<'a> {
     /// Number of dimensions, 2 or 3.
     pub dimension: usize,
-    /// The materials; pairs in laws name them.
+    /// Materials to which pairs in laws refer by name.
     pub materials: &'a [MaterialFacts],
     /// `true` if there are polyhedra.
     pub polyhedra: bool,
@@ -92,7 +92,7 @@ impl SceneFacts<'_> {
         u32::try_from(self.materials.len().max(1)).unwrap_or(u32::MAX)
     }
 
-    /// Returns the index of a material, or a finding.
+    /// Returns the index of a material; reports an unknown name.
     fn material(&self, name: &str, path: &str, report: &mut dyn Report) -> Option<u32> {
         let index = self.materials.iter().position(|known| known.name == name);
         if index.is_none() {
@@ -103,8 +103,8 @@ impl SceneFacts<'_> {
     }
 }
 
-/// Returns the table of `base` for every pair of materials, with the rows that `overrides` replace: `own` makes the row
-/// of an override at its path. Duplicate pairs and unknown materials are findings.
+/// Returns the table with `base` for every pair of materials, except the rows replaced by `overrides`; `own`
+/// computes the row of an override at its path. Duplicate pairs and unknown materials are reported.
 pub(super) fn pair_table<P: Clone, O>(
     (path, scene): (&str, &SceneFacts<'_>),
     base: PairTable<P>,
@@ -159,7 +159,7 @@ impl Scaled {
         }
     }
 
-    /// Returns the number as written.
+    /// Returns the number as written in the case.
     #[must_use]
     pub fn number(self) -> f64 {
         match self {
@@ -167,7 +167,7 @@ impl Scaled {
         }
     }
 
-    /// Returns the constant part and the part per diameter; one of them is zero.
+    /// Returns the constant part and the part per diameter, one of which is zero.
     #[must_use]
     pub fn parts(self) -> [f64; 2] {
         match self {
@@ -241,7 +241,7 @@ impl Pair {
         }
     }
 
-    /// Reports a cohesion where the law has none.
+    /// Reports a cohesion for a law without cohesion.
     pub(super) fn refuse_cohesion(&self, path: &str, report: &mut dyn Report) {
         if self.cohesion.is_some() {
             let path = format!("{path}.cohesion");
@@ -253,7 +253,7 @@ impl Pair {
         }
     }
 
-    /// Reports strengths of bonds where the law has none.
+    /// Reports bond strengths for a law without bonds.
     pub(super) fn refuse_strengths(&self, path: &str, report: &mut dyn Report) {
         for (name, value) in [
             ("tensile_strength", self.tensile_strength),

@@ -89,7 +89,7 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for LinearInp
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
         let path = "contact.linear";
         let base = LinearParameters {
-            // Without one, the scene chooses it and resolves the law again.
+            // If it is left out, the scene chooses the stiffness and resolves the law again.
             normal_stiffness: self.normal_stiffness.unwrap_or(Scaled::Absolute(1.0)),
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
@@ -133,7 +133,7 @@ pub fn example() -> Value {
 pub struct LinearParameters {
     /// Normal stiffness [N/m]; in the plane [N/m per m of depth].
     pub normal_stiffness: Scaled,
-    /// Shear over normal stiffness.
+    /// Ratio of shear to normal stiffness.
     pub stiffness_ratio: f64,
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
@@ -161,7 +161,7 @@ impl LinearParameters {
         self.normal_stiffness.check_stiffness(&path, report);
     }
 
-    /// Returns these parameters with the numbers of a pair.
+    /// Returns these parameters with the values that a pair overrides.
     pub(super) fn overridden(&self, pair: &Pair) -> Self {
         Self {
             normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
@@ -177,7 +177,7 @@ impl LinearParameters {
         }
     }
 
-    /// Springs and dashpots of a contact.
+    /// Returns springs and dashpots of a contact.
     pub(super) fn springs(&self, contact: &StaticContact) -> Springs {
         let normal = self.normal_stiffness.for_diameter(contact.diameter);
         Springs::damped(
@@ -202,10 +202,10 @@ impl LinearParameters {
     }
 }
 
-/// The law: see the module.
+/// Linear law: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Linear {
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<LinearParameters>,
 }
 
@@ -247,7 +247,7 @@ impl ContactModel for Linear {
     }
 }
 
-/// Per pair: stiffnesses [N/m], dashpots [N s/m], friction, and `true` if the normal dashpot pulls.
+/// Values per pair: stiffnesses [N/m], dashpots [N s/m], friction, and `true` if the normal dashpot may pull.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearConstants {
     pub(super) normal: f64,
@@ -260,8 +260,8 @@ pub struct LinearConstants {
     square: f64,
 }
 
-/// Per pair of materials: one of the two stiffnesses [N/m, N/m²] is zero; dashpots over the root of mass times
-/// stiffness.
+/// Values per pair of materials: two stiffnesses [N/m, N/m²], one of which is zero; dashpots divided by the root of
+/// mass times stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearRow {
     normal: f64,
@@ -315,13 +315,13 @@ impl LinearRow {
 }
 
 impl LinearConstants {
-    /// Returns the normal dashpot of a bond over a time step [N s/m]: it acts across a gap as well.
+    /// Returns the effective normal dashpot of a bond over a time step [N s/m]; it acts across a gap as well.
     #[inline(always)]
     pub(super) fn bond_dashpot(&self, time_step: f64) -> f64 {
         over_step(self.normal_dashpot, time_step, self.normal, self.square)
     }
 
-    /// Returns the normal dashpot over a time step [N s/m].
+    /// Returns the effective normal dashpot over a time step [N s/m].
     #[inline(always)]
     pub(super) fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
         let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
@@ -329,7 +329,7 @@ impl LinearConstants {
             * part_of_step(kinematics.overlap, rate, step)
     }
 
-    /// Returns the normal force [N] where the dashpot may pull.
+    /// Returns the normal force [N] if the dashpot may pull.
     fn pulling<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
         let contact = Pulling {
             spring: self.normal,
@@ -418,7 +418,7 @@ impl<S: Space> ContactLaw<S> for Linear {
     }
 }
 
-/// The force of the shear spring [N] on the second partner.
+/// Force of the shear spring [N] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinearHistory<S: Space> {
     shear: S::Tangent,

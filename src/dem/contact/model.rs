@@ -1,4 +1,4 @@
-//! The interface of a resolved contact law for plan, preparation and outputs.
+//! Interface of a resolved contact law for plan, preparation and outputs.
 
 use serde::Serialize;
 
@@ -6,7 +6,8 @@ use super::Scaled;
 use super::blocks::BlockLaw;
 use crate::polyhedron::Polyhedron;
 
-/// A resolved contact law as plan, preparation and outputs see it. Materials are indices in the order of the case.
+/// Resolved contact law as an interface for plan, preparation and outputs. Materials are indices in the order of
+/// the case.
 pub trait ContactModel {
     /// Returns one line for the plan.
     fn describe(&self) -> String;
@@ -17,35 +18,36 @@ pub trait ContactModel {
     /// Returns the coefficient of friction of a pair of materials.
     fn friction(&self, materials: [u32; 2]) -> f64;
 
-    /// Returns the normal stiffness [N/m] of a pair of mean diameter `diameter` \[m\]; where springs harden, at an
-    /// overlap of 1e-4 of the diameter.
+    /// Returns the normal stiffness [N/m] of a pair with mean diameter `diameter` \[m\]; if springs harden, that at
+    /// an overlap of 1e-4 of the diameter.
     fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64;
 
-    /// Returns the normal stiffness over diameter [N/m2] of the springs with which a packing of a material grows.
+    /// Returns the normal stiffness per diameter [N/m²] with which a packing of this material grows.
     fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
         self.normal_stiffness([material; 2], diameter) / diameter
     }
 
-    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of friction.
-    /// Grains are bonded once they are prepared. A law with another stiffness therefore has no bonds: bonds of full
-    /// strength on soft springs would open so wide that lists of neighbours held hundreds of pairs for each grain.
+    /// Changes the law for the preparation of grains: another normal stiffness [N/m], another coefficient of
+    /// friction. Grains are bonded after their preparation. A law with another stiffness therefore has no bonds:
+    /// bonds of full strength on soft springs would open so far that neighbour lists had hundreds of pairs per
+    /// grain.
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>);
 
-    /// Springs and dashpots of a contact, for stability.
+    /// Returns springs and dashpots of a contact, for stability.
     fn springs(&self, contact: &StaticContact) -> Springs;
 
-    /// Returns the limits of the time step of a disc or sphere of this material, radius \[m\] and mass \[kg\] in
+    /// Returns the limits of the time step for a disc or sphere of this material, radius \[m\] and mass \[kg\] in
     /// contact with any body.
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
 
-    /// Returns the limits of the time step of a block of this material and mass \[kg\]; none if the law is not one of
+    /// Returns the limits of the time step for a block of this material and mass \[kg\]; none if the law is not for
     /// blocks.
     fn time_limits_of_block(&self, _: u32, _: &Polyhedron, _mass: f64) -> Option<TimeLimits> {
         None
     }
 
-    /// Returns the fastest approach [m/s] for which a law with hardening springs gives its stiffness, and the path in a
-    /// case that sets it.
+    /// Returns the largest approach speed [m/s] for which a law with hardening springs gives its stiffness, and the
+    /// JSON path that sets it.
     fn impact_speed(&self) -> Option<(f64, &'static str)> {
         None
     }
@@ -55,7 +57,7 @@ pub trait ContactModel {
         false
     }
 
-    /// Returns the widest gap \[m\] across which pairs are bonded.
+    /// Returns the largest gap \[m\] across which pairs are bonded.
     fn bonding_gap(&self) -> f64 {
         0.0
     }
@@ -70,19 +72,19 @@ pub trait ContactModel {
         Scaled::ZERO
     }
 
-    /// Returns the law itself where it is that of blocks.
+    /// Returns the law of blocks, if this is one.
     fn blocks(&self) -> Option<&BlockLaw> {
         None
     }
 }
 
-/// Limits of the solid time step of a body.
+/// Upper limits of the solid time step of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeLimits {
-    /// 2 sqrt(m/k) \[s\] with the stiffest contact of the body; where springs harden at the deepest overlap that is
-    /// expected, shortened by the dashpot.
+    /// Limit 2 sqrt(m/k) \[s\] for the stiffest contact of the body, shortened by the dashpot; if springs harden,
+    /// at the largest expected overlap.
     pub spring: f64,
-    /// Rayleigh's time \[s\] of an elastic sphere.
+    /// Rayleigh time of an elastic sphere \[s\].
     pub rayleigh: Option<f64>,
 }
 
@@ -96,7 +98,7 @@ impl TimeLimits {
         }
     }
 
-    /// Returns the shorter one \[s\].
+    /// Returns the shorter limit \[s\].
     #[must_use]
     pub fn shorter(&self) -> f64 {
         self.rayleigh
@@ -104,7 +106,7 @@ impl TimeLimits {
     }
 }
 
-/// A contact of two discs or spheres, or of one with a wall, as a stability analysis sees it.
+/// Contact of two discs or spheres, or of one with a wall, for a stability analysis.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticContact {
     /// Both materials.
@@ -115,20 +117,20 @@ pub struct StaticContact {
     pub radius: f64,
     /// Effective mass \[kg\].
     pub mass: f64,
-    /// Overlap \[m\]; none for the deepest that is expected.
+    /// Overlap \[m\]; none for the largest expected one.
     pub overlap: Option<f64>,
-    /// Overlap that decides.
+    /// Overlap that determines the stiffness.
     pub depth: Depth,
-    /// `true` if it is bonded.
+    /// `true` if the contact is bonded.
     pub bonded: bool,
 }
 
-/// Overlap that decides the stiffness of a contact whose springs harden.
+/// Overlap that determines the stiffness of a contact with hardening springs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Depth {
-    /// Overlap at the start.
+    /// Initial overlap.
     Start,
-    /// The deepest that is expected, if that is deeper.
+    /// Largest expected overlap, if that is larger.
     Expected,
 }
 
@@ -142,8 +144,8 @@ pub struct Springs {
 }
 
 impl Springs {
-    /// Springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A contact that
-    /// has neither friction nor a bond does not stick: it has no shear spring.
+    /// Returns springs with dashpots that are `fractions` of critical damping for a mass \[kg\], times `factor`. A
+    /// contact with neither friction nor a bond has no shear spring.
     pub(crate) fn damped(
         stiffness: [f64; 2],
         sticks: bool,
@@ -161,18 +163,18 @@ impl Springs {
 /// Opening at which a bond breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BondOpening {
-    /// The gap \[m\] across which it was made at most.
+    /// Largest gap across which the bond was created \[m\].
     pub gap: f64,
     /// Tensile strength \[N\].
     pub strength: f64,
-    /// Stiffness [N/m] of its normal spring.
+    /// Stiffness of its normal spring [N/m].
     pub stiffness: f64,
-    /// Path of the strength in a case.
+    /// JSON path of the strength in a case.
     pub path: &'static str,
 }
 
 impl BondOpening {
-    /// Returns the gap \[m\] at which it breaks.
+    /// Returns the gap at which the bond breaks \[m\].
     #[must_use]
     pub fn widest(&self) -> f64 {
         self.gap + self.strength / self.stiffness

@@ -7,7 +7,7 @@ use serde::Serialize;
 pub struct PairTable<P> {
     /// Number of materials n.
     materials: u32,
-    /// n x n rows, symmetric.
+    /// Rows of an n x n table, symmetric.
     rows: Vec<P>,
 }
 
@@ -48,7 +48,7 @@ impl<P> PairTable<P> {
         self.rows.iter()
     }
 
-    /// Returns every row, each pair twice, for changes.
+    /// Returns every row for changes, each pair twice.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = &mut P> {
         self.rows.iter_mut()
     }
@@ -58,7 +58,7 @@ impl<P> PairTable<P> {
         (0..self.materials).map(move |other| self.get(material, other))
     }
 
-    /// Returns a table of values made from the rows.
+    /// Returns a table of values computed from the rows.
     #[must_use]
     pub fn map<Q>(&self, make: impl FnMut(&P) -> Q) -> PairTable<Q> {
         PairTable {
@@ -67,7 +67,7 @@ impl<P> PairTable<P> {
         }
     }
 
-    /// Calls `visit` with every pair of materials, each once.
+    /// Calls `visit` once for every pair of materials.
     pub(crate) fn for_each_pair(&self, mut visit: impl FnMut(u32, u32, &P)) {
         for a in 0..self.materials {
             for b in a..self.materials {
@@ -82,7 +82,7 @@ impl<P> PairTable<P> {
         self.row(a, b) as u32
     }
 
-    /// Returns the parameters at a place.
+    /// Returns the parameters at an index of the table.
     #[inline(always)]
     pub(crate) fn parameters_at(&self, place: u32) -> &P {
         &self.rows[place as usize]

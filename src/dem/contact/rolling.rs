@@ -44,12 +44,12 @@ pub struct RollingParameters {
     pub damping_ratio: f64,
 }
 
-/// A law with resistance to rolling: see the module.
+/// Contact law with resistance to rolling: see the module.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rolling<L> {
-    /// The law of normal and shear forces.
+    /// Law of normal and shear forces.
     pub law: L,
-    /// Per pair of materials.
+    /// Parameters per pair of materials.
     pub parameters: PairTable<RollingParameters>,
 }
 
@@ -64,7 +64,8 @@ impl<L: ContactModel> Rolling<L> {
     }
 }
 
-/// All but the description is that of the law: the rolling spring shortens no step.
+/// Everything except the description is that of the underlying law: the rolling spring does not shorten the time
+/// step.
 impl<L: ContactModel> ContactModel for Rolling<L> {
     fn describe(&self) -> String {
         format!("{}, resistance to rolling", self.law.describe())
@@ -119,7 +120,7 @@ impl<L: ContactModel> ContactModel for Rolling<L> {
     }
 }
 
-/// Per pair: the law's, lever of the limit [m], and rolling dashpot [N m s].
+/// Values per pair: those of the underlying law, lever arm of the limit [m], and rolling dashpot [N m s].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollingScale<C> {
     law: C,
@@ -127,7 +128,8 @@ pub struct RollingScale<C> {
     dashpot: f64,
 }
 
-/// Per pair: the law's, rolling stiffness [N m], dashpot [N m s], and lever of the limit [m].
+/// Values per pair: those of the underlying law, rolling stiffness [N m], dashpot [N m s], and lever arm of the
+/// limit [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollingConstants<C> {
     law: C,
@@ -136,7 +138,7 @@ pub struct RollingConstants<C> {
     lever: f64,
 }
 
-/// The law's, and the moment of the rolling spring [N m] on the second partner.
+/// History of the underlying law, and the moment of the rolling spring [N m] on the second partner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RollingHistory<M, S: Space> {
     law: M,
@@ -152,7 +154,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     const ROLLS: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {
-        // The place in the table is the place in both, where both have the same materials.
+        // The index in both tables is the same, because they have the same materials.
         let laws = self.law.table();
         let mut table = laws.map(|law| (*law, *self.parameters.get(0, 0)));
         laws.for_each_pair(|a, b, law| table.set(a, b, (*law, *self.parameters.get(a, b))));

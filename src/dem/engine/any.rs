@@ -1,4 +1,4 @@
-//! The engine of a law that is selected when a run starts: dispatched once per step, outside of all loops.
+//! Engine of a law that is selected when a run starts: dispatched once per step, outside of all loops.
 
 use super::super::Contact;
 use super::super::contact::family::Visitor;
@@ -7,9 +7,9 @@ use super::super::state::{self, Contacts};
 use super::bodies::Bodies;
 use super::*;
 
-/// An [`Engine`] of any contact law.
+/// Engine of any contact law.
 pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
-    /// Makes solid steps with the loads of the fluid held.
+    /// Makes solid steps with constant loads of the fluid.
     fn advance(
         &mut self,
         particles: &mut Particles<S>,
@@ -18,23 +18,23 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     ) -> Result<(), Error>;
     /// Updates migration, ghosts, lists and loads for grains that changed.
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
-    /// Bonds every contact that exists now; how many this rank reports.
+    /// Bonds every present contact; returns the number reported by this rank.
     fn bond_all(&mut self, particles: &Particles<S>) -> u64;
-    /// Takes every bond away.
+    /// Removes every bond.
     fn unbond(&mut self);
     /// Returns the bonds that failed since the last call.
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
-    /// Calls `visit` with every contact this rank reports.
+    /// Calls `visit` with every contact reported by this rank.
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
     /// Returns the present counts of this rank.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
     /// Returns the deepest contact so far, on this rank.
     fn deepest(&self) -> Deepest;
-    /// Counts the deepest contact anew.
+    /// Resets the deepest contact.
     fn forget_deepest(&mut self);
     /// Returns the solid steps done.
     fn steps(&self) -> u64;
-    /// Returns the solid steps done times the time step \[s\].
+    /// Returns the number of solid steps done times the time step \[s\].
     fn time(&self) -> f64;
     /// Returns the settings.
     fn settings(&self) -> &DemSettings<S>;
@@ -42,23 +42,23 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn settings_mut(&mut self) -> &mut DemSettings<S>;
     /// Returns the walls.
     fn walls(&self) -> &[Wall<S>];
-    /// Returns the walls, to be moved.
+    /// Returns the walls for changes.
     fn walls_mut(&mut self) -> &mut [Wall<S>];
     /// Returns the servo walls.
     fn servos_mut(&mut self) -> &mut Vec<Servo<S>>;
     /// Deactivates the walls of these indices.
     fn open_walls(&mut self, walls: &[usize]);
-    /// Puts the walls of these indices back.
+    /// Activates the walls of these indices again.
     fn close_walls(&mut self, walls: &[usize]);
-    /// Returns the contacts this rank reports, the walls, and the steps done.
+    /// Returns the contacts reported by this rank, the walls, and the number of steps done.
     fn save(&self) -> Contacts;
-    /// Visits each contact this rank reports, with the numbers of its history.
+    /// Visits each contact reported by this rank, with the numbers of its history.
     fn each_contact(
         &self,
         grains: &mut dyn FnMut([u64; 2], &[f64]),
         walls: &mut dyn FnMut([u64; 3], &[f64]),
     );
-    /// Takes back saved contacts.
+    /// Restores saved contacts.
     fn restore(&mut self, contacts: &Contacts) -> Result<(), Error>;
 }
 
@@ -157,7 +157,7 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     }
 }
 
-/// Makes the engine of a law.
+/// Operation that constructs the engine of a law.
 pub(crate) struct MakeEngine<S: Space> {
     pub(crate) settings: DemSettings<S>,
     pub(crate) walls: Vec<Wall<S>>,

@@ -1,10 +1,10 @@
-//! Blocks in the engine: a pose for each body and step, then narrow phase and force of each active pair whose boxes
-//! meet.
+//! Blocks in the engine: the poses of all bodies in each step, then narrow phase and force of each active pair
+//! whose boxes overlap.
 //!
-//! The history of a pair is reset whenever the spheres or the axis-parallel boxes about both bodies are apart at the
-//! end of a step. This depends on the motion only: the start of the narrow phase does not depend on when lists were
-//! made. Each piece of parallel work has its own buffers. Actions are added up as for spheres: in the order of the
-//! other body's id, planes last.
+//! The history of a pair is reset whenever the spheres or the axis-parallel boxes about both bodies are separate at
+//! the end of a step. This depends on the motion alone, so that the start of the narrow phase does not depend on
+//! when lists were built. Each piece of parallel work has its own buffers. Actions are summed as for spheres: in
+//! the order of the other body's id, planes last.
 
 mod act;
 mod pose;
@@ -28,35 +28,35 @@ use pose::{Pose, boxes_meet};
 type BlockPair = Pair<BlockScale, BlockHistory>;
 type BlockAtPlane = WallPair<BlockConstants, BlockHistory>;
 
-/// Poses of all entries, and buffers of the narrow phase, one for each piece of work.
+/// Poses of all entries, and buffers of the narrow phase for each piece of work.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     poses: Vec<Pose>,
     narrows: Vec<Narrow>,
-    /// Faces of each wall: a face is one contact.
+    /// Faces of each wall; each face is one contact.
     faces: Vec<Faces>,
-    /// Facets near a block, with their faces.
+    /// Facets near a block, sorted by face.
     order: Vec<[u32; 2]>,
     /// Contacts of one block with all faces.
     touches: Vec<AtFace>,
 }
 
-/// A contact of a block with a face.
+/// Contact of a block with a face.
 #[derive(Clone, Copy, Debug)]
 struct AtFace {
-    /// Number of the pair of block and wall.
+    /// Index of the pair of block and wall.
     pair: u32,
-    /// Name of the face.
+    /// Identifier of the face.
     face: u32,
     touch: Geometry,
-    /// Part of the normal dashpot that acts.
+    /// Fraction of the normal dashpot that acts.
     damped: f64,
 }
 
-/// Cosine of the angle between normals above which contacts are parts of one patch.
+/// Cosine of the angle between normals above which contacts belong to one patch.
 const ONE_PLANE: f64 = 1.0 - 1e-6;
 
-/// Returns the part of its patch that a contact is, by area.
+/// Returns the area of a contact as a fraction of that of its patch.
 fn part_of(touches: &[AtFace], touch: &Geometry) -> f64 {
     let parallel = |other: &&AtFace| other.touch.normal.dot(&touch.normal) > ONE_PLANE;
     let patch: f64 = (touches.iter().filter(parallel))
@@ -65,7 +65,7 @@ fn part_of(touches: &[AtFace], touch: &Geometry) -> f64 {
     if patch > 0.0 { touch.area / patch } else { 1.0 }
 }
 
-/// Facets near a block by face, each face's in rising order.
+/// Sorts the facets near a block by face, and those of each face in ascending order.
 fn by_face(faces: &Faces, near: &[u32], order: &mut Vec<[u32; 2]>) {
     order.clear();
     order.extend(near.iter().map(|&facet| [faces.first(facet), facet]));
@@ -73,7 +73,7 @@ fn by_face(faces: &Faces, near: &[u32], order: &mut Vec<[u32; 2]>) {
 }
 
 impl<S: Space> Engine<S, BlockLaw> {
-    /// Adds the actions of facets: one contact with each face, with the history it had.
+    /// Adds the actions of facets: one contact with each face, with its history.
     fn faces_forces(&mut self, particles: &mut Particles<S>, dt: f64) {
         let mut facets = std::mem::take(&mut self.solids.facets[0]);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
@@ -123,7 +123,7 @@ impl<S: Space> Engine<S, BlockLaw> {
                     let damped = world.damped(k, wall, faces, face, &pair.constants);
                     touches.push(AtFace {
                         pair: at,
-                        // The same on both sides of a periodic face.
+                        // The face has the same identifier on both sides of a periodic face.
                         face: faces.name(face[0][0]),
                         touch,
                         damped,
@@ -178,7 +178,7 @@ impl<S: Space> Engine<S, BlockLaw> {
         }
     }
 
-    /// Actions of all active pairs.
+    /// Computes the actions of all active pairs.
     fn pair_forces(&mut self, particles: &Particles<S>, dt: f64) {
         let count = if self.parallel {
             4 * rayon::current_num_threads()
@@ -207,7 +207,7 @@ impl<S: Space> Engine<S, BlockLaw> {
         self.events.actions = actions;
     }
 
-    /// Adds the actions up by body, one pair after the other.
+    /// Sums the actions by body, one pair after another.
     fn add_up(&self, contact: &mut [Load<S>]) {
         contact.fill(Load::default());
         for (&k, action) in self.lists.active.iter().zip(&self.events.actions) {
@@ -317,12 +317,13 @@ impl<S: Space> Bodies<S> for BlockLaw {
         gap: f64,
     ) -> bool {
         let poses = [&scratch.poses[first], &scratch.poses[second]];
-        // As for spheres: far above the rounding of a box, far below any gap that costs.
+        // As for spheres, far above the rounding of a box and far below any gap that costs time.
         let slack = 1e-12 * poses.iter().map(|pose| pose.high.max()).sum::<f64>();
         boxes_meet(poses, &S::to_volume(between), gap + slack)
     }
 
-    /// The narrow phase costs far more than adding up, and unevenly: its work is shared as it comes.
+    /// The narrow phase takes much longer than the summation, and uneven times: threads take pieces of its work as
+    /// they become free.
     fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
 
     fn forces(

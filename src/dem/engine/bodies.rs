@@ -1,18 +1,18 @@
-//! The bodies of a contact law. The engine's lists, ghosts and histories are those of spheres; a law of other bodies
-//! defines here how they move, which pairs of near spheres may touch, and how forces are computed. The defaults are
-//! those of spheres.
+//! Bodies of a contact law. The lists, ghosts and histories of the engine are those of spheres; a law for other
+//! bodies defines here how they move, which pairs of nearby spheres may touch, and how forces are computed. The
+//! defaults are those of spheres.
 
 use super::super::Contact;
 use super::super::particles::SPHERE;
 use super::super::polyhedron::Narrow;
 use super::*;
 
-/// A law together with what its bodies are: see the module.
+/// Contact law together with the treatment of its bodies: see the module.
 pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
-    /// Buffers of the forces.
+    /// Buffers for the computation of forces.
     type Scratch: std::fmt::Debug + Default + Send + Sync;
 
-    /// Own bodies per thread from which threads pay.
+    /// Minimum number of owned bodies per thread.
     const PER_THREAD: usize = 300;
 
     /// `true` if forces are computed by parts ([`super::parts`]).
@@ -21,7 +21,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     /// Returns the engine of the law.
     ///
     /// # Errors
-    /// If the law has no such dimension.
+    /// If the law does not exist in this number of dimensions.
     fn engine(
         law: Self,
         settings: DemSettings<S>,
@@ -45,7 +45,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         }
     }
 
-    /// Moves all owned bodies. The speed is that of the fastest point of any body.
+    /// Moves all owned bodies; returns the speed of the fastest point of any body.
     fn advance(
         &self,
         particles: &mut Particles<S>,
@@ -56,22 +56,22 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         integrate::advance(particles, kick, phase, parallel)
     }
 
-    /// Computes the data of every entry at its present position that [`Self::near`] and the forces need.
+    /// Computes for every entry, at its present position, the data needed by [`Self::near`] and the forces.
     fn pose(_: &mut Self::Scratch, _: &Particles<S>, _parallel: bool) {}
 
-    /// Returns `true` if a pair, the second centre `between` (m) from the first's, may be within `gap` (m); called only
-    /// if their spheres are.
+    /// Returns `true` if the gap of a pair, with the second centre `between` \[m\] from the first, may be at most
+    /// `gap` \[m\]; called only if that holds for their enclosing spheres.
     #[inline(always)]
     fn near(_: &Self::Scratch, _: (usize, usize), _between: &S::Vector, _gap: f64) -> bool {
         true
     }
 
-    /// Shares the work of new lists out to threads.
+    /// Distributes the work of new lists over threads.
     fn share_out(engine: &mut Engine<S, Self>, particles: &Particles<S>) {
         engine.cut_into_parts(particles);
     }
 
-    /// Returns the contact loads of all owned bodies. Returns the fastest body where it has moved them in `phase` too.
+    /// Computes the contact loads of all owned bodies; returns the largest speed if it also moved them in `phase`.
     fn forces(
         engine: &mut Engine<S, Self>,
         particles: &mut Particles<S>,
@@ -81,7 +81,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_forces(particles, dt, phase)
     }
 
-    /// Returns a listed pair as a contact, where it is one.
+    /// Returns the contact of a listed pair; none if there is none.
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
@@ -91,7 +91,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_contact(particles, pair)
     }
 
-    /// Returns a listed pair of a body and a plane as a contact, where it is one.
+    /// Returns the contact of a listed pair of a body and a plane; none if there is none.
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
@@ -112,7 +112,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_facet_contacts(particles, at, visit);
     }
 
-    /// Bonds every contact that exists now; how many this rank reports.
+    /// Bonds every present contact; returns the number reported by this rank.
     fn bond_all(engine: &mut Engine<S, Self>, particles: &Particles<S>) -> u64 {
         engine.bond(particles)
     }

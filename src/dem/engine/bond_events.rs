@@ -1,9 +1,9 @@
-//! Bonds made, failed and removed.
+//! Creation, failure and removal of bonds.
 
 use super::*;
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Notes each failed bond as an event, on one rank: the owner of the lower id, or of the grain at a wall.
+    /// Records each failed bond as an event on one rank: the owner of the lower id, or of the grain at a wall.
     #[cold]
     pub(super) fn report_failures(&mut self, particles: &Particles<S>) {
         let time = self.time();
@@ -45,7 +45,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Bonds every contact of spheres that exists now; returns how many this rank reports (the owner of the lower id).
+    /// Bonds every present contact of spheres; returns the number reported by this rank (the owner of the lower
+    /// id).
     pub(super) fn bond(&mut self, particles: &Particles<S>) -> u64 {
         let mut bonds = 0;
         let periodic = self.settings.region.any_periodic();
@@ -93,7 +94,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     if L::bond(&pair.constants, &mut history, pair.radius - one.distance) {
                         bonds += 1;
                     }
-                    // A fresh history is none, whether lists were made meanwhile or not.
+                    // The default history counts as none, whether or not lists were built meanwhile.
                     if (one.distance < pair.radius || L::bonded(&history))
                         && history != L::History::default()
                     {
@@ -112,7 +113,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         bonds
     }
 
-    /// Takes every bond away; the contacts stay.
+    /// Removes every bond; the contacts remain.
     pub(crate) fn unbond(&mut self) {
         for pair in &mut self.lists.pairs {
             L::unbond(&mut pair.history);

@@ -1,56 +1,56 @@
 //! Contacts of grains with walls of facets.
 //!
-//! A grain touches a surface at any number of places. Its contacts with facets are therefore found anew in each step,
-//! and each takes over the history of the same facet, or of a neighbouring facet that has no contact of its own: shear
-//! survives an interior edge.
+//! A grain may touch a surface at any number of points. Its contacts with facets are therefore searched again in
+//! each step, and each takes over the history of the same facet, or of a neighbouring facet without a contact of
+//! its own: shear is preserved across an interior edge.
 
 use super::flush::{Planes, drop_doubled_by_planes, is_by_plane};
 use super::*;
 
-/// An owned grain and a wall of facets that it is close to.
+/// Owned grain and a wall of facets near it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePair<C> {
     pub(super) wall: u32,
     pub(super) grain: u32,
     pub(super) radius: f64,
-    /// The widest gap \[m\] over which a bond acts.
+    /// Largest gap over which a bond acts \[m\].
     pub(super) opening: f64,
-    /// `true` if the grain comes near a plane wall as well.
+    /// `true` if the grain is near a plane wall as well.
     pub(super) by_plane: bool,
-    /// Facets within reach: a part of `Facets::near`.
+    /// Facets within reach: range in `Facets::near`.
     pub(super) near: (u32, u32),
-    /// Contacts: a part of `Facets::held`.
+    /// Contacts: range in `Facets::held`.
     pub(super) held: (u32, u32),
     pub(super) constants: C,
 }
 
-/// A grain at a wall of facets, with the list that its pair is in.
+/// Grain at a wall of facets, with the list that contains the pair.
 pub(crate) type AtFacets<'a, C, M> = (&'a Facets<C, M>, &'a SurfacePair<C>);
 
-/// The history of a contact with a facet.
+/// Contact with a facet and its history.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Held<M> {
     pub(super) facet: u32,
     pub(super) history: M,
 }
 
-/// Contacts with facets. A grain touches a surface at any number of points, so that contacts are listed anew in each
-/// step. A contact takes over the history of the same facet, or else of an adjacent facet: shear survives an interior
-/// edge.
+/// Contacts with facets. A grain may touch a surface at any number of points, so that contacts are listed again in
+/// each step. A contact takes over the history of the same facet, or otherwise of an adjacent facet: shear is
+/// preserved across an interior edge.
 #[derive(Debug)]
 pub(crate) struct Facets<C, M> {
     pub(super) pairs: Vec<SurfacePair<C>>,
     pub(super) near: Vec<u32>,
     pub(super) held: Vec<Held<M>>,
     pub(super) next: Vec<Held<M>>,
-    /// Pairs to test until all gaps are checked again.
+    /// Indices of the pairs to test until all gaps are checked again.
     pub(super) active: Vec<u32>,
     pub(super) found: Vec<Nearest>,
     pub(super) taken: Vec<bool>,
     pub(super) close: Vec<[u32; 3]>,
     /// Contacts of one grain with several walls, by pair.
     pub(super) together: Vec<(u32, Nearest)>,
-    /// Contacts that another wall has as well, by pair and facet.
+    /// Pair and facet of contacts that a contact with another wall replaces.
     pub(super) doubled: Vec<[u32; 2]>,
 }
 
@@ -72,8 +72,8 @@ impl<C, M> Default for Facets<C, M> {
 }
 
 impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
-    /// Computes the contacts of the sphere of pair `k` with its surface and adds them to its load; they are held for
-    /// the next step. The loads are those from grain `first` on.
+    /// Computes the contacts of the sphere of pair `k` with its surface and adds them to its load; they are stored
+    /// for the next step. The loads begin with grain `first`.
     #[inline(always)]
     pub(super) fn act_on_sphere<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -140,7 +140,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                     mode,
                 });
             }
-            // A fresh history is none, whether lists were made meanwhile or not.
+            // The default history counts as none, whether or not lists were built meanwhile.
             if (one.distance < pair.radius || L::bonded(&history)) && history != M::default() {
                 self.next.push(Held {
                     facet: one.facet,
@@ -151,8 +151,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         pair.held = (start, ghosts::index(self.next.len()));
     }
 
-    /// Computes the contacts of all active pairs of spheres: found anew, each with the history it had. The loads are
-    /// those from grain `first` on.
+    /// Computes the contacts of all active pairs of spheres: searched again, each with its previous history. The
+    /// loads begin with grain `first`.
     #[inline(always)]
     pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
@@ -180,7 +180,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         std::mem::swap(&mut self.held, &mut self.next);
     }
 
-    /// Returns the end of the active pairs that have the grain of the active pair `from`: pairs stand by grain.
+    /// Returns the end of the active pairs with the same grain as the active pair `from`: pairs are sorted by
+    /// grain.
     pub(super) fn same_grain(&self, from: usize) -> usize {
         let grain = |n: usize| self.pairs[self.active[n] as usize].grain;
         let mut to = from + 1;
@@ -190,8 +191,8 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         to
     }
 
-    /// Notes the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another wall
-    /// replaces: where two walls touch or lie in one plane, a sphere is pushed once.
+    /// Marks the contacts of the active pairs from `from` to `to`, all of one sphere, that a contact with another
+    /// wall replaces: where two walls touch or lie in one plane, only one contact acts.
     pub(super) fn find_doubled<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         (from, to): (usize, usize),
@@ -216,9 +217,9 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         (self.together, self.doubled, self.found) = (together, doubled, found);
     }
 
-    /// Adds to `doubled` the contacts of these pairs, all of one sphere, that a contact with another wall replaces: a
-    /// nearer one, of two as near that with the first wall, in the same direction, or one with a facet on which the
-    /// contact with an edge or a vertex stands.
+    /// Adds to `doubled` those contacts of these pairs, all of one sphere, that a contact with another wall
+    /// replaces: a nearer one in the same direction (at equal distance that with the first wall), or one with a
+    /// facet that contains the edge or vertex in contact.
     pub(super) fn doubles<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &self,
         pairs: impl Iterator<Item = u32>,
@@ -254,7 +255,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         }
     }
 
-    /// Chooses the pairs that may touch until grains have moved by `look` \[m\] more.
+    /// Chooses the pairs that may touch before grains have moved by another `look` \[m\].
     pub(super) fn activate<S: Space>(
         &mut self,
         walls: &[Wall<S>],
@@ -276,13 +277,13 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             if pair.held.0 < pair.held.1 || closes() {
                 self.active.push(k);
             } else {
-                // It is not looked at again before it is active, and others come and go meanwhile.
+                // The pair is not tested before it is active again, while the contacts of other pairs change.
                 pair.held = (0, 0);
             }
         }
     }
 
-    /// Forgets all pairs.
+    /// Removes all pairs.
     pub(super) fn clear(&mut self) {
         self.pairs.clear();
         self.near.clear();
@@ -290,7 +291,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         self.active.clear();
     }
 
-    /// Facets near a pair's grain.
+    /// Returns the facets near the grain of a pair.
     pub(super) fn near(&self, pair: &SurfacePair<C>) -> &[u32] {
         &self.near[pair.near.0 as usize..pair.near.1 as usize]
     }
@@ -307,8 +308,8 @@ pub(super) fn is_bonded<S: Space, L: ContactLaw<S>>(held: &[Held<L::History>], f
     held.iter().any(bonded)
 }
 
-/// Returns the history among `held` of a contact with `facet`: its own, else that of an adjacent facet which no contact
-/// in `found` has.
+/// Returns the history among `held` for a contact with `facet`: that of the facet itself, otherwise of an adjacent
+/// facet without a contact in `found`.
 pub(super) fn history_of<M: Copy + Default>(
     surface: &FacetSurface,
     held: &[Held<M>],
@@ -330,8 +331,8 @@ pub(super) fn history_of<M: Copy + Default>(
     })
 }
 
-/// Returns the displacements of a wall's facets from where they were made \[m\]: one, or in a periodic domain for a
-/// wall that has moved all those for which a facet may be near a body of the domain.
+/// Returns the displacements of the facets of a wall from their initial position \[m\]: one, or for a moved wall in
+/// a periodic domain all those for which a facet may be near a body of the domain.
 fn places<S: Space>(wall: &Wall<S>, region: &GrainDomain<S>) -> Vec<S::Vector> {
     let lengths = region.periodic_lengths();
     let mut places = vec![wall.point];
@@ -357,7 +358,7 @@ fn places<S: Space>(wall: &Wall<S>, region: &GrainDomain<S>) -> Vec<S::Vector> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Lists the facets that owned grains are close to, by grain, wall and facet.
+    /// Lists the facets near owned grains, by grain, wall and facet.
     pub(super) fn list_facets(&mut self, particles: &Particles<S>, gap: f64, search: &Search) {
         let count = if L::IN_PARTS && self.parallel {
             thread_pool::threads()
@@ -405,7 +406,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let mut part = 0;
         for group in close.chunk_by(|a, b| a[..2] == b[..2]) {
             let [grain, w, _] = group[0];
-            // The part of its grain ([`Parts::cut`]).
+            // Part that contains the grain ([`Parts::cut`]).
             while grain as usize >= particles.owned() * (part + 1) / count {
                 part += 1;
             }

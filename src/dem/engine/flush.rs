@@ -1,18 +1,18 @@
-//! Walls in one plane: a contact that a plane wall has already is not counted again.
+//! Walls in one plane: a contact that a plane wall already has is not counted again.
 //!
-//! Grains do not get behind a plane wall. Facets in this plane or behind it are therefore hidden while both
-//! move alike across the plane, and the plane acts with its material and velocity. Of two walls that are one
-//! plane the first acts. A contact of a sphere with a facet in the direction of a plane that is as near is none,
-//! and neither is one with an edge or a vertex on the plane, as at the foot of a ramp.
+//! Grains do not get behind a plane wall. Facets in its plane or behind it are therefore hidden as long as both
+//! move with the same normal velocity, and the plane acts with its material and velocity. Of two walls in the same
+//! plane the first acts. A contact of a sphere with a facet in the direction of an equally near plane does not
+//! count, nor does one with an edge or a vertex on the plane, as at the foot of a ramp.
 
 use nalgebra::Vector3;
 
 use super::*;
 
-/// Distance over the size of a facet or a grain up to which a point lies in a plane.
+/// Maximum distance of a point from a plane, in sizes of a facet or a grain, at which it lies in the plane.
 const IN_PLANE: f64 = 1e-6;
 
-/// Returns the plane walls that stand.
+/// Returns the active plane walls.
 fn planes<S: Space>(walls: &[Wall<S>]) -> impl Iterator<Item = &Wall<S>> {
     let stands = |wall: &&Wall<S>| wall.surface.is_none() && !wall.open;
     walls.iter().filter(stands)
@@ -20,14 +20,14 @@ fn planes<S: Space>(walls: &[Wall<S>]) -> impl Iterator<Item = &Wall<S>> {
 
 /// Planes that may hide the facets of a wall.
 pub(super) struct Planes {
-    /// A point \[m\] and the normal of each.
+    /// Point \[m\] and normal of each plane.
     planes: Vec<[Vector3<f64>; 2]>,
     /// Displacement of the wall \[m\].
     moved: Vector3<f64>,
 }
 
 impl Planes {
-    /// Returns the planes that move as `wall` does along their normals.
+    /// Returns the planes whose normal velocity equals that of `wall`.
     pub(super) fn in_front_of<S: Space>(wall: &Wall<S>, walls: &[Wall<S>]) -> Self {
         let moves = |plane: &Wall<S>| plane.normal.scalar(&(wall.drift() - plane.drift())) != 0.0;
         let planes = planes(walls).filter(|plane| !moves(plane));
@@ -48,7 +48,7 @@ impl Planes {
     }
 }
 
-/// Returns `true` if a grain of this position and radius is nearer to a plane wall than `gap` \[m\].
+/// Returns `true` if the gap between a grain and a plane wall is below `gap` \[m\].
 pub(super) fn is_by_plane<S: Space>(
     walls: &[Wall<S>],
     position: &S::Vector,
@@ -58,7 +58,7 @@ pub(super) fn is_by_plane<S: Space>(
     planes(walls).any(|plane| plane.distance(position) <= radius + gap)
 }
 
-/// Removes the contacts of a sphere that a plane wall has already; those for which `keep` is `true` stay.
+/// Removes the contacts of a sphere that a plane wall already has, except those for which `keep` returns `true`.
 pub(super) fn drop_doubled_by_planes<S: Space>(
     walls: &[Wall<S>],
     (position, radius): (&S::Vector, f64),
@@ -76,7 +76,7 @@ pub(super) fn drop_doubled_by_planes<S: Space>(
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Returns `true` if a plane wall before `wall` is the same plane and moves with it.
+    /// Returns `true` if a plane wall before `wall` lies in the same plane and moves with it.
     pub(super) fn repeats_a_plane(&self, wall: usize) -> bool {
         let one = &self.walls[wall];
         let along = |plane: &Wall<S>| plane.normal.scalar(&plane.drift());

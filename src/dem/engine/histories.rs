@@ -1,7 +1,7 @@
-//! Histories of contacts apart from the lists: kept while lists are made anew, saved in checkpoints and restored; their
-//! bytes in messages.
+//! Contact histories outside of the lists: kept while lists are built again, saved in checkpoints and restored, and
+//! packed into messages.
 //!
-//! A history is keyed by the ids of both ends, so that it fits any lists on any rank.
+//! A history is keyed by the ids of both partners, so that it applies to any lists on any rank.
 
 use super::*;
 use crate::neighbors::threads_for;
@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Key of a contact at a wall: id of the grain, wall, facet (0 for a plane).
 pub(crate) type WallKey = (u64, u32, u32);
 
-/// Key of a contact: ids, and the offset in box lengths of the second's raw position from the first's.
+/// Key of a contact: ids, and the offset in periods of the second raw position from the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
     pub(crate) first: u64,
@@ -18,16 +18,16 @@ pub(crate) struct Key {
     pub(crate) shift: [i32; 3],
 }
 
-/// Finds histories of pairs that come by rising id of their first ends.
+/// Search for histories of pairs that are requested in ascending order of their first ids.
 #[derive(Debug, Default)]
 pub(super) struct Cursor {
-    /// The histories of the last first end, and its id.
+    /// Histories of the last first id, and that id.
     own: Range<usize>,
     first: Option<u64>,
 }
 
 impl Cursor {
-    /// Returns the history of a pair among those of rising key, if it has one.
+    /// Returns the history of a pair, if it has one, from a list in ascending order of keys.
     #[inline]
     pub(super) fn find<H: Copy>(&mut self, histories: &[(Key, H)], key: &Key) -> Option<H> {
         if self.first != Some(key.first) {
@@ -48,7 +48,7 @@ impl Cursor {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Moves the histories of all contacts out of the lists, by rising key, each once.
+    /// Moves the histories of all contacts out of the lists, in ascending order of keys, each once.
     pub(super) fn remember(&mut self) {
         let fresh = L::History::default();
         let (pairs, names) = (&self.lists.pairs, &self.lists.names);
@@ -94,7 +94,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }
             facets.clear();
         }
-        // Their memory is given back: the search for new pairs needs as much.
+        // Their memory is freed: the search for new pairs needs as much.
         self.lists.pairs = Vec::new();
         self.solids.wall_pairs.clear();
         self.lists.names.clear();
@@ -103,7 +103,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
 
     pub(super) fn put_histories_in_order(&mut self) {
         if self.histories.is_sorted_by_key(|(key, _)| key.first) {
-            // Out of the lists: only those of images are out of order.
+            // Taken from the lists, only the histories of images are out of order.
             let of_one = |a: &(Key, _), b: &(Key, _)| a.0.first == b.0.first;
             for own in self.histories.chunk_by_mut(of_one) {
                 own.sort_unstable_by_key(|(key, _)| *key);
@@ -116,7 +116,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_histories.dedup_by_key(|(key, _)| *key);
     }
 
-    /// Visits key and history of each contact this rank reports, in no order: with grains, then with walls.
+    /// Visits key and history of each contact reported by this rank, in no order: contacts with grains, then with
+    /// walls.
     pub(crate) fn each_history(
         &self,
         mut grains: impl FnMut(Key, &L::History),
@@ -152,7 +153,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Returns all histories as lists by rising key.
+    /// Returns all histories as lists in ascending order of keys.
     #[expect(clippy::type_complexity, reason = "two lists of key and history")]
     pub(crate) fn saved(&self) -> (Vec<(Key, L::History)>, Vec<(WallKey, L::History)>) {
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
@@ -165,7 +166,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         (grains, walls)
     }
 
-    /// Takes histories that [`Self::saved`] gave on all ranks; the next lists pick up those of their pairs.
+    /// Takes the histories that [`Self::saved`] returned on all ranks; the next lists use those of their pairs.
     pub(crate) fn restore(
         &mut self,
         grains: Vec<(Key, L::History)>,
@@ -184,7 +185,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
     }
 }
 
-/// Writes the numbers of a history; `numbers` is a buffer that is reused.
+/// Writes the numbers of a history; `numbers` is a reused buffer.
 pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
     history: &L::History,
     numbers: &mut Vec<f64>,
@@ -197,7 +198,7 @@ pub(super) fn pack_history<S: Space, L: ContactLaw<S>>(
     }
 }
 
-/// Reads what [`pack_history`] wrote.
+/// Reads a history written by [`pack_history`].
 pub(super) fn unpack_history<S: Space, L: ContactLaw<S>>(
     numbers: &mut Vec<f64>,
     from: &mut Reader<'_>,

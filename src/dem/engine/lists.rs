@@ -1,26 +1,26 @@
-//! Lists of pairs: which pairs are near, and which of them a step tests.
+//! Lists of nearby pairs, and the selection of those that a step tests.
 //!
-//! Lists hold all pairs whose surfaces are at most the skin apart. They are made anew when a grain may have moved half
-//! the skin. Of the listed pairs a step tests only the *active* ones: the pairs that grains can close before all gaps
-//! are checked next. The distance between two such checks adapts to the motion. In a bed nearly at rest the active
-//! pairs are the contacts.
+//! Lists contain all pairs with a gap of at most the skin. They are built again when a grain may have moved half
+//! the skin. A step tests only the *active* pairs: those whose gap can close before all gaps are checked next. The
+//! distance between two such checks adapts to the motion. In a nearly stationary bed the active pairs are the
+//! contacts.
 
 use super::*;
 use crate::neighbors::threads_for;
 use histories::Cursor;
 
-/// A listed pair: the lower id first. The step is bound by reading these: 64 bytes in the linear law.
+/// Listed pair, lower id first. Reading these dominates the time of a step: 64 bytes in the linear law.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair<C, M> {
     pub(super) first: u32,
     pub(super) second: u32,
     /// Sum of the radii \[m\].
     pub(super) reach: f64,
-    /// Radius of the first \[m\].
+    /// Radius of the first body \[m\].
     pub(super) radius: f64,
-    /// Place in the table of material pairs.
+    /// Index in the table of material pairs.
     pub(super) row: u32,
-    /// Place in the table of separations to add.
+    /// Index in the table of separation offsets.
     pub(super) offset: u32,
     pub(super) scale: C,
     pub(super) history: M,
@@ -33,7 +33,7 @@ impl<C, M> Pair<C, M> {
     }
 }
 
-/// A listed pair of a wall and an owned grain.
+/// Listed pair of a wall and an owned grain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WallPair<C, M> {
     pub(super) wall: u32,
@@ -44,7 +44,7 @@ pub(crate) struct WallPair<C, M> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Lists all pairs whose surfaces are at most `gap` \[m\] apart, and gives each contact its history back.
+    /// Lists all pairs with a gap of at most `gap` \[m\], and restores the history of each contact.
     pub(super) fn list(&mut self, particles: &mut Particles<S>, gap: f64) {
         let threads = thread_pool::threads();
         self.parallel = threads > 1 && particles.owned() >= L::PER_THREAD * threads;
@@ -58,8 +58,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         );
         self.lists.named_owned = particles.owned();
         self.list_offsets(particles);
-        // The memory of a rank is largest here. What finds the pairs therefore goes before the list of pairs comes,
-        // which gets no more capacity than needed: it is most of the memory of a grain.
+        // The memory of a rank reaches its maximum here. The search data is therefore freed before the list of
+        // pairs is built, which is most of the memory of a grain and is allocated without excess capacity.
         let mut search = Search::default();
         let candidates = search.find_candidates(particles, gap);
         self.list_facets(particles, gap, &search);
@@ -116,7 +116,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.activate(particles);
     }
 
-    /// Lists the pairs of own grains with planes that are at most `gap` \[m\] apart.
+    /// Lists the pairs of owned grains and planes with a gap of at most `gap` \[m\].
     fn list_planes(&mut self, particles: &Particles<S>, gap: f64) {
         let view = particles.view();
         let threads = threads_for(view.owned);
@@ -160,11 +160,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.solids.planes_found = found;
     }
 
-    /// Lists the offsets that periodic axes may add to separations: all differences of the images that there are.
+    /// Lists the offsets that periodic axes may add to separations: all differences between present images.
     fn list_offsets(&mut self, particles: &Particles<S>) {
         let mut shifts = vec![[0; 3]];
         for shift in particles.shift.iter().filter(|shift| **shift != [0; 3]) {
-            // Most are no images, or of the same side as the one before.
+            // Most entries are not images, or are on the same side as the previous one.
             if shifts.last() != Some(shift) && !shifts.contains(shift) {
                 shifts.push(*shift);
             }
@@ -192,10 +192,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             }));
     }
 
-    /// Returns the index of a shift among the offsets.
+    /// Returns the index of the offset of a shift.
     #[inline]
     fn place_of(&self, shift: [i32; 3]) -> usize {
-        // Most pairs are no images.
+        // Most pairs are not images.
         let known = self
             .lists
             .offset_shifts
@@ -223,7 +223,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let periodic = self.settings.region.any_periodic();
         let (offsets, scratch, motion) =
             (&self.lists.offsets, &self.scratch, &particles.motion[..]);
-        // The slack is far above the rounding of a separation, far below any gap that costs.
+        // The slack is far above the rounding of a separation, and far below any gap that costs time.
         let gap = 2.0 * self.validity.look * (1.0 + 1e-9);
         let choose =
             |first: usize, pairs: &mut [Pair<L::Scale, L::History>], active: &mut Vec<u32>| {

@@ -1,4 +1,4 @@
-//! One pair: keys, masses, separations measured in blocks, and the action of the law.
+//! Single pairs: keys, masses, separations measured in blocks, and the action of the law.
 
 use super::*;
 
@@ -23,7 +23,7 @@ pub(super) fn effective_mass<S: Space>(
     }
 }
 
-/// Returns `(1/I1 + 1/I2)^-1` (kg m²) about the contact point.
+/// Returns the effective moment of inertia `(1/I1 + 1/I2)^-1` [kg m²] about the contact point.
 pub(super) fn rolling_inertia<S: Space>(
     particles: &ParticlesView<'_, S>,
     i: usize,
@@ -37,12 +37,12 @@ pub(super) fn rolling_inertia<S: Space>(
     }
 }
 
-/// Returns the moment of inertia about a point of the surface (kg m²).
+/// Returns the moment of inertia about a point of the surface [kg m²].
 pub(super) fn rolled(body: &Body) -> f64 {
     body.inertia + body.mass * body.radius * body.radius
 }
 
-/// Returns a grain at a wall.
+/// Returns the properties of a pair of a grain and a wall.
 pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
     PairProperties {
         materials: [material, body.material],
@@ -53,7 +53,8 @@ pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
     }
 }
 
-/// Returns the contact of a grain with a wall at `distance` (m) along `normal`, added to its load.
+/// Computes the contact of a grain with a wall at `distance` \[m\] along `normal` and adds it to the load of the
+/// grain.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     (constants, history): (&L::Constants, &mut L::History),
@@ -82,7 +83,8 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     force.failure
 }
 
-/// Returns the contact of a listed grain with its plane, added to its load; a bond that failed.
+/// Computes the contact of a listed grain with its plane and adds it to the load of the grain; returns a bond that
+/// failed.
 #[inline(always)]
 pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     pair: &mut WallPair<L::Constants, L::History>,
@@ -118,8 +120,8 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     })
 }
 
-/// Returns the vector from the first centre to the second, and the square of its length: the one place where it is
-/// computed.
+/// Returns the vector from the first centre to the second, and its squared length. This function is the only one
+/// that computes separations.
 #[inline(always)]
 pub(super) fn separation<S: Space>(
     motion: &[Motion<S>],
@@ -134,10 +136,10 @@ pub(super) fn separation<S: Space>(
     (between, between.scalar(&between))
 }
 
-/// Pairs measured at once: enough to hide the latency of roots and divisions behind each other.
+/// Number of pairs measured at once: enough to hide the latency of roots and divisions.
 pub(super) const BLOCK: usize = 16;
 
-/// Separations of a block of pairs: vector, its square, its length and the length's inverse.
+/// Separations of a block of pairs: vector, squared length, length and inverse length.
 #[derive(Debug)]
 pub(super) struct Spans<S: Space> {
     between: [S::Vector; BLOCK],
@@ -175,7 +177,7 @@ impl<S: Space> Spans<S> {
             };
             (*between, *squared) = separation(motion, pair.ends(), &offset, PERIODIC);
         }
-        // The whole block, filled or not, so that the loop has a fixed length.
+        // Always the whole block, filled or not, so that the loop has a fixed length.
         for k in 0..BLOCK {
             self.distance[k] = self.squared[k].sqrt();
             self.inverse[k] = 1.0 / self.distance[k];
@@ -191,7 +193,7 @@ impl<S: Space> Spans<S> {
     }
 }
 
-/// Returns the action of one pair, or none if it neither touches nor is bonded.
+/// Returns the action of one pair, or none if it is neither in contact nor bonded.
 #[inline(always)]
 pub(super) fn act<S: Space, L: ContactLaw<S>>(
     rows: &PairTable<L::Row>,

@@ -1,18 +1,18 @@
-//! Forces between spheres, and their motion, by parts of the grains: one for each thread.
+//! Forces between spheres, and their motion, in parts of the grains: one part per thread.
 //!
-//! The own grains are sorted by id and cut into parts. Pairs are sorted by their first grain, the lower id. A part
-//! computes every active pair that one of its grains is in:
+//! The owned grains are sorted by id and divided into parts. Pairs are sorted by their first grain, which has the
+//! lower id. A part computes every active pair that contains one of its grains:
 //!
-//! 1. Pairs that come in from earlier parts, whose second is in the part. It has copies of them.
-//! 2. Its own pairs, whose first is in the part. They are contiguous in the list.
+//! 1. Pairs that come in from earlier parts, whose second grain is in the part. It has copies of them.
+//! 2. Its own pairs, whose first grain is in the part. They are contiguous in the list.
 //! 3. Its pairs with planes and its contacts with facets.
 //!
-//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of parts.
-//! A pair between two parts is computed in both, from the same numbers to the same result. Few pairs are, where ids
-//! follow space (the module `preparation::numbering` of the library).
+//! The forces on a grain thus add up in the order of the other grain's id, walls after grains, for any number of
+//! parts. A pair between two parts is computed in both, with the same data and the same result. Such pairs are few
+//! if ids follow space (the module `preparation::numbering` of the library).
 //!
 //! Each of several parts moves its grains as soon as it has their loads. It writes to a second array, because other
-//! parts still read the old positions. A solid step therefore has one meeting of the threads.
+//! parts still read the old positions. A solid step therefore has a single synchronisation of the threads.
 
 use super::*;
 use integrate::{Loads, Phase};
@@ -31,9 +31,9 @@ struct Cut {
 struct Part<S: Space> {
     /// Range of active pairs among all.
     active: Range<usize>,
-    /// The places of the pairs that come in: all of them.
+    /// Indices of the incoming pairs: all of them.
     places: Vec<u32>,
-    /// Bonds that failed, and the deepest contact.
+    /// Failed bonds, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
     at_planes: Vec<WallFailure<S>>,
     at_facets: Vec<WallFailure<S>>,
@@ -58,10 +58,10 @@ impl<S: Space> Default for Part<S> {
 /// The parts of one rank.
 #[derive(Debug)]
 pub(super) struct Parts<S: Space, C, M> {
-    /// One more than there are parts.
+    /// Boundaries of the parts: one more than there are parts.
     cuts: Vec<Cut>,
     parts: Vec<Part<S>>,
-    /// Active pairs whose second is in a later part, for each part.
+    /// Active pairs whose second grain is in a later part, for each part.
     going: Vec<Vec<u32>>,
     /// Copies of the active pairs that come in from earlier parts, for each part, in the order of the list.
     coming: Vec<Vec<Pair<C, M>>>,
@@ -82,8 +82,9 @@ impl<S: Space, C, M> Default for Parts<S, C, M> {
 }
 
 impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
-    /// Cuts the own grains into `count` parts. `pairs_below` and `planes_below` give, for a place among the own grains,
-    /// how many listed pairs have a first of lower id, and how many listed planes a grain before it.
+    /// Divides the owned grains into `count` parts. `pairs_below` and `planes_below` return, for an index among the
+    /// owned grains, the number of listed pairs with a first grain before it, and the number of listed planes of
+    /// grains before it.
     fn cut(
         &mut self,
         count: usize,
@@ -95,7 +96,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
             let grains = owned * part / count;
             Cut {
                 grains,
-                // Pairs of firsts beyond the own grains or before them belong to the outer parts.
+                // Pairs whose first grain is a ghost belong to the first or the last part.
                 pairs: if part == 0 { 0 } else { pairs_below(grains) },
                 planes: planes_below(grains),
             }
@@ -105,7 +106,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
         self.coming.resize_with(count, Vec::new);
     }
 
-    /// Takes note of the active pairs among the listed ones.
+    /// Copies the active pairs that cross parts.
     pub(super) fn note(&mut self, active: &[u32], pairs: &[Pair<C, M>]) {
         let Some(owned) = self.cuts.last().map(|end| end.grains) else {
             return;
@@ -161,15 +162,15 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
     motion: &'a [Motion<S>],
     walls: &'a [Wall<S>],
     time_step: f64,
-    /// The deepest contact before this step, over the smaller radius.
+    /// Deepest contact before this step: overlap over the smaller radius.
     deepest: f64,
 }
 
-/// Pairs, the places of those to compute, and the place of the first.
+/// Pairs, indices of those to compute, and the index of the first pair.
 type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
 
-/// Data that one part writes: its listed pairs, copies of others, pairs with planes and with facets, and the loads of
-/// its grains.
+/// Data written by one part: its listed pairs, copies of others, pairs with planes and with facets, and the loads
+/// of its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     coming: &'a mut [Pair<L::Scale, L::History>],
@@ -179,8 +180,8 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
 }
 
 impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
-    /// Adds the actions of the pairs at these places, each less `base`, to the loads of the grains from number `first`
-    /// on.
+    /// Adds the actions of the pairs at these indices, each minus `base`, to the loads of the grains from number
+    /// `first` on.
     #[inline(always)]
     fn act_on<const PERIODIC: bool>(
         &self,
@@ -200,7 +201,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
                 let Some(action) = found else {
                     continue;
                 };
-                // Ghosts and grains of other parts are beyond the loads.
+                // Ghosts and grains of other parts are outside the loads.
                 if let Some(load) = loads.get_mut(place_of(pair.first)) {
                     load.force -= action.force;
                     load.torque += action.on_first;
@@ -231,7 +232,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         part.at_facets.clear();
         let mut record = Record::beyond(self.deepest);
         if !coming.is_empty() {
-            // The part of the first reports what fails.
+            // The part of the first grain reports failures.
             let all = (coming, &part.places[..], 0);
             let to = (&mut *loads, from.grains);
             self.act_on::<PERIODIC>(all, to, &mut record, |_, _| {});
@@ -258,7 +259,7 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Parts for the present lists, as many as there are threads.
+    /// Divides the present lists into as many parts as there are threads.
     pub(super) fn cut_into_parts(&mut self, particles: &Particles<S>) {
         let owned = particles.owned();
         let id = |grain: usize| particles.body[..owned].get(grain).map(|body| body.id);
@@ -286,8 +287,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.lists.parts.moved.resize(entries, Motion::default());
     }
 
-    /// Computes the contact loads of all own grains; histories advance by `dt` \[s\]. If there are several parts, each
-    /// then also moves its grains in `phase`; in that case returns the fastest.
+    /// Computes the contact loads of all owned grains; histories advance by `dt` \[s\]. If there are several parts,
+    /// each then also moves its grains in `phase`, and the largest speed is returned.
     pub(super) fn forces_by_parts<const PERIODIC: bool>(
         &mut self,
         particles: &mut Particles<S>,
@@ -360,17 +361,17 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             self.events.wall_failures.append(&mut part.at_planes);
             fastest = fastest.or(part.fastest);
         }
-        // All planes first, as by one part.
+        // All planes first, as with a single part.
         for part in parts {
             self.events.wall_failures.append(&mut part.at_facets);
         }
         phase.map(|_| fastest)
     }
 
-    /// Puts the grains where the last step has moved them.
+    /// Moves the grains to their new positions from the last step.
     pub(super) fn take_moved(&mut self, particles: &mut Particles<S>) {
         let owned = particles.owned();
-        // Ghosts stay until they are refreshed.
+        // Ghosts remain unchanged until they are refreshed.
         self.lists.parts.moved[owned..].copy_from_slice(&particles.motion[owned..]);
         std::mem::swap(&mut self.lists.parts.moved, &mut particles.motion);
     }

@@ -1,4 +1,4 @@
-//! Contacts and counts for output: every contact with its overlap and force, and how many there are.
+//! Contacts and counts for output: every contact with its overlap and force, and the numbers of contacts.
 
 use super::super::Contact;
 use super::super::polyhedron::Narrow;
@@ -16,7 +16,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         steps * self.settings.time_step
     }
 
-    /// Returns two spheres as a contact.
+    /// Returns the contact of two spheres.
     pub(super) fn sphere_contact(
         &self,
         particles: &Particles<S>,
@@ -47,7 +47,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         })
     }
 
-    /// Returns a sphere at a plane as a contact.
+    /// Returns the contact of a sphere with a plane.
     pub(super) fn sphere_plane_contact(
         &self,
         particles: &Particles<S>,
@@ -73,7 +73,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         })
     }
 
-    /// Visits every contact this rank reports: those of pairs whose first it owns, and those with walls.
+    /// Visits every contact reported by this rank: those of pairs whose first grain it owns, and those with walls.
     pub(crate) fn for_each_contact(
         &self,
         particles: &Particles<S>,
@@ -98,7 +98,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
-    /// Visits a sphere at facets as contacts.
+    /// Visits the contacts of a sphere with facets.
     pub(super) fn sphere_facet_contacts(
         &self,
         particles: &Particles<S>,

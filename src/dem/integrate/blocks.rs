@@ -6,7 +6,7 @@
 //!
 //! The scheme is kick - drift - kick as for grains, with the rotation of [`crate::polyhedron::rotation`].
 //! Mass-proportional damping `alpha` [1/s] is exact for a constant force. Non-viscous damping acts on the components of
-//! force and moment in the axes of space, as for grains. Driven blocks turn with their prescribed spin.
+//! force and moment in the axes of space, as for grains. Driven blocks rotate with their prescribed spin.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ struct Moved<'a, S: Space> {
     fluid: Load<S>,
 }
 
-/// Parameters of the change of velocities, with damping by mass.
+/// Parameters of the velocity update, with mass-proportional damping.
 #[derive(Clone, Copy)]
 struct How<'a, S: Space> {
     kick: &'a Kick<S>,
@@ -64,7 +64,8 @@ fn kick<S: Space>(
     motion.spin = out_of_space(&spin);
 }
 
-/// Makes a free turn over a step; returns how far \[m\] any point of the block may have gone about its centre.
+/// Rotates a free block over a step; returns an upper bound of the path \[m\] of any of its points about the
+/// centre.
 fn turn<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
@@ -86,11 +87,11 @@ fn turn<S: Space>(
         }
         Kind::Fixed => {}
     }
-    // 2 sin(angle/2) of the turn is at most twice the distance between the quaternions.
+    // The chord 2 sin(angle/2) of the rotation is at most twice the distance between the quaternions.
     2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()
 }
 
-/// Moves one body in a phase of the step; returns the path of its fastest point over dt, squared.
+/// Moves one body in a phase of the step; returns the squared path of its fastest point divided by dt.
 fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
@@ -112,7 +113,7 @@ fn move_one<S: Space>(
         .map_or(0.0, |shape| turn(motion, rotation, (by.body, shape), dt));
     let speed = S::to_volume(&motion.velocity).norm() + turned / dt;
     let speed_squared = speed * speed;
-    // A comparison that a NaN fails too.
+    // A comparison that is false for NaN, too.
     let bounded = speed_squared < SPEED_LIMIT;
     Fastest {
         speed_squared: if bounded { speed_squared } else { 0.0 },
@@ -120,7 +121,7 @@ fn move_one<S: Space>(
     }
 }
 
-/// Calls `step` for every owned body; the fastest of all.
+/// Calls `step` for every owned body; returns the fastest of all.
 fn each<S: Space>(
     particles: &mut Particles<S>,
     parallel: bool,
@@ -161,7 +162,7 @@ fn each<S: Space>(
     }
 }
 
-/// Moves all own bodies in a phase of the step, with the free turn in its drift.
+/// Moves all owned bodies in a phase of the step; the drift includes the free rotation.
 pub(crate) fn advance<S: Space>(
     particles: &mut Particles<S>,
     kick: &Kick<S>,

@@ -1,4 +1,4 @@
-//! The analytic centre of an overlap: the point that maximises the product of its distances from all planes,
+//! Analytic centre of an overlap: the point that maximises the product of its distances from all planes,
 //!
 //! ```text
 //! minimise  f(x) = -sum ln t_i,   t_i = d_i - a_i . x
@@ -17,10 +17,11 @@ use nalgebra::Vector3;
 
 use super::HalfSpace;
 
-/// Newton steps at most; ten from the deepest point and two or three from the last step's centre are usual.
+/// Maximum number of Newton steps; ten from the deepest point and two or three from the previous centre are usual.
 const STEPS: usize = 60;
 
-/// Returns the centre from a point strictly inside, and whether it was reached. Whatever happens the answer is inside.
+/// Returns the centre, from a start point strictly inside, and `true` if it was reached. The returned point is
+/// always inside.
 pub(super) fn find(
     planes: &[HalfSpace],
     start: &Vector3<f64>,
@@ -40,13 +41,13 @@ pub(super) fn find(
             let row = plane.normal / slack;
             rows.push([row.x, row.y, row.z, -1.0]);
         }
-        // Unit normals: the size of a row is 1/slack.
+        // With unit normals, the magnitude of a row is 1/slack.
         rows.sort_unstable_by(|a, b| squared(b).total_cmp(&squared(a)));
         let Some((step, decrement)) = least_squares(rows) else {
             return (x, false);
         };
         let damping = if decrement > 0.25 {
-            // As far as theory allows at once, and further while the slope still falls.
+            // Take the step allowed by theory, and further while the slope still decreases.
             reach(planes, &x, &step, 1.0 / (1.0 + decrement))
         } else {
             1.0
@@ -56,8 +57,8 @@ pub(super) fn find(
             return (x, false);
         }
         x = next;
-        // Distances from planes are known to rounding of the blocks' size, and so is the centre of what is hardly
-        // thicker.
+        // Distances from planes are accurate to the rounding of the size of the blocks, which also limits the
+        // centre of an overlap that is hardly thicker.
         if decrement < 1e-7_f64.max(32.0 * f64::EPSILON * scale / least) {
             return (x, true);
         }
@@ -69,7 +70,7 @@ fn squared(row: &[f64; 4]) -> f64 {
     row[0] * row[0] + row[1] * row[1] + row[2] * row[2]
 }
 
-/// Returns a step length near the minimum along `step`, by Newton's method in one dimension from a safe one.
+/// Returns a step length near the minimum along `step`, by Newton's method in one dimension from a safe length.
 fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64) -> f64 {
     let mut length = safe;
     for _ in 0..3 {
@@ -91,12 +92,12 @@ fn reach(planes: &[HalfSpace], x: &Vector3<f64>, step: &Vector3<f64>, safe: f64)
     }
 }
 
-/// Solves the least squares `row . y = right side` for rows in falling order of size; the solution, and the length of
-/// the right side's part in the range: the Newton decrement.
+/// Solves the least-squares problem `row . y = right side` for rows in descending order of magnitude; returns the
+/// solution, and the length of the projection of the right side: the Newton decrement.
 fn least_squares(rows: &mut [[f64; 4]]) -> Option<(Vector3<f64>, f64)> {
     let mut order = [0, 1, 2];
     for step in 0..3 {
-        // The longest column that is left.
+        // Pivot: the longest remaining column.
         let length = |column: usize, rows: &[[f64; 4]]| {
             rows[step..]
                 .iter()
@@ -113,7 +114,7 @@ fn least_squares(rows: &mut [[f64; 4]]) -> Option<(Vector3<f64>, f64)> {
         order.swap(step, best.0);
         let column = order[step];
         let norm = best.1.sqrt();
-        // The largest element of the column on top, for stability row by row.
+        // The largest element of the column is moved to the top, for row-wise stability.
         let top = (step..rows.len())
             .max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))?;
         rows.swap(step, top);

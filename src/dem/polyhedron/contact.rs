@@ -1,9 +1,9 @@
-//! The narrow phase: whether two blocks touch, where, in which direction, how deep and over which area.
+//! Narrow phase: contact test of two blocks, with point, normal, depth and area of the contact.
 //!
-//! 1. The plane that separated the pair in the last step is tried first: two passes over the vertices.
-//! 2. The linear program (`linear_program.rs`) decides, starting from its last basis. A separating plane that it finds
-//!    is confirmed by the vertices and kept. All separating axes decide the cases that rounding leaves open. No contact
-//!    is missed and none is invented.
+//! 1. The plane that separated the pair in the last step is tested first: two passes over the vertices.
+//! 2. The linear program (`linear_program.rs`) starts from its last basis. A separating plane that it finds is
+//!    confirmed by the vertices and stored. A test of all separating axes decides the cases that rounding leaves
+//!    undecided. No contact is missed, and there are no false contacts.
 //! 3. The contact is reduced to one point, normal and depth by one of three models.
 //!
 //! [`BlockContactModel::Point`] is the published form (Boon et al. 2012). The contact point is the analytic centre of
@@ -15,26 +15,27 @@
 //! ```
 //!
 //! If all terms are zero, the gradient is the normal of the nearest plane. The depth is the distance between both
-//! surfaces along `n` through the point. The area is the area of the section of the overlap across `n`.
+//! surfaces along `n` through the point. The area is that of the section of the overlap normal to `n`.
 //!
-//! [`BlockContactModel::Patch`] suits faces that rest on faces. With the volume `V` of the overlap and the vector area
-//! `S` of the first's surface inside the second,
+//! [`BlockContactModel::Patch`] suits faces in contact with faces. With the volume `V` of the overlap and the
+//! vector area `S` of the first block's surface inside the second,
 //!
 //! ```text
 //! n = S/|S|,   area = |S|,   depth = V/|S|,   point = centroid of the overlap
 //! ```
 //!
-//! The force `k area depth = k V` is the sum over a bed of springs of `k` [Pa/m] on the patch, and acts where that sum
-//! acts: a tilted face is turned back by exactly the moment of the bed. Against a plane this is Winkler's foundation,
-//! and it conserves energy; of two blocks it conserves energy nearly. All quantities are continuous in the pose, also
-//! where a vertex contact becomes a contact of an edge or a face: V grows from zero as the third power, the square, or
-//! linearly. There is no rounding to choose. Sources: volume as the measure of contact, S. Hasegawa, M. Sato, Computer
-//! Graphics Forum 23 (2004) 529; vector area as normal, Y. T. Feng, K. Han, D. R. J. Owen, Comput. Methods Appl. Mech.
-//! Engrg. 205-208 (2012) 169.
+//! The force `k area depth = k V` is the sum over a bed of springs of `k` [Pa/m] on the patch, and acts at the
+//! resultant of that sum: a tilted face is subject to exactly the restoring moment of the bed. Against a plane this
+//! is Winkler's foundation, which conserves energy; between two blocks energy is conserved approximately. All
+//! quantities are continuous in the pose, also where a vertex contact becomes a contact of an edge or a face: V
+//! grows from zero as the third power, the square, or linearly. There is no rounding to choose. Sources: volume as
+//! the measure of contact, S. Hasegawa, M. Sato, Computer Graphics Forum 23 (2004) 529; vector area as normal, Y.
+//! T. Feng, K. Han, D. R. J. Owen, Comput. Methods Appl. Mech. Engrg. 205-208 (2012) 169.
 //!
-//! [`BlockContactModel::Pressure`], the default, has an energy for all shapes: each surface feels half the pressure k d
-//! of its depth d in the other block (`contact/pressure.rs`). Faces on faces are the same bed of springs. Against a
-//! plane it is the patch. Relative energy errors in frictionless elastic collisions of boxes:
+//! [`BlockContactModel::Pressure`], the default, has an energy for all shapes: each surface is subject to half the
+//! pressure k d of its depth d in the other block (`contact/pressure.rs`). For faces on faces it is the same bed of
+//! springs, and against a plane it equals the patch. Relative energy errors in frictionless elastic collisions of
+//! boxes:
 //!
 //! | collision | pressure | patch | point |
 //! |---|---|---|---|
@@ -42,20 +43,20 @@
 //! | corner on face | 3e-12 | 2e-12 | 4e-2 |
 //! | edge on edge | 2e-12 | 3e-5 | 3e-2 |
 //!
-//! A point gains half of the energy face on face where the rounding is a hundred times the overlap: the gradient next
-//! to an edge then tilts by tens of degrees while the surface does not. With mass damping of 10/s a stack of ten blocks
-//! stands for a million steps, at rest to 1e-12 m/s, with patch and point. A patch costs less than a point: it needs no
-//! Newton iteration.
+//! With the point model a face-on-face collision gains half of the energy if the rounding is a hundred times the
+//! overlap: the gradient next to an edge then tilts by tens of degrees, but the surface does not. With mass damping
+//! of 10/s a stack of ten blocks stands for a million steps, at rest to 1e-12 m/s, with patch and point. A patch
+//! costs less than a point: it needs no Newton iteration.
 //!
-//! **Facets.** Each facet of a surface takes the points of the block that it hides from the block's centroid: the part
-//! behind its plane inside the cone of sight through it, with the facet's own normal. The cones of adjacent facets fill
-//! space without gap or overlap: a plane of triangles acts as a plane, an edge within the plane pushes nothing, and a
-//! convex edge is touched from both sides in proportion. Two limits: beyond a convex edge a face also hides a sliver
-//! from a centroid that stands over the other face, of the order of the depth over the size of the block; and a rim
-//! that meets a block edge on is not felt, because facets push across themselves.
+//! **Facets.** A facet of a surface acts on the points of the block that it hides from the block's centroid: the
+//! part behind its plane inside the cone of sight through it, with the facet's own normal. The cones of adjacent
+//! facets fill space without gap or overlap: a plane of triangles acts as a plane, an edge within the plane exerts
+//! no force, and a convex edge acts from both sides in proportion. Two limitations: beyond a convex edge a face
+//! also hides a sliver from a centroid above the other face, of the order of the depth over the size of the block;
+//! and a rim that meets a block edge-on exerts no force, because facets act along their normals.
 //!
-//! All computations use the frame of the first block: positions far from the origin lose no digits. Nothing is
-//! allocated once the buffers of [`Narrow`] have grown.
+//! All computations use the frame of the first block, so that positions far from the origin lose no digits. Nothing
+//! is allocated once the buffers of [`Narrow`] have grown.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -80,16 +81,16 @@ use super::{HalfSpace, analytic_centre};
 pub use facet::Hidden;
 pub use history::BlockHistory;
 
-/// A block as the narrow phase sees it.
+/// Block in its position for the narrow phase.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
     /// Shape.
     pub shape: &'a Polyhedron,
-    /// Turns its body frame into space.
+    /// Rotation from its body frame into space.
     pub rotation: Matrix3<f64>,
 }
 
-/// Method by which a contact of blocks is condensed.
+/// Method by which a contact of blocks is reduced to a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "BlockModel")]
@@ -108,28 +109,29 @@ pub enum BlockContactModel {
     },
 }
 
-/// A contact now, in the axes of space.
+/// Geometry of a contact, in the axes of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// Vector from the first's centre to the contact [m].
+    /// Vector from the first centre to the contact point [m].
     pub arm: Vector3<f64>,
-    /// Unit normal from the first to the second.
+    /// Unit normal from the first to the second body.
     pub normal: Vector3<f64>,
     /// Overlap [m] along the normal, positive.
     pub depth: f64,
     /// Area of contact [m²].
     pub area: f64,
-    /// Second moments [m⁴] of the area about the contact point: the sum of `a a^T` over its arms `a` across the
-    /// normal.
+    /// Second moments [m⁴] of the area about the contact point: the integral of `a a^T` over the arms `a` in the
+    /// plane normal to the contact normal.
     pub second: Matrix3<f64>,
-    /// Moment of the normal pressure about the contact point on the second, over the normal force \[m\].
+    /// Moment of the normal pressure on the second body about the contact point, divided by the normal force \[m\].
     pub couple: Vector3<f64>,
-    /// `true` if the patch is fixed to a block, so that it rocks as the block turns; `false` for a sphere, which rolls.
+    /// `true` if the patch is fixed to a block, so that it rocks as the block rotates; `false` for a sphere, which
+    /// rolls.
     pub rocks: bool,
 }
 
 impl Geometry {
-    /// Returns the polar second moment [m⁴] of the area: what resists twisting.
+    /// Returns the polar second moment of the area [m⁴], which resists twisting.
     #[must_use]
     pub fn polar(&self) -> f64 {
         self.second.trace().max(0.0)
@@ -139,39 +141,39 @@ impl Geometry {
 /// Counts of the methods used, for benches and tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ways {
-    /// Linear programs solved.
+    /// Number of linear programs solved.
     pub programs: u64,
-    /// Pairs that the exhaustive test had to decide.
+    /// Number of pairs decided by the exhaustive test.
     pub exhaustive: u64,
-    /// Centres that Newton's method did not reach; the best point inside was taken.
+    /// Number of centres that Newton's method did not reach; the best interior point was used.
     pub off_centre: u64,
 }
 
-/// The buffers of the narrow phase: one for each thread.
+/// Buffers of the narrow phase, one per thread.
 #[derive(Clone, Debug, Default)]
 pub struct Narrow {
-    /// Half-spaces of the first, then of the second, in the first's frame.
+    /// Half-spaces of the first block, then of the second, in the frame of the first.
     planes: Vec<HalfSpace>,
     own: usize,
-    /// The second's vertices and half-spaces, grown by a trifle.
+    /// Vertices and half-spaces of the second block, slightly enlarged.
     vertices: Vec<Vector3<f64>>,
     grown: Vec<HalfSpace>,
-    /// Planes that cut, most first.
+    /// Planes that cut, those with most vertices outside first.
     cutting: Vec<(usize, usize)>,
     polygon: Vec<Vector3<f64>>,
     spare: Vec<Vector3<f64>>,
-    /// A polygon before it is cut into parts, and faces with their least depth over it.
+    /// Polygon before it is cut into parts, and faces with their smallest depth over it.
     whole: Vec<Vector3<f64>>,
     nearest: Vec<(f64, HalfSpace)>,
     heights: Vec<f64>,
-    /// Triangles of the first's surface inside the second.
+    /// Triangles of the surface of the first block inside the second.
     triangles: Vec<[Vector3<f64>; 3]>,
     rows: Vec<[f64; 4]>,
     /// Counts of the methods used.
     pub ways: Ways,
 }
 
-/// Partner of a block, in the frame of the block.
+/// Partner of a block, in the frame of that block.
 enum Other<'a> {
     Block {
         shape: &'a Polyhedron,
@@ -182,8 +184,8 @@ enum Other<'a> {
 }
 
 impl Narrow {
-    /// Finds the contact of two blocks: the lower id first. `separation` [m] leads from the first's centre to the
-    /// second's.
+    /// Finds the contact of two blocks, lower id first. `separation` [m] is the vector from the first centre to the
+    /// second.
     pub fn blocks(
         &mut self,
         first: &Placed,
@@ -243,8 +245,8 @@ impl Narrow {
         finish(found, first, history)
     }
 
-    /// Finds the contact of a block (the first) and the solid that fills the space behind a plane (the second):
-    /// `normal` points out of that, and the block's centre stands `height` [m] above it.
+    /// Finds the contact of a block (first) with the half-space behind a plane (second): `normal` points out of the
+    /// half-space, and the centre of the block is `height` [m] above the plane.
     pub fn plane(
         &mut self,
         block: &Placed,
@@ -293,7 +295,7 @@ impl Narrow {
         finish(found, block, history)
     }
 
-    /// Condenses the contact of an overlap whose deepest point is known.
+    /// Reduces an overlap with a known deepest point to a contact.
     fn condense(
         &mut self,
         first: &Polyhedron,
@@ -330,7 +332,7 @@ impl Narrow {
                 let (own, others) = self.planes.split_at(self.own);
                 let one = gradient(own, &point, rounding);
                 let two = gradient(others, &point, rounding);
-                // Gradients that nearly agree: too deep inside to define a normal.
+                // The gradients nearly agree: the blocks overlap too deeply to define a normal.
                 let normal = match (one - two).try_normalize(1e-3) {
                     Some(normal) => normal,
                     None => return self.exhaust(first, other, model, history),
@@ -350,7 +352,7 @@ impl Narrow {
         }
     }
 
-    /// Returns the result of the exhaustive test of a pair: nothing if an axis separates it, else the shortest
+    /// Returns the result of the exhaustive test of a pair: none if an axis separates it, otherwise the shortest
     /// separation.
     fn exhaust(
         &mut self,
@@ -383,7 +385,7 @@ impl Narrow {
                 (-plane.normal, depth, first.vertices()[lowest])
             }
         };
-        // The overlap's volume summed up about a point of its own, lest rounding be larger than it.
+        // The volume of the overlap is summed about a point inside it, otherwise rounding could exceed the volume.
         self.overlap(first, other, &foremost, model);
         let corners = self.triangles.iter().flatten();
         let near = corners.sum::<Vector3<f64>>() / count_f64(3 * self.triangles.len());
@@ -410,14 +412,15 @@ impl Narrow {
         } else {
             (near, 0.0)
         };
-        // A block that goes through another: areas cancel, and the bed of springs is still as strong as its volume.
+        // One block passes through the other: areas cancel, but the bed of springs still has the strength of the
+        // volume.
         let mut geometry = touch(&arm, &axis, depth);
         geometry.area = overlap.area.dot(&axis).max(volume / depth);
         geometry.second = self.second_moments(&arm, &axis);
         Some(geometry)
     }
 
-    /// Returns the result of the exhaustive test alone of two blocks.
+    /// Returns the result of the exhaustive test of two blocks alone.
     #[cfg(test)]
     pub(super) fn last_resort(
         &mut self,
@@ -437,7 +440,7 @@ impl Narrow {
     }
 }
 
-/// Returns the contact in space, and what the pair remembers of it.
+/// Returns the contact in the axes of space, and stores the history of the pair.
 fn finish(found: Option<Geometry>, first: &Placed, history: &mut BlockHistory) -> Option<Geometry> {
     if found.is_none() {
         history.release();
@@ -451,7 +454,7 @@ fn finish(found: Option<Geometry>, first: &Placed, history: &mut BlockHistory) -
     })
 }
 
-/// Returns a contact of a point.
+/// Returns a contact at a point.
 fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     Geometry {
         arm: *arm,
@@ -464,7 +467,7 @@ fn touch(arm: &Vector3<f64>, normal: &Vector3<f64>, depth: f64) -> Geometry {
     }
 }
 
-/// Returns the unit gradient of a potential particle at a point, or the nearest plane's normal.
+/// Returns the unit gradient of a potential particle at a point, or the normal of the nearest plane.
 fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     let mut nearest = (f64::NEG_INFINITY, Vector3::zeros());
@@ -478,7 +481,7 @@ fn gradient(planes: &[HalfSpace], point: &Vector3<f64>, rounding: f64) -> Vector
     sum.try_normalize(0.0).unwrap_or(nearest.1)
 }
 
-/// Returns the distance [m] from a point inside to the surface, along a unit direction.
+/// Returns the distance [m] from an interior point to the surface along a unit direction.
 fn exit(planes: &[HalfSpace], point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
     planes
         .iter()

@@ -1,28 +1,28 @@
-//! Vertices and faces of a set of half-spaces: a cube, cut by one plane after another.
+//! Vertices and faces of a set of half-spaces, by cutting a cube with one plane after another.
 //!
 //! Each cut classifies the vertices as inside, on or outside the plane, with a tolerance, and derives everything else
-//! from this classification: the topology of the faces is consistent whatever rounding does. The corners of the cap are
-//! sorted by angle, because the cap is convex. Where the cube is much larger than the remaining solid, the cuts are
-//! repeated from a smaller cube: corners then do not lie on edges far longer than the solid.
+//! from this classification: the topology of the faces is therefore consistent in spite of rounding. The corners of
+//! the cap are sorted by angle, because the cap is convex. Where the cube is much larger than the remaining solid,
+//! the cuts are repeated from a smaller cube: corners then do not lie on edges far longer than the solid.
 
 use nalgebra::Vector3;
 
 use super::HalfSpace;
 
-/// Corners closer to a cut than this over the size of the cube are on it.
+/// Maximum distance of a corner from a cut, in sizes of the cube, at which it lies on the cut.
 const ON: f64 = 1e-10;
 
-/// A convex solid between planes.
+/// Convex solid bounded by planes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cut {
     /// Corners \[m\].
     pub(super) vertices: Vec<Vector3<f64>>,
-    /// Number of the half-space, and the face's corners counter-clockwise seen from outside.
+    /// Index of the half-space, and the corners of the face counter-clockwise seen from outside.
     pub(super) faces: Vec<(usize, Vec<u32>)>,
 }
 
 impl Cut {
-    /// Returns a cube of half-width `half` \[m\] round the origin; its faces belong to no half-space.
+    /// Returns a cube of half-width `half` \[m\] around the origin; its faces belong to no half-space.
     fn cube(half: f64) -> Self {
         let vertices = (0..8_u32)
             .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
@@ -44,7 +44,7 @@ impl Cut {
         }
     }
 
-    /// Cuts by half-space number `name`; returns `true` if any part is left inside.
+    /// Cuts with the half-space of number `name`; returns `true` if any part remains inside.
     pub(super) fn by(&mut self, plane: &HalfSpace, name: usize, tolerance: f64) -> bool {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.height(v)).collect();
         let side = |v: u32| {
@@ -67,7 +67,7 @@ impl Cut {
         let mut on: Vec<u32> = corners().copied().filter(|&v| side(v) == 0).collect();
         on.sort_unstable();
         on.dedup();
-        // New corners, each found by both faces of its edge.
+        // New corners, each found from both faces of its edge.
         let mut crossings: Vec<([u32; 2], u32)> = Vec::new();
         let mut faces = Vec::with_capacity(self.faces.len() + 1);
         for (plane_name, corners) in std::mem::take(&mut self.faces) {
@@ -92,7 +92,7 @@ impl Cut {
                     }));
                 }
             }
-            // What is left of a face of which only an edge or a corner touches the cut is no face.
+            // A face of which only an edge or a corner touches the cut is dropped.
             let inside = |&v: &u32| (v as usize) < heights.len() && side(v) < 0;
             if kept.len() >= 3 && kept.iter().any(inside) {
                 faces.push((plane_name, kept));
@@ -106,7 +106,7 @@ impl Cut {
         true
     }
 
-    /// Corners of a convex polygon in counter-clockwise order about `normal`.
+    /// Returns the corners of a convex polygon in counter-clockwise order about `normal`.
     fn around(&self, corners: &[u32], normal: &Vector3<f64>) -> Vec<u32> {
         let at = |v: u32| self.vertices[v as usize];
         let middle =
@@ -132,8 +132,8 @@ impl Cut {
             .fold(0.0, f64::max)
     }
 
-    /// Returns the solid in all `planes`, which holds the origin and reaches no further than `reach` \[m\] along the
-    /// axes; none if nothing of it is left, or it is not closed.
+    /// Returns the solid bounded by all `planes`, which contains the origin and extends at most `reach` \[m\] along
+    /// the axes; none if nothing remains, or if it is not closed.
     pub(super) fn from_planes(planes: &[HalfSpace], reach: f64) -> Option<Self> {
         let mut half = reach;
         for _ in 0..6 {
@@ -153,7 +153,7 @@ impl Cut {
         None
     }
 
-    /// Returns the piece without the corners that no face has.
+    /// Returns the solid without corners that belong to no face.
     pub(super) fn compact(mut self) -> Self {
         let mut new = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();
@@ -172,10 +172,10 @@ impl Cut {
     }
 }
 
-/// Returns two unit vectors across a unit normal, right-handed with it.
+/// Returns two unit vectors normal to a unit vector, right-handed with it.
 #[inline]
 pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    // J. R. Duff et al., JCGT 6 (2017) 1: no branch but the sign.
+    // From J. R. Duff et al., JCGT 6 (2017) 1: no branch except the sign.
     let sign = 1_f64.copysign(normal.z);
     let a = -1.0 / (sign + normal.z);
     let b = normal.x * normal.y * a;
@@ -189,12 +189,12 @@ pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     )
 }
 
-/// Returns a place in a list as the number that faces hold.
+/// Returns an index as the number type of faces.
 pub(super) fn number(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// Returns a count as a number.
+/// Returns a count as a real number.
 #[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
 pub(super) fn count_f64(k: usize) -> f64 {
     k as f64

@@ -1,4 +1,4 @@
-//! The force of a contact of blocks: normal and shear springs, friction, dashpots.
+//! Force of a contact of blocks: normal and shear springs, friction, dashpots.
 //!
 //! ```text
 //! F_n = k_n depth - c_n d(gap)/dt, at least 0
@@ -8,25 +8,26 @@
 //! M_r = cut(-c_r Q (spin across n))             cut to F_n times the patch's radius of gyration about M_r
 //! ```
 //!
-//! Slip and spin share the friction of a patch: a face that slides resists a twist less, and a face that spins slides
-//! more easily. The limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15 (1996) 557.
+//! Sliding and spinning share the friction of a patch: a sliding face resists twist less, and a spinning face
+//! slides more easily. The limit surface is the ellipsoid of R. D. Howe, M. R. Cutkosky, Int. J. Robotics Res. 15
+//! (1996) 557.
 //!
 //! The stiffness is given for a contact [N/m], or for an area of contact [Pa/m] as is usual for rock joints: then
-//! `k = (stiffness per area) * area`, and with [`super::BlockContactModel::Patch`] the normal force is the sum over a
-//! bed of springs. `F_s'` is the force of the shear spring in the last step, carried along with the contact: it is
-//! turned as the normal turned and by the mean spin of both blocks about the normal, and keeps its length.
+//! `k = (stiffness per area) * area`, and with [`super::BlockContactModel::Patch`] the normal force is the sum over
+//! a bed of springs. `F_s'` is the force of the shear spring in the last step, transported with the contact: it is
+//! rotated with the normal and by the mean spin of both blocks about the normal, and keeps its length.
 //!
 //! `M_t` resists the twist of a face on a face, with the polar moment J of the patch: `k_t = k_s J/area`. `R` is exact
-//! for a disc under uniform pressure. Without `M_t` a single contact point would let a block spin freely on another.
+//! for a disc under uniform pressure. Without `M_t` a block could spin freely on a single contact point.
 //!
 //! The dashpots are distributed over the patch like the springs: `c_t = c_s J/area`, and `c_r = c_n/area` with the
 //! second moments `Q` of the area about the axes across the normal. The rocking of a face is damped, while a block
-//! turns freely about an edge. A dashpot at one point would leave rocking undamped. The patch of a sphere moves over
-//! its surface as it rolls: nothing rocks, and `M_r` is zero ([`Geometry::rocks`]).
+//! rotates freely about an edge. A dashpot at one point would leave rocking undamped. The patch of a sphere moves
+//! over its surface as it rolls: there is no rocking, and `M_r` is zero ([`Geometry::rocks`]).
 //!
-//! The contacts of a block with the facets of one plane, also of several walls, are one patch in parts
-//! ([`Approach::part`]): springs add up, and each part has its share of the dashpots of the whole. The dashpots act
-//! over a step ([`over_step`]).
+//! The contacts of a block with the facets of one plane, also of several walls, are parts of one patch
+//! ([`Approach::part`]): springs add up, and each part has its fraction of the dashpots of the whole. The dashpots
+//! are those of discrete steps ([`over_step`]).
 //!
 //! Force and moment are equal and opposite at one point: momentum and angular momentum are conserved.
 //!
@@ -45,21 +46,21 @@ use crate::dashpot::{over_step, part_of_step};
 pub enum Stiffness {
     /// Stiffness equal for every contact.
     PerContact {
-        /// Along the normal [N/m].
+        /// Normal stiffness [N/m].
         normal: f64,
-        /// Across it [N/m].
+        /// Shear stiffness [N/m].
         shear: f64,
     },
-    /// Stiffness in proportion to the area of contact.
+    /// Stiffness proportional to the contact area.
     PerArea {
-        /// Along the normal [Pa/m].
+        /// Normal stiffness [Pa/m].
         normal: f64,
-        /// Across it [Pa/m].
+        /// Shear stiffness [Pa/m].
         shear: f64,
     },
 }
 
-/// The law of a pair of materials.
+/// Contact law of a pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BlockPairLaw {
     /// Stiffness.
@@ -72,34 +73,34 @@ pub struct BlockPairLaw {
     pub shear_damping: f64,
 }
 
-/// Relative motion of the second body.
+/// Motion of the second body relative to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Velocity [m/s] of the second's centre less that of the first's.
+    /// Velocity of the second centre minus that of the first [m/s].
     pub velocity: Vector3<f64>,
-    /// Spins (rad/s, in space).
+    /// Spins of both bodies [rad/s], in the axes of space.
     pub spins: [Vector3<f64>; 2],
-    /// Vector from the first's centre to the second's \[m\].
+    /// Vector from the first centre to the second \[m\].
     pub separation: Vector3<f64>,
-    /// Effective mass \[kg\]: `m1 m2/(m1 + m2)`, the block's own against what does not move.
+    /// Effective mass \[kg\]: `m1 m2/(m1 + m2)`, or the mass of a block against a body that does not move.
     pub mass: f64,
     /// Time step \[s\].
     pub time_step: f64,
-    /// Part of the patch that this contact is, by area; 1 where it is the whole patch.
+    /// Fraction of the patch area that this contact has; 1 for the whole patch.
     pub part: f64,
-    /// Part of the normal dashpot that acts, from 0 to 1; below 1 where a face touches only the rim of a block that
-    /// rests on another face.
+    /// Fraction of the normal dashpot that acts, from 0 to 1; below 1 if a face touches only the rim of a block
+    /// that rests on another face.
     pub damped: f64,
 }
 
 /// Force, moment and state of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactResponse {
-    /// Force \[N\] on the second; the first feels the opposite.
+    /// Force \[N\] on the second body; the opposite force acts on the first.
     pub force: Vector3<f64>,
-    /// Moment \[N m\] on the first about its centre.
+    /// Moment \[N m\] on the first body about its centre.
     pub on_first: Vector3<f64>,
-    /// Moment \[N m\] on the second about its centre.
+    /// Moment \[N m\] on the second body about its centre.
     pub on_second: Vector3<f64>,
 }
 
@@ -114,7 +115,7 @@ impl BlockPairLaw {
         }
     }
 
-    /// Returns the stiffness of a part of a patch: of the area of the part, or the part of the stiffness of a contact.
+    /// Returns the stiffness of a part of a patch: that of its area, or its fraction of the stiffness per contact.
     fn stiffness_of(&self, area: f64, part: f64) -> [f64; 2] {
         match self.stiffness {
             Stiffness::PerContact { normal, shear } => [normal * part, shear * part],
@@ -122,7 +123,7 @@ impl BlockPairLaw {
         }
     }
 
-    /// Returns the action of a contact; its springs live in `history`.
+    /// Returns the action of a contact; its springs are stored in `history`.
     pub fn act(
         &self,
         touch: &Geometry,
@@ -189,10 +190,12 @@ impl BlockPairLaw {
     }
 }
 
-/// Returns the moment [N m] on the second of the normal dashpots where the patch turns at the rate `across` its normal.
+/// Returns the moment [N m] of the normal dashpots on the second body if the patch rotates at the rate `across`
+/// about axes in its plane.
 fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -> Vector3<f64> {
     let polar = touch.polar();
-    // A rotation about an axis moves the points off it: by the arms turned a right angle, Q = J - second moments.
+    // Rotation about an axis moves the points off their positions: with arms rotated by a right angle, Q = J -
+    // second moments.
     let about_axis = |axis: &Vector3<f64>| axis * polar - touch.second * axis;
     let rocking = about_axis(across) * (-dashpot / touch.area);
     let size = rocking.norm();
@@ -204,7 +207,8 @@ fn rocking(touch: &Geometry, across: &Vector3<f64>, dashpot: f64, normal: f64) -
     axis * size.min(normal * gyration)
 }
 
-/// Returns a tangent carried from one normal to the next by the shortest turn, then about it by an angle (rad).
+/// Returns a tangential vector transported from one normal to the next by the shortest rotation, then rotated about
+/// it by an angle [rad].
 fn carry(
     tangent: &Vector3<f64>,
     old: &Vector3<f64>,
@@ -217,7 +221,8 @@ fn carry(
     }
     let axis = old.cross(new);
     let cos = old.dot(new);
-    // Rodrigues' turn of a vector at right angles to the old normal; a normal turned back to front starts afresh.
+    // Rodrigues' rotation of a vector normal to the old normal; if the normal has reversed, the spring restarts at
+    // zero.
     let turned = if cos > -0.9 {
         tangent + axis.cross(tangent) + axis * (axis.dot(tangent) / (1.0 + cos))
             - tangent * (1.0 - cos)
@@ -226,7 +231,7 @@ fn carry(
     };
     let (sin, cos) = angle.sin_cos();
     let about = turned * cos + new.cross(&turned) * sin;
-    // Rounding: across the normal, and of the same length.
+    // Corrects rounding: the vector is projected normal to the new normal and keeps its length.
     let flat = about - new * new.dot(&about);
     let size = flat.norm();
     if size > 0.0 {

@@ -1,18 +1,18 @@
 //! Half-spaces of the convex hull of points.
 //!
-//! Every plane through three points with no point outside is a face. All triples are tried, except those within a face
-//! that is already known. The cost is n³ at worst, once for each block. Incremental algorithms suffer from rounding
-//! where many points lie on one plane or line; this one does not. For a few dozen corners it takes microseconds.
+//! Every plane through three points with no point outside is a face. All triples are tried, except those within a
+//! known face. The worst-case cost is n³, once per block. Incremental algorithms suffer from rounding if many
+//! points lie on one plane or line; this one does not. For a few dozen corners it takes microseconds.
 
 use nalgebra::Vector3;
 
 use super::HalfSpace;
 use super::shape_error::ShapeError;
 
-/// The most points of a hull.
+/// Maximum number of points of a hull.
 pub(super) const MOST: usize = 1000;
 
-/// Returns the hull's half-spaces; points within `tolerance` \[m\] of a plane are on it.
+/// Returns the half-spaces of the hull; points within `tolerance` \[m\] of a plane lie on it.
 pub(super) fn half_spaces(
     points: &[Vector3<f64>],
     tolerance: f64,
@@ -29,7 +29,7 @@ pub(super) fn half_spaces(
                 let other = points[k] - points[i];
                 let cross = edge.cross(&other);
                 let area = cross.norm();
-                // The height of the triangle must stand out from the tolerance, else it says nothing of a plane.
+                // The height of the triangle must exceed the tolerance, otherwise it does not define a plane.
                 if area <= 4.0 * tolerance * edge.norm().max(other.norm()) {
                     continue;
                 }
@@ -63,8 +63,8 @@ fn subset(a: &[bool], b: &[bool]) -> bool {
     a.iter().zip(b).all(|(a, b)| !a || *b)
 }
 
-/// Returns the plane of all points on a face: its normal from the widest triangle, so that no short edge decides it; no
-/// point outside.
+/// Returns the plane of all points on a face, with the normal of the widest triangle, so that no short edge
+/// determines it; no point lies outside.
 fn fit(points: &[Vector3<f64>], normal: &Vector3<f64>, offset: f64, tolerance: f64) -> HalfSpace {
     let on: Vec<&Vector3<f64>> = points
         .iter()

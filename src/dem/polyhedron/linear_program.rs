@@ -1,20 +1,20 @@
-//! Test if two sets of half-spaces intersect: the linear program of Boon, Houlsby and Utili,
+//! Intersection test of two sets of half-spaces by the linear program of Boon, Houlsby and Utili,
 //!
 //! ```text
 //! minimise s   subject to   a_i . x - s <= d_i   for the half-spaces i of both blocks
 //! ```
 //!
-//! The blocks overlap where `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method
+//! The blocks overlap if `s* < 0`; `-s*` is the radius of the largest sphere in the overlap. The simplex method
 //! solves the dual,
 //!
 //! ```text
 //! maximise -sum l_i d_i   subject to   sum l_i a_i = 0,  sum l_i = 1,  l_i >= 0
 //! ```
 //!
-//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds zero.
-//! The blocks are then apart, and the multipliers of the first block's planes sum up to the normal of a separating
-//! plane. Otherwise the search ends with the point that is deepest inside both blocks. The last basis of a pair is a
-//! good start for the next step.
+//! A basis is four half-spaces. Each basis bounds `s*` from below: the search stops as soon as the bound exceeds
+//! zero. The blocks are then separate, and the planes of the first block, weighted with their multipliers, sum up
+//! to the normal of a separating plane. Otherwise the search ends with the point that is deepest inside both
+//! blocks. The last basis of a pair is a good start for the next step.
 //!
 //! Source: C. W. Boon, G. T. Houlsby, S. Utili, Computers and Geotechnics 44 (2012) 73,
 //! doi:10.1016/j.compgeo.2012.03.012.
@@ -23,22 +23,22 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::HalfSpace;
 
-/// A basis that names no half-spaces: start afresh.
+/// Basis without half-spaces, with which the search starts anew.
 pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
 
-/// The result of the linear program.
+/// Result of the linear program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
-    /// The deepest common point, and how deep it is \[m\].
+    /// Deepest common point, and its depth \[m\].
     Overlap { point: Vector3<f64>, depth: f64 },
-    /// A direction (no unit vector) from the first set to the second, normal to a plane between them, and how far
-    /// outside one of the half-spaces every point is at least \[m\].
+    /// Direction (not a unit vector) from the first set to the second, normal to a plane between them, and the
+    /// minimum distance of any point from one of the half-spaces \[m\].
     Apart { axis: Vector3<f64>, gap: f64 },
     /// Undecided because of rounding: another test is needed.
     Open,
 }
 
-/// The normals of four far planes round everything: the basis to start with where there is none.
+/// Normals of four distant planes around everything, which form the initial basis if there is none.
 const TETRAHEDRON: [[f64; 3]; 4] = [
     [1.0, 1.0, 1.0],
     [1.0, -1.0, -1.0],
@@ -46,27 +46,27 @@ const TETRAHEDRON: [[f64; 3]; 4] = [
     [-1.0, -1.0, 1.0],
 ];
 
-/// A basis and what follows from it.
+/// Basis with derived values.
 struct Basis {
     inverse: Matrix3<f64>,
     origin: Vector3<f64>,
 }
 
 impl Basis {
-    /// Returns the basis of four planes, the first as origin: rows `a_i - a_0`.
+    /// Returns the basis of four planes with the first as origin: rows `a_i - a_0`.
     fn new(planes: &[HalfSpace; 4]) -> Option<Self> {
         let origin = planes[0].normal;
         let [r, s, t] = [1, 2, 3].map(|k| planes[k].normal - origin);
         let (st, tr, rs) = (s.cross(&t), t.cross(&r), r.cross(&s));
         let volume = r.dot(&st);
-        // Four unit normals nearly in one plane: a basis that rounding may turn round.
+        // Nearly coplanar unit normals form a basis whose orientation rounding may reverse.
         (volume.abs() > 1e-13).then(|| Self {
             inverse: Matrix3::from_columns(&[st, tr, rs]) / volume,
             origin,
         })
     }
 
-    /// Returns the point where the four planes moved out by `s` meet, and `s`.
+    /// Returns the common point of the four planes shifted outwards by `s`, and `s`.
     fn point(&self, planes: &[HalfSpace; 4]) -> (Vector3<f64>, f64) {
         let first = planes[0].offset;
         let rises = Vector3::new(
@@ -85,8 +85,8 @@ impl Basis {
     }
 }
 
-/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin) and
-/// of the second. `basis` is where to start and where it ended.
+/// Solves for the half-spaces of the first block (the first `own` of them, all within `reach` \[m\] of the origin)
+/// and of the second. `basis` is the start basis, and the final basis on return.
 pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u16; 4]) -> Verdict {
     let far = |k: usize| {
         let normal = Vector3::from(TETRAHEDRON[k]) / 3_f64.sqrt();
@@ -99,13 +99,13 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
         let k = usize::from(name);
         planes.get(k).copied().unwrap_or_else(|| far(k & 3))
     };
-    // The far planes have the names behind all others.
+    // The distant planes have the indices after all others.
     let Ok(count) = u16::try_from(planes.len()) else {
         return Verdict::Open;
     };
     let count = count.next_multiple_of(4);
     let afresh = [0, 1, 2, 3].map(|k| count + k);
-    // Heights are known to rounding of the largest offset, be it a mountain's against a pebble's.
+    // Heights are accurate to the rounding of the largest offset, even for a mountain and a pebble.
     let scale = planes.iter().map(|p| p.offset.abs()).fold(reach, f64::max);
     let tolerance = 1e-15 * scale;
     let mut names = *basis;
@@ -142,7 +142,7 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
                 .sum();
             return Verdict::Apart { axis, gap: s };
         }
-        // The plane most violated comes in.
+        // The most violated plane enters the basis.
         let mut worst = (tolerance, usize::MAX);
         for (k, plane) in planes.iter().enumerate() {
             let height = plane.height(&point) - s;
@@ -155,13 +155,13 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
             *basis = names;
             return Verdict::Overlap { point, depth: -s };
         };
-        // And the first whose multiplier falls to zero goes out.
+        // The first plane whose multiplier falls to zero leaves the basis.
         let parts = system.parts(&plane.normal);
         let mut leaving = (f64::INFINITY, 4, 0.0);
         for k in 0..4 {
             if parts[k] > 1e-11 {
                 let ratio = weights[k].max(0.0) / parts[k];
-                // Among equals the larger pivot: the better basis.
+                // Among equal ratios take the larger pivot, which gives the better basis.
                 if ratio < leaving.0 || (ratio <= leaving.0 && parts[k] > leaving.2) {
                     leaving = (ratio, k, parts[k]);
                 }

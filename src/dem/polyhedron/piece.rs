@@ -1,7 +1,7 @@
-//! A convex solid in its place, cut in two by one plane after another: how joints divide a rock mass into blocks.
+//! Convex solid in space that is cut by planes one after another, to divide a rock mass into blocks.
 //!
-//! Both halves get the same corners on the cut, bit by bit: neighbours fit and no volume is lost. Each half records
-//! which of its faces are cuts. After the last cut, [`Piece::solid`] makes a block of it.
+//! Both parts get the same corners on the cut, bit by bit: neighbours fit exactly and no volume is lost. Each part
+//! records which of its faces are cuts. After the last cut, [`Piece::solid`] turns it into a block.
 
 use nalgebra::Vector3;
 
@@ -11,10 +11,10 @@ use super::linear_program::{AFRESH, Verdict, solve};
 use super::shape::{PlacedPolyhedron, Polyhedron, moments};
 use super::shape_error::ShapeError;
 
-/// Corners closer to a plane than this over the size of the solid are on it.
+/// Maximum distance of a corner from a plane, in sizes of the solid, at which it lies on the plane.
 const ON: f64 = 1e-11;
 
-/// A convex solid: see the module.
+/// Convex solid: see the module.
 #[derive(Clone, Debug)]
 pub struct Piece {
     cut: Cut,
@@ -22,16 +22,16 @@ pub struct Piece {
     tolerance: f64,
 }
 
-/// The plane of a face.
+/// Plane of a face.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     plane: HalfSpace,
-    /// `true` if a cut made it.
+    /// `true` if the face was created by a cut.
     split: bool,
 }
 
 impl Piece {
-    /// Returns the whole, with no cut yet.
+    /// Returns the solid before any cut.
     #[must_use]
     pub fn from_polyhedron(solid: &PlacedPolyhedron) -> Self {
         let planes = solid.half_spaces();
@@ -50,7 +50,8 @@ impl Piece {
         }
     }
 
-    /// Returns the parts on both sides of a plane, the one inside the half-space first; none if the plane passes by.
+    /// Returns the parts on both sides of a plane, the one inside the half-space first; none if the plane does not
+    /// cut the solid.
     #[must_use]
     pub fn split(&self, plane: &HalfSpace) -> Option<[Self; 2]> {
         let (low, high) = self.extent(&plane.normal);
@@ -64,7 +65,7 @@ impl Piece {
         Some([self.part(plane), self.part(&turned)])
     }
 
-    /// Returns the part inside a half-space that cuts it.
+    /// Returns the part inside a half-space whose plane cuts the solid.
     fn part(&self, plane: &HalfSpace) -> Self {
         let mut cut = self.cut.clone();
         cut.by(plane, self.sides.len(), self.tolerance);
@@ -101,7 +102,7 @@ impl Piece {
         moments(&self.cut, &self.middle()).0
     }
 
-    /// Returns the diameter \[m\] of the largest sphere in it.
+    /// Returns the diameter \[m\] of the inscribed sphere.
     #[must_use]
     pub fn thickness(&self) -> f64 {
         let middle = self.middle();
@@ -121,10 +122,10 @@ impl Piece {
         }
     }
 
-    /// Returns the block, its cut faces moved inwards by `back` \[m\].
+    /// Returns the block with its cut faces moved inwards by `back` \[m\].
     ///
     /// # Errors
-    /// If nothing of it is left.
+    /// If nothing remains of the block.
     pub fn solid(&self, back: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let planes: Vec<HalfSpace> = self
             .sides
@@ -137,7 +138,7 @@ impl Piece {
         Polyhedron::from_half_spaces(&planes)
     }
 
-    /// Returns a point inside.
+    /// Returns an interior point.
     fn middle(&self) -> Vector3<f64> {
         self.cut.vertices.iter().sum::<Vector3<f64>>() / count_f64(self.cut.vertices.len())
     }

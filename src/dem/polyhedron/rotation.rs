@@ -6,10 +6,10 @@
 //!
 //! The full inertia tensor `I` replaces the scalar of the published equation, which holds for spheres and cubes only.
 //!
-//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift turns the body freely with L fixed
-//! in space, by five turns about its principal axes (1 2 3 2 1, half steps for the first and last two). Each turn is
-//! exact: a torque-free body keeps L to the last bit and |q| to rounding. The scheme is symplectic, reversible and of
-//! second order: the energy oscillates by O(dt²) and does not drift.
+//! One step is kick - drift - kick, as for the centre. The kick changes L. The drift rotates the body freely with L
+//! fixed in space, by five rotations about its principal axes (1 2 3 2 1, half steps for the first and last two).
+//! Each rotation is exact: a torque-free body keeps L to the last bit and |q| to rounding. The scheme is
+//! symplectic, reversible and of second order: the energy oscillates by O(dt²) and does not drift.
 //!
 //! Sources: R. I. McLachlan, Phys. Rev. Lett. 71 (1993) 3043; A. Dullweber, B. Leimkuhler, R. McLachlan, J. Chem. Phys.
 //! 107 (1997) 5840; T. F. Miller et al., J. Chem. Phys. 116 (2002) 8649 (NO_SQUISH). Papers on scour by blocks name the
@@ -18,12 +18,12 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// The state of the rotation of a rigid body.
+/// Rotational state of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotationState {
-    /// Turns the body frame into space.
+    /// Rotation from the body frame into space.
     pub orientation: UnitQuaternion<f64>,
-    /// Angular momentum about the centroid [kg m²/s], in space.
+    /// Angular momentum about the centroid [kg m²/s], in the axes of space.
     pub angular_momentum: Vector3<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Default for RotationState {
     }
 }
 
-/// Mass-proportional damping: the change of a velocity or an angular momentum over the half step of a kick.
+/// Mass-proportional damping of a velocity or an angular momentum over the half step of a kick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damping {
     decay: f64,
@@ -44,7 +44,7 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// Returns damping `rate` alpha [1/s], zero for none, over `time` \[s\]: exact for a constant force.
+    /// Returns damping at the rate alpha [1/s], zero for none, over `time` \[s\]; exact for a constant force.
     #[must_use]
     pub fn new(rate: f64, time: f64) -> Self {
         let decay = (-rate * time).exp();
@@ -65,7 +65,8 @@ impl Damping {
 }
 
 impl RotationState {
-    /// Returns a body of these principal moments [kg m²] that turns with `spin` (rad/s, in space).
+    /// Returns the state of a body with these principal moments [kg m²] that rotates with `spin` [rad/s], in the
+    /// axes of space.
     #[must_use]
     pub fn new(
         orientation: UnitQuaternion<f64>,
@@ -79,7 +80,7 @@ impl RotationState {
         }
     }
 
-    /// Returns the angular velocity [rad/s] in space.
+    /// Returns the angular velocity [rad/s] in the axes of space.
     #[inline]
     #[must_use]
     pub fn spin(&self, inertia: &Vector3<f64>) -> Vector3<f64> {
@@ -100,20 +101,20 @@ impl RotationState {
         0.5 * body.dot(&body.component_div(inertia))
     }
 
-    /// Returns the matrix that turns the body frame into space.
+    /// Returns the rotation matrix from the body frame into space.
     #[inline]
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         self.orientation.to_rotation_matrix().into_inner()
     }
 
-    /// Changes the angular momentum by a moment (N m, in space).
+    /// Changes the angular momentum by a moment [N m] in the axes of space.
     #[inline]
     pub fn kick(&mut self, moment: &Vector3<f64>, damping: &Damping) {
         self.angular_momentum = damping.kick(&self.angular_momentum, moment);
     }
 
-    /// Turns freely for `time` \[s\].
+    /// Rotates freely for `time` \[s\].
     pub fn drift(&mut self, inertia: &Vector3<f64>, time: f64) {
         let mut momentum = self.orientation.inverse() * self.angular_momentum;
         let mut q = *self.orientation.quaternion();
@@ -126,18 +127,18 @@ impl RotationState {
     }
 }
 
-/// Turns the body about one of its axes: q times the turn, and the momentum in the turned body frame.
+/// Rotates the body about one of its axes: updates q, and the momentum in the rotated body frame.
 #[inline(always)]
 fn turn(q: &mut Quaternion<f64>, momentum: &mut Vector3<f64>, axis: usize, angle: f64) {
     let (sin, cos) = (0.5 * angle).sin_cos();
     let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
     let v = q.coords;
-    // (v, w)(sin e, cos) with the vector part first.
+    // Product of (v, w) and (sin e, cos), vector part first.
     q.coords[axis] = v[axis] * cos + v[3] * sin;
     q.coords[3] = v[3] * cos - v[axis] * sin;
     q.coords[j] = v[j] * cos + v[k] * sin;
     q.coords[k] = v[k] * cos - v[j] * sin;
-    // The double angle from the same two numbers.
+    // Sine and cosine of the double angle from the same two numbers.
     let (s, c) = (2.0 * sin * cos, (cos - sin) * (cos + sin));
     let (mj, mk) = (momentum[j], momentum[k]);
     momentum[j] = c * mj + s * mk;

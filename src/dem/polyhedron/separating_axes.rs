@@ -1,20 +1,20 @@
-//! The exhaustive test of two convex polyhedra: the widest gap over all face normals and all cross products of edges.
+//! Exhaustive test of two convex polyhedra: the largest gap over all face normals and all cross products of edges.
 //!
-//! If two convex polyhedra are apart, one of these directions separates them (S. Gottschalk, M. C. Lin, D. Manocha,
-//! SIGGRAPH 1996). Otherwise the direction of least overlap is the shortest way out. The cost is the product of both
-//! numbers of edges. There is no iteration that could fail: the test decides the pairs that the linear program leaves
-//! open.
+//! If two convex polyhedra are separate, one of these directions separates them (S. Gottschalk, M. C. Lin, D.
+//! Manocha, SIGGRAPH 1996). Otherwise the direction of the smallest overlap is the shortest way to separate them.
+//! The cost is the product of both numbers of edges. Without iterations that could fail, the test decides the pairs
+//! that the linear program leaves undecided.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::shape::Polyhedron;
 
-/// Sine of the angle between two edges below which their product is no direction of its own.
+/// Sine of the angle between two edges below which their cross product defines no direction.
 const PARALLEL: f64 = 1e-10;
 
-/// Returns the unit axis, in the first's frame and from it to the second, along which they are farthest apart, and the
-/// gap \[m\] along it, negative where they overlap. The second stands at `separation` and is turned by `turn`, as the
-/// first sees it.
+/// Returns the unit axis with the largest gap, in the frame of the first body and pointing to the second, and the
+/// gap \[m\] along it, negative if the bodies overlap. The second body is at `separation` and rotated by `turn`,
+/// both in the frame of the first.
 pub(super) fn widest_gap(
     first: &Polyhedron,
     second: &Polyhedron,
@@ -52,7 +52,7 @@ pub(super) fn widest_gap(
     best
 }
 
-/// Returns the gap \[m\] along a unit axis of the first's frame that points to the second.
+/// Returns the gap \[m\] along a unit axis in the frame of the first body that points to the second.
 #[inline]
 pub(super) fn gap(
     first: &Polyhedron,

@@ -1,10 +1,10 @@
 //! The shape of a block: a convex polyhedron in its own frame, with the origin at the centroid and axes along the
 //! principal axes.
 //!
-//! A shape is made from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The input may be
-//! anywhere in space; [`PlacedPolyhedron`] holds the position and orientation of the block. Volume, centroid and
-//! inertia tensor are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia tensor, keeps its
-//! axes.
+//! A shape is constructed from vertices, half-spaces, edge lengths of a box, or the triangles of an STL file. The
+//! input may be anywhere in space; [`PlacedPolyhedron`] contains the position and orientation of the block. Volume,
+//! centroid and inertia tensor are exact sums over tetrahedra. A cube, or another solid with a diagonal inertia
+//! tensor, keeps its axes.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -14,10 +14,10 @@ use super::hull;
 use super::linear_program::{AFRESH, Verdict, solve};
 use super::shape_error::ShapeError;
 
-/// Thinner than this over its width, a solid is flat.
+/// Ratio of thickness to width below which a solid is flat.
 const FLAT: f64 = 1e-9;
-/// Corners of an STL file this far from a plane, over the width of the solid, are on it: the file holds single
-/// precision.
+/// Maximum distance of a corner of an STL file from a plane, in widths of the solid, at which it lies on the plane:
+/// the file has single precision.
 const STL_PLANE: f64 = 2e-6;
 
 /// An edge between two faces.
@@ -42,22 +42,22 @@ pub struct Polyhedron {
     radius: f64,
 }
 
-/// A block as it was given: its shape, and where that stood.
+/// Block as given: its shape and its position in the input.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedPolyhedron {
-    /// The shape in its body frame.
+    /// Shape in its body frame.
     pub shape: Polyhedron,
-    /// The centroid \[m\].
+    /// Centroid \[m\].
     pub position: Vector3<f64>,
-    /// Turns the body frame into the frame it was given in.
+    /// Rotation from the body frame into the frame of the input.
     pub orientation: UnitQuaternion<f64>,
 }
 
 impl Polyhedron {
-    /// Returns a box of these edge lengths \[m\], axes along the edges.
+    /// Returns a box with these edge lengths \[m\] and axes along the edges.
     ///
     /// # Errors
-    /// If a length is not positive, or one is a billionth of another.
+    /// If a length is not positive, or less than a billionth of another.
     pub fn cuboid(edges: Vector3<f64>) -> Result<Self, ShapeError> {
         if let Some(index) = (0..3).find(|&k| !(edges[k].is_finite() && edges[k] > 0.0)) {
             return Err(ShapeError::Unusable {
@@ -105,11 +105,11 @@ impl Polyhedron {
         Ok(Self::between(&planes, 2.0 * width)?.moved(&middle))
     }
 
-    /// Returns the solid in all `planes`; normals need not be unit vectors: `normal . x <= offset`. Redundant planes
-    /// are left out.
+    /// Returns the solid bounded by all `planes`, `normal . x <= offset`; normals need not be unit vectors.
+    /// Redundant planes are dropped.
     ///
     /// # Errors
-    /// If they leave no volume, or do not close.
+    /// If the planes leave no volume, or the solid is unbounded.
     pub fn from_half_spaces(planes: &[HalfSpace]) -> Result<PlacedPolyhedron, ShapeError> {
         let few = ShapeError::Few {
             what: "half-spaces",
@@ -140,7 +140,7 @@ impl Polyhedron {
                 offset: plane.offset / length,
             });
         }
-        // Bounded: the normals surround the origin.
+        // The solid is bounded if the normals surround the origin.
         let normals: Vec<Vector3<f64>> = unit.iter().map(|plane| plane.normal).collect();
         let around = hull::half_spaces(&normals, 1e-12).unwrap_or_default();
         let tightest = around
@@ -154,7 +154,8 @@ impl Polyhedron {
                     direction: plane.normal.into(),
                 });
             }
-            // All normals in a plane: open along it, or across it where it does not contain the origin.
+            // All normals lie in a plane: the solid is unbounded along that plane, or normal to it if the plane
+            // does not contain the origin.
             None => {
                 return Err(ShapeError::Unbounded {
                     direction: common_normal(&normals).into(),
@@ -165,7 +166,7 @@ impl Polyhedron {
             let farthest = planes.iter().map(|p| p.offset.abs()).fold(0.0, f64::max);
             2.0 * farthest.max(f64::MIN_POSITIVE) / narrow
         };
-        // The deepest point, twice: the second time from near it.
+        // Deepest point, computed twice: the second time from near it.
         let mut middle = Vector3::zeros();
         let mut depth = 0.0;
         for _ in 0..2 {
@@ -202,8 +203,8 @@ impl Polyhedron {
         Ok(Self::between(&unit, far(&unit))?.moved(&middle))
     }
 
-    /// Returns a closed convex surface of `triangles` \[m\], their corners counter-clockwise seen from outside, or all
-    /// clockwise. Triangles of one plane become one face.
+    /// Returns the solid of a closed convex surface of `triangles` \[m\], with all corners counter-clockwise seen
+    /// from outside, or all clockwise. Coplanar triangles become one face.
     ///
     /// # Errors
     /// If the surface is not convex, not closed or flat.
@@ -216,7 +217,7 @@ impl Polyhedron {
             .map(|t| t[0].dot(&t[1].cross(&t[2])) / 6.0)
             .sum::<f64>();
         let side = 1_f64.copysign(enclosed);
-        // Large triangles first: their planes are the best known.
+        // Large triangles first: their planes are the most accurate.
         let mut order: Vec<(f64, usize)> = local
             .chunks_exact(3)
             .map(|t| (t[1] - t[0]).cross(&(t[2] - t[0])).norm())
@@ -242,7 +243,7 @@ impl Polyhedron {
                 .iter()
                 .map(|p| normal.dot(p) - offset)
                 .fold(0.0, f64::max);
-            // A short triangle knows its normal as well as its corners are known over its height.
+            // The normal of a flat triangle is only as accurate as its corners relative to its height.
             if height > tolerance * (1.0 + width * longest / area) {
                 return Err(ShapeError::NotConvex { triangle, height });
             }
@@ -263,7 +264,7 @@ impl Polyhedron {
         Ok(solid.moved(&middle))
     }
 
-    /// Returns the solid in `planes`, which hold the origin and reach no further than `reach` \[m\] from it.
+    /// Returns the solid bounded by `planes`, which contains the origin and extends at most `reach` \[m\] from it.
     fn between(planes: &[HalfSpace], reach: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let flat = |thickness, width| ShapeError::Flat { thickness, width };
         let cut = Cut::from_planes(planes, reach).ok_or(flat(0.0, reach))?;
@@ -318,13 +319,13 @@ impl Polyhedron {
         })
     }
 
-    /// Returns its half-spaces \[m\], one for each face, in the order of the faces.
+    /// Returns the half-spaces \[m\], one per face, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> &[HalfSpace] {
         &self.half_spaces
     }
 
-    /// Returns its vertices \[m\].
+    /// Returns the vertices \[m\].
     #[must_use]
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
@@ -346,7 +347,7 @@ impl Polyhedron {
         0.5 * twice.sum::<Vector3<f64>>().norm()
     }
 
-    /// Returns its edges.
+    /// Returns the edges.
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
         &self.edges
@@ -364,28 +365,28 @@ impl Polyhedron {
         self.inertia * density
     }
 
-    /// Radius \[m\] of the sphere round the centroid that holds it.
+    /// Returns the radius \[m\] of the enclosing sphere about the centroid.
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// Returns the area \[m²\] of its surface.
+    /// Returns the surface area \[m²\].
     #[must_use]
     pub fn area(&self) -> f64 {
         let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
         areas.sum()
     }
 
-    /// Returns the area \[m²\] of its largest face.
+    /// Returns the area \[m²\] of the largest face.
     #[must_use]
     pub fn largest_face(&self) -> f64 {
         let areas = (0..self.half_spaces.len()).map(|face| self.face_area(face));
         areas.fold(0.0, f64::max)
     }
 
-    /// Returns the vertex farthest along a direction of the body frame, and how far (m, times the length of the
-    /// direction).
+    /// Returns the vertex farthest along a direction of the body frame, and its distance \[m, times the length of
+    /// the direction\].
     #[must_use]
     #[inline]
     pub fn support(&self, direction: &Vector3<f64>) -> (usize, f64) {
@@ -401,7 +402,7 @@ impl Polyhedron {
 }
 
 impl PlacedPolyhedron {
-    /// Returns its half-spaces \[m\] where it stood, in the order of the faces.
+    /// Returns the half-spaces \[m\] in the frame of the input, in the order of the faces.
     #[must_use]
     pub fn half_spaces(&self) -> Vec<HalfSpace> {
         let standing = |plane: &HalfSpace| {
@@ -414,7 +415,7 @@ impl PlacedPolyhedron {
         self.shape.half_spaces().iter().map(standing).collect()
     }
 
-    /// Returns its vertices \[m\] where it stood.
+    /// Returns the vertices \[m\] in the frame of the input.
     #[must_use]
     pub fn vertices(&self) -> Vec<Vector3<f64>> {
         let standing = |v: &Vector3<f64>| self.position + self.orientation * v;
@@ -427,8 +428,8 @@ impl PlacedPolyhedron {
     }
 }
 
-/// Returns points about their middle, the middle, their width, and what rounding makes of them \[m\]; refuses those in
-/// a plane.
+/// Returns points relative to their middle, the middle, their width, and their rounding error \[m\]; refuses
+/// coplanar points.
 #[expect(clippy::type_complexity, reason = "named at the two calls")]
 fn centred(
     what: &'static str,
@@ -459,7 +460,7 @@ fn centred(
     }
     let width = (high - low).norm();
     let noise = 4.0 * f64::EPSILON * low.amax().max(high.amax());
-    // The widest triangle from a farthest pair, and the farthest point from its plane.
+    // The widest triangle from a farthest pair, and the point farthest from its plane.
     let far = |of: &dyn Fn(&Vector3<f64>) -> f64| {
         local
             .iter()
@@ -480,8 +481,8 @@ fn centred(
     Ok((local, middle + inside, width, noise))
 }
 
-/// Returns a direction across all of `normals`, which lie in a plane: that plane's normal, on the side it is away from
-/// the origin.
+/// Returns the common normal of a plane that contains all of `normals`, on the side on which the solid is
+/// unbounded.
 fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let first = normals[0];
     let far = |of: &dyn Fn(&Vector3<f64>) -> f64| {
@@ -498,7 +499,7 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     let normal = cross
         .try_normalize(1e-12)
         .unwrap_or_else(|| super::cut::across(&first).0);
-    // All normals on one side of the origin: the solid is unbounded towards the other.
+    // All normals are on one side of the origin: the solid is unbounded towards the other side.
     if normal.dot(&first) > 0.0 {
         -normal
     } else {
@@ -525,8 +526,8 @@ pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, M
     (volume, origin + first / volume, second)
 }
 
-/// Returns the principal moments in rising order and a right-handed frame of their axes; the given frame where it is
-/// one already.
+/// Returns the principal moments in ascending order and a right-handed frame of their axes; the given frame if it
+/// is one already.
 fn principal_axes(inertia: &Matrix3<f64>) -> (Vector3<f64>, Rotation3<f64>) {
     let off = inertia[(0, 1)]
         .abs()
@@ -539,7 +540,7 @@ fn principal_axes(inertia: &Matrix3<f64>) -> (Vector3<f64>, Rotation3<f64>) {
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let [x, y] = [0, 1].map(|k| eigen.eigenvectors.column(order[k]).into_owned());
-    // The third from the first two: right-handed, and all three at right angles to rounding.
+    // The third axis from the first two: right-handed, and orthogonal to rounding.
     let x = x.normalize();
     let y = (y - x * x.dot(&y)).normalize();
     let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);

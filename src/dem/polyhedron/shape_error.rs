@@ -1,9 +1,9 @@
-//! Errors in the input of a block's shape.
+//! Errors in the definition of the shape of a block.
 
-/// Reason why vertices, half-spaces or triangles make no block.
+/// Reason why vertices, half-spaces or triangles do not define a block.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// Too few of what it is made from.
+    /// Too few items.
     #[error("{found} {what}, where a block needs at least {least}")]
     Few {
         /// Vertices, half-spaces or triangles.
@@ -13,7 +13,7 @@ pub enum ShapeError {
         /// Minimum number.
         least: usize,
     },
-    /// Too many of what it is made from.
+    /// Too many items.
     #[error("{found} {what}, where at most {most} are allowed")]
     Many {
         /// Vertices, half-spaces or triangles.
@@ -23,7 +23,7 @@ pub enum ShapeError {
         /// Maximum number.
         most: usize,
     },
-    /// A number that is none, or a normal or an edge of no length.
+    /// Number that is not finite, or normal or edge without length.
     #[error("{what} {index} is not finite or has no length")]
     Unusable {
         /// Vertex, half-space, edge or triangle.
@@ -39,21 +39,21 @@ pub enum ShapeError {
         /// Largest extent \[m\].
         width: f64,
     },
-    /// The half-spaces have no point in common.
+    /// Half-spaces without a common point.
     #[error(
         "the half-spaces have no point in common: each point is outside one of them by {gap:e} m or more"
     )]
     Empty {
-        /// Distance of the best point outside \[m\].
+        /// Smallest distance of any point outside \[m\].
         gap: f64,
     },
-    /// The half-spaces leave a direction open.
+    /// Half-spaces that leave a direction open.
     #[error("the half-spaces are not bounded towards ({}, {}, {})", .direction[0], .direction[1], .direction[2])]
     Unbounded {
         /// Unit vector along which the solid is unbounded.
         direction: [f64; 3],
     },
-    /// A corner outside the plane of a facet.
+    /// Corner outside the plane of a facet.
     #[error(
         "the surface is not convex: a corner stands {height:e} m outside the plane of triangle {triangle}"
     )]
@@ -63,7 +63,7 @@ pub enum ShapeError {
         /// Height of the corner above the face \[m\].
         height: f64,
     },
-    /// A surface with holes, or with triangles turned the wrong way.
+    /// Surface with holes, or with triangles of wrong orientation.
     #[error("the triangles do not close: they enclose {enclosed:e} m³ of a block of {volume:e} m³")]
     NotClosed {
         /// Volume by the sum over triangles \[m³\].

@@ -1,29 +1,30 @@
-//! Plane faces of a surface, and what a block sees of them.
+//! Plane faces of a surface, and their action on a block.
 //!
 //! Facets of one plane that share edges are one face. Where two faces meet at a convex edge, a block that rests on one
 //! of them touches the other one only with the rim of its thin overlap:
 //!
-//! - A face whose back the centroid of the block sees lies behind the face that it rests on. Both hide the same points
-//!   of the block, and only the front one acts.
-//! - A face whose front it sees acts with its springs, whose force is of the order of the square of the overlap. The
-//!   root of a small stiffness is not small, so that its dashpot acts in the proportion of both overlaps only.
+//! - A face whose back is visible from the centroid of the block lies behind the face on which the block rests.
+//!   Both hide the same points of the block, and only the front one acts.
+//! - A face whose front is visible acts with its springs, whose force is of the order of the square of the overlap.
+//!   The square root of a small stiffness is not small, so that its dashpot acts only in proportion to the ratio of
+//!   both overlaps.
 
 use super::{FacetSurface, ON, RIM, index};
 use nalgebra::{Matrix3, Vector3};
 
-/// Mark of an edge without an adjacent facet.
+/// Index that marks an edge without an adjacent facet.
 const NONE: u32 = u32::MAX;
-/// Sine of the angle to the directions found so far from which on a normal is a direction of its own.
+/// Sine of the angle between a normal and the directions found so far, above which the normal is another direction.
 const DIRECTION: f64 = 1e-4;
-/// Overlap behind a face over that behind a neighbouring face up to which the dashpot acts in full.
+/// Ratio of the overlap behind a face to that behind a neighbouring face, up to which the dashpot acts in full.
 const RATIO: f64 = 10.0;
 
-/// The plane faces of a surface.
+/// Plane faces of a surface.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Faces {
     /// First facet of the face of each facet.
     first: Vec<u32>,
-    /// First given facet of the face of each facet and of the images of this face.
+    /// First given facet of the face of each facet, also for periodic images of the face.
     name: Vec<u32>,
     /// Facet on the other side of each edge, in the order of the corners of all facets.
     beside: Vec<u32>,
@@ -35,14 +36,14 @@ impl Faces {
         self.first[facet as usize]
     }
 
-    /// Returns the name of the face of a facet: the same on both sides of a periodic face.
+    /// Returns the name of the face of a facet, which is equal on both sides of a periodic face.
     pub(crate) fn name(&self, facet: u32) -> u32 {
         self.name[facet as usize]
     }
 }
 
 impl FacetSurface {
-    /// Returns the plane faces.
+    /// Computes the plane faces.
     pub(crate) fn faces(&self) -> Faces {
         fn first_of(of: &[u32], mut k: u32) -> u32 {
             while of[k as usize] != k {
@@ -90,8 +91,8 @@ impl FacetSurface {
         }
     }
 
-    /// Notes two facets on both sides of an edge as neighbours, where they run along it in opposite directions and so
-    /// have one front.
+    /// Records two facets on both sides of an edge as neighbours if they run along it in opposite directions, so
+    /// that their fronts are on the same side.
     fn link(&self, edge: [u32; 2], facets: [u32; 2], beside: &mut [u32]) {
         let places = facets.map(|facet| {
             let numbers = self.numbers(facet as usize);
@@ -124,8 +125,8 @@ impl FacetSurface {
         self.facets[facet].normal.dot(&(point - corner))
     }
 
-    /// Returns the facets on the other sides of the edges of a facet that falls away behind them, as seen from the side
-    /// of a point: those whose front the point sees at a convex edge.
+    /// Returns the facets across the edges of a facet that fall away behind it, as seen from a point: those whose
+    /// front is visible across a convex edge.
     fn in_front<'a>(
         &'a self,
         faces: &'a Faces,
@@ -146,8 +147,8 @@ impl FacetSurface {
         })
     }
 
-    /// Takes the faces out of `order`, pairs of a face and a facet by rising face, whose back a block at `centre` sees
-    /// behind a face that it is in front of.
+    /// Removes from `order`, pairs of a face and a facet in ascending order of faces, the faces whose back is
+    /// visible from a block at `centre` behind a face in front of them.
     pub(crate) fn leave_seen(
         &self,
         faces: &Faces,
@@ -187,8 +188,8 @@ impl FacetSurface {
         order.truncate(kept);
     }
 
-    /// Returns the part of the dashpot with which a face acts on a block at `centre`; `deepest` gives the distance
-    /// \[m\] from there to the farthest point of the block along a direction.
+    /// Returns the fraction of the dashpot with which a face acts on a block at `centre`; `deepest` returns the
+    /// distance \[m\] from the centre to the farthest point of the block along a direction.
     pub(crate) fn damped(
         &self,
         faces: &Faces,
@@ -217,7 +218,8 @@ impl FacetSurface {
         part
     }
 
-    /// Returns the projection of velocities onto the directions across the facets; none where these are all directions.
+    /// Returns the projection of velocities onto the directions normal to the facets; none if these span all
+    /// directions.
     pub(super) fn directions_across(&self) -> Option<Matrix3<f64>> {
         let mut basis: Vec<Vector3<f64>> = Vec::new();
         for facet in &self.facets {
@@ -233,8 +235,8 @@ impl FacetSurface {
         Some(basis.iter().map(|axis| axis * axis.transpose()).sum())
     }
 
-    /// Returns the part of a velocity that moves the surface: the other part runs along all its facets, as that of a
-    /// belt does.
+    /// Returns the part of a velocity that moves the surface: the remainder is tangential to all its facets, as for
+    /// a belt.
     #[must_use]
     pub fn moving(&self, velocity: &Vector3<f64>) -> Vector3<f64> {
         self.across

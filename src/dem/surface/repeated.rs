@@ -1,13 +1,14 @@
-//! Surfaces in domains with periodic axes.
+//! Surfaces in periodic domains.
 //!
-//! A surface repeats with the domain. Its images are made once, as far as half a period beyond the domain, so that a
-//! sphere in the domain finds every facet that it can touch. Vertices that meet an image of another one are one vertex:
-//! an edge at the seam is an interior edge, and a surface that joins its own image has no rim there. Two facets that
-//! meet an image of each other back to back, as the ends of a box of one period, lie inside the solid and are left out.
+//! A surface is repeated with the domain. Its images are created once, up to half a period beyond the domain, so
+//! that a sphere in the domain finds every facet that it can touch. Vertices that coincide with an image of another
+//! vertex are one vertex: an edge at the seam is an interior edge, and a surface that joins its own image has no
+//! rim there. Two facets that meet an image of each other back to back, as the ends of a box of one period, lie
+//! inside the solid and are left out.
 //!
-//! The position of a sphere in the domain is a function of its position alone. A contact is known by its *name*: the
-//! number of the facet that was given, and the offset in periods of its image from the position of the sphere before it
-//! is brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
+//! The wrapped position of a sphere depends on its raw position alone. A contact is identified by its *name*: the
+//! number of the given facet, and the offset in periods of its image from the position of the sphere before it is
+//! brought into the domain. The name remains when the sphere passes a periodic face, and is the same on all ranks.
 
 use super::super::ghosts::index;
 use super::super::region::wraps;
@@ -17,20 +18,20 @@ use base::number::{floor_i32, floor_i64, real};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Position of a vertex: its index in the domain, and its offset from there in periods.
+/// Vertex position: its index in the domain, and its offset from there in periods.
 type Place = (u32, [i32; 3]);
 
-/// Repetition of a surface.
+/// Periodic images of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Repeated {
     lower: [f64; 3],
-    /// Periods \[m\], 0 along axes that do not repeat.
+    /// Periods \[m\], 0 along axes that are not periodic.
     lengths: [f64; 3],
-    /// Number of given facets: they come first.
+    /// Number of given facets, which come first.
     pub(super) given: u32,
     /// Given facet of each facet, and its offset from there in periods.
     images: Vec<(u32, [i32; 3])>,
-    /// Number of each vertex that it shares with its images.
+    /// Index of each vertex that it shares with its images.
     vertices: Vec<u32>,
     /// The images of given facet k are `of_given[starts[k]..starts[k + 1]]`.
     starts: Vec<u32>,
@@ -43,17 +44,18 @@ impl Repeated {
     }
 }
 
-/// Vertices meet within this part of the shortest period: above the rounding of single precision in files.
+/// Maximum distance of coinciding vertices, as a fraction of the shortest period: above the rounding of
+/// single-precision files.
 const MEET: f64 = 1e-6;
-/// The most facets with all images.
+/// Maximum number of facets with all images.
 const MOST: f64 = 2e7;
 
 impl FacetSurface {
-    /// Returns the surface and its images in a domain that repeats along the axes of `lengths` \[m\] above 0, from its
-    /// corner `lower` \[m\].
+    /// Returns the surface with its images in a domain that is periodic along the axes with `lengths` \[m\] above
+    /// 0, with the lower corner `lower` \[m\].
     ///
     /// # Errors
-    /// A sentence where there would be too many images.
+    /// If there would be too many images.
     pub fn repeated(self, lower: [f64; 3], lengths: [f64; 3]) -> Result<Self, Error> {
         let shortest = lengths.iter().copied().filter(|&length| length > 0.0);
         let shortest = shortest.fold(f64::INFINITY, f64::min);
@@ -106,7 +108,7 @@ impl FacetSurface {
                 }
             }
         }
-        // The order of any two images does not depend on which others there are.
+        // The order of any two images does not depend on the other images.
         images.sort_unstable();
         let own = (0..given).map(|facet| ([0; 3], index(facet)));
         let all: Vec<([i32; 3], u32)> = own.chain(images).collect();
@@ -148,7 +150,7 @@ impl FacetSurface {
         Ok(surface)
     }
 
-    /// Returns `true` for each facet that meets an image of another facet back to back.
+    /// Returns `true` for each facet that coincides back to back with an image of another facet.
     fn inner(&self, places: &[Place]) -> Vec<bool> {
         let mut known: HashMap<Vec<Place>, Vec<(usize, [i32; 3])>> = HashMap::new();
         let mut inner = vec![false; self.len()];
@@ -156,7 +158,7 @@ impl FacetSurface {
             let numbers = self.numbers(facet);
             let mut corners: Vec<_> = numbers.iter().map(|&v| places[v as usize]).collect();
             corners.sort_unstable();
-            // Images have the same corners seen from the first.
+            // Images have the same corners relative to their first corner.
             let (_, first) = corners[0];
             for (_, stands) in &mut corners {
                 *stands = std::array::from_fn(|a| stands[a] - first[a]);
@@ -174,7 +176,7 @@ impl FacetSurface {
         inner
     }
 
-    /// Returns `true` if it repeats by these periods \[m\], 0 along axes without.
+    /// Returns `true` if the surface is repeated with these periods \[m\], 0 along axes without.
     pub(crate) fn repeats_by(&self, lower: [f64; 3], lengths: [f64; 3]) -> bool {
         let none = lengths.iter().all(|&length| length <= 0.0);
         self.repeated.as_ref().map_or(none, |repeated| {
@@ -182,7 +184,7 @@ impl FacetSurface {
         })
     }
 
-    /// Returns the longest reach \[m\] of a body from its centre with which it finds all facets: half a period.
+    /// Returns the largest radius \[m\] of a body about its centre for which all facets are found: half a period.
     #[must_use]
     pub fn longest_reach(&self) -> f64 {
         self.repeated.as_ref().map_or(f64::INFINITY, |repeated| {
@@ -198,14 +200,14 @@ impl FacetSurface {
             .map_or(facet, |repeated| repeated.images[facet as usize].0)
     }
 
-    /// Returns the given facet of a name.
+    /// Returns the given facet with a name.
     pub(super) fn named(&self, name: u32) -> u32 {
         self.repeated
             .as_ref()
             .map_or(name, |repeated| name % repeated.given)
     }
 
-    /// Returns a point \[m\] in the domain, and by how many periods it was moved there.
+    /// Returns a point \[m\] wrapped into the domain, and the number of periods by which it was moved.
     #[inline]
     pub(crate) fn in_domain(&self, point: &Vector3<f64>) -> (Vector3<f64>, [i32; 3]) {
         let (mut at, mut by) = (*point, [0; 3]);
@@ -221,7 +223,7 @@ impl FacetSurface {
         (at, by)
     }
 
-    /// Gives contacts, found with a centre that was moved by so many periods, the names of their facets.
+    /// Sets the names of the facets of contacts found with a centre that was moved by these periods.
     #[inline]
     pub(crate) fn name(&self, found: &mut [Nearest], by: [i32; 3]) {
         let Some(repeated) = &self.repeated else {
@@ -236,8 +238,8 @@ impl FacetSurface {
         }
     }
 
-    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
-    /// it may pass the face, and then the other images are near it.
+    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic
+    /// face, since the point may pass the face, and other images are then near it.
     pub(crate) fn images_beyond(
         &self,
         facet: u32,
@@ -273,8 +275,8 @@ fn too_many() -> Error {
     ))
 }
 
-/// Returns for each vertex its index in the domain and its offset from there in periods; then the positions of these
-/// indices. Vertices of the same image are never joined.
+/// Returns for each vertex its index in the domain and its offset from there in periods; then the positions of
+/// these indices. Vertices of the same image are never merged.
 fn reduce(
     vertices: &[Vector3<f64>],
     (lower, lengths): ([f64; 3], [f64; 3]),

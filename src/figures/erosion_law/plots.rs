@@ -8,7 +8,7 @@ use analysis::erosion_law::{ErosionRecord, FittedErosionLaw, Interval, LinearLaw
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt::Write as _;
 
-/// Returns at most 400 of the records, first and last among them: what a figure can show.
+/// Returns at most 400 of the records, including the first and the last: the resolution of a figure.
 pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
     let count = records.len().min(400);
     (0..count)
@@ -30,7 +30,7 @@ pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f
 /// Returns the eroded mass against time.
 pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
     let count = cohesion.runs.len();
-    // The highest pressure first, as the curves lie.
+    // The highest pressure is first, in the order of the curves.
     let layers = cohesion
         .runs
         .iter()
@@ -213,7 +213,7 @@ impl Points {
     }
 }
 
-/// Returns the axis of the cohesions, with space for a point at either end.
+/// Returns the axis of the cohesions, with space for one point at each end.
 fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> PlotAxis {
     let (low, high) = cohesions
         .iter()
@@ -224,7 +224,7 @@ fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> 
             (low.min(c), high.max(c))
         });
     let axis = PlotAxis::log("cohesion C/d", "N/m");
-    // No cohesion is above 0 in a study of soil without bonds.
+    // In a study of soil without bonds no cohesion is above 0.
     if high > 0.0 {
         axis.over(low / 1.6, high * 1.6)
     } else {

@@ -49,7 +49,7 @@ pub(super) fn law(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// Returns the law of each cohesion by each reading.
+/// Returns the fitted law of each cohesion for each choice of points and stress.
 pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
     let mut text = "cohesion [N/m],points,stress,law,critical_shear [Pa],critical_shear_low [Pa],critical_shear_high \
         [Pa],\
@@ -90,7 +90,7 @@ pub(super) fn readings(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// Windows and whole runs, one row each.
+/// Returns windows and whole runs, one row each.
 pub(super) fn windows(cohesions: &[CohesionReport]) -> String {
     let mut text = "points,cohesion [N/m],pressure_difference [Pa],start [s],end [s],grains [1],eroding,\
                     shear_gradient [Pa],shear_spread [Pa],shear_balance [Pa],shear_traction [Pa],hole_width [m],\
@@ -145,7 +145,7 @@ pub(super) fn series(cohesions: &[CohesionReport]) -> String {
     text
 }
 
-/// Returns points of the runs and the fitted line.
+/// Returns the points of the runs and the fitted line.
 pub(super) fn line(cohesions: &[CohesionReport]) -> String {
     let mut text = "cohesion [N/m],kind,pressure_difference [Pa],shear [Pa],rate [kg/(m^2 s)],rate_low [kg/(m^2 s)],\
                     rate_high [kg/(m^2 s)]\n"

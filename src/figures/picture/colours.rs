@@ -1,8 +1,8 @@
-//! Colours of the water and of grains by a share of their scales.
+//! Colours of water and grains as functions of the position on their scales.
 
 use base::number::{real, whole};
 
-/// Returns the colour at a share of the way along a few stops.
+/// Returns the colour at a fraction of a colour scale given by equally spaced colours.
 fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
     let share = if share.is_finite() {
         share.clamp(0.0, 1.0)
@@ -15,7 +15,7 @@ fn along(stops: &[[f64; 3]], share: f64) -> [f64; 3] {
     std::array::from_fn(|c| stops[below][c] * (1.0 - t) + stops[below + 1][c] * t)
 }
 
-/// Returns a colour of the water, from white to deep blue.
+/// Returns a colour of water at a fraction of the scale, from white to dark blue.
 pub(super) fn water_colour(share: f64) -> [f64; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [247.0, 251.0, 255.0],
@@ -27,7 +27,7 @@ pub(super) fn water_colour(share: f64) -> [f64; 3] {
     along(&STOPS, share)
 }
 
-/// Returns a colour of grains: viridis (van der Walt and Smith, SciPy 2015).
+/// Returns a colour of grains at a fraction of the scale: viridis (van der Walt and Smith, SciPy 2015).
 pub(super) fn grain_colour(share: f64) -> [f64; 3] {
     const STOPS: [[f64; 3]; 6] = [
         [68.0, 1.0, 84.0],

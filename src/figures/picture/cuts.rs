@@ -1,8 +1,8 @@
-//! Outlines of blocks, structures and walls where a section cuts them.
+//! Outlines of blocks, structures and walls in a section.
 //!
-//! A plane cuts a convex face in one line, directed by the orientation of the face. Solids are filled where the
-//! lines of all their faces wind about a pixel, so that solids that overlap are one; walls, which need not be
-//! closed, are lines.
+//! A plane intersects a convex face in one line, directed by the orientation of the face. Solids are filled at
+//! pixels with a nonzero winding number of the lines of all their faces, so that overlapping solids form one area.
+//! Walls, which need not be closed, are drawn as lines.
 
 use super::STONE;
 use super::faces::Faces;
@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 /// Colour of blocks.
 const BLOCK: [f64; 3] = [205.0, 198.0, 188.0];
 
-/// Lines of all things that a section cuts.
+/// Intersection lines of a section with all solids.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Cuts {
     pub(super) blocks: Vec<Line>,
@@ -23,7 +23,7 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Returns the lines in which a section cuts blocks, structures and walls.
+    /// Returns the lines in which a section intersects blocks, structures and walls.
     pub(super) fn new(section: Section, faces: [Option<&Faces>; 3]) -> Self {
         let lines = |faces: Option<&Faces>| faces.map_or_else(Vec::new, |f| f.cut(section));
         let [blocks, structures, walls] = faces.map(lines);
@@ -76,7 +76,7 @@ impl Cuts {
     }
 }
 
-/// Colours the pixels about which the lines wind.
+/// Colours the pixels with a nonzero winding number of the lines.
 fn fill(raster: &mut Raster, frame: &Frame, lines: &[Line], colour: [f64; 3]) {
     let mut crossings: Vec<(f64, i32)> = Vec::new();
     for row in 0..raster.height {
@@ -111,7 +111,7 @@ mod tests {
     use super::super::{PAPER, Scene, ViewDirection};
     use super::*;
 
-    /// Faces of a box, counter-clockwise from outside.
+    /// Returns the faces of a box, counter-clockwise seen from outside.
     fn faces(low: [f64; 3], high: [f64; 3]) -> Vec<Vec<[f64; 3]>> {
         let corner = |k: usize| -> [f64; 3] {
             std::array::from_fn(|a| if k >> a & 1 == 0 { low[a] } else { high[a] })
@@ -132,7 +132,7 @@ mod tests {
         faces.filter_map(|face| section.line(face)).collect()
     }
 
-    /// Boxes of 2 by 3 and 4 by 1 m that overlap in 1 by 1 m: 9 of 30 m2; a box next to the plane is none.
+    /// Boxes of 2 by 3 and 4 by 1 m overlap in 1 by 1 m: 9 of 30 m2. A box next to the plane is not filled.
     #[test]
     fn overlapping_boxes_are_filled_once() {
         let section = Section { axis: 1, at: 0.5 };
@@ -162,8 +162,8 @@ mod tests {
         assert_eq!(cuts.draw(&frame, &raster).matches('M').count(), 8);
     }
 
-    /// A plane through corners cuts an octahedron in four lines, and one along a face of a box in the lines of
-    /// the other faces or in none.
+    /// A plane through corners intersects an octahedron in four lines. A plane along a face of a box gives the
+    /// lines of the other faces or none.
     #[test]
     fn a_plane_through_corners_cuts_each_face_once() {
         let section = Section { axis: 2, at: 0.0 };

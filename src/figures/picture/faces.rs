@@ -1,4 +1,4 @@
-//! Faces of blocks in a picture: plane convex polygons with their edges, hidden by nearer faces.
+//! Faces of blocks in a picture: plane convex polygons with their edges, with hidden surfaces removed.
 
 use super::section::Line;
 use super::{Frame, Raster, Section, dot, failed, magnitudes, real};
@@ -11,9 +11,9 @@ use std::path::Path;
 /// Faces of all blocks at one time.
 pub(super) struct Faces {
     pub(super) points: Vec<[f64; 3]>,
-    /// Corners of each face, counter-clockwise from outside.
+    /// Corners of each face, counter-clockwise seen from outside.
     corners: Vec<Vec<usize>>,
-    /// Values that colour them.
+    /// Values for the colours of the faces.
     pub(super) values: Vec<f64>,
     pub(super) quantity: String,
     pub(super) units: String,
@@ -51,7 +51,7 @@ impl Faces {
         })
     }
 
-    /// Reads walls as they stand at a time: each face moves with its velocity.
+    /// Reads walls with their positions at a time: each face moves with its velocity.
     pub(super) fn walls(path: &Path, time: f64) -> Result<Self, Error> {
         let mut walls = Self::read(path, "wall")?;
         let read = read_column(path, "velocity").map_err(|e| Error::Io(e.to_string()))?;
@@ -71,7 +71,7 @@ impl Faces {
         self.corners.iter().map(points)
     }
 
-    /// Returns the lines in which a section cuts the faces.
+    /// Returns the lines in which a section intersects the faces.
     pub(super) fn cut(&self, section: Section) -> Vec<Line> {
         let lines = self.corners.iter().filter_map(|corners| {
             let corners: Vec<[f64; 3]> = corners.iter().map(|&c| self.points[c]).collect();
@@ -80,7 +80,7 @@ impl Faces {
         lines.collect()
     }
 
-    /// Paints the faces that are turned to the viewer; `colour` is that of a value.
+    /// Paints the faces that face the viewer; `colour` gives the colour of a value.
     pub(super) fn paint(
         &self,
         raster: &mut Raster,
@@ -94,7 +94,7 @@ impl Faces {
     }
 }
 
-/// Returns an id as files hold it.
+/// Returns the id of a block from its number in a file.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "ids are whole numbers below 2^53"
@@ -142,7 +142,7 @@ impl Raster {
         let columns = span(low[0] - frame.low[0], high[0] - frame.low[0], self.width);
         let rows = span(frame.high[1] - high[1], frame.high[1] - low[1], self.height);
         let away = dot(corners[0], frame.near);
-        // A sheet thinner than a pixel lies between the middles of pixels and would not be seen.
+        // A sheet thinner than a pixel lies between the centres of pixels and would be invisible.
         let count = real(at.len());
         let centre = [0, 1].map(|axis| at.iter().map(|p| p[axis]).sum::<f64>() / count);
         let margin = (0.5 * self.pixel - clearance(&at, centre).max(0.0)).max(0.0);
@@ -167,7 +167,7 @@ impl Raster {
     }
 }
 
-/// Returns the distance of a point inside from the edges of a counter-clockwise polygon; negative outside.
+/// Returns the distance of a point inside a counter-clockwise polygon from its edges; negative outside.
 fn clearance(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
     let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
     edges
@@ -188,8 +188,8 @@ mod tests {
     use super::super::{PAPER, Scene, ViewDirection};
     use super::*;
 
-    /// A unit cube and, above a quarter of it, a triangle: from above the cube's top is covered but for what the
-    /// triangle hides.
+    /// A unit cube with a triangle above a quarter of it: seen from above, the cube's top is visible except where
+    /// the triangle hides it.
     #[test]
     fn a_face_covers_its_pixels_and_the_nearer_one_wins() {
         let faces = Faces {

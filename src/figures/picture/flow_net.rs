@@ -15,21 +15,21 @@ use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Largest number of streamlines.
+/// Maximum number of streamlines.
 const MOST_LINES: f64 = 60.0;
 /// Point of the plane or of the picture.
 type Point = [f64; 2];
 
-/// The two fields of a flow net at the centres of cells and at the ends of the grid.
+/// Both fields of a flow net at the centres of cells and at the ends of the grid.
 pub(super) struct FlowNet {
     /// Coordinates of the points along each axis \[m\].
     nodes: [Vec<f64>; 2],
     head: Vec<f64>,
     stream: Vec<f64>,
-    /// Pressure in ground that drains.
+    /// Pressure, if the ground drains.
     pressure: Option<Vec<f64>>,
     wet: Vec<bool>,
-    /// `true` for the points whose square to the lower left no structure cuts.
+    /// `true` for each point if no structure intersects the square to its lower left.
     free: Vec<bool>,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct Ground {
 }
 
 impl Ground {
-    /// Reads the case of a run; without one nothing is named.
+    /// Reads the case of a run; without a case, the layers have no names.
     pub(super) fn read(run: &Path) -> Self {
         let text = io::plain::text(&run.join("case.json"), io::plain::LONGEST_CASE);
         let case: Value = text
@@ -71,7 +71,7 @@ impl Ground {
     }
 }
 
-/// Returns the corners of a region, infinite where it has no end.
+/// Returns the corners of a region; infinite where it is unbounded.
 fn extent(region: Region) -> [Point; 2] {
     match region {
         Region::Box(extent) => [extent.from, extent.to].map(|corner| {
@@ -88,7 +88,7 @@ fn extent(region: Region) -> [Point; 2] {
     }
 }
 
-/// Levels of the lines of a net.
+/// Levels of the lines of a flow net.
 struct Levels {
     heads: Vec<f64>,
     streams: Vec<f64>,
@@ -97,7 +97,7 @@ struct Levels {
 }
 
 impl FlowNet {
-    /// Reads the fields of an output of ground with structures.
+    /// Reads the fields of an output, and the structures in the ground.
     pub(super) fn read(path: &Path, structures: Option<&Faces>) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
         let info = inspect(path).map_err(wrong)?;
@@ -148,7 +148,7 @@ impl FlowNet {
         Ok(net)
     }
 
-    /// Returns the points whose square to the lower left no edge cuts.
+    /// Returns `true` for the points whose square to the lower left no edge intersects.
     fn uncut(&self, edges: &[[Point; 2]]) -> Vec<bool> {
         let width = self.nodes[0].len();
         let point = |k: usize| [self.nodes[0][k % width], self.nodes[1][k / width]];
@@ -175,7 +175,7 @@ impl FlowNet {
                 .is_none_or(|pressure| pressure[k] >= 0.0)
     }
 
-    /// Returns the levels of a net with this number of drops; none where nothing flows.
+    /// Returns the levels of a flow net with this number of head drops; `None` without flow.
     fn levels(&self, drops: u16) -> Option<Levels> {
         let range = |field: &[f64]| {
             let points = (0..field.len()).filter(|&k| self.counts(k));
@@ -211,7 +211,7 @@ impl FlowNet {
         let tubes = whole(((most - least) / tube).floor());
         Some(Levels {
             heads: (1..drops).map(|k| low + f64::from(k) * drop).collect(),
-            // The first and the last line are ends of the ground.
+            // The first and the last streamline are ends of the ground.
             streams: (1..=tubes)
                 .map(|k| least + real(k) * tube)
                 .filter(|level| most - level > 1e-6 * (most - least))
@@ -221,7 +221,7 @@ impl FlowNet {
         })
     }
 
-    /// Returns the drop of head and the discharge between two lines of the net, in words.
+    /// Returns a text with the drop of head and the discharge between two lines of the flow net.
     pub(super) fn key(&self, drops: u16) -> String {
         self.levels(drops).map_or_else(String::new, |levels| {
             format!(
@@ -232,7 +232,7 @@ impl FlowNet {
         })
     }
 
-    /// Returns the pieces of the contour of a field, each in a square of four points.
+    /// Returns the segments of the contour line of a field, each in a square of four points.
     fn contour(
         &self,
         field: &[f64],
@@ -265,7 +265,7 @@ impl FlowNet {
                 match ends[..] {
                     [a, b] => pieces.push([a, b]),
                     [a, b, c, d] => {
-                        // A saddle: the mean says which corners belong together.
+                        // At a saddle, the mean decides which corners are connected.
                         let mean = 0.25 * corners.iter().map(|&k| field[k]).sum::<f64>();
                         if (mean > level) == above[0] {
                             pieces.extend([[a, b], [c, d]]);
@@ -280,7 +280,7 @@ impl FlowNet {
         pieces
     }
 
-    /// Returns the net as SVG; `place` takes a point \[m\] to the picture.
+    /// Returns the flow net as SVG; `place` maps a point \[m\] to the picture.
     pub(super) fn draw(
         &self,
         drops: u16,
@@ -334,7 +334,7 @@ impl FlowNet {
         svg + &labels + &self.names(ground, structures, &place)
     }
 
-    /// Returns outlines and names of layers, and names of structures.
+    /// Returns outlines and names of layers and names of structures as SVG.
     fn names(
         &self,
         ground: &Ground,
@@ -383,7 +383,7 @@ impl FlowNet {
     }
 }
 
-/// Returns words on a white rim, so that they are read on lines.
+/// Returns a label with a white rim, readable on lines.
 fn label([x, y]: Point, words: &str, size: u32) -> String {
     let words = words.replace('&', "&amp;").replace('<', "&lt;");
     format!(
@@ -392,14 +392,14 @@ fn label([x, y]: Point, words: &str, size: u32) -> String {
     )
 }
 
-/// Returns the cell at a point of the extended grid: the adjacent one at the ends.
+/// Returns the index of the cell at a point of the extended grid; at the ends that of the adjacent cell.
 fn inner(k: usize, [columns, rows]: [usize; 2]) -> usize {
     let near = |place: usize, cells: usize| place.saturating_sub(1).min(cells - 1);
     let width = columns + 2;
     near(k / width, rows) * columns + near(k % width, columns)
 }
 
-/// Returns a field of cells at their centres and, continued by its slope, at the ends of the grid.
+/// Returns a field at the centres of cells and, extrapolated linearly, at the ends of the grid.
 fn extended(values: &[f64], wet: &[bool], cells: [usize; 2]) -> Vec<f64> {
     let [columns, rows] = cells;
     let width = columns + 2;
@@ -436,7 +436,7 @@ fn edges(faces: &Faces) -> Vec<[Point; 2]> {
     all
 }
 
-/// Returns the middle of the faces of a structure; none if it has no face.
+/// Returns the centre of the faces of a structure; `None` without faces.
 fn middle(faces: &Faces, structure: usize) -> Option<Point> {
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
@@ -452,7 +452,7 @@ fn middle(faces: &Faces, structure: usize) -> Option<Point> {
     (low[0] <= high[0]).then(|| [0, 1].map(|a: usize| f64::midpoint(low[a], high[a])))
 }
 
-/// Returns `true` if two lines cross.
+/// Returns `true` if two line segments intersect.
 fn crosses([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     let side = |p: Point, q: Point, r: Point| {
         (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
@@ -464,7 +464,8 @@ fn crosses([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns the net of a flow along x with a head that falls by 1 over a length of 4, in 8 by 4 cells of 0.5 m.
+    /// Returns the flow net of a flow along x with a head that falls by 1 m over a length of 4 m, in 8 by 4 cells
+    /// of 0.5 m.
     fn uniform() -> FlowNet {
         let cells = [8, 4];
         let centres =
@@ -491,7 +492,7 @@ mod tests {
     fn a_net_of_a_uniform_flow_is_of_squares() {
         let net = uniform();
         let levels = net.levels(8).unwrap();
-        // Drops of 1/8 over 0.5 m; the discharge of 0.5 m of height.
+        // Drops of 1/8 m over 0.5 m; the discharge through a height of 0.5 m.
         assert!((levels.drop - 0.125).abs() < 1e-12);
         assert!((levels.tube - 3e-5 / 8.0).abs() < 1e-16, "{}", levels.tube);
         assert_eq!((levels.heads.len(), levels.streams.len()), (7, 3));

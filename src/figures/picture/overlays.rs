@@ -7,11 +7,11 @@ use io::fields::read_column;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Length of the longest arrow over the width of a panel.
+/// Length of the longest arrow divided by the width of a panel.
 const LONGEST: f64 = 0.08;
-/// Arrows and lines shorter than this are left out [pixels].
+/// Length of arrows and lines below which they are omitted [pixels].
 const SHORTEST: f64 = 0.5;
-/// Widths of lines: the largest force has the last [pixels].
+/// Widths of contact lines; the largest force has the last one [pixels].
 const WIDTHS: [f64; 4] = [0.4, 1.0, 1.8, 3.0];
 
 /// A vector of each grain.
@@ -64,7 +64,7 @@ impl Arrows {
             if !(longest > 0.0 && size.is_finite() && size > SHORTEST) {
                 continue;
             }
-            // The head: two strokes, a third of the arrow and at most five pixels long.
+            // Head of the arrow: two strokes, a third of the arrow and at most five pixels long.
             let head = (size / 3.0).min(5.0) / size;
             let (tx, ty) = (x + dx, y + dy);
             let _ = write!(path, "M{x:.1} {y:.1}L{tx:.1} {ty:.1}");
@@ -80,7 +80,7 @@ impl Arrows {
 /// Contacts as lines between centres, or from a centre to a wall.
 pub(super) struct Network {
     ends: Vec<[[f64; 3]; 2]>,
-    /// Normal forces; negative is tension.
+    /// Normal contact forces; negative in tension.
     forces: Vec<f64>,
     pub(super) units: String,
 }
@@ -105,7 +105,7 @@ impl Network {
         }
     }
 
-    /// Selects the contacts within half their length of a section, in its axes.
+    /// Selects the contacts closer to a section than half their length, in the axes of the section.
     pub(super) fn cut(&mut self, section: Section) {
         let [right, up] = section.plane();
         let away = |p: &[f64; 3]| p[section.axis] - section.at;
@@ -129,7 +129,7 @@ impl Network {
         sizes.filter(|f| f.is_finite()).fold(0.0, f64::max)
     }
 
-    /// Returns the lines, compression in black and tension in red, wider where the force is larger.
+    /// Returns the contact lines, compression in black and tension in red, wider for larger forces.
     pub(super) fn draw(&self, largest: f64, frame: &Frame, raster: &Raster) -> String {
         let mut paths = [const { [const { String::new() }; WIDTHS.len()] }; 2];
         for ([a, b], force) in self.ends.iter().zip(&self.forces) {
@@ -166,8 +166,8 @@ mod tests {
         (frame, raster)
     }
 
-    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, half of it eight, and one of a pixel in a
-    /// thousand is left out.
+    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, one of half its length eight, and one of a
+    /// thousandth of a pixel is omitted.
     #[test]
     fn arrows_are_as_long_as_their_vectors() {
         let scene = super::super::tests::square();

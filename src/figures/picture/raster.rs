@@ -1,4 +1,4 @@
-//! The frame that a panel shows, and its pixels.
+//! Frame of a panel and its pixels.
 
 use super::{PAPER, Scene, ViewDirection, Water, fraction_of_range, water_colour};
 use base::error::Error;
@@ -8,7 +8,7 @@ use base::number::{real, whole};
 pub(super) struct Frame {
     pub(super) right: [f64; 3],
     pub(super) up: [f64; 3],
-    /// Towards the viewer.
+    /// Direction towards the viewer.
     pub(super) near: [f64; 3],
     pub(super) low: [f64; 2],
     pub(super) high: [f64; 2],
@@ -58,7 +58,7 @@ impl Frame {
                 }
             }
             if let Some(grains) = &scene.grains
-                // The grid of a seepage is smaller than the scene.
+                // The grid of the seepage may be smaller than the scene.
                 && scene.water.as_ref().is_none_or(|water| water.cells[2] > 1)
             {
                 for (&p, &r) in grains.positions.iter().zip(&grains.radii) {
@@ -94,12 +94,12 @@ pub(super) struct Raster {
     pub(super) height: usize,
     pub(super) colours: Vec<[f64; 3]>,
     pub(super) depth: Vec<f64>,
-    /// Metres of a pixel.
+    /// Size of a pixel \[m\].
     pub(super) pixel: f64,
 }
 
 impl Raster {
-    /// Returns white paper, `most` pixels wide, or twice as high where the frame is narrower than that.
+    /// Returns a white raster, `most` pixels wide, or twice as high if the frame is narrower than that.
     pub(super) fn new(frame: &Frame, most: usize) -> Self {
         let size = [frame.high[0] - frame.low[0], frame.high[1] - frame.low[1]];
         let pixel = (size[0] / real(most)).max(size[1] / (2.0 * real(most)));
@@ -123,7 +123,7 @@ impl Raster {
         ]
     }
 
-    /// Returns the position of the middle of a pixel in the frame.
+    /// Returns the position of the centre of a pixel in the frame.
     pub(super) fn middle(&self, frame: &Frame, column: usize, row: usize) -> [f64; 2] {
         [
             frame.low[0] + (real(column) + 0.5) * self.pixel,
@@ -182,7 +182,7 @@ impl Raster {
                 }
                 self.depth[n] = away + height;
                 let light = if flat {
-                    // An outline of about a pixel.
+                    // The outline is about one pixel wide.
                     if height < (3.0 * r * self.pixel).sqrt() {
                         0.7
                     } else {

@@ -1,19 +1,19 @@
-//! A plane section through a 3-D scene: the fluid of the layer of cells that it crosses, circles where it cuts
-//! grains, and lines where it cuts faces. The result is a 2-D scene in the other two axes, x before y before z.
+//! A plane section through a 3-D scene: the fluid of the layer of cells in the plane, circles of the grains, and
+//! lines of the faces. The result is a 2-D scene in the other two axes, x before y before z.
 
 use super::{Grains, Water};
 use base::number::{real, whole};
 use std::str::FromStr;
 
-/// Ends of the line of a face in the axes of the section.
+/// End points of the intersection line of a face, in the axes of the section.
 pub(super) type Line = [[f64; 2]; 2];
 
 /// Plane of a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// 0, 1 or 2: the axis across the plane.
+    /// Axis normal to the plane: 0, 1 or 2.
     pub axis: usize,
-    /// Coordinate of the plane on it (m).
+    /// Coordinate of the plane along this axis (m).
     pub at: f64,
 }
 
@@ -33,7 +33,7 @@ impl FromStr for Section {
 }
 
 impl Section {
-    /// Returns the plane across y through the middle of the water.
+    /// Returns the plane normal to y through the middle of the water.
     pub(super) fn middle(water: &Water) -> Self {
         Self {
             axis: 1,
@@ -41,8 +41,8 @@ impl Section {
         }
     }
 
-    /// Returns the line in which the plane cuts a convex face, directed by the orientation of the face, if it
-    /// does. Corners on the plane count as above it.
+    /// Returns the intersection line of the plane with a convex face, directed by the orientation of the face;
+    /// `None` without intersection. Corners in the plane count as above it.
     pub(super) fn line(self, corners: &[[f64; 3]]) -> Option<Line> {
         let [right, up] = self.plane();
         let height = |p: &[f64; 3]| p[self.axis] - self.at;
@@ -60,7 +60,7 @@ impl Section {
         Some([ends[0]?, ends[1]?])
     }
 
-    /// Returns the axes to the right and up.
+    /// Returns the axes to the right and upwards.
     pub(super) fn plane(self) -> [usize; 2] {
         match self.axis {
             0 => [1, 2],
@@ -69,7 +69,7 @@ impl Section {
         }
     }
 
-    /// Returns the layer of water that the plane crosses; none if it passes by.
+    /// Returns the layer of water at the plane; `None` if the plane is outside the grid.
     pub(super) fn water(self, water: &Water) -> Option<Water> {
         let depth = (self.at - water.origin[self.axis]) / water.spacing[self.axis];
         if !(0.0..=real(water.cells[self.axis])).contains(&depth) {
@@ -100,7 +100,7 @@ impl Section {
         })
     }
 
-    /// Circles where the plane cuts grains.
+    /// Replaces the grains by their intersection circles with the plane.
     pub(super) fn grains(self, grains: &mut Grains) {
         let [right, up] = self.plane();
         let away = |p: &[f64; 3]| p[self.axis] - self.at;

@@ -7,13 +7,13 @@ use super::Water;
 use base::number::{real, whole};
 use std::fmt::Write as _;
 
-/// Squares that keep lines apart, along the longer edge of the plane.
+/// Number of squares along the longer edge of the plane; each square contains one line at most.
 const SQUARES: f64 = 36.0;
-/// Steps of a line in each direction, half a cell each.
+/// Maximum number of steps of a line in each direction, of half a cell each.
 const MOST_STEPS: usize = 4000;
 
-/// Returns the velocity at a point in cells from the corner, between the middles of the cells; none in solids and
-/// outside.
+/// Returns the velocity at a point in cells from the corner, interpolated between the centres of cells; `None` in
+/// solids and outside.
 fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> {
     let [width, height] = [water.cells[0], water.cells[1]];
     if !(0.0..real(width)).contains(&at[0]) || !(0.0..real(height)).contains(&at[1]) {
@@ -44,7 +44,7 @@ fn velocity(water: &Water, flow: &[[f64; 3]], at: [f64; 2]) -> Option<[f64; 2]> 
     (weights > 0.0).then(|| sum.map(|v| v / weights))
 }
 
-/// Returns the direction of the flow, as long as one.
+/// Returns the unit vector of the flow direction.
 fn direction(water: &Water, flow: &[[f64; 3]], at: [f64; 2], still: f64) -> Option<[f64; 2]> {
     let [u, v] = velocity(water, flow, at)?;
     let speed = u.hypot(v);
@@ -70,7 +70,7 @@ fn step(
     Some(go(mean, 1.0))
 }
 
-/// Lines through the plane, in cells from its corner.
+/// Returns streamlines through the plane, in cells from its corner.
 pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
     let Some(flow) = &water.flow else {
         return Vec::new();
@@ -83,7 +83,7 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
         let [k, l] = [0, 1].map(|a| whole((at[a] / edge).max(0.0)).min(squares[a] - 1));
         l * squares[0] + k
     };
-    // Which line goes through a square; 0 for none.
+    // Number of the line through each square; 0 without a line.
     let mut taken = vec![0_usize; squares[0] * squares[1]];
     let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
     for seed in 0..taken.len() {
@@ -108,7 +108,7 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
                     break;
                 }
                 passed.push(there);
-                // Once round: a closed line.
+                // The line is closed.
                 let home = (next[0] - start[0]).hypot(next[1] - start[1]);
                 if line.len() > 12 && home < 0.4 {
                     break;
@@ -132,12 +132,12 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
     lines
 }
 
-/// Returns the lines as SVG, with an arrow in the middle of each. `place` takes cells to the picture.
+/// Returns the lines as SVG, with an arrow in the middle of each. `place` maps cells to the picture.
 pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> String {
     let mut svg = String::from("<g fill=\"none\" stroke=\"#222\" stroke-width=\"0.8\">\n");
     for line in lines(water) {
         svg.push_str("<polyline points=\"");
-        // A point a cell is as smooth as the field.
+        // One point per cell has the resolution of the field.
         for point in line.iter().step_by(2).chain(line.last()) {
             let [x, y] = place(*point);
             let _ = write!(svg, "{x:.1},{y:.1} ");
@@ -162,7 +162,7 @@ pub(super) fn draw(water: &Water, place: impl Fn([f64; 2]) -> [f64; 2]) -> Strin
 mod tests {
     use super::*;
 
-    /// Returns water of 48 x 32 cells that moves as `flow` says of the middle of each.
+    /// Returns water of 48 x 32 cells with the velocity `flow` at the centre of each.
     fn water(flow: impl Fn(f64, f64) -> [f64; 3], solid: impl Fn(f64, f64) -> bool) -> Water {
         let middles = || {
             (0..32_usize).flat_map(|l| (0..48_usize).map(move |k| (real(k) + 0.5, real(l) + 0.5)))
@@ -178,7 +178,7 @@ mod tests {
         }
     }
 
-    /// Water that turns as a solid goes round in circles, and the field between the middles is exact there.
+    /// The streamlines of a rigid-body rotation are circles; the interpolated field is exact there.
     #[test]
     fn lines_of_a_vortex_are_circles() {
         let vortex = water(|x, y| [16.0 - y, x - 24.0, 0.0], |_, _| false);

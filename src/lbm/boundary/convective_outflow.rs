@@ -1,22 +1,23 @@
-//! Outflow: what leaves is carried through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the
-//! mean pressure may be held.
+//! Outflow: the state is convected through the face, ∂f/∂t + U ∂f/∂n = 0 for every entering population, and the
+//! mean pressure may be imposed.
 //!
 //! ```text
 //! f_j(x, t+1) = f_j(x', t+1) + (f_j(x, t) - f_j(x', t+1))/(1 + U) + 6 w_j κ        x' the next cell upstream
 //! ```
 //!
 //! Without κ this is the implicit upwind difference of Lou, Guo and Shi 2013 (doi:10.1103/PhysRevE.87.063301, their
-//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is given,
-//! or the velocity of the cell out of the domain in the step before; where fluid comes back it is zero, and what enters
-//! stays as it is. A vortex leaves with little reflection.
+//! CBC), stable for every U ≥ 0. For infinite U it is the condition of no gradient ([`super::outflow`]). U is
+//! given, or it is the outward velocity of the cell in the previous step; it is zero for backflow, and the entering
+//! populations then do not change. A vortex leaves with little reflection.
 //!
-//! By itself the condition lets the pressure float. Where a pressure is held, κ is the one number for the whole patch
-//! that gives the mean pressure which the plane wave asks for ([`super::sound`]): with the means a of the populations
-//! that leave, b of those that would enter without κ, and q of u², the momentum through the face is a + b + κ = p +
-//! q, its mass flux a - b - κ. The pressure differs over the face as the flow wants it, so that eddies leave.
+//! The condition alone does not determine the pressure. If a mean pressure is imposed, κ is a number common to the
+//! whole patch, which gives the mean pressure required by the plane wave ([`super::sound`]): with the means a of
+//! the populations that leave, b of those that would enter without κ, and q of u², the momentum through the face is
+//! a + b + κ = p + q, its mass flux a - b - κ. The pressure may vary over the face, so that eddies
+//! can leave.
 //!
-//! f_j(x, t) is taken from the lattice before each pass, so that a restart needs nothing else but what the plane wave
-//! remembers.
+//! f_j(x, t) is read from the lattice before each pass, so that a restart needs only the value stored for the
+//! plane wave.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -83,18 +84,18 @@ impl BoundaryModel for ConvectiveOutflow {
     }
 }
 
-/// The velocity with which the fluid is carried out.
+/// Velocity of the convection through the face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Carried {
-    /// One velocity everywhere \[cells per step\].
+    /// One given velocity \[cells per step\].
     Given(f64),
-    /// Velocity of the cell in the step before.
+    /// Velocity of the cell in the previous step.
     Local,
-    /// Whole state: no gradient along the normal.
+    /// Infinite velocity: zero gradient along the normal.
     Whole,
 }
 
-/// Positions of the population of the cell upstream that enters along a link.
+/// Positions of the population of the upstream cell that enters along a link.
 #[derive(Clone, Copy, Debug)]
 struct Upstream([usize; 2]);
 
@@ -114,44 +115,44 @@ impl Upstream {
         ])
     }
 
-    /// Returns its position.
+    /// Returns the position of the population at a parity.
     fn position(self, parity: Parity) -> usize {
         self.0[usize::from(parity == Parity::Reversed)]
     }
 }
 
-/// One population with its face.
+/// Data of one entering population.
 #[derive(Clone, Copy, Debug)]
 struct Leaving {
     cell: usize,
     upstream: Upstream,
-    /// w_j.
+    /// Weight w_j.
     weight: f64,
-    /// f_j(x, t).
+    /// Population f_j(x, t).
     before: f64,
-    /// 1/(1 + U) of the coming step.
+    /// Factor 1/(1 + U) of the coming step.
     stays: f64,
-    /// u² along the normal.
+    /// Square of the normal velocity, u².
     square: f64,
 }
 
 impl Leaving {
-    /// Returns what would enter if no pressure were held; `upstream` is f_j(x', t+1).
+    /// Returns the population that would enter without an imposed pressure; `upstream` is f_j(x', t+1).
     fn carried(&self, upstream: f64) -> f64 {
         self.stays.mul_add(self.before - upstream, upstream)
     }
 }
 
-/// The mean pressure that a patch holds.
+/// Mean pressure imposed on a patch.
 struct Held {
     wave: PlaneWave,
     /// Imposed density deviation δρ = 3 p.
     density: Ramp,
-    /// Mean velocity out of the domain that is foreseen.
+    /// Predicted mean velocity out of the domain.
     forecast: Option<Forecast>,
 }
 
-/// The links of a patch through which the fluid is carried out.
+/// Links of a patch with convective outflow.
 pub struct ConvectiveOutflowLinks {
     kind: BoundaryKind,
     axis: usize,
@@ -159,13 +160,13 @@ pub struct ConvectiveOutflowLinks {
     outward: f64,
     speed: Carried,
     links: Vec<FaceLink>,
-    /// Data of each link.
+    /// Data of the links.
     leaving: Vec<Leaving>,
     held: Option<Held>,
 }
 
 impl ConvectiveOutflowLinks {
-    /// Returns the rule of a face normal to an axis at its upper or its lower end. The pressure floats.
+    /// Returns the rule of a face normal to an axis at its upper or lower end, without an imposed pressure.
     #[must_use]
     pub fn new((axis, upper): (usize, bool), speed: Carried) -> Self {
         Self {
@@ -179,7 +180,7 @@ impl ConvectiveOutflowLinks {
         }
     }
 
-    /// Returns the rule of an outflow of a case, which holds the mean pressure \[Pa\]: 0 where no opening imposes one.
+    /// Returns the rule of an outflow of a case with its mean pressure \[Pa\]: 0 if no opening imposes one.
     pub(super) fn from_case(
         place: &Place<'_>,
         speed: Carried,
@@ -201,7 +202,7 @@ impl ConvectiveOutflowLinks {
         }
     }
 
-    /// Returns the rule with the mean of the pressure held.
+    /// Returns the rule with an imposed mean pressure.
     #[must_use]
     pub(super) fn holding(
         mut self,
@@ -217,7 +218,7 @@ impl ConvectiveOutflowLinks {
         self
     }
 
-    /// Returns the rule for a boundary of another kind.
+    /// Returns the rule with another kind of boundary.
     pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
         self.kind = kind;
         self
@@ -263,7 +264,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
             let mut last = (usize::MAX, 0.0);
             for (link, leaving) in links.iter().zip(leaving) {
                 leaving.before = populations.numbers()[link.link.incoming(parity)].to_f64();
-                // Links of one cell stand together.
+                // Links of one cell are contiguous.
                 if last.0 != leaving.cell {
                     let (drho, momentum) = populations.moments(leaving.cell);
                     last = (
@@ -338,8 +339,8 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
                     leaving.upstream.position(parity),
                     link.link.incoming(parity),
                 );
-                // SAFETY: positions in the slab: of this link alone, and of a cell further inside, to which the rule
-                // gives nothing.
+                // SAFETY: positions in the slab: of this link alone, and of a cell further inside that the rule
+                // does not write.
                 unsafe {
                     let upstream = numbers.add(from).read().to_f64();
                     let value = leaving.weight.mul_add(excess, leaving.carried(upstream));
@@ -407,7 +408,7 @@ mod tests {
         (sum / (CELLS[0] * CELLS[1]) as f64).sqrt()
     }
 
-    /// Returns a Gaussian vortex in a stream, 24 cells before the outlet.
+    /// Returns a Gaussian vortex in a uniform flow, 24 cells upstream of the outlet.
     fn vortex(p: [f64; 3]) -> (f64, [f64; 3]) {
         let (x, y, r) = (p[0] - 56.0, p[1] - 24.0, 6.0);
         let strength = 0.02 * (0.5 - 0.5 * (x * x + y * y) / (r * r)).exp();
@@ -420,7 +421,7 @@ mod tests {
         Box::new(ConvectiveOutflowLinks::new((0, true), speed))
     }
 
-    /// Compares the residue of a vortex after it has left with the same stream in a channel four times as long.
+    /// Compares the residual of a vortex after its outflow with the same flow in a channel four times as long.
     #[test]
     fn a_vortex_leaves_with_less_reflection_than_without_gradient() {
         let left = |outlet| {
@@ -450,8 +451,8 @@ mod tests {
         assert!(local.0 < plain.0 && given.0 < plain.0);
     }
 
-    /// A vortex leaves through an outflow that holds the mean pressure with no more reflection than through one that
-    /// lets it float, and the pressure behind it is the one that is held, within a per cent of ρ U².
+    /// A vortex leaves through an outflow with an imposed mean pressure with no more reflection than without one,
+    /// and the pressure behind it is the imposed one within 1 % of ρ U².
     #[test]
     fn the_pressure_behind_a_vortex_is_the_one_that_is_held() {
         let of = |held: bool| {

@@ -1,32 +1,32 @@
-//! Open faces where solids cover their cells: what solids fill lets nothing through.
+//! Open faces at cells covered by solids: the covered part of a cell is closed.
 //!
-//! The rules of inlets and outlets know nothing of what covers their cells: an inlet before a bed of rock would press
-//! water into the rock, and an outlet draw it out. So what they give a cell that solids fill by ε is mixed with
-//! half-way bounce-back,
+//! The rules of inlets and outlets do not take account of covered cells: an inlet in front of a bed of rock would
+//! force water into the rock, and an outlet would draw it out. The entering population of a cell with the solid
+//! fraction ε is therefore mixed with half-way bounce-back,
 //!
 //! f_ī(x, t+1) = (1 - ε) f_ī^rule + ε f*_i(x, t),
 //!
-//! which closes the face before a full cell like a wall at rest. Moving walls are left as they are: nothing goes
-//! through them.
+//! which closes the face of a fully covered cell like a stationary wall. Moving walls are not changed, because
+//! nothing passes through them.
 
 use super::links::each_part;
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
 
-/// Cells from which a thread pays.
+/// Minimum number of cells per thread.
 const CELLS_PER_THREAD: usize = 1000;
 
-/// A cell at open faces.
+/// Cell at open faces.
 #[derive(Clone, Copy, Debug)]
 struct OpenCell {
     cell: usize,
-    /// The cell in the slab.
+    /// Indices of the cell in the slab.
     local: [usize; 3],
     first: usize,
     count: usize,
 }
 
-/// The links of open faces, by cells.
+/// Links of open faces, sorted by cells.
 #[derive(Debug, Default)]
 pub(super) struct OpenCells {
     cells: Vec<OpenCell>,
@@ -34,7 +34,7 @@ pub(super) struct OpenCells {
 }
 
 impl OpenCells {
-    /// Adds a link; those of one cell come one after another.
+    /// Adds a link; the links of one cell follow each other.
     pub(super) fn add(&mut self, (cell, local): (usize, [usize; 3]), link: Link) {
         match self.cells.last_mut() {
             Some(last) if last.cell == cell => last.count += 1,
@@ -48,8 +48,8 @@ impl OpenCells {
         self.links.push(link);
     }
 
-    /// Closes what is covered, after all rules of the faces: `fraction` is ε of a cell, by its position within an
-    /// array and by its place in the slab.
+    /// Closes covered cells, after all rules of the faces: `fraction` is ε of a cell, by its position within an
+    /// array and its indices in the slab.
     pub(super) fn close<S: Stored>(
         &self,
         fraction: impl Fn(usize, [usize; 3]) -> f64 + Sync,

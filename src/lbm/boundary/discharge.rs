@@ -1,4 +1,5 @@
-//! Discharge into water with a free surface, over the area that is wet ([`crate::surface::Outside::Discharge`]).
+//! Discharge of water with a free surface through the wet area of a face
+//! ([`crate::surface::Outside::Discharge`]).
 
 #![allow(
     rustdoc::broken_intra_doc_links,

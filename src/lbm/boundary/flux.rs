@@ -8,9 +8,9 @@ use crate::quanta::quanta;
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flux {
-    /// Force of the fluid on what is behind the patch, in units of 2^-56 lattice units.
+    /// Force of the fluid on the outside of the patch, in units of 2^-56 lattice units.
     pub force: [i128; 3],
-    /// Mass leaving the fluid through the patch, same units.
+    /// Mass that leaves the fluid through the patch, in the same units.
     pub mass: i128,
 }
 
@@ -22,12 +22,12 @@ struct Exchange {
     out: (f64, usize),
     /// Deviation from rest of the population that entered, and its direction.
     into: (f64, usize),
-    /// The cells that they left and entered: positions within an array.
+    /// Cells of the two populations: positions within an array.
     cells: [u32; 2],
 }
 
 impl<S: Stored> Boundaries<S> {
-    /// Returns the flow through each patch in the step just done, on this rank. It costs a pass over the boundary
+    /// Returns the flow through each patch in the last step on this rank. It requires a pass over the boundary
     /// links.
     #[must_use]
     pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
@@ -36,7 +36,7 @@ impl<S: Stored> Boundaries<S> {
         fluxes
     }
 
-    /// Computes [`Self::fluxes`] into a list that is reused.
+    /// Computes [`Self::fluxes`] into a reusable list.
     pub fn fluxes_into(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
         fluxes.clear();
         fluxes.resize(self.patches.len(), Flux::default());
@@ -59,9 +59,9 @@ impl<S: Stored> Boundaries<S> {
         });
     }
 
-    /// Returns the quantity that left through all faces in the step just done, on this rank, in quanta: mass, then
-    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` holds, and of the
-    /// deviations from rest, as that of the loads on bodies is: the pressure at rest cancels over a whole surface only.
+    /// Returns mass and momentum that left through all faces in the last step on this rank, in quanta: mass, then
+    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true, and of
+    /// the deviations from rest, like the loads on bodies: the pressure at rest cancels over a closed surface only.
     #[must_use]
     pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
         let velocities = populations.velocities();
@@ -81,7 +81,8 @@ impl<S: Stored> Boundaries<S> {
         sums
     }
 
-    /// Calls `each` for every link through a face, with what left and entered along it in the step just done.
+    /// Calls `each` for every link through a face, with the populations that left and entered along it in the last
+    /// step.
     fn crossings(&self, populations: &Populations<S>, mut each: impl FnMut(Exchange)) {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
@@ -111,15 +112,15 @@ impl<S: Stored> Boundaries<S> {
                     patch: n,
                     out: (numbers[from].to_f64(), usize::from(m.leaves)),
                     into: (numbers[to].to_f64(), usize::from(m.enters)),
-                    // Two adjacent cells, of which a body may hold one.
+                    // Two adjacent cells, one of which a body may cover.
                     cells: m.cells(&velocities.opposite, &begins),
                 });
             }
         }
     }
 
-    /// Returns the mass that left each patch with an opening in the step just done, on this rank, in quanta: of the
-    /// links whose cells (positions within an array) `counts` holds. Walls let nothing through and are not walked.
+    /// Returns the mass that left through each patch with an opening in the last step on this rank, in quanta, of
+    /// the links whose cells (positions within an array) satisfy `counts`. Walls are impermeable and are skipped.
     pub fn mass_through(
         &self,
         populations: &Populations<S>,

@@ -1,7 +1,8 @@
 //! Free slip: populations are mirrored at the face, half-way beyond the last cell.
 //!
 //! The population entering x along j is the one that left the cell x - t along i, where i is j with the components
-//! normal to the crossed faces reversed and t its part along them. No momentum parallel to the face is exchanged.
+//! normal to the crossed faces reversed and t the component of c_i along them. No momentum parallel to the face is
+//! exchanged.
 
 use super::links::{Counted, Mirror, MirrorRun};
 use super::{
@@ -37,13 +38,13 @@ impl BoundaryModel for FreeSlip {
     }
 }
 
-/// The populations that a patch mirrors.
+/// Populations that a patch mirrors.
 #[derive(Debug, Default)]
 pub struct FreeSlipLinks {
     runs: Vec<MirrorRun>,
-    /// The last run of each incoming direction: the only one that may continue.
+    /// Index of the last run of each incoming direction: the only run that may continue.
     last: HashMap<u8, usize>,
-    /// Made of the runs when the first step needs it.
+    /// Prefix sums of the runs, computed at the first step.
     counted: Option<Counted>,
 }
 
@@ -78,7 +79,8 @@ impl<S: Stored> Rule<S> for FreeSlipLinks {
             .get_or_insert_with(|| Counted::new(runs.iter().map(MirrorRun::count)));
         counted.each(0..runs.len(), populations, |run, some, numbers| {
             let row = runs[run].row(some, parity);
-            // SAFETY: both ends lie in the slab; what leaves is nowhere what enters, and enters once.
+            // SAFETY: both ends lie in the slab; no position is both source and target, and each target is written
+            // once.
             unsafe { row.give(0.0, numbers) };
         });
     }

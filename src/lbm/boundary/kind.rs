@@ -3,50 +3,50 @@
 /// Surface of a boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SurfaceKind {
-    /// A wall at rest.
+    /// Stationary wall.
     Wall,
-    /// A wall that moves in its own plane.
+    /// Wall that moves in its own plane.
     MovingWall,
-    /// A surface without friction that nothing passes; what reaches it comes back as from a mirror.
+    /// Frictionless impermeable surface, which mirrors the populations.
     Symmetry,
-    /// An opening: water passes through it, or is driven through it.
+    /// Opening: water passes through it, or is driven through it.
     Opening,
 }
 
-/// Use of a boundary at water with a free surface.
+/// Applicability of a boundary to water with a free surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WithSurface {
-    /// It does not work there.
+    /// Only for water without a free surface.
     Never,
-    /// It works with a free surface and without one.
+    /// For water with and without a free surface.
     Also,
-    /// It works there alone.
+    /// Only for water with a free surface.
     Only,
 }
 
 /// Inflow into the domain through a boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Inflow {
-    /// Nothing.
+    /// No inflow.
     None,
     /// Mean velocity over its cells [m/s]; negative out of the domain.
     Mean(f64),
-    /// Inflow that the flow determines, or that is not known before the run.
+    /// Inflow that depends on the flow, or is not known before the run.
     Any,
 }
 
-/// The order in which boundaries take the links of edges and corners: the largest has them.
+/// Precedence of boundaries for the links of edges and corners: the largest takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strength {
-    /// Planes of symmetry.
+    /// Symmetry plane.
     Symmetry,
-    /// The fluid leaves with the state that it has.
+    /// Outflow with the state of the fluid.
     Outflow,
-    /// The pressure is imposed.
+    /// Imposed pressure.
     Pressure,
-    /// The velocity is imposed.
+    /// Imposed velocity.
     Velocity,
-    /// Walls at rest, which therefore always close their corners.
+    /// Stationary wall, which therefore always closes its corners.
     Wall,
 }
 
@@ -55,18 +55,18 @@ pub enum Strength {
 pub struct BoundaryKind {
     /// Surface of the boundary.
     pub surface: SurfaceKind,
-    /// Strength: decides which of two boundaries has the links of an edge.
+    /// Strength, which decides which of two boundaries takes the links of an edge.
     pub strength: Strength,
 }
 
 impl BoundaryKind {
-    /// A wall at rest.
+    /// Stationary wall.
     pub const WALL: Self = Self {
         surface: SurfaceKind::Wall,
         strength: Strength::Wall,
     };
 
-    /// An opening through which the fluid leaves with the state that it has.
+    /// Opening through which the fluid leaves with its own state.
     pub const OUTFLOW: Self = Self {
         surface: SurfaceKind::Opening,
         strength: Strength::Outflow,

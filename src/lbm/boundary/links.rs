@@ -5,29 +5,29 @@ use crate::populations::{Link, Parity, Populations};
 use base::thread_pool;
 use std::ops::Range;
 
-/// Links ahead whose numbers are asked for where they do not stand together.
+/// Prefetch distance in links where their numbers are not contiguous.
 const LINES_AHEAD: usize = 16;
 
-/// A link that leaves the domain through a patch.
+/// Link that leaves the domain through a patch.
 pub struct Crossing<'a, S: Stored> {
-    /// The slab.
+    /// Populations of the slab.
     pub populations: &'a Populations<S>,
     /// Position of the cell that the link leaves.
     pub cell: usize,
-    /// The cell in the whole domain.
+    /// Indices of the cell in the whole domain.
     pub at: [usize; 3],
-    /// Cells of the whole domain.
+    /// Number of cells of the whole domain.
     pub cells: [usize; 3],
     /// Direction of the link.
     pub direction: usize,
-    /// Along which axes it leaves the domain.
+    /// `true` for each axis along which the link leaves the domain.
     pub outside: [bool; 3],
     /// Point at which it crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
-    /// Part of the surroundings of this point on the face that imposes a velocity, where one is imposed: less than 1 on
-    /// the border of a patch.
+    /// Fraction of the surroundings of this point on the face that imposes a velocity: less than 1 at the border of
+    /// a patch.
     pub share: f64,
-    /// The two numbers at its ends.
+    /// Positions of the two populations at the ends of the link.
     pub link: Link,
 }
 
@@ -38,13 +38,13 @@ impl<S: Stored> Crossing<'_, S> {
         self.populations.velocities().c[self.direction]
     }
 
-    /// Returns w_i of the direction.
+    /// Returns the weight w_i of the direction.
     #[must_use]
     pub fn weight(&self) -> f64 {
         self.populations.velocities().w[self.direction]
     }
 
-    /// Returns the link as rules keep it.
+    /// Returns the link in the form that rules store.
     #[must_use]
     pub fn face_link(&self) -> FaceLink {
         FaceLink {
@@ -54,16 +54,16 @@ impl<S: Stored> Crossing<'_, S> {
     }
 }
 
-/// A link through a face whose two ends are one population that leaves and one that enters.
+/// Link through a face whose ends are one population that leaves and one that enters.
 #[derive(Clone, Copy, Debug)]
 pub struct FaceLink {
-    /// The two numbers at its ends.
+    /// Positions of the two populations.
     pub link: Link,
     /// Direction of the population that leaves.
     pub direction: usize,
 }
 
-/// Population that enters as the mirror image of one that left, of the same cell or of an adjacent one along the face.
+/// Population that enters as the mirror image of one that left, in the same cell or an adjacent one along the face.
 #[derive(Clone, Copy, Debug)]
 pub struct Mirror {
     /// Links of the populations that leave and enter.
@@ -90,24 +90,24 @@ impl Mirror {
         let source = cell.wrapping_add_signed(-populations.offset(find(along)));
         let number = |direction: usize| u8::try_from(direction).unwrap_or(u8::MAX);
         Self {
-            // D3Q19 lacks corners, but the part of an edge direction along a face is an axis or rest: always in the
-            // set.
+            // D3Q19 has no corner directions, but the component of an edge direction along a face is an axis or
+            // zero, which are always in the set.
             links: [populations.link(source, leaves), populations.link(cell, i)],
             leaves: number(leaves),
             enters: number(enters),
         }
     }
 
-    /// Positions of the number that left and of the one that enters.
+    /// Positions of the population that left and of the one that enters.
     pub(crate) fn ends(&self, parity: Parity) -> (usize, usize) {
         let [from, to] = self.links;
         (from.out(parity), to.incoming(parity))
     }
 
-    /// Returns the cells that the population leaves and enters: positions within an array, where `begins` is the first
-    /// of each population.
+    /// Returns the cells of the leaving and the entering population: positions within an array, where `begins`
+    /// contains the first position of each array.
     pub(crate) fn cells(&self, opposite: &[usize], begins: &[u32]) -> [u32; 2] {
-        // The near end of a link lies behind the position of its cell, in the array of the population that comes in.
+        // The near end of a link is behind the position of its cell, in the array of the entering population.
         let [from, to] = self.links.map(|link| link.near);
         [
             from - begins[opposite[usize::from(self.leaves)]],
@@ -115,7 +115,7 @@ impl Mirror {
         ]
     }
 
-    /// Returns the mirror `apart` numbers further.
+    /// Returns the mirror displaced by `apart` positions.
     fn further(self, apart: u32) -> Self {
         let links = self.links.map(|Link { near, far }| Link {
             near: near + apart,
@@ -125,7 +125,7 @@ impl Mirror {
     }
 }
 
-/// Mirrors of one direction at equal distances, as they follow each other along a face.
+/// Mirrors of one direction at equal distances in memory along a face.
 #[derive(Clone, Copy, Debug)]
 pub struct MirrorRun {
     first: Mirror,
@@ -134,7 +134,7 @@ pub struct MirrorRun {
 }
 
 impl MirrorRun {
-    /// Returns the run of one.
+    /// Returns a run with a single mirror.
     pub(super) fn single(first: Mirror) -> Self {
         Self {
             first,
@@ -143,7 +143,7 @@ impl MirrorRun {
         }
     }
 
-    /// Returns the run with one more, where that one continues it.
+    /// Returns the run extended by one mirror, if it continues the run.
     pub(super) fn with(self, next: &Mirror) -> Option<Self> {
         let Self {
             first,
@@ -169,18 +169,18 @@ impl MirrorRun {
         self.count
     }
 
-    /// Returns its mirrors.
+    /// Returns the mirrors of the run.
     pub(crate) fn mirrors(self) -> impl Iterator<Item = Mirror> {
         (0..self.count).map(move |k| self.first.further(k * self.stride))
     }
 
-    /// Returns the numbers of some of them.
+    /// Returns the positions of a range of its mirrors.
     pub(super) fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         Row::new(self.first.ends(parity), self.stride, some)
     }
 }
 
-/// Numbers at equal distances that left, and where each of them enters.
+/// Positions at equal distances: source and target of each population.
 pub(super) struct Row {
     from: usize,
     to: usize,
@@ -189,7 +189,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Returns some of those that start at two positions.
+    /// Returns the range `some` of a row that starts at two positions.
     pub(super) fn new((from, to): (usize, usize), stride: u32, some: Range<usize>) -> Self {
         let stride = stride as usize;
         let skipped = some.start * stride;
@@ -215,7 +215,7 @@ impl Row {
         // SAFETY: promised by the caller.
         let (from, to) = unsafe { (numbers.add(from), numbers.add(to)) };
         if stride > 1 {
-            // Each number lies in a line of its own.
+            // Each number lies in a separate cache line.
             let ask = |k: usize| {
                 prefetch(from.wrapping_add(k * stride));
                 prefetch(to.wrapping_add(k * stride));
@@ -232,7 +232,7 @@ impl Row {
                 }
             }
         } else if term == 0.0 {
-            // SAFETY: those of the row; where the two ends overlap, each number is one link's alone.
+            // SAFETY: positions of the row; where source and target overlap, each number belongs to one link only.
             unsafe { from.copy_to(to, count) };
         } else {
             for k in 0..count {
@@ -243,14 +243,14 @@ impl Row {
     }
 }
 
-/// Links of a thread from which on it is worth waking.
+/// Minimum number of links per thread.
 pub(super) const LINKS_PER_THREAD: usize = 2000;
 
-/// Numbers that several threads write, each its own.
+/// Pointer to numbers that several threads write, each its own.
 #[derive(Clone, Copy)]
 struct Numbers<S>(*mut S);
 
-// SAFETY: who gets it promises that no two threads touch the same number.
+// SAFETY: the user ensures that no two threads access the same number.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
 impl<S> Numbers<S> {
@@ -259,8 +259,8 @@ impl<S> Numbers<S> {
     }
 }
 
-/// Calls `work` with parts of `count` items and the numbers of the slab, by several threads where each has at least
-/// `least` items. The parts are disjoint and together all items.
+/// Calls `work` with disjoint ranges that cover `count` items and with the numbers of the slab, on several threads
+/// if each has at least `least` items.
 pub(super) fn each_part<S: Stored>(
     count: usize,
     least: usize,
@@ -277,7 +277,8 @@ pub(super) fn each_part<S: Stored>(
     });
 }
 
-/// Sums over `count` items, by several threads where each has at least `least` items: the part of `some` of them.
+/// Returns the sum over `count` items, on several threads if each has at least `least` items; `some` computes the
+/// sum over a range.
 pub(super) fn sums<const N: usize>(
     count: usize,
     least: usize,
@@ -292,15 +293,15 @@ pub(super) fn sums<const N: usize>(
     parts[..threads].iter().fold([0; N], add)
 }
 
-/// Runs of links that are shared out to threads.
+/// Runs of links with prefix sums, for a division among threads.
 #[derive(Debug, Default)]
 pub(super) struct Counted {
-    /// Links before each run, and all.
+    /// Number of links before each run, and total.
     before: Vec<u32>,
 }
 
 impl Counted {
-    /// Makes runs of a given number of links.
+    /// Returns the prefix sums of runs with the given numbers of links.
     pub(super) fn new(counts: impl Iterator<Item = u32>) -> Self {
         let mut before = vec![0];
         let mut all = 0;
@@ -311,8 +312,8 @@ impl Counted {
         Self { before }
     }
 
-    /// Calls `give` for all links of some runs, by several threads where they are many: with the number of a run, which
-    /// of its links, and the numbers of the slab. No two calls get the same link.
+    /// Calls `give` for all links of the runs, on several threads if they are many, with the number of a run, a
+    /// range of its links, and the numbers of the slab. Each link is passed once.
     pub(super) fn each<S: Stored>(
         &self,
         runs: Range<usize>,
@@ -332,7 +333,8 @@ impl Counted {
         );
     }
 
-    /// Returns the runs that hold some links, counted through all: which run, and which of its links.
+    /// Returns the runs that contain a range of links counted over all runs: number of the run, and range of its
+    /// links.
     fn runs(&self, links: Range<usize>) -> impl Iterator<Item = (usize, Range<usize>)> {
         let Range {
             start: from,
@@ -373,7 +375,8 @@ mod tests {
         }
     }
 
-    /// Runs hold the mirrors that they were made of, each once, and give them what they give one by one.
+    /// Runs contain the mirrors from which they were made, each once, and set the same populations as the single
+    /// mirrors.
     #[test]
     fn runs_are_their_mirrors() {
         let mirrors: Vec<Mirror> = (0..100)
@@ -430,7 +433,7 @@ mod tests {
                     room.numbers_mut().fill(0.0);
                     counted.each(runs.clone(), &mut room, |run, some, numbers| {
                         for k in some {
-                            // SAFETY: there are more numbers than links; each is one thread's.
+                            // SAFETY: there are more numbers than links; each belongs to one thread.
                             unsafe { *numbers.add(at(run, k)) += 1.0 };
                         }
                     });
@@ -443,7 +446,7 @@ mod tests {
                 room.numbers_mut().fill(0.0);
                 each_part(items, LINKS_PER_THREAD, &mut room, |part, numbers| {
                     for n in part {
-                        // SAFETY: there are more numbers than items; each is one thread's.
+                        // SAFETY: there are more numbers than items; each belongs to one thread.
                         unsafe { *numbers.add(n) += 1.0 };
                     }
                 });

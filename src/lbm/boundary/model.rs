@@ -8,70 +8,71 @@ use crate::lanes::Stored;
 use base::error::{Error, Report};
 use base::units::LatticeUnits;
 
-/// A speed that a boundary imposes.
+/// Speed that a boundary imposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImposedSpeed {
-    /// Name of the moving part, in words.
+    /// Name of the moving part for messages.
     pub what: &'static str,
-    /// JSON path of the field that decides it, below the parameters of the boundary.
+    /// JSON path of the field that determines the speed, below the parameters of the boundary.
     pub field: &'static str,
-    /// The largest speed [m/s].
+    /// Largest speed [m/s].
     pub value: f64,
 }
 
-/// A pressure that a boundary imposes: `start` at first, then linearly to `end`.
+/// Pressure that a boundary imposes: it changes linearly from `start` to `end`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImposedPressure {
-    /// JSON path of the field that decides it, below the parameters of the boundary.
+    /// JSON path of the field that determines the pressure, below the parameters of the boundary.
     pub field: &'static str,
     /// Pressure above the reference at the start \[Pa\].
     pub start: f64,
     /// Pressure above the reference at the end of the change \[Pa\].
     pub end: f64,
-    /// Time of the change \[s\]; 0 for at once.
+    /// Duration of the change \[s\]; 0 for an immediate change.
     pub ramp_time: f64,
 }
 
 impl ImposedPressure {
-    /// Returns the smaller and the larger of the two \[Pa\].
+    /// Returns the smaller and the larger of both pressures \[Pa\].
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
         [self.end.min(self.start), self.end.max(self.start)]
     }
 
-    /// Returns the largest amplitude \[Pa\].
+    /// Returns the larger absolute value of both pressures \[Pa\].
     #[must_use]
     pub fn amplitude(&self) -> f64 {
         self.end.abs().max(self.start.abs())
     }
 }
 
-/// A boundary as a case names it: its parameters in SI, and what the program asks about it.
+/// Boundary of a case: its parameters in SI, and its interface to the program.
 pub trait BoundaryModel {
     /// Returns the kind of the boundary.
     fn kind(&self) -> BoundaryKind;
 
-    /// Checks the parameters and reads the tables that they name; what is wrong goes to the report.
+    /// Checks the parameters and reads their tables; findings go to the report.
     fn resolve(&mut self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) {
         let _ = (site, read, report);
     }
 
-    /// Checks what depends on the cells of the patch.
+    /// Checks the parameters against the cells of the patch.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
         let _ = (place, report);
     }
 
-    /// Returns the largest speed that it imposes.
+    /// Returns the largest imposed speed.
     fn speed(&self) -> Option<ImposedSpeed> {
         None
     }
 
-    /// Returns the pressure that it imposes.
+    /// Returns the imposed pressure.
     fn pressure(&self) -> Option<ImposedPressure> {
         None
     }
 
-    /// Returns `true` if the pressure there is that of the fluid; next to imposed pressures it counts as the reference.
+    /// Returns `true` if the pressure at the boundary is that of the fluid; in combination with imposed pressures
+    /// it counts as the reference.
     fn pressure_floats(&self) -> bool {
         false
     }
@@ -82,12 +83,12 @@ pub trait BoundaryModel {
         Inflow::None
     }
 
-    /// Returns the time over which the inflow grows from nothing \[s\]; 0 for at once.
+    /// Returns the time over which the inflow grows from zero \[s\]; 0 for an immediate start.
     fn ramp_time(&self) -> f64 {
         0.0
     }
 
-    /// Returns its use at water with a free surface.
+    /// Returns the applicability of the boundary to water with a free surface.
     fn with_surface(&self) -> WithSurface {
         match self.kind().surface {
             SurfaceKind::Wall | SurfaceKind::Symmetry => WithSurface::Also,
@@ -95,18 +96,18 @@ pub trait BoundaryModel {
         }
     }
 
-    /// Returns the lowest and the highest level of water that stands or falls outside \[m\], by coordinate along the
-    /// axis of gravity, and the field that decides it.
+    /// Returns the lowest and the highest water level outside \[m\], along the axis of gravity, and the field that
+    /// determines it.
     fn levels(&self) -> Option<([f64; 2], &'static str)> {
         None
     }
 
-    /// Returns the largest discharge into the domain that it imposes on a free surface \[m3/s; m2/s in 2-D\].
+    /// Returns the largest imposed discharge into the domain for a free surface \[m3/s; m2/s in 2-D\].
     fn discharge(&self) -> Option<f64> {
         None
     }
 
-    /// Returns `true` if water passes through it, or is driven through it.
+    /// Returns `true` if water passes through the boundary, or is driven through it.
     fn passes_water(&self) -> bool {
         self.kind().surface == SurfaceKind::Opening
     }
@@ -114,7 +115,7 @@ pub trait BoundaryModel {
     /// Returns the rule on the lattice.
     ///
     /// # Errors
-    /// Where the cells of the patch show that the parameters cannot hold.
+    /// If the cells of the patch show that the parameters cannot hold.
     fn rule<S: Stored>(
         &self,
         place: &Place<'_>,

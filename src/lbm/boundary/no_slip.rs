@@ -1,4 +1,4 @@
-//! A wall at rest: half-way bounce-back ([`super::wall`]).
+//! A stationary wall: half-way bounce-back ([`super::wall`]).
 
 use super::{BoundaryKind, BoundaryModel, Crossing, Giver, Place, Rule};
 use crate::lanes::Stored;
@@ -23,7 +23,7 @@ impl BoundaryModel for NoSlip {
     }
 }
 
-/// The fluid sticks to a wall at rest.
+/// Rule of a stationary no-slip wall.
 pub struct NoSlipLinks;
 
 impl<S: Stored> Rule<S> for NoSlipLinks {

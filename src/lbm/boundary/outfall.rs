@@ -40,7 +40,8 @@ impl BoundaryModel for Outfall {
     }
 }
 
-/// The links of an opening of water with a free surface. They bounce back here, and the surface gives them what enters.
+/// Links of an opening of water with a free surface. They bounce back here; the surface model sets the entering
+/// populations.
 pub(crate) struct Links {
     pub(crate) strength: Strength,
     pub(crate) outside: Outside,

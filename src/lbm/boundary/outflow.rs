@@ -1,7 +1,7 @@
 //! Outflow: the entering populations are those of the next cell upstream (zero gradient along the normal).
 //!
-//! First order; the pressure floats, or its mean is held. The rule is that of the convective outflow with an unbounded
-//! velocity ([`super::convective_outflow`]). Waves reflect less than at a prescribed pressure.
+//! The rule is of first order. The pressure floats, or its mean is imposed. It is the convective outflow with an
+//! infinite velocity ([`super::convective_outflow`]), and reflects waves less than an imposed pressure.
 
 #![allow(
     rustdoc::broken_intra_doc_links,

@@ -1,16 +1,16 @@
-//! Prescribed pressure with tangential velocity zero: free slip with the sign of anti-bounce-back.
+//! Imposed pressure with zero tangential velocity: free slip with the sign of anti-bounce-back.
 //!
-//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), i and t as for free slip ([`super::free_slip`]): the
-//! population that crosses the face where f_j enters, with the same part along the face.
+//! f_j(x, t+1) = -f*_i(x - t) + 2 w_i ρ_w (1 + 3 u_n²), with i and t as for free slip ([`super::free_slip`]): the
+//! population that crosses the face at the point where f_j enters, with the same component along the face.
 //!
 //! Two links cross the face at one point. Their half sum carries the pressure and is returned by anti-bounce-back
-//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face;
-//! the half difference carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this
-//! velocity is zero there. Together they are the rule above. Anti-bounce-back of each link by itself would also reverse
-//! the shear stress in the half difference: flow between plates would then lose pressure where it enters and leaves,
-//! whatever the resolution. With no velocity along the face the half sum holds no viscous stress, and the rule is
-//! second order. u_n, the normal velocity of the cell, enters only squared. Needs no special corner nodes, in two or
-//! three dimensions.
+//! (Ginzburg, Verhaeghe and d'Humières 2008), so that the pressure holds half-way across the face; the half
+//! difference carries the tangential velocity and is returned by bounce-back (Ladd 1994), so that this velocity is
+//! zero there. Together they are the rule above. Anti-bounce-back of each single link would also reverse the shear
+//! stress in the half difference: flow between plates would then lose pressure where it enters and leaves, whatever
+//! the resolution. With zero velocity along the face the half sum contains no viscous stress, and the rule is of
+//! second order. The normal velocity of the cell u_n enters only squared. The rule needs no special corner nodes,
+//! in two or three dimensions.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -51,14 +51,14 @@ pub struct Pressure {
     /// step. Default: `absorb` where this is the only opening besides imposed velocities, else `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
-    /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure differs
-    /// over the face as they want it. `each_cell`: in each cell, with no velocity along the face. Default: `mean` where
-    /// this is the only opening besides imposed velocities, else `each_cell`.
+    /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure varies
+    /// over the face. `each_cell`: in each cell, with no velocity along the face. Default: `mean` where this is the
+    /// only opening besides imposed velocities, else `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
-    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the middle
-    /// of the opening, and the pressure in each cell. Water at rest in the gravity g has ρ g. Default: none; a
-    /// pressure that is held on the mean takes the gradient of the water by itself.
+    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the
+    /// middle of the opening, and the pressure in each cell. Water at rest in the gravity g has ρ g. Default: none;
+    /// a pressure that holds on the mean has the gradient of the flow.
     #[serde(default)]
     pub gradient: Option<Vector>,
 }
@@ -92,7 +92,7 @@ const KIND: BoundaryKind = BoundaryKind {
 };
 
 impl Pressure {
-    /// Returns `true` if this is the only opening besides imposed velocities.
+    /// Returns `true` if this is the only opening in addition to imposed velocities.
     fn is_the_outlet(openings: &[Opening]) -> bool {
         let imposing = |strength| {
             let alike = openings.iter().filter(|o| o.strength == strength);
@@ -102,9 +102,9 @@ impl Pressure {
         pressures == 1 && velocities > 0 && openings.len() == pressures + velocities
     }
 
-    /// Returns its behaviour for sound among the openings of the domain. Between two imposed pressures an opening that
-    /// absorbs would add to the inertia of the water, ρL/σ of its own; with imposed velocities elsewhere the flow is
-    /// not affected.
+    /// Returns the behaviour for sound, given the openings of the domain. Between two imposed pressures an
+    /// absorbing opening would add an inertia of ρL/σ to that of the water; with imposed velocities elsewhere the
+    /// flow is not affected.
     fn sound(&self, openings: &[Opening]) -> Sound {
         self.sound.unwrap_or(if Self::is_the_outlet(openings) {
             Sound::Absorb
@@ -113,7 +113,7 @@ impl Pressure {
         })
     }
 
-    /// Returns where it holds among the openings of the domain.
+    /// Returns the extent at which the pressure holds, given the openings of the domain.
     fn held(&self, openings: &[Opening]) -> Held {
         self.held.unwrap_or(
             if Self::is_the_outlet(openings) && self.gradient.is_none() {
@@ -212,46 +212,46 @@ impl BoundaryModel for Pressure {
     }
 }
 
-/// Cells from which a thread pays.
+/// Minimum number of cells per thread.
 const CELLS_PER_THREAD: usize = 128;
 
-/// A cell at the face with its links.
+/// Cell at the face with its links.
 #[derive(Clone, Copy, Debug)]
 struct PressureCell {
     cell: usize,
     first: usize,
     count: usize,
-    /// Density deviation beyond that in the middle of the opening.
+    /// Density deviation relative to that in the middle of the opening.
     beyond: f64,
 }
 
-/// Positions of the populations of a link that returns one, and w_i.
+/// Positions of the populations of a link with a returned population, and weight w_i.
 #[derive(Clone, Copy, Debug)]
 struct Returned {
     mirror: Mirror,
     weight: f64,
 }
 
-/// The links of a patch with imposed pressure.
+/// Links of a patch with imposed pressure.
 pub struct PressureLinks {
     /// Axis normal to the face.
     axis: usize,
-    /// Density deviation δρ_w = 3 p (pressure above the reference, in lattice units).
+    /// Density deviation δρ_w = 3 p, with p the pressure above the reference in lattice units.
     density: Ramp,
-    /// Middle of the opening, in cells, and the change of the density deviation from cell to cell.
+    /// Middle of the opening in cells, and gradient of the density deviation per cell.
     incline: [[f64; 3]; 2],
     cells: Vec<PressureCell>,
     links: Vec<FaceLink>,
-    /// Data of each link.
+    /// Data of the links.
     returned: Vec<Returned>,
-    /// Populations that enter through each link: a buffer for a step.
+    /// Buffer for the populations that enter through the links in a step.
     entering: Vec<f64>,
-    /// Plane wave that lets sound out, with the forecast velocity.
+    /// Plane wave for absorption of sound, with the predicted velocity.
     sound: Option<(PlaneWave, Option<Forecast>)>,
 }
 
 impl PressureLinks {
-    /// Returns the density deviation δρ = 3 p of a face normal to an axis.
+    /// Returns the rule of a face normal to an axis with the density deviation δρ = 3 p.
     #[must_use]
     pub fn new(axis: usize, density: Ramp) -> Self {
         Self {
@@ -273,19 +273,20 @@ impl PressureLinks {
         populations: &Populations<S>,
         moment: &RuleStep,
     ) -> f64 {
-        // The collision added F to the momentum; the velocity of the step is that before, plus F/2.
+        // The collision added F to the momentum; the velocity of the step is that before the collision plus F/2.
         let (drho, momentum) = populations.outgoing_moments(cell.cell);
         (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
     }
 
-    /// Returns it with a density deviation that changes from cell to cell; that of the ramp holds at `middle`.
+    /// Returns the rule with a density deviation that varies linearly over the face; the value of the ramp holds at
+    /// `middle`.
     #[must_use]
     pub(super) fn inclined(mut self, middle: [f64; 3], per_cell: [f64; 3]) -> Self {
         self.incline = [middle, per_cell];
         self
     }
 
-    /// Adds the plane wave that lets sound out.
+    /// Adds the plane wave that absorbs sound.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave, forecast: Option<Forecast>) -> Self {
         self.sound = Some((wave, forecast));
@@ -367,7 +368,7 @@ impl<S: Stored> Rule<S> for PressureLinks {
         let parity = populations.parity();
         let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
         let wanted = self.density.value_at(moment.step) + excess;
-        // The numbers that are read go out, those that are written come in: none is both.
+        // Leaving numbers are read and entering ones written; no number is both.
         let mut entering = std::mem::take(&mut self.entering);
         let (rule, water) = (&*self, &*populations);
         let count = rule.cells.len();

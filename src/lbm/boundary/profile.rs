@@ -1,4 +1,4 @@
-//! A velocity over a face: uniform, a parabola, or a table.
+//! Velocity profile over a face: uniform, parabolic, a wall law, or a table.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// Velocity on a face as a function of the position in cells (lattice units).
 pub type FaceVelocity = Box<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
 
-/// Reads the table of a path that stands in a case, or says in a sentence what is wrong with it.
+/// Function that reads the table at a path of a case, or returns a sentence about an error in it.
 pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<VelocityTable, String>;
 
 /// A velocity over a face or patch.
@@ -67,7 +67,7 @@ pub enum VelocityProfile {
 }
 
 impl VelocityProfile {
-    /// Checks the vector and reads the table; `path` is that of the profile.
+    /// Checks the vector and reads the table; `path` is the JSON path of the profile.
     pub(super) fn resolve(
         &mut self,
         (site, path): (&Site<'_>, &str),
@@ -91,7 +91,7 @@ impl VelocityProfile {
         }
     }
 
-    /// Returns the largest speed [m/s], after the field that decides it.
+    /// Returns the field that determines the largest speed, and this speed [m/s].
     pub(super) fn fastest(&self) -> (&'static str, f64) {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -102,7 +102,7 @@ impl VelocityProfile {
                 )
             }
             Self::Parabolic { peak } => ("profile.parabolic.peak", peak.abs()),
-            // The largest over the mean in a square duct, where it is largest.
+            // Ratio of maximum and mean in a square duct, where it is largest.
             Self::PowerLaw { mean, exponent } => (
                 "profile.power_law.mean",
                 mean.abs() * 0.5 * (1.0 + exponent) * (2.0 + exponent),
@@ -115,7 +115,7 @@ impl VelocityProfile {
         }
     }
 
-    /// Returns the mean velocity into the domain [m/s]; none for a table, which is asked once its cells are known.
+    /// Returns the mean velocity into the domain [m/s]; `None` for a table, which requires the cells.
     pub(super) fn mean_inflow(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::Uniform(UniformVelocity { velocity }) => {
@@ -134,8 +134,8 @@ impl VelocityProfile {
         }
     }
 
-    /// Returns the mean velocity of a table into the domain over the cells of a patch [m/s]; none for other profiles,
-    /// and where it is not worth the time.
+    /// Returns the mean velocity of a table into the domain over the cells of a patch [m/s]; `None` for other
+    /// profiles, and for patches with too many cells.
     pub(super) fn mean_of_table(&self, place: &Place<'_>) -> Option<f64> {
         match self {
             Self::File {
@@ -175,11 +175,11 @@ fn seventh() -> f64 {
     1.0 / 7.0
 }
 
-/// Largest velocity over the mean of a logarithmic profile, at most: where the roughness is a tenth of the width of a
-/// square duct.
+/// Upper bound of the ratio of maximum to mean velocity in a logarithmic profile: with a roughness of a tenth of
+/// the width of a square duct.
 const LARGEST_OF_LOG: f64 = 1.7;
 
-/// Rows of a profile that are looked at before the run, at most.
+/// Maximum number of evaluations of a table before the run.
 const MOST_LOOKS: usize = 20_000_000;
 
 fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
@@ -210,8 +210,8 @@ fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
     (area > 0.0).then_some(sum / area)
 }
 
-/// Returns the axes of the face along which the flow through a patch has ends: not a periodic axis that the patch
-/// spans.
+/// Returns `true` for the axes of the face along which the flow through a patch is bounded: not for a periodic axis
+/// that the patch spans.
 fn bounded(place: &Place<'_>) -> [bool; 3] {
     let Place { site, from, to, .. } = place;
     std::array::from_fn(|a| {
@@ -220,7 +220,7 @@ fn bounded(place: &Place<'_>) -> [bool; 3] {
     })
 }
 
-/// Returns the product of a parabola for each axis of the patch that has ends, along the inward normal.
+/// Returns the product of a parabola for each bounded axis of the patch, along the inward normal.
 fn parabola(place: &Place<'_>, peak: f64) -> FaceVelocity {
     let (axis, bounded) = (place.site.face.axis(), bounded(place));
     let ends = place.ends;
@@ -242,8 +242,8 @@ fn parabola(place: &Place<'_>, peak: f64) -> FaceVelocity {
     })
 }
 
-/// Returns a law of the distance from the nearest wall \[cells\] along the inward normal, with this mean over the cells
-/// of the patch.
+/// Returns a profile along the inward normal that is a function of the distance from the nearest wall \[cells\],
+/// scaled to a mean over the cells of the patch.
 fn from_walls(
     place: &Place<'_>,
     mean: f64,
@@ -287,19 +287,20 @@ fn of_table(table: VelocityTable, place: &Place<'_>, units: LatticeUnits) -> Fac
     })
 }
 
-/// A table of velocities over a face: in each row the tangential coordinates \[m\], then the velocity components [m/s].
+/// Table of velocities over a face: each row contains the tangential coordinates \[m\], then the velocity
+/// components [m/s].
 ///
-/// In 2-D the velocity is linear between rows, in 3-D it is that of the nearest row; beyond the rows it is that of the
-/// outermost one.
+/// In 2-D the velocity is linear between rows; in 3-D it is that of the nearest row. Outside the rows it is that of
+/// the outermost row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocityTable {
     dimension: usize,
-    /// Rows in rising order of the first coordinate.
+    /// Rows in ascending order of the first coordinate.
     rows: Arc<Vec<Vec<f64>>>,
 }
 
 impl VelocityTable {
-    /// Returns the table of some rows in rising order of the first coordinate, each with 2 D - 1 numbers in D
+    /// Returns the table of rows in ascending order of the first coordinate, each with 2 D - 1 numbers in D
     /// dimensions.
     #[must_use]
     pub fn new(dimension: usize, rows: Vec<Vec<f64>>) -> Self {
@@ -331,7 +332,7 @@ impl VelocityTable {
         self.rows.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// Returns the velocity [m/s] at the tangential coordinates \[m\] of a place.
+    /// Returns the velocity [m/s] at tangential coordinates \[m\].
     #[must_use]
     pub fn velocity_at(&self, across: &[f64]) -> [f64; 3] {
         let rows = &self.rows;
@@ -375,8 +376,8 @@ mod tests {
     use base::geometry::Face;
     use base::units::LatticeUnits;
 
-    /// Returns the profile on a face x_min of 10 x 30 cells along y and z, at every cell of a patch: its mean, and the
-    /// mean that is stated.
+    /// Returns two means of a profile over a patch on a face x_min of 10 x 30 cells along y and z: the mean over
+    /// its cells, and the stated mean.
     fn means(periodic: [bool; 3], from: [usize; 3], to: [usize; 3]) -> (f64, f64) {
         let site = Site {
             path: "",

@@ -1,5 +1,5 @@
-//! The rule of a patch in lattice units: it collects its links at the start and gives what enters through them after
-//! every pass.
+//! The rule of a patch in lattice units: it collects its links at the start and sets the entering populations
+//! after every pass.
 
 use super::kind::BoundaryKind;
 use super::links::{Crossing, FaceLink, MirrorRun};
@@ -8,49 +8,48 @@ use crate::lanes::Stored;
 use crate::populations::Populations;
 use crate::surface::Outside;
 
-/// Source of the population that enters through a link.
+/// Part of the program that sets the population entering through a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Giver {
-    /// Half-way bounce-back less this term times the factor of the rule ([`super::wall`]).
+    /// Half-way bounce-back minus this term times the factor of the rule ([`super::wall`]).
     Wall {
-        /// 6 w_i c_i·u at full speed.
+        /// Term 6 w_i c_i·u at full speed.
         term: f64,
     },
-    /// The rule, which has kept the link.
+    /// The rule itself, which has stored the link.
     Rule,
 }
 
-/// Step and time at which a rule acts.
+/// Step at which a rule acts, with the force.
 #[derive(Clone, Copy, Debug)]
 pub struct RuleStep {
-    /// The step.
+    /// Number of the step.
     pub step: f64,
-    /// F/2 of the body force.
+    /// Half the body force, F/2.
     pub half_force: [f64; 3],
 }
 
-/// The rule of one patch. The calls for a step are made once for the patch; the loops over its links are compiled for
-/// each rule.
+/// Rule of one patch. It is called once per step and patch; the loops over its links are compiled for each rule.
 pub trait Rule<S: Stored>: Send + Sync {
     /// Returns the kind of the boundary.
     fn kind(&self) -> BoundaryKind;
 
-    /// Takes a link through the patch. The links of a cell come one after another.
+    /// Adds a link through the patch. The links of a cell follow each other.
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver;
 
-    /// Returns the velocity imposed at a point of the face \[cells per step\], before the factor of the step; the point
-    /// is in cells. None where no velocity is imposed.
+    /// Returns the velocity imposed at a point of the face \[cells per step\], before the factor of the step; the
+    /// point is in cells. `None` if no velocity is imposed.
     fn velocity(&self, _position: [f64; 3]) -> Option<[f64; 3]> {
         None
     }
 
-    /// Returns the part of a cell's face, of this centre, on which the velocity is imposed: less than 1 where the patch
-    /// ends within a cell.
+    /// Returns the fraction of a cell's face with this centre on which the velocity is imposed: less than 1 if the
+    /// patch ends within the cell.
     fn part(&self, _centre: [f64; 3]) -> f64 {
         1.0
     }
 
-    /// Returns what is outside an opening of water with a free surface; none where no such water passes.
+    /// Returns the state outside an opening of water with a free surface; `None` for other boundaries.
     fn outside(&self) -> Option<Outside> {
         None
     }
@@ -60,31 +59,31 @@ pub trait Rule<S: Stored>: Send + Sync {
         0.0
     }
 
-    /// Returns what the links of this rank let in at a factor of one, in quanta; 0 where no discharge is stated.
+    /// Returns the discharge of this rank's links at a factor of one, in quanta; 0 without a stated discharge.
     fn given(&self) -> i128 {
         0
     }
 
-    /// Takes what the links of all ranks let in, and lets the stated discharge in from now on.
+    /// Takes the discharge of the links of all ranks, and scales the velocities to the stated discharge.
     fn balance(&mut self, _given: i128) {}
 
-    /// Returns the last step in which a value still changes by its ramp.
+    /// Returns the last step at which the ramp still changes a value.
     fn ramp_end(&self) -> f64 {
         0.0
     }
 
-    /// Returns `true` if the links at walls may be given as soon as the cells next to them have collided; not if the
-    /// rule reads populations that the walls give, or ghosts next to them.
+    /// Returns `true` if the wall links may be applied as soon as the cells next to them have collided; `false` if
+    /// the rule reads populations that the walls set, or ghosts next to them.
     fn walls_stand_alone(&self) -> bool {
         true
     }
 
-    /// Returns `true` if the rule only gives its links to the walls.
+    /// Returns `true` if the rule only consists of wall links.
     fn is_wall(&self) -> bool {
         false
     }
 
-    /// Stores the data of the state that the rule needs, before a pass.
+    /// Stores the data that the rule needs, before a pass.
     fn remember(&mut self, _populations: &Populations<S>, _half_force: [f64; 3]) {}
 
     /// Returns `true` if the rule needs sums over all ranks before it acts; equal on every rank and at every step.
@@ -92,29 +91,29 @@ pub trait Rule<S: Stored>: Send + Sync {
         false
     }
 
-    /// Returns the sums of this rank, where it needs any.
+    /// Returns the sums of this rank, for rules that need sums.
     fn measure(&self, _populations: &Populations<S>, _moment: &RuleStep) -> Sums {
         Sums::default()
     }
 
-    /// Takes the sums of all ranks.
+    /// Receives the sums of all ranks.
     fn hear(&mut self, _sums: Sums, _moment: &RuleStep) {}
 
-    /// Returns the value that the rule keeps from step to step; none if it keeps nothing, or nothing yet.
+    /// Returns the value that the rule keeps between steps; `None` if there is none.
     fn memory(&self) -> Option<f64> {
         None
     }
 
-    /// Sets what the rule remembers.
+    /// Restores the value that the rule keeps between steps.
     fn recall(&mut self, _memory: Option<f64>) {}
 
-    /// Gives the links that the rule keeps what enters, before the walls are given theirs.
+    /// Sets the populations that enter through the links of the rule, before the walls are applied.
     fn apply(&mut self, _populations: &mut Populations<S>, _moment: &RuleStep) {}
 
-    /// Changes what the walls have been given.
+    /// Changes populations that the walls have set.
     fn apply_over_walls(&mut self, _populations: &mut Populations<S>, _moment: &RuleStep) {}
 
-    /// Returns the links that the rule keeps and that are no mirrors.
+    /// Returns the links of the rule that are not mirrors.
     fn links(&self) -> &[FaceLink] {
         &[]
     }

@@ -4,10 +4,10 @@ use super::kind::{Inflow, Strength};
 use base::geometry::Face;
 use base::number::real;
 
-/// The face of a boundary and the grid of the domain.
+/// Face of a boundary and grid of the domain.
 #[derive(Clone, Copy, Debug)]
 pub struct Site<'a> {
-    /// JSON path of its parameters.
+    /// JSON path of the boundary's parameters.
     pub path: &'a str,
     /// The face.
     pub face: Face,
@@ -15,15 +15,15 @@ pub struct Site<'a> {
     pub dimension: usize,
     /// Edge of a cell \[m\].
     pub spacing: f64,
-    /// Cells of the whole domain.
+    /// Number of cells of the whole domain.
     pub cells: [usize; 3],
-    /// Axes along which the domain repeats.
+    /// `true` for each periodic axis.
     pub periodic: [bool; 3],
-    /// `true` for the faces of the domain that are walls which hold the water, by axis, the lower one first.
+    /// `true` for each face of the domain that is an impermeable wall, by axis, the lower one first.
     pub walls: [[bool; 2]; 3],
 }
 
-/// The cells at which a boundary is imposed.
+/// Cells of a boundary.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
     /// Site of the boundary.
@@ -32,14 +32,14 @@ pub struct Place<'a> {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Lower and upper ends along each axis, in cells, which may lie within a cell; along the normal 0 and 1.
+    /// Lower and upper ends along each axis in cells, which may lie within a cell; 0 and 1 along the normal.
     pub ends: [[f64; 2]; 3],
-    /// All openings of the domain, this one included; none if they are not known yet.
+    /// All openings of the domain, including this one; empty if they are not known yet.
     pub openings: &'a [Opening],
 }
 
 impl Place<'_> {
-    /// Returns its ends, and which of them are walls. An end within the face is one.
+    /// Returns the ends of the patch, and `true` for those that are walls. An end within the face counts as a wall.
     #[must_use]
     pub fn sides(&self) -> Sides {
         let site = &self.site;
@@ -57,7 +57,7 @@ impl Place<'_> {
         }
     }
 
-    /// Returns the part of a cell's face that lies within its ends.
+    /// Returns the fraction of a cell's face within the ends of the patch.
     #[must_use]
     pub fn part(&self, cell: [usize; 3]) -> f64 {
         let along = |a: usize| {
@@ -68,7 +68,7 @@ impl Place<'_> {
         axes.map(along).product()
     }
 
-    /// Returns its area, in faces of cells.
+    /// Returns the area of the patch, in faces of cells.
     #[must_use]
     pub fn area(&self) -> f64 {
         self.ends
@@ -78,17 +78,17 @@ impl Place<'_> {
     }
 }
 
-/// The ends of a patch.
+/// Ends of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sides {
-    /// Lower and upper end along each axis, in cells.
+    /// Lower and upper end along each axis in cells.
     ends: [[f64; 2]; 3],
-    /// `true` for the faces that are walls.
+    /// `true` for the ends that are walls.
     walls: [[bool; 2]; 3],
 }
 
 impl Sides {
-    /// Returns the distance \[cells\] of a point on the face from the nearest wall; none if no end is a wall.
+    /// Returns the distance \[cells\] of a point on the face from the nearest wall; `None` if no end is a wall.
     #[must_use]
     pub fn from_wall(&self, position: [f64; 3]) -> Option<f64> {
         let distances = (0..3).flat_map(|a| {
@@ -102,15 +102,15 @@ impl Sides {
     }
 }
 
-/// An opening of the domain.
+/// Opening of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Opening {
-    /// Strength of the condition that it imposes.
+    /// Strength of the imposed condition.
     pub strength: Strength,
     /// Area, in faces of cells.
     pub area: f64,
-    /// Inflow through it.
+    /// Inflow through the opening.
     pub inflow: Inflow,
-    /// Time over which the inflow grows \[s\].
+    /// Time over which the inflow grows from zero \[s\].
     pub ramp_time: f64,
 }

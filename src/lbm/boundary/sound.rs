@@ -1,8 +1,9 @@
-//! Openings that let sound out.
+//! Openings that absorb sound.
 //!
 //! An opening with a fixed pressure or a fixed velocity returns every sound wave that reaches it, with a phase of π
-//! or 0. Between two of them the sound of a start rings until viscosity has damped it. An opening that absorbs answers
-//! the plane wave of its face with the impedance ρc of the fluid, and returns to its target slowly:
+//! or 0. Between two of them sound from the start of the flow continues until viscosity has damped it. An absorbing
+//! opening responds to the plane wave at its face with the impedance ρc of the fluid, and returns slowly to its
+//! target:
 //!
 //! d/dt [(p - P) - ρc (u - û)] = -K (p - P)   where the pressure P is imposed, u the mean velocity out of the domain,
 //! d/dt [(v - U) + (p - P₀)/(ρc)] = -K (v - U)   where the velocity U is imposed, v the mean velocity into the domain,
@@ -11,24 +12,25 @@
 //! inviscid relations of Poinsot and Lele (1992, doi:10.1016/0021-9991(92)90046-2) with the relaxation of Rudy and
 //! Strikwerda (1980, doi:10.1016/0021-9991(80)90174-6); Izquierdo and Fueyo (2008, doi:10.1103/PhysRevE.78.046707) used
 //! them with the lattice Boltzmann method. A wave of frequency ω returns with the amplitude K/(K² + 4ω²)^½; a
-//! steady state has p = P or v = U exactly, whatever the loss of pressure between the openings.
+//! steady state has p = P or v = U exactly, for any loss of pressure between the openings.
 //!
-//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on all
-//! of it. In a channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities differ
-//! over the face, meet the opening as if it did not absorb. An impedance in each cell would hold them back with ρc u'
-//! instead of ρ U u'. Waves across the channel are not absorbed.
+//! *The mean over the face.* Only the mean of the face enters, and the same change of pressure or velocity acts on
+//! all of it. In a channel sound between the ends is a plane wave; vortices and boundary layers, whose velocities
+//! differ over the face, are not absorbed. An impedance in each cell would act on them with ρc u' instead of ρ U
+//! u'. Waves across the channel are not absorbed.
 //!
-//! *The forecast.* Where all other openings impose velocities the mean velocity û out of the domain follows from the
-//! balance of mass at any time. Then the opening asks for the right incoming wave from the first step on, and a start
-//! from rest settles to 1.3 % within 4 L/c; without a forecast û is the velocity at the start.
+//! *The forecast.* If all other openings impose velocities, the mean velocity û out of the domain follows from
+//! the balance of mass at any time. The opening then imposes the right incoming wave from the first step on, and a
+//! start from rest settles to 1.3 % within 4 L/c. Without a forecast û is the velocity at the start.
 //!
-//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f* is
-//! p + ρu² + j, with the mass flux j out of the domain. With one of p and j imposed the other follows, and with it
-//! the one unknown of the step: the excess b of the density deviation over the imposed one, or the excess a of the
-//! velocity. One number a patch is remembered, the left side without d/dt. Sums of integers make it the same on any
-//! number of ranks.
+//! *On the lattice.* Of the populations f* that leave along the links of a face of area A the sum s = (1/A) Σ 2 f*
+//! is p + ρu² + j, with the mass flux j out of the domain. With one of p and j imposed the other follows, and thus
+//! the unknown of the step: the excess b of the density deviation over the imposed one, or the excess a of the
+//! velocity. One number per patch is stored between steps: the left side without d/dt. Sums of integers make it
+//! independent of the number of ranks.
 //!
-//! σ = 0.278 damps the slowest wave between an opening that absorbs and one that does not most: the roots of
+//! σ = 0.278 gives the strongest damping of the slowest wave between an absorbing opening and a reflecting one:
+//! the roots of
 //! -σ/(σ + z) = exp(z), z = 2 s L/c, meet at z = -1.278, a decay as exp(-0.639 c t/L).
 
 use super::links::{FaceLink, LINKS_PER_THREAD, sums};
@@ -51,12 +53,12 @@ pub enum Sound {
     Reflect,
 }
 
-/// Relaxation over the time that sound takes through the domain.
+/// Relaxation rate times the transit time of sound through the domain.
 const SIGMA: f64 = 0.278;
 /// Speed of sound [cells per step].
 const C: f64 = 0.577_350_269_189_625_8;
 
-/// Quantity that an opening imposes.
+/// Quantity imposed by an opening.
 #[derive(Clone, Copy, Debug)]
 enum Asks {
     Pressure,
@@ -66,25 +68,26 @@ enum Asks {
 /// Four sums over the links of a patch, in quanta.
 pub type Sums = [i128; 4];
 
-/// The plane wave at a patch.
+/// Plane wave at a patch.
 #[derive(Debug)]
 pub(super) struct PlaneWave {
     asks: Asks,
-    /// K in one step.
+    /// Relaxation rate K per step.
     rate: f64,
     /// `true` if the imposed value holds at every step.
     reflects: bool,
-    /// Value of the step before; none before the first step.
+    /// Value stored at the previous step; `None` before the first step.
     memory: Option<f64>,
     /// Excess of the density deviation (b) or of the velocity into the domain (a) in this step.
     excess: f64,
 }
 
-/// Mean velocity out of the domain that the other openings bring about, at a step \[cells per step\].
+/// Mean velocity out of the domain that follows from the other openings at a step \[cells per step\].
 pub(super) type Forecast = Box<dyn Fn(f64) -> f64 + Send + Sync>;
 
 impl PlaneWave {
-    /// Returns the wave of a face with an imposed pressure; `length` is that of the domain along its normal, in cells.
+    /// Returns the wave of a face with an imposed pressure; `length` is that of the domain along its normal in
+    /// cells.
     pub(super) fn at_pressure(length: f64) -> Self {
         Self::new(Asks::Pressure, length)
     }
@@ -94,7 +97,7 @@ impl PlaneWave {
         Self::new(Asks::Velocity, length)
     }
 
-    /// Returns the wave of a face whose mean pressure holds at every step; only for [`Self::hear_outflow`].
+    /// Returns the wave of a face whose mean pressure is exact at every step; only for [`Self::hear_outflow`].
     pub(super) fn reflected() -> Self {
         Self {
             reflects: true,
@@ -125,8 +128,8 @@ impl PlaneWave {
         self.memory = memory;
     }
 
-    /// Sums over the links of a rank: twice what leaves, the area, and one that the rule adds. Before the first step of
-    /// an imposed velocity the first is the density deviation.
+    /// Returns sums over the links of a rank: twice the leaving populations, the area, and a sum of the rule.
+    /// Before the first step of an imposed velocity the first is the density deviation.
     pub(super) fn measure<S: Stored>(
         &self,
         links: &[FaceLink],
@@ -155,8 +158,8 @@ impl PlaneWave {
         [first, second, third, 0]
     }
 
-    /// Finds the excess of this step at an imposed density deviation from the sums of all ranks, of which the third is
-    /// the square of the normal velocity that the rule takes; `forecast` is the velocity out of the domain.
+    /// Computes the excess of this step at an imposed density deviation from the sums of all ranks, the third of
+    /// which is the square of the normal velocity in the rule; `forecast` is the velocity out of the domain.
     pub(super) fn hear_pressure(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
         let Some([mean, square, _]) = means(sums) else {
             return;
@@ -176,13 +179,13 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * self.excess);
     }
 
-    /// Finds the excess κ of this step at an outflow that holds the mean of an imposed density deviation, from the
-    /// sums of all ranks: what leaves (a), the area, the square of the normal velocity (q), and what would enter
+    /// Computes the excess κ of this step at an outflow with an imposed mean density deviation from the sums of all
+    /// ranks: leaving populations (a), area, square of the normal velocity (q), and populations that would enter
     /// without κ (b).
     ///
-    /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. Sound sees this
-    /// pressure p and the velocity u = j/(1 + 3 p) of the plane wave; the pressure that is held is a + b + κ - q, with
-    /// the velocities of the profile: (p - P) - c (u - û) + K (a + b + κ - q - P) = the memory, linear in κ.
+    /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. The plane wave
+    /// has this pressure p and the velocity u = j/(1 + 3 p); the imposed pressure is a + b + κ - q, with the
+    /// velocities of the profile: (p - P) - c (u - û) + K (a + b + κ - q - P) = the memory, linear in κ.
     pub(super) fn hear_outflow(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
         let Some([leaves, square, enters]) = means(sums) else {
             return;
@@ -197,7 +200,7 @@ impl PlaneWave {
         let of_density = 1.0 - 3.0 * flux * flux;
         let pressure = (leaves + enters - flux * flux) / of_density;
         let speed = flux * (1.0 - 3.0 * pressure);
-        // Derivatives in κ.
+        // Derivatives with respect to κ.
         let of_pressure = (1.0 + 2.0 * flux) / of_density;
         let of_speed = -(1.0 - 3.0 * pressure) - 3.0 * flux * of_pressure;
         let wave = pressure - wanted - C * (speed - forecast.unwrap_or(0.0));
@@ -210,7 +213,7 @@ impl PlaneWave {
         self.memory = Some(memory - self.rate * (above + self.excess));
     }
 
-    /// Finds the excess of this step at an imposed velocity from the sums of all ranks.
+    /// Computes the excess of this step at an imposed velocity from the sums of all ranks.
     pub(super) fn hear_velocity(&mut self, sums: Sums) {
         let Some([mean, imposed, _]) = means(sums) else {
             return;
@@ -220,7 +223,7 @@ impl PlaneWave {
             self.memory = Some(mean / 3.0);
             return;
         };
-        // What enters is the mass flux j = ρu: p = s + j - j². Of a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3
+        // The entering mass flux is j = ρu: p = s + j - j². For a wave u' = j' - 3 u p', so that j' = -p' (1/c - 3
         // u).
         let p = mean + imposed - imposed * imposed;
         let admittance = 1.0 / C - 3.0 * imposed;
@@ -230,13 +233,13 @@ impl PlaneWave {
     }
 }
 
-/// Returns the means over the area, which is the second sum: of the first, the third and the fourth.
+/// Returns the first, third and fourth sum divided by the area, which is the second.
 fn means([first, area, third, fourth]: Sums) -> Option<[f64; 3]> {
     (area != 0).then(|| [first, third, fourth].map(|sum| from_quanta(sum) / from_quanta(area)))
 }
 
-/// Returns the mean velocity out of the domain that imposed velocities bring about; none if other openings let
-/// through what they will.
+/// Returns the mean velocity out of the domain that follows from imposed velocities; `None` if the flow through
+/// other openings is free.
 pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Forecast> {
     let mut inflows = Vec::new();
     let mut free = 0;
@@ -319,8 +322,8 @@ mod tests {
         Fluid::new(setup, &Domain::serial(SplitAxis::X, LENGTH, false)).unwrap()
     }
 
-    /// Returns the largest amplitude (density deviation) of the waves upstream and downstream, over a stream of
-    /// `speed`.
+    /// Returns the largest amplitudes (density deviation) of the upstream and downstream waves relative to a flow
+    /// of `speed`.
     fn waves(fluid: &Fluid<f64>, speed: f64) -> [f64; 2] {
         let mut largest = [0.0; 2];
         for x in 0..LENGTH {
@@ -333,14 +336,14 @@ mod tests {
         largest
     }
 
-    /// Steps in which sound goes through the duct.
+    /// Returns the number of steps in which sound crosses the duct.
     fn passage() -> u32 {
         to_u32(whole(length() / C) + 1)
     }
 
     const AMPLITUDE: f64 = 1e-4;
 
-    /// Returns the part of a group of waves that comes back from an opening.
+    /// Returns the fraction of a wave packet that an opening reflects.
     fn returned(mut fluid: Fluid<f64>, speed: f64, wavelength: f64, downstream: bool) -> f64 {
         let sign = if downstream { 1.0 } else { -1.0 };
         let width = wavelength.min(0.1 * length());
@@ -357,7 +360,7 @@ mod tests {
         waves(&fluid, speed)[usize::from(!downstream)] / begun
     }
 
-    /// The committed table of what comes back at normal incidence.
+    /// Committed table of reflection coefficients at normal incidence.
     const TABLE: &str = include_str!("../../../benches/accuracy/sound/returned.csv");
 
     /// Measures the table again.
@@ -384,7 +387,7 @@ mod tests {
                     others.push(row);
                 }
             }
-            // Water of little viscosity, waves no longer than a fifth of the domain.
+            // Water of small viscosity, and waves of at most a fifth of the domain.
             if tau < 1.0 && wavelength <= 0.2 * length() {
                 assert!(found[0] < 0.01 && found[2] < 0.01, "{row}: {found:?}");
             }
@@ -393,15 +396,14 @@ mod tests {
         assert_eq!(others, Vec::<&str>::new());
     }
 
-    /// Returns an outflow that holds the mean of the pressure at rest.
+    /// Returns an outflow with an imposed mean pressure equal to the reference.
     fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
         let links = convective_outflow::ConvectiveOutflowLinks::new((0, true), carried);
         let wave = PlaneWave::at_pressure(length());
         Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
     }
 
-    /// Waves no longer than a fifth of the domain come back to less than one per cent from each outflow that holds the
-    /// mean pressure.
+    /// Each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the domain.
     #[test]
     fn sound_leaves_through_outflows() {
         for carried in [Carried::Local, Carried::Whole, Carried::Given(0.05)] {
@@ -418,7 +420,7 @@ mod tests {
         }
     }
 
-    /// A start from rest settles as behind a pressure that absorbs, at the pressure and the velocity that are imposed.
+    /// A start from rest settles as at an absorbing pressure, to the imposed pressure and velocity.
     #[test]
     fn a_start_before_an_outflow_settles() {
         const SPEED: f64 = 0.01;
@@ -433,7 +435,7 @@ mod tests {
         }
     }
 
-    /// Returns the largest deviation from the steady flow after each passage of sound, of a start from rest.
+    /// Returns the largest deviation from the steady flow after each passage of sound, for a start from rest.
     fn start(absorbs: [bool; 2], foreseen: bool) -> (Fluid<f64>, Vec<f64>) {
         const SPEED: f64 = 0.01;
         let forecast = foreseen.then(|| -> Forecast { Box::new(|_| SPEED) });
@@ -456,14 +458,14 @@ mod tests {
         let (fluid, foreseen) = start([false, true], true);
         println!("rings {rings:.3?}\nsettles {settles:.4?}\nforeseen {foreseen:.4?}");
         assert!(rings[15] > 0.3);
-        // exp(-0.639 c t/L), behind a double root.
+        // Decay exp(-0.639 c t/L) of a double root.
         assert!(settles[15] < 2e-3 && settles[8] < 0.05, "{settles:?}");
         assert!(foreseen[3] < 0.015 && foreseen[7] < 7e-3, "{foreseen:?}");
-        // The steady state is that which was asked for, and what is remembered is all that lasts.
+        // The steady state is the imposed one, and the stored value is the only lasting state.
         let memory = fluid.memories().flatten().next().unwrap();
         assert!(memory.abs() < 1e-3, "{memory}");
         let (_, both) = start([true, true], true);
-        // An inlet that absorbs lets its velocity rise from zero as slowly as it lets it return.
+        // At an absorbing inlet the velocity rises from zero as slowly as it returns to its target.
         assert!(both[1] < 0.1 && both[15] < 0.02, "{both:?}");
     }
 }

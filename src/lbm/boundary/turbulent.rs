@@ -3,17 +3,18 @@
 //!
 //! u(x, t) = U(x) + I |U(x)| u'(x - U_b t n)
 //!
-//! A frozen field u' of unit root mean square is carried through the face with the mean U_b of the profile along the
-//! inward normal n (Taylor 1938), so that the intensity is I everywhere and a wall stays at rest. The rule adds -6 w_i
-//! c_i·(u - U) to what [`super::wall`] gives, with u' and U where the link crosses the face: at the middle of the
-//! cell's face for all its links it would be of first order only, by a tenth of the intensity at L = 6 cells.
+//! A frozen field u' of unit root mean square is carried through the face with the mean U_b of the profile along
+//! the inward normal n (Taylor 1938), so that the intensity is I everywhere and walls remain stationary. The rule
+//! adds -6 w_i c_i·(u - U) to the result of [`super::wall`], with u' and U at the point where the link crosses the
+//! face. With their values at the centre of the cell's face for all links, the error would be of first order: a
+//! tenth of the intensity at L = 6 cells.
 //!
 //! The flux through the whole face fluctuates too, by about I U_b times the root of the number of eddies over the face:
-//! the fluid answers with sound, which an outflow should let go.
+//! the fluid responds with sound, which an outflow should absorb.
 //!
-//! Cost: the phase of a wave is a sum over the axes, so that cosines are taken once for rows and columns of the face
-//! and twice multiplied for each place where links cross; four or fewer of these come upon a cell, as its neighbours
-//! share them.
+//! Cost: the phase of a wave is a sum over the axes, so that cosines are computed once for rows and columns of
+//! the face, followed by two multiplications for each point where links cross. Each cell has four or fewer of these
+//! points, because adjacent cells share them.
 
 use super::links::{LINKS_PER_THREAD, each_part};
 use crate::lanes::Stored;
@@ -26,7 +27,7 @@ use std::collections::BTreeMap;
 pub struct Synthetic {
     /// The frozen field.
     pub modes: Modes,
-    /// Root mean square of each component over the mean speed.
+    /// Root mean square of each component divided by the mean speed.
     pub intensity: f64,
     /// Velocity with which the field is carried into the domain \[cells per step\].
     pub speed: f64,
@@ -35,9 +36,9 @@ pub struct Synthetic {
 #[derive(Clone, Copy, Debug)]
 struct InletLink {
     link: Link,
-    /// 6 w_i c_i I |U|
+    /// Term 6 w_i c_i I |U|.
     term: [f64; 3],
-    /// Index of the place.
+    /// Index of the crossing point.
     place: usize,
 }
 
@@ -46,11 +47,11 @@ struct InletLink {
 struct Place {
     /// Twice the coordinates along the two axes of the face.
     at: [usize; 2],
-    /// u' of this step.
+    /// Fluctuation u' of this step.
     velocity: [f64; 3],
 }
 
-/// A complex number.
+/// Complex number as real and imaginary part.
 type Turn = [f64; 2];
 
 fn turn(angle: f64) -> Turn {
@@ -62,10 +63,10 @@ fn product(a: Turn, b: Turn) -> Turn {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// Places of a thread from which on it is worth waking.
+/// Minimum number of crossing points per thread.
 const PLACES_PER_THREAD: usize = 20;
 
-/// A patch with its links in a slab.
+/// Patch with its links in a slab.
 #[derive(Debug)]
 pub(crate) struct Inlet {
     places: Vec<Place>,
@@ -74,9 +75,9 @@ pub(crate) struct Inlet {
     /// Phase on the face at the start, and its change in a step, for each wave.
     time: Vec<[f64; 2]>,
     amplitudes: Vec<[f64; 3]>,
-    /// exp(i k x) along the two axes of the face, for each half of a cell and wave.
+    /// Values of exp(i k x) along the two axes of the face, for each half cell and wave.
     across: [Vec<Turn>; 2],
-    /// The second of them, turned to the present.
+    /// Values along the second axis, multiplied by the present phase.
     now: Vec<Turn>,
     axes: [usize; 2],
 }
@@ -125,7 +126,7 @@ impl Inlet {
         }
     }
 
-    /// Adds a link of a cell of the whole domain along `c`; `strength` is I |U| where it crosses the face.
+    /// Adds a link of a cell of the whole domain along `c`; `strength` is I |U| at the crossing point.
     pub(super) fn add(
         &mut self,
         cell: [usize; 3],
@@ -185,7 +186,8 @@ impl Inlet {
         });
     }
 
-    /// Returns u' where the waves of the first axis begin at `a` and those of the second at `b`.
+    /// Returns u' for waves with the values from index `a` on along the first axis and from `b` on along the
+    /// second.
     fn velocity(&self, a: usize, b: usize) -> [f64; 3] {
         let waves = self.time.len();
         let mut u = [0.0; 3];
@@ -260,7 +262,7 @@ mod tests {
         fluid
     }
 
-    /// The links get what the sum of waves says, at both ends of an axis.
+    /// The links receive the sum of the waves, at both ends of an axis.
     #[test]
     fn the_rule_is_the_frozen_field_at_the_face() {
         for upper in [false, true] {
@@ -280,7 +282,7 @@ mod tests {
                 let cell = populations.cell([x, y, z].map(usize::cast_signed));
                 for i in 1..velocities.q() {
                     let c = velocities.c[i].map(f64::from);
-                    // Through the face: what comes back less what left is -6 w c·u.
+                    // Through the face: the entering population minus the one that left is -6 w c·u.
                     if c[0] * carried >= 0.0 {
                         continue;
                     }
@@ -304,7 +306,7 @@ mod tests {
         }
     }
 
-    /// Behind the inlet the fluid has the intensity and the correlation that were asked for.
+    /// Behind the inlet the fluid has the requested intensity and correlation.
     #[test]
     fn intensity_and_length_behind_the_inlet() {
         let cells = [12, 20, 20];

@@ -1,5 +1,5 @@
-//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), and turbulence over it
-//! ([`super::turbulent`]).
+//! Imposed velocity: half-way bounce-back with the velocity of a profile ([`super::wall`]), optionally with
+//! turbulence ([`super::turbulent`]).
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -51,7 +51,8 @@ pub struct Velocity {
     pub sound: Sound,
 }
 
-/// Part of a discharge by which links at the rim may miss it; more than that is another flow than the one stated.
+/// Maximum fraction of a discharge that links at the rim may lack; above it the flow would differ from the stated
+/// one.
 const MOST_AMISS: f64 = 0.5;
 
 fn reflect() -> Sound {
@@ -92,7 +93,7 @@ impl BoundaryModel for Velocity {
         self.profile.resolve((site, &path), read, report);
     }
 
-    /// Checks that turbulence enters with the mean flow.
+    /// Checks that the mean flow is into the domain, so that it carries turbulence in.
     fn check(&self, place: &Place<'_>, report: &mut dyn Report) {
         let mean =
             || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
@@ -166,13 +167,13 @@ impl BoundaryModel for Velocity {
     }
 }
 
-/// Returns the size of the largest factor of a table; 1 without a table.
+/// Returns the largest absolute factor of a table; 1 without a table.
 pub(super) fn largest_factor(table: Option<&[[f64; 2]]>) -> f64 {
     let [low, high] = TimeTable::new(table, 1.0).range();
     low.abs().max(high.abs())
 }
 
-/// Returns the factors of a table by step.
+/// Returns the factors of a table as a function of the step.
 pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Option<TimeTable> {
     let history = table.map(|table| TimeTable::new(Some(table), 1.0));
     history.map(|history| history.scaled(|time| units.time_to_lattice(time), |factor| factor))
@@ -216,47 +217,47 @@ fn synthetic(
     }
     let lengths = std::array::from_fn(|a| site.periodic[a].then(|| real(site.cells[a])));
     Ok(Synthetic {
-        // Round periodic axes the field repeats as the fluid does: it would be torn there otherwise.
+        // Along periodic axes the field is periodic like the fluid; otherwise it would be discontinuous.
         modes: written.modes(site.dimension, units).periodic(lengths),
         intensity: written.intensity,
         speed,
     })
 }
 
-/// The fluid sticks to a wall, or enters, with the velocity of the profile times the ramp.
+/// Rule of a wall or inlet with the velocity of the profile times the ramp.
 pub struct VelocityLinks {
     kind: BoundaryKind,
     profile: FaceVelocity,
     ramp: Ramp,
-    /// Factors of the profile by step.
+    /// Factors of the profile as a function of the step.
     history: Option<TimeTable>,
-    /// The axis of the face, and the ends of the patch within it, in cells; none for a whole face.
+    /// Axis of the face and ends of the patch in cells; `None` for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
-    /// The discharge that is stated, at full speed; none if nothing is.
+    /// Stated discharge at full speed; `None` without one.
     discharge: Option<f64>,
-    /// Discharge of the links of this rank at a factor of one, in quanta.
+    /// Discharge of this rank's links at a factor of one, in quanta.
     given: i128,
-    /// Factor of the velocities with which all links together let the discharge in.
+    /// Factor of the velocities with which all links together have the stated discharge.
     balance: f64,
-    /// Fluctuation, and axis and end of the face.
+    /// Fluctuations, and axis and end of the face.
     turbulence: Option<(Synthetic, (usize, bool))>,
-    /// The links with fluctuations, from the first link on.
+    /// Links with fluctuations, created with the first link.
     inlet: Option<Inlet>,
-    /// Plane wave that lets sound out, with its links.
+    /// Plane wave that absorbs sound, with its links.
     sound: Option<Absorbing>,
 }
 
-/// The links of an inlet that absorbs sound.
+/// Links of an inlet that absorbs sound.
 #[derive(Debug)]
 struct Absorbing {
     wave: PlaneWave,
     links: Vec<FaceLink>,
-    /// 6 w_i c_i·u of each at full speed.
+    /// Term 6 w_i c_i·u of each link at full speed.
     terms: Vec<f64>,
 }
 
 impl VelocityLinks {
-    /// Returns the profile times a ramp.
+    /// Returns the rule of a profile with a ramp.
     #[must_use]
     pub fn new(profile: FaceVelocity, ramp: Ramp) -> Self {
         Self {
@@ -274,7 +275,7 @@ impl VelocityLinks {
         }
     }
 
-    /// Returns the rule with factors of the profile by step.
+    /// Returns the rule with a table of factors.
     #[must_use]
     pub(super) fn following(mut self, history: Option<TimeTable>) -> Self {
         self.history = history;
@@ -290,7 +291,7 @@ impl VelocityLinks {
         factor * self.ramp.value_at(step)
     }
 
-    /// Returns a velocity that is uniform and constant \[cells per step\].
+    /// Returns the rule of a uniform constant velocity \[cells per step\].
     #[must_use]
     pub fn uniform(velocity: [f64; 3]) -> Self {
         Self::new(Box::new(move |_| velocity), Ramp::constant(1.0))
@@ -313,14 +314,14 @@ impl VelocityLinks {
         self
     }
 
-    /// Adds turbulence to the profile; `side` is the axis of the face, and `true` if it is at the upper end.
+    /// Adds turbulence to the profile; `side` is the axis of the face and `true` for its upper end.
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));
         self
     }
 
-    /// Adds the plane wave that lets sound out.
+    /// Adds the plane wave that absorbs sound.
     #[must_use]
     pub(super) fn absorbing(mut self, wave: PlaneWave) -> Self {
         self.sound = Some(Absorbing {

@@ -1,12 +1,12 @@
-//! Half-way bounce-back at a wall at rest, a moving wall, or a face with prescribed velocity (Ladd 1994).
+//! Half-way bounce-back at a stationary wall, a moving wall, or a face with imposed velocity (Ladd 1994).
 //!
-//! f_ī(x, t+1) = f*_i(x, t) - 6 w_i c_i·u_w with the reference density one in the last term, which so cancels exactly
-//! over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
+//! f_ī(x, t+1) = f*_i(x, t) - 6 w_i c_i·u_w. The last term uses the reference density one, so that it cancels
+//! exactly over a closed wall. The wall lies half-way between x and x + c_i. Second order; exact for Couette flow
 //! (`jobs/verification/couette`).
 //!
-//! Along a face the links of one direction stand at equal distances in memory: they are kept as runs, so that a wall
-//! costs a copy from array to array and next to no memory. Runs go by the plane of their cells, so that the links of a
-//! plane can be given while its numbers are still in the cache.
+//! Along a face the links of one direction are at equal distances in memory. They are stored as runs, so that a
+//! wall costs a copy between arrays and little memory. Runs are sorted by the plane of their cells, so that the
+//! links of a plane can be applied while its numbers are still in the cache.
 
 use super::links::{Counted, Row};
 use crate::block::{Line, RowBlock};
@@ -17,16 +17,16 @@ use base::number::to_u32;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// One link that ends at a wall.
+/// Link that ends at a wall.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WallLink {
     pub(crate) link: Link,
     pub(crate) patch: usize,
     pub(crate) direction: usize,
-    /// Plane of the cell across the split axis, and row of the plane.
+    /// Plane of the cell normal to the split axis, and row of the plane.
     pub(crate) plane: usize,
     pub(crate) row: u32,
-    /// 6 w_i c_i·u_w at full speed.
+    /// Term 6 w_i c_i·u_w at full speed.
     pub(crate) term: f64,
 }
 
@@ -38,7 +38,7 @@ struct Run {
 }
 
 impl Run {
-    /// Returns its links.
+    /// Returns the links of the run.
     fn links(&self) -> impl Iterator<Item = WallLink> {
         let Self { first, line } = *self;
         (0..line.count).map(move |k| {
@@ -55,7 +55,7 @@ impl Run {
         })
     }
 
-    /// Returns the run with one more link, where the link continues it.
+    /// Returns the run extended by one link, if it continues the run.
     fn with(self, next: &WallLink) -> Option<Self> {
         let Self { first, line } = self;
         let apart = next.link.near.checked_sub(first.link.near)?;
@@ -69,17 +69,17 @@ impl Run {
     }
 }
 
-/// The links that end at walls.
+/// Links that end at walls.
 #[derive(Debug, Default)]
 pub(crate) struct Walls {
     runs: Vec<Run>,
-    /// Start of the runs of each plane, and the end.
+    /// Index of the first run of each plane, and the total.
     begins: Vec<usize>,
     counted: Counted,
 }
 
 impl Walls {
-    /// Returns the links of a slab of `planes`.
+    /// Returns the links of a slab with this number of planes.
     pub(super) fn new(mut links: Vec<WallLink>, planes: usize) -> Self {
         links.sort_unstable_by_key(|w| (w.plane, w.patch, w.direction, w.link.near));
         let mut runs: Vec<Run> = Vec::new();
@@ -110,17 +110,18 @@ impl Walls {
         self.runs.iter().flat_map(Run::links)
     }
 
-    /// Returns every link of walls that move or let water in.
+    /// Returns the links of walls that move or let water in.
     pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
         let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
         moving.flat_map(Run::links)
     }
 
-    /// Returns the links as copies of numbers after a pass of this parity; the factor of each is that of its patch.
-    /// `plane` is the distance from plane to plane: runs that stand alike in planes side by side become one rectangle.
+    /// Returns the links as copies between positions after a pass of this parity; the factor of each is that of its
+    /// patch. `plane` is the distance between planes in memory. Congruent runs in consecutive planes form one
+    /// rectangle.
     pub(crate) fn copies(&self, parity: Parity, plane: u32) -> Vec<Copies> {
         let mut all: Vec<Copies> = Vec::new();
-        // Where the rectangle is that each run of the plane before continues, by the first number of its last run.
+        // Rectangle continued by each run of the previous plane, by the first number of its last run.
         let mut open: HashMap<(u32, u32), usize> = HashMap::new();
         for run in &self.runs {
             let link = run.first.link;
@@ -158,8 +159,8 @@ impl Walls {
         all
     }
 
-    /// Gives what comes back from the walls to the cells of some planes, by several threads where the links are many;
-    /// `speed` is the factor of a patch.
+    /// Applies bounce-back to the cells of some planes, on several threads if the links are many; `speed` is the
+    /// factor of a patch.
     pub(super) fn apply<S: Stored>(
         &self,
         planes: Range<usize>,
@@ -171,13 +172,13 @@ impl Walls {
         self.counted.each(runs, populations, |run, some, numbers| {
             let run = &self.runs[run];
             let term = run.term(&speed);
-            // SAFETY: the populations are borrowed alone; both ends of a link lie in the slab, and no other link has
-            // them.
+            // SAFETY: the populations are borrowed exclusively; both ends of a link lie in the slab, and no other
+            // link accesses them.
             unsafe { run.row(some, parity).give(term, numbers) };
         });
     }
 
-    /// Does [`Self::apply`] for some rows, on numbers that other threads may access elsewhere.
+    /// Applies bounce-back like [`Self::apply`] to some rows, on numbers that other threads may access elsewhere.
     ///
     /// # Safety
     /// `numbers` must be those for whose slab the links were found, and no other thread may access the two numbers of
@@ -201,10 +202,10 @@ impl Walls {
 }
 
 impl Run {
-    /// Returns the term that its links lose, where `speed` is the factor of a patch.
+    /// Returns the term subtracted from its links, where `speed` is the factor of a patch.
     fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
         let WallLink { patch, term, .. } = self.first;
-        // Most walls are at rest.
+        // Most walls are stationary.
         if term == 0.0 {
             0.0
         } else {
@@ -212,7 +213,7 @@ impl Run {
         }
     }
 
-    /// Returns the numbers of some of its links.
+    /// Returns the positions of a range of its links.
     fn row(&self, some: Range<usize>, parity: Parity) -> Row {
         let link = self.first.link;
         Row::new(
@@ -223,7 +224,7 @@ impl Run {
     }
 }
 
-/// Returns 6 w_i c_i·u.
+/// Returns the term 6 w_i c_i·u.
 pub(crate) fn term(weight: f64, c: [i8; 3], u: [f64; 3]) -> f64 {
     6.0 * weight * (f64::from(c[0]) * u[0] + f64::from(c[1]) * u[1] + f64::from(c[2]) * u[2])
 }
@@ -247,7 +248,7 @@ mod tests {
         }
     }
 
-    /// Runs hold the links that they were made of, each once, and bounce them as one by one.
+    /// Runs contain the links from which they were made, each once, and give the same result as single links.
     #[test]
     fn runs_are_their_links() {
         let mut links = Vec::new();

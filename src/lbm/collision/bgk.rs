@@ -71,7 +71,7 @@ impl CollisionModel for BgkParameters {
     }
 }
 
-/// Cells with viscosities of their own share the passes of TRT, with equal rates.
+/// Kernels: cells with different viscosities use the passes of TRT with equal rates.
 impl Kernels for BgkParameters {
     type Uniform<const FORCED: bool> = Bgk<FORCED>;
     type Local = Trt<true>;

@@ -1,4 +1,4 @@
-//! The cell Reynolds number up to which runs with an operator were stable.
+//! Cell Reynolds number up to which runs with an operator were stable.
 //!
 //! The cell Reynolds number is U h/ν, with U the largest imposed speed. The limits are those of the maps under
 //! `benches/stability`, one folder per flow: double shear layers (no walls, no openings), lid-driven cavities (walls),
@@ -10,11 +10,11 @@ use crate::lattice::VelocitySet;
 /// Bounds of the cell Reynolds number up to a lattice velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReynoldsBounds {
-    /// Largest lattice velocity U dt/h for which they hold.
+    /// Largest lattice velocity U dt/h for which the bounds are valid.
     pub lattice_velocity: f64,
-    /// The largest value up to which every run ended.
+    /// Largest cell Reynolds number up to which every run was stable.
     pub holds: f64,
-    /// The smallest value at which a run failed.
+    /// Smallest cell Reynolds number at which a run failed.
     pub fails: f64,
 }
 
@@ -29,48 +29,48 @@ impl ReynoldsBounds {
         }
     }
 
-    /// Returns the bounds for flows of any speed.
+    /// Returns the bounds for any lattice velocity.
     #[must_use]
     pub const fn always(holds: f64, fails: f64) -> [Self; 1] {
         [Self::up_to(f64::INFINITY, holds, fails)]
     }
 }
 
-/// A border of stability with the map that shows it.
+/// Border of stability with the map that shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
     /// Folder of the map under `benches/stability`.
     pub map: &'static str,
-    /// Bounds, by rising lattice velocity.
+    /// Bounds in ascending order of the lattice velocity.
     pub bounds: &'static [ReynoldsBounds],
 }
 
 /// Boundaries of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surroundings {
-    /// Periodic domain without walls and openings.
+    /// Periodic domain without walls or openings.
     Periodic,
-    /// Walls and no openings.
+    /// Walls without openings.
     Walls,
     /// An inlet or outlet.
     Openings,
 }
 
-/// A flow whose stability is judged.
+/// Flow whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Situation {
-    /// Velocity set: that with 19 velocities fails before that with 27.
+    /// Velocity set: D3Q19 becomes unstable before D3Q27.
     pub velocities: VelocitySet,
     /// Boundaries of the fluid.
     pub surroundings: Surroundings,
-    /// `true` if a moving wall ends at a wall at rest: the corners of a lid are the most demanding walls.
+    /// `true` if a moving wall ends at a stationary wall: the corners of a lid are the most demanding walls.
     pub lid_meets_wall: bool,
     /// `true` if an eddy viscosity is added.
     pub eddies: bool,
 }
 
 impl Situation {
-    /// Returns `true` for openings in three dimensions without an eddy viscosity: the flows of the map of the duct.
+    /// Returns `true` for openings in 3-D without an eddy viscosity: the flows of the map of the duct.
     pub(super) fn duct(&self) -> bool {
         self.surroundings == Surroundings::Openings
             && self.velocities.dimension() == 3
@@ -78,10 +78,10 @@ impl Situation {
     }
 }
 
-/// A body that moves through the fluid, whose stability is judged.
+/// Moving body whose stability is judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MovingBody {
-    /// `true` if links at its surface return the populations; otherwise its cells are partially saturated.
+    /// `true` if links at its surface return the populations; `false` if its cells are partially saturated.
     pub links: bool,
     /// Number of dimensions of the flow.
     pub dimension: usize,
@@ -89,7 +89,7 @@ pub struct MovingBody {
     pub eddies: bool,
 }
 
-/// Limits of a disc that moves, held by links, with any operator of 2-D. Outside the map discs of other sizes failed at
+/// Bounds of a moving disc with links, for any 2-D operator. Outside the map discs of other sizes failed at
 /// 9.7 at a lattice velocity of 0.15.
 const DISC: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(0.11, 10.0, 11.0),
@@ -98,7 +98,7 @@ const DISC: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
-/// Limits of a disc that moves, in partially saturated cells: at a lattice velocity of 0.2 the water next to it passes
+/// Bounds of a moving disc in partially saturated cells: at a lattice velocity of 0.2 the water next to it exceeds
 /// the guard.
 const SATURATED_DISC: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(0.11, 80.0, f64::INFINITY),
@@ -107,13 +107,13 @@ const SATURATED_DISC: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(f64::INFINITY, 0.0, 0.0),
 ];
 
-/// A sphere that moves, in partially saturated cells, with any operator of 3-D.
+/// Bounds of a moving sphere in partially saturated cells, for any 3-D operator.
 const SATURATED_SPHERE: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(0.15, 80.0, f64::INFINITY),
     ReynoldsBounds::up_to(f64::INFINITY, 40.0, 80.0),
 ];
 
-/// A sphere that moves, held by links, with one or two relaxation times.
+/// Bounds of a moving sphere with links, for one or two relaxation times.
 pub(super) const SPHERE: &[ReynoldsBounds] = &[
     ReynoldsBounds::up_to(0.11, 10.0, 12.0),
     ReynoldsBounds::up_to(0.15, 7.0, 10.0),
@@ -121,7 +121,7 @@ pub(super) const SPHERE: &[ReynoldsBounds] = &[
 ];
 
 impl MovingBody {
-    /// Returns the border of an operator that holds a sphere with links within the bounds `sphere`.
+    /// Returns the border of an operator with the bounds `sphere` for a sphere with links.
     pub(super) fn border(&self, sphere: &'static [ReynoldsBounds]) -> Border {
         let (map, bounds) = match (self.dimension, self.links) {
             (2, true) => ("moving-disc-10", DISC),
@@ -133,9 +133,9 @@ impl MovingBody {
     }
 }
 
-/// Openings in 2-D, with two relaxation times and with one. The map has lattice velocities 0.2 and 0.28; at the latter
-/// eddies pass the guard at 0.3. Between the points of the map cylinders at other places failed from 12 on with two
-/// relaxation times.
+/// Borders of openings in 2-D, with two relaxation times and with one. The map has the lattice velocities 0.2 and
+/// 0.28; at the latter eddies exceed the guard at 0.3. Between the points of the map, cylinders at other positions
+/// failed from 12 on with two relaxation times.
 pub(super) const CYLINDER: [Border; 2] = [
     cylinder(&[
         ReynoldsBounds::up_to(0.21, 10.0, 12.0),
@@ -156,7 +156,7 @@ const fn cylinder(bounds: &'static [ReynoldsBounds]) -> Border {
     }
 }
 
-/// Openings with an eddy viscosity, with one or two relaxation times.
+/// Border of openings with an eddy viscosity, with one or two relaxation times.
 pub(super) const DUCT_WITH_EDDIES: Border = Border {
     map: "duct-eddies-16",
     bounds: &ReynoldsBounds::always(5.0, 10.0),

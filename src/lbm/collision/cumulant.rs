@@ -11,11 +11,11 @@
 //!
 //! The relaxation of the diagonal contains the correction of the cubic error in u (from the strain that the moments
 //! represent), so that the viscosity does not depend on the velocity of the frame. There is no magic parameter: the
-//! position of a wall depends weakly on τ. The transforms are three sweeps of nine, on deviations from the moments of
-//! the weights, so that the fluid at rest is exact. A force changes the first central moment from -F/2 to F/2. The
-//! Gaussian then has its centre at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and κ_aabbc = κ_aa κ_bb
-//! F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure is wrong next to a
-//! wall against which a force presses the fluid.
+//! position of a wall depends weakly on τ. The transforms are three sweeps of nine one-dimensional transforms,
+//! applied to deviations from the moments of the weights, so that fluid at rest is exact. A force changes the first
+//! central moment from -F/2 to F/2. The Gaussian then is centred at u + F/(2ρ), so that κ_aab = κ_aa F_b/(2ρ) and
+//! κ_aabbc = κ_aa κ_bb F_c/(2ρ²), as with the Guo forcing of the other operators. Without these terms the pressure
+//! is wrong next to a wall against which a force presses the fluid.
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -75,7 +75,7 @@ impl CollisionModel for CumulantParameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// Returns the border; with eddies it lies beyond the map.
+    /// Returns the border; with an eddy viscosity it lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.duct() {
             return Some(border::duct(DUCT));
@@ -96,7 +96,8 @@ impl CollisionModel for CumulantParameters {
     }
 }
 
-/// The kernel with a force serves all passes: the operator is bound by arithmetic, and a force costs little.
+/// Kernels: the kernel with a force serves all passes, because the operator is limited by arithmetic and a force
+/// costs little.
 impl Kernels for CumulantParameters {
     type Uniform<const FORCED: bool> = Cumulant<true>;
     type Local = Cumulant<true>;
@@ -119,21 +120,21 @@ impl Kernels for CumulantParameters {
 /// Cumulants, with a uniform body force where `FORCED`.
 #[derive(Clone, Copy, Debug)]
 pub struct Cumulant<const FORCED: bool> {
-    /// Rate of the shear stress 1/τ.
+    /// Relaxation rate of the shear stress, 1/τ.
     pub omega: f64,
-    /// Rate of the trace of the stress; 1 damps sound best.
+    /// Relaxation rate of the trace of the stress; 1 damps sound most.
     pub bulk: f64,
     /// Force density in lattice units.
     pub force: [f64; 3],
 }
 
-/// Weights of one dimension: rest, +, -.
+/// One-dimensional weights in the order rest, +, -.
 const WEIGHT: [f64; 3] = [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0];
-/// Moments of the weights of order 0, 1, 2.
+/// Moments of order 0, 1, 2 of the weights.
 const MOMENT: [f64; 3] = [1.0, 0.0, 1.0 / 3.0];
 
-/// Converts numbers (rest, +, -) to central moments of order 0, 1, 2 about `u`, all without the part of the weights;
-/// `k` is their sum.
+/// Converts populations (rest, +, -) to central moments of order 0, 1, 2 about `u`, both without the contribution
+/// of the weights; `k` is the sum of these weights.
 #[inline(always)]
 fn analyse<N: Lanes>([rest, plus, minus]: [N; 3], u: N, k: f64) -> [N; 3] {
     let (sum, difference) = (plus + minus, plus - minus);
@@ -155,7 +156,7 @@ fn compose<N: Lanes>([zeroth, first, second]: [N; 3], u: N, k: f64) -> [N; 3] {
     ]
 }
 
-/// Moments of fourth order of a Gaussian from those of second order, without the part of the weights.
+/// Fourth moments of a Gaussian as functions of its second moments, without the contribution of the weights.
 #[derive(Clone, Copy)]
 struct Gaussian<N> {
     drho: N,
@@ -163,14 +164,14 @@ struct Gaussian<N> {
 }
 
 impl<N: Lanes> Gaussian<N> {
-    /// Returns κ_aabb from κ_aa and κ_bb without theirs, and the square of κ_ab.
+    /// Returns κ_aabb from κ_aa and κ_bb without the contributions of the weights, and the square of κ_ab.
     #[inline(always)]
     fn fourth(self, a: N, b: N, square: N) -> N {
         let rest = square.mul_add(n::<N>(2.0), self.drho * n::<N>(-1.0 / 9.0));
         a.mul_add(b, (a + b).mul_add(n::<N>(1.0 / 3.0), rest)) * self.inverse
     }
 
-    /// Returns κ_aabc from κ_aa without its part of the weights, κ_bc, κ_ab and κ_ac.
+    /// Returns κ_aabc from κ_aa without the contribution of the weights, κ_bc, κ_ab and κ_ac.
     #[inline(always)]
     fn mixed(self, a: N, straight: N, one: N, other: N) -> N {
         (a + n::<N>(1.0 / 3.0)).mul_add(straight, one * other * n::<N>(2.0)) * self.inverse
@@ -219,7 +220,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "the cumulants are those of D3Q27") };
-        // Density and velocity first: the moments are about it.
+        // Density and velocity are computed first, because the moments are about the velocity.
         let (drho, mut m) = density_and_momentum(g);
         if FORCED {
             unroll!(axes a < 3 => {
@@ -230,7 +231,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         let inverse = N::splat(1.0) / rho;
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
-        // Sweeps along z, y, x; only moments up to the second order are needed before the collision.
+        // Sweeps along z, y, x; only moments up to second order are needed before the collision.
         let mut t = [[[n::<N>(0.0); 3]; 3]; 3];
         unroll!(axes x < 3 => {
             unroll!(axes y < 3 => {
@@ -264,7 +265,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         let [_, zx, _] = along_x!(0, 1);
         let [yz, ..] = along_x!(1, 1);
 
-        // Rates of strain of the axes, as the moments show them.
+        // Rates of strain along the axes, computed from the moments.
         let trace = (xx + yy + zz) - drho;
         let shear = omega * inverse;
         let d_x = (xx + xx - yy - zz).neg_mul_add(
@@ -286,7 +287,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
         let c = a - x_z;
         let (r, q, p) = (xy * keep, zx * keep, yz * keep);
 
-        // The Gaussian with these second moments; without the part of the weights.
+        // Gaussian with these second moments, without the contribution of the weights.
         let (pp, qq, rr) = (p * p, q * q, r * r);
         let of = Gaussian { drho, inverse };
         let pairs = a.mul_add(b, b.mul_add(c, c * a));
@@ -296,7 +297,7 @@ impl<const FORCED: bool> Collision for Cumulant<FORCED> {
             - drho.mul_add(drho, drho + drho) * n::<N>(1.0 / 27.0);
         let zero = n::<N>(0.0);
         let mut first = [zero; 3];
-        // κ_abb, κ_acc and κ_abbcc of the axis a, from the force along it.
+        // Moments κ_abb, κ_acc and κ_abbcc of the axis a, from the force along it.
         let mut odd = [[zero; 3]; 3];
         if FORCED {
             let [s_x, s_y, s_z] = [a, b, c].map(|s| (s + third) * inverse);
@@ -361,7 +362,7 @@ mod tests {
 
     const FORCE: [f64; 3] = [0.011, -0.007, 0.003];
 
-    /// Deviations of some lively cell.
+    /// Returns the deviations of a cell far from equilibrium.
     fn cell(seed: u64) -> [f64; 27] {
         std::array::from_fn(|i| {
             let x = (seed * 27 + i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11;
@@ -382,7 +383,7 @@ mod tests {
             .product()
     }
 
-    /// Computes the collision by moments written out and a system of 27 equations, with the cumulants in the form of
+    /// Computes the collision from explicit moments and a system of 27 equations, with the cumulants in the form of
     /// Geier et al. (2015).
     fn reference(g: &[f64; 27], omega: f64, bulk: f64, force: [f64; 3]) -> [f64; 27] {
         let f: Vec<f64> = (0..27).map(|i| g[i] + D3Q27::W[i]).collect();
@@ -443,7 +444,7 @@ mod tests {
             [2, 0, 2] => k202,
             [0, 2, 2] => k022,
             [2, 2, 2] => k222,
-            // One odd order: the Gaussian lies about u + F/(2 rho), to first order in F.
+            // For one odd order, the Gaussian is centred at u + F/(2 rho), to first order in F.
             order if order.iter().filter(|&&n| n == 1).count() == 1 => (0..3)
                 .map(|a| match order[a] {
                     1 => 0.5 * force[a],

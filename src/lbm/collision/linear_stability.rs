@@ -15,17 +15,17 @@ use crate::lattice::Lattice;
 use std::f64::consts::PI;
 use std::sync::{Mutex, PoisonError};
 
-/// The wave that grows most.
+/// Fastest growing wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
-    /// |λ|: what its amplitude is multiplied by in a step; 1 or less where none grows.
+    /// Growth factor |λ| of its amplitude per step; 1 or less if no wave grows.
     pub factor: f64,
     /// Wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
     pub vector: [i8; 3],
 }
 
 impl Wave {
-    /// Returns its length in cells.
+    /// Returns the wavelength in cells.
     #[must_use]
     pub fn length(&self) -> f64 {
         let squares = self.vector.map(|n| f64::from(n) * f64::from(n));
@@ -37,18 +37,18 @@ impl Wave {
 const NUMBERS: i8 = 16;
 /// Number of times the matrix is squared.
 const SQUARINGS: i32 = 13;
-/// Amplitude about rest: differences there have no odd terms above the first but of the third order, and populations at
-/// rest are zero, so that nothing is rounded off.
+/// Amplitude about rest: differences have no odd terms above the first except of third order, and populations at
+/// rest are zero, so that there is no rounding.
 const SMALL: f64 = 1e-8;
-/// Amplitude about uniform motion: between its square and the rounding of populations near the weights.
+/// Amplitude about uniform motion: between its square and the rounding of populations close to the weights.
 const SMALL_IN_MOTION: f64 = 1e-5;
 
-/// Operators that were analysed already: a study plans the same one for many members.
+/// Operators analysed so far: a study plans the same operator for many members.
 static ANALYSED: Mutex<Vec<(Vec<f64>, Wave)>> = Mutex::new(Vec::new());
-/// The most operators that are remembered; later ones are analysed each time.
+/// Maximum number of stored operators; later ones are analysed each time.
 const REMEMBERED: usize = 64;
 
-/// Returns the wave that grows most with an operator, among those of [`NUMBERS`] along each axis.
+/// Returns the fastest growing wave of an operator, among those of [`NUMBERS`] along each axis.
 #[must_use]
 pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wave {
     let linear = linear::<L, C, Q>(operator, [0.0; 3]);
@@ -64,15 +64,15 @@ pub fn fastest<L: Lattice<Q>, C: Collision, const Q: usize>(operator: &C) -> Wav
     wave
 }
 
-/// Returns the wave that grows most with a linear operator that treats all axes alike.
+/// Returns the fastest growing wave of a linear operator that is symmetric in the axes.
 fn search<L: Lattice<Q>, const Q: usize>(linear: &[[f64; Q]; Q]) -> Wave {
     let vectors =
         (1..=NUMBERS).flat_map(|z| (0..=z).flat_map(move |y| (0..=y).map(move |x| [x, y, z])));
     most::<L, Q>(linear, vectors)
 }
 
-/// Returns the wave that grows most in fluid that moves at a `velocity` of cells per step, among every `stride`-th of
-/// [`NUMBERS`] to both sides along each axis. A wave and its opposite grow alike.
+/// Returns the fastest growing wave in fluid that moves at a `velocity` of cells per step, among every `stride`-th
+/// of [`NUMBERS`] in both directions along each axis. A wave and its opposite grow alike.
 #[must_use]
 pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
@@ -88,7 +88,7 @@ pub fn fastest_in_motion<L: Lattice<Q>, C: Collision, const Q: usize>(
     most::<L, Q>(&linear, vectors)
 }
 
-/// Returns the wave that grows most among some.
+/// Returns the fastest growing wave of a list.
 fn most<L: Lattice<Q>, const Q: usize>(
     linear: &[[f64; Q]; Q],
     vectors: impl Iterator<Item = [i8; 3]>,
@@ -107,8 +107,8 @@ fn most<L: Lattice<Q>, const Q: usize>(
     fastest
 }
 
-/// Returns the population that leaves along i for each g that comes in along j, linearized about equilibrium at a
-/// velocity.
+/// Returns the derivative of the outgoing population i with respect to the incoming population j, linearised about
+/// equilibrium at a velocity.
 fn linear<L: Lattice<Q>, C: Collision, const Q: usize>(
     operator: &C,
     velocity: [f64; 3],
@@ -132,7 +132,7 @@ fn linear<L: Lattice<Q>, C: Collision, const Q: usize>(
     matrix
 }
 
-/// Real and imaginary parts.
+/// Complex matrix as real and imaginary parts.
 struct Matrix<const Q: usize>([Box<[[f64; Q]; Q]>; 2]);
 
 impl<const Q: usize> Matrix<Q> {
@@ -140,7 +140,7 @@ impl<const Q: usize> Matrix<Q> {
         Self([(); 2].map(|()| Box::new([[0.0; Q]; Q])))
     }
 
-    /// Returns D(k) C.
+    /// Returns the matrix D(k) C.
     fn new<L: Lattice<Q>>(linear: &[[f64; Q]; Q], k: [f64; 3]) -> Self {
         let mut all = Self::zeros();
         let [real, imaginary] = &mut all.0;
@@ -222,8 +222,8 @@ mod tests {
         })
     }
 
-    /// Nothing grows at rest with one or two relaxation times, however small the viscosity; a rate beyond 2 overshoots
-    /// more in every step.
+    /// No wave grows in fluid at rest with one or two relaxation times, for any viscosity; a rate above 2
+    /// overshoots more in every step.
     #[test]
     fn one_rate_lets_nothing_grow_below_two() {
         let bgk = |omega: f64| {
@@ -239,12 +239,12 @@ mod tests {
                 "{omega}: {wave:?}"
             );
         }
-        // 1 - ω of what is not conserved.
+        // The factor is 1 - ω of the moments that are not conserved.
         assert!((bgk(2.1).factor - 1.1).abs() < 0.02);
     }
 
-    /// The published matrix holds near tau = 1/2 and lets waves of three cells along the diagonals grow from 0.556 on;
-    /// largest eigenvalues by LAPACK: 1.05273777811894 at 0.8.
+    /// The published matrix is stable near tau = 1/2, and waves of three cells along the diagonals grow from 0.556
+    /// on; largest eigenvalue by LAPACK: 1.05273777811894 at 0.8.
     #[test]
     fn the_published_matrix_lets_waves_grow() {
         let wave = suga(0.8, Rates::SUGA);
@@ -258,14 +258,14 @@ mod tests {
             assert!((wave.factor - expected).abs() < 5e-5, "{tau}: {wave:?}");
         }
         assert!(suga(0.55, Rates::SUGA).factor < 1.0 + 1e-7);
-        // As tau goes to 1/2 others grow, slowly.
+        // As tau approaches 1/2, other waves grow slowly.
         assert!((suga(0.5001, Rates::SUGA).factor - 1.00075).abs() < 1e-5);
         let ones = Rates::two(1.0, 1.0);
         assert!(suga(0.51, ones).factor > 1.005);
     }
 
-    /// Orthogonal under the weights, the same moments with the same rates let nothing grow at rest, as the proof in
-    /// [`super::super::mrt`] says: waves of every second length, with the rates of Suga and with higher moments at
+    /// With moments orthogonal under the weights, no wave grows in fluid at rest at the same rates, as proved in
+    /// [`super::super::mrt`]: waves of every second length, with the rates of Suga and with higher moments at
     /// equilibrium.
     #[test]
     fn moments_orthogonal_under_the_weights_let_nothing_grow() {

@@ -6,13 +6,13 @@
 //! and their rates, S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5
 //! = s7 = 1/τ.
 //!
-//! **Nothing grows at rest.** Linearised about rest, an equilibrium of second order is the projection onto 1 and c, and
-//! the operator is symmetric in the inner product Σ a_i b_i/w_i, with the eigenvalues 1 and 1 - s. For rates from 0 to
-//! 2 it makes no deviation larger in that norm, and streaming keeps the norm: no wave grows at any τ (M. Junk, W.-A.
-//! Yong, SIAM J. Numer. Anal. 47 (2009) 1651). The published matrix ([`super::suga`]) is orthogonal without the
-//! weights, and waves grow with it. In uniform motion along an axis, waves of 16 to 2 cells grow with the rates of Suga
-//! from a lattice velocity of 0.07, 0.19, 0.27 and 0.34 on at τ = 0.501, 0.51, 0.55 and 0.6; with the published matrix
-//! from 0.055, 0.17, 0.19 and 0 on.
+//! **No wave grows at rest.** Linearised about rest, an equilibrium of second order is the projection onto 1 and c,
+//! and the operator is symmetric in the inner product Σ a_i b_i/w_i, with the eigenvalues 1 and 1 - s. For rates
+//! from 0 to 2 it increases no deviation in that norm, and streaming preserves the norm: no wave grows at any τ (M.
+//! Junk, W.-A. Yong, SIAM J. Numer. Anal. 47 (2009) 1651). The published matrix ([`super::suga`]) is orthogonal
+//! without the weights, and waves grow with it. In uniform motion along an axis, waves of 16 to 2 cells grow with
+//! the rates of Suga from a lattice velocity of 0.07, 0.19, 0.27 and 0.34 on at τ = 0.501, 0.51, 0.55 and 0.6; with
+//! the published matrix from 0.055, 0.17, 0.19 and 0 on.
 //!
 //! **The factorised form.** The moments are products of one polynomial in each component of c, from 1, c and K = 1 -
 //! 3c², or sums or differences of such products. 1, c and K are orthogonal under the weights (2/3, 1/6, 1/6) of an
@@ -31,9 +31,9 @@
 //! | XYZ | c_x c_y c_z | s26 |
 //!
 //! M and M⁻¹ are three sweeps of 9 small transforms each. Equilibrium and source of second order have no moments
-//! above the second, which decay to zero: the operator takes 281 additions, multiplications and fused pairs without a
-//! force, that of the published matrix 329. The mean of the second moments, e, has its own rate, so that the bulk
-//! viscosity is (2/9)(1/s4 - ½).
+//! above the second order, so that these moments decay to zero: the operator takes 281 additions, multiplications
+//! and fused pairs without a force, compared with 329 for the published matrix. The trace of the second moments, e,
+//! has its own rate, so that the bulk viscosity is (2/9)(1/s4 - ½).
 
 #![allow(
     rustdoc::broken_intra_doc_links,
@@ -118,7 +118,7 @@ const CUBE_SECOND_ORDER_EDDIES: &[ReynoldsBounds] = &[
 ];
 
 impl MrtParameters {
-    /// Rates of the moments above the second, where they are given: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
+    /// Returns the given rates of the moments above second order: q, psi, epsilon, `e_cubed`, xx, xy, tau, xyz.
     fn higher_rates(&self) -> [Option<f64>; 8] {
         [
             self.q,
@@ -151,7 +151,7 @@ impl MrtParameters {
         }
     }
 
-    /// Returns `true` if the moments above the second relax to their equilibrium at once.
+    /// Returns `true` if the moments above second order are set to their equilibrium in one step.
     fn second_order(&self) -> bool {
         self.rates().second_order()
     }
@@ -182,7 +182,7 @@ impl CollisionModel for MrtParameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// Returns the border; with eddies only flows under a lid are judged.
+    /// Returns the border; with an eddy viscosity only flows under a lid are covered.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.eddies && !situation.lid_meets_wall {
             return None;
@@ -239,7 +239,7 @@ impl Kernels for Rates {
     }
 }
 
-/// Rates of which those above the second moments are 1: the cheaper kernel, but where solids may cover cells.
+/// Kernels with rates of 1 above the second moments: the cheaper kernel, except if solids may cover cells.
 #[derive(Clone, Copy)]
 struct OfSecondOrder(Rates);
 

@@ -4,10 +4,10 @@
 //! f ← f - M⁻¹ [ S (M f - m^eq) - (I - S/2) M F ] with the orthogonal moments of Suga and
 //! S = diag(0, 0, 0, 0, s4, s5, s5, s7×3, s10×3, s13×3, s16, s17, s18×2, s20×3, s23×3, s26), s5 = s7 = 1/τ.
 //!
-//! **Stability.** The rows of M are orthogonal, each velocity counted once. They are not orthogonal under the weights
-//! of the lattice, so that the proof of [`super::mrt`] does not hold: relaxing a higher moment changes a lower one.
-//! With the published rates waves grow in fluid at rest from τ = 0.556 on ([`super::linear_stability`]). Use
-//! [`super::mrt`] unless published results are to be reproduced.
+//! **Stability.** The rows of M are orthogonal in the inner product without weights. They are not orthogonal under
+//! the weights of the lattice, so that the proof of [`super::mrt`] does not hold: relaxing a higher moment changes
+//! a lower one. With the published rates waves grow in fluid at rest from τ = 0.556 on
+//! ([`super::linear_stability`]). [`super::mrt`] is preferable unless published results are to be reproduced.
 //!
 //! **The factorised form.** Every moment of Suga is a product of one polynomial in each component of c, from 1, c and P
 //! = 3c² - 2, or a sum or difference of such products:
@@ -24,9 +24,10 @@
 //! | XY | c_x c_y P_z | s20 |
 //! | XYZ | c_x c_y c_z | s26 |
 //!
-//! so that M and M⁻¹ are three sweeps of 9 small transforms each, 216 additions in place of 1458 products; the
-//! result is that of the matrix to round-off. Equilibria are of second order in u; their moments need no more than δρ
-//! and m_a u_b. The mean of the second moments, e, has its own rate, so the bulk viscosity is (2/9)(1/s4 - ½).
+//! so that M and M⁻¹ are three sweeps of 9 small transforms each, with 216 additions instead of 1458 products; the
+//! result is that of the matrix up to rounding. Equilibria are of second order in u; their moments only contain δρ
+//! and m_a u_b. The trace of the second moments, e, has its own rate, so that the bulk viscosity is (2/9)(1/s4 -
+//! ½).
 
 use super::border::{self, Border, MovingBody, ReynoldsBounds, Situation};
 use super::linear_stability::{self, Wave};
@@ -49,15 +50,16 @@ use serde_json::json;
 #[schemars(inline)]
 pub struct SugaParameters(pub mrt::MrtParameters);
 
-/// Relaxation time from which on the operator with the rates of Suga lets waves of three cells along the diagonals grow
-/// in fluid at rest: by 0.06 % in a step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16
-/// in half a period).
+/// Relaxation time from which on waves of three cells along the diagonals grow in fluid at rest with the rates of
+/// Suga: by 0.06 % per step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a
+/// period).
 const GROWS: f64 = 0.556;
-/// Relaxation time from which on runs failed because of it: boxes without walls at 0.8, ducts at 0.75, under a lid at
+/// Relaxation time from which on runs failed for this reason: boxes without walls at 0.8, ducts at 0.75, under a
+/// lid at
 /// 0.7 and not at 0.65.
 const FAILS: f64 = 0.7;
-/// Relaxation time below which the operator with all moments above the second at their equilibrium lets waves grow at
-/// rest: by 0.9 % in a step at 0.51. Runs held all the same (`benches/stability/cavity-3d-20`).
+/// Relaxation time below which waves grow at rest with all moments above second order at equilibrium: by 0.9 % per
+/// step at 0.51. Runs were stable nevertheless (`benches/stability/cavity-3d-20`).
 const SECOND_ORDER_GROWS: f64 = 0.52;
 
 const CUBE: &[ReynoldsBounds] = &[
@@ -133,8 +135,8 @@ impl CollisionModel for SugaParameters {
         Some(finding(severity, reason, remedy.into(), json!({"mrt": {}})))
     }
 
-    /// Returns the border: with eddies only flows under a lid are judged; with moments above the second at equilibrium
-    /// the border then lies beyond the map.
+    /// Returns the border: with an eddy viscosity only flows under a lid are covered; with moments above second
+    /// order at equilibrium the border then lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
@@ -179,7 +181,7 @@ impl CollisionModel for SugaParameters {
     }
 }
 
-/// The kernel with a force serves all passes: published results need no more speed.
+/// Kernels: the kernel with a force serves all passes, because speed is not essential for published results.
 #[derive(Clone, Copy)]
 struct Matrix(Rates);
 
@@ -206,7 +208,7 @@ impl Kernels for Matrix {
     }
 }
 
-/// The operator, with a uniform body force.
+/// Collision operator with a uniform body force.
 #[derive(Clone, Copy, Debug)]
 pub struct Suga {
     /// Rate of the shear stress 1/τ (s5 = s7).
@@ -288,13 +290,13 @@ impl Collision for Suga {
             cross_source[a] = force[a].mul_add(u[b], force[b] * u[a]) * n::<N>(0.5);
             square[a] = square[a] - square_source[a];
             cross[a] = cross[a] - cross_source[a];
-            // Of the odd moments the source is ±F.
+            // The source of the odd moments is ±F.
             linear[a] = m[a] - n::<N>(0.5 * self.force[a]);
         });
         let k = &self.rates;
 
-        // What a moment is short of its equilibrium: the change is the rate times this.
-        // Second moments P_a: equilibrium -δρ + 3 m_a u_a.
+        // Difference of a moment from its equilibrium: the change is the rate times this. Second moments P_a:
+        // equilibrium -δρ + 3 m_a u_a.
         let mut short = [n::<N>(0.0); 3];
         let diagonal = [t[2][0][0], t[0][2][0], t[0][0][2]];
         unroll!(axes a < 3 => {
@@ -350,7 +352,7 @@ impl Collision for Suga {
         let total = square[0] + square[1] + square[2];
         let quartic = [t[0][2][2], t[2][0][2], t[2][2][0]];
         unroll!(axes a < 3 => {
-            // a is the axis that is not in the product.
+            // The axis a is the one that is not in the product.
             short[a] = (total - square[a]).neg_mul_add(n::<N>(3.0), drho - quartic[a]);
         });
         let mean =
@@ -420,7 +422,7 @@ mod tests {
         }
     }
 
-    /// One rate for even and one for odd moments: the basis no longer matters.
+    /// With one rate for even and one for odd moments the result is independent of the basis.
     #[test]
     fn paired_rates_are_trt() {
         let (g, omega, magic, force) = (cell(3), 1.1, 3.0 / 16.0, FORCE);

@@ -51,7 +51,7 @@ const FREE: &[ReynoldsBounds] = &[
 ];
 const LID: &[ReynoldsBounds] = &ReynoldsBounds::always(20.0, 28.0);
 const CUBE: &[ReynoldsBounds] = &ReynoldsBounds::always(20.0, 30.0);
-/// Limits of a duct with 19 velocities. Outside the map, a duct of 24 cells failed at 7.7.
+/// Bounds in a duct with D3Q19. Outside the map, a duct of 24 cells failed at 7.7.
 const DUCT_19: [ReynoldsBounds; 1] = ReynoldsBounds::always(6.9, 7.6);
 const DUCT_27: [ReynoldsBounds; 1] = ReynoldsBounds::always(10.0, 10.5);
 
@@ -84,12 +84,13 @@ impl CollisionModel for TrtParameters {
     }
 }
 
-/// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D, under a
-/// lid in 2-D, in 3-D, and in a duct between openings with 19 and with 27 velocities; `single` where both rates are
-/// one.
+/// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D,
+/// under a lid in 2-D, in 3-D, and in a duct between openings with D3Q19 and with D3Q27; `single` if both rates are
+/// equal.
 ///
-/// With eddies, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky (`benches/accuracy/eddy-models`),
-/// and so did ducts between openings, where the operators with more rates hold.
+/// With an eddy viscosity, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky
+/// (`benches/accuracy/eddy-models`), and so did ducts between openings, in which operators with more rates are
+/// stable.
 pub(super) fn border_of_two_rates(
     situation: &Situation,
     free: &'static [ReynoldsBounds],

@@ -1,4 +1,4 @@
-//! The choice of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage
+//! Selection of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage
 //! precision and processor.
 
 use super::Setup;
@@ -18,7 +18,7 @@ use crate::saturation::{Covered, Open, Solids};
 use crate::turbulence::{Eddies, EddyViscosity, Resolved};
 use std::marker::PhantomData;
 
-/// Operator, force and eddies, chosen once: what a step does to some cells at a time.
+/// Pass with a selected operator, force and eddy viscosity.
 pub(super) trait Step<S: Stored>: Send + Sync {
     /// Makes one pass over the cells of a block by a worker; `force` is that of this step.
     ///
@@ -26,16 +26,16 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &RowBlock, worker: usize);
 
-    /// Returns the kernels that do the same on a GPU; none if there are none.
+    /// Returns the equivalent kernel of a GPU; `None` if there is none.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
 
-    /// Starts the pass over all cells on a GPU made for this kernel, after populations of a parity.
+    /// Starts the pass over all cells on a GPU with this kernel, after populations of a parity.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
-    /// Does the work of a GPU, cell by cell, on the host.
+    /// Makes the pass of a GPU on the host, cell by cell.
     ///
     /// # Safety
     /// The numbers must be those of the slab of the program.
@@ -49,13 +49,13 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     );
 }
 
-/// A pass function with the operator as a function of the force.
+/// Pass function with the operator as a function of the force.
 struct Chosen<S: Stored, C, T, F> {
     pass: Pass<S, C, T>,
     operator: F,
     eddies: T,
     viscosity: f64,
-    /// Name of the velocity set, where no eddies act on the cells; whether solids may cover them.
+    /// Name of the velocity set for cells without eddy viscosity, and `true` if solids may cover cells.
     bare: Option<&'static str>,
     covered: bool,
     #[cfg(test)]
@@ -66,7 +66,7 @@ struct Chosen<S: Stored, C, T, F> {
 #[cfg(test)]
 type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
 
-/// Makes the pass over all cells, one by one, by the functions of the kernels of GPUs.
+/// Makes the pass over all cells, one by one, with the functions of the GPU kernels.
 ///
 /// # Safety
 /// The numbers must be those of the slab of the program, and the view that of its cover.
@@ -82,7 +82,7 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
     let [planes, rows, length] = program.cells;
     let slab = &program.after(before).slab;
     let kernel = (&operator, &operator.uniform::<f64>());
-    // Reverse order; the result must not depend on it.
+    // Reverse order: the result must not depend on the order.
     let places = (0..planes * rows * length).rev().map(|n| Place {
         plane: n / (rows * length),
         row: n / length % rows,
@@ -123,7 +123,7 @@ where
             viscosity: self.viscosity,
             worker,
         };
-        // SAFETY: the cells are the caller's promise; the level was chosen from what the processor offers.
+        // SAFETY: the caller ensures the cells; the instruction set is one of the processor's.
         unsafe { (self.pass)(shared, &update, block) };
     }
 
@@ -184,7 +184,7 @@ impl Choice {
         }
     }
 
-    /// Returns the choice without eddies, for any processor.
+    /// Returns the choice without eddy viscosity, for any processor.
     pub(super) fn plain(operator: Operator, forced: bool, covered: bool) -> Self {
         Self {
             operator,
@@ -196,7 +196,7 @@ impl Choice {
         }
     }
 
-    /// Returns the pass on a velocity set.
+    /// Returns the pass for a velocity set.
     pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
         match set {
             VelocitySet::D2Q9 => self.operator.dispatch(On::<D2Q9, S, 9>::new(self)),
@@ -250,7 +250,7 @@ impl Choice {
     }
 }
 
-/// The choice on a velocity set.
+/// Choice for a given velocity set.
 struct On<L, S, const Q: usize> {
     choice: Choice,
     types: PhantomData<(L, S)>,

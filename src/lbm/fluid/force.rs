@@ -3,15 +3,15 @@
 /// Uniform body force per volume in lattice units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Force {
-    /// Zero force: a kernel of lower cost is used.
+    /// Zero force, for which a cheaper kernel is used.
     None,
     /// Constant force.
     Constant([f64; 3]),
-    /// mean + amplitude · cos(2π step / period + phase)
+    /// Oscillating force mean + amplitude · cos(2π step / period + phase).
     Oscillating {
-        /// The constant part.
+        /// Mean force density.
         mean: [f64; 3],
-        /// Force density at its peak.
+        /// Amplitude of the force density.
         amplitude: [f64; 3],
         /// Steps per period.
         period: f64,

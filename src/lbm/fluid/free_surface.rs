@@ -6,10 +6,10 @@ use crate::surface::{Ends, Opening, Outside, SlabSurface, Up};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
-    /// Gives the fluid a free surface; its cells hold gas until [`Self::fill`]. Collective.
+    /// Adds a free surface to the fluid; its cells contain gas until [`Self::fill`]. Collective.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn open_surface(&mut self, domain: &Domain) -> Result<(), String> {
         let split = domain.axis().index();
         let mut mirrored = self.boundaries.mirrored();
@@ -54,7 +54,7 @@ impl<S: Stored> Fluid<S> {
         patches.map(opening).collect()
     }
 
-    /// Finds the state outside the openings. Collective.
+    /// Computes the state outside the openings. Collective.
     fn measure_outside(&mut self) {
         let Some(surface) = &mut self.surface else {
             return;
@@ -77,7 +77,7 @@ impl<S: Stored> Fluid<S> {
         self.surface.as_deref_mut()
     }
 
-    /// Fills the cells with water at the start; `level` gives the fill level of a cell by its place in the
+    /// Fills the cells with water at the start; `level` returns the fill level of a cell from its indices in the
     /// domain. The populations of wet cells must have been set, and solid cells must be known. Collective.
     pub fn fill(&mut self, level: &dyn Fn([usize; 3]) -> f64) {
         self.measure_outside();
@@ -92,8 +92,8 @@ impl<S: Stored> Fluid<S> {
         self.continue_velocities();
     }
 
-    /// Sets the free surface on a restart, after the populations: kind, mass and unshared excess of each of
-    /// `cells`. Collective.
+    /// Restores the free surface at a restart, after the populations: kind, mass and undistributed excess of each
+    /// of `cells`. Collective.
     pub fn restore_surface(&mut self, cells: &[usize], saved: &[[f64; 3]], lost: i128) {
         self.measure_outside();
         if let Some(surface) = &mut self.surface {
@@ -102,8 +102,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Moves the free surface: the last part of a step, when all populations that come from water and solids
-    /// are in place. Collective.
+    /// Moves the free surface: the last part of a step, after all populations that come from water and solids are
+    /// set. Collective.
     pub fn move_surface(&mut self) {
         self.measure_outside();
         let half = self.last_force().map(|force| 0.5 * force);
@@ -119,7 +119,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Takes over the cells that bodies fill, given by position in any order, after the cover. Collective.
+    /// Transfers the mass of the cells that bodies fill, given by position in any order, after the cover was
+    /// computed. Collective.
     pub fn meet_bodies(&mut self, filled: impl Iterator<Item = usize>) {
         let (Some(surface), Some(cover)) = (&mut self.surface, &self.cover) else {
             return;
@@ -138,7 +139,7 @@ impl<S: Stored> Fluid<S> {
         self.continue_velocities();
     }
 
-    /// Hides the parts of bodies in the air from the pass, or shows them again.
+    /// Hides the parts of bodies in the air from the pass, or restores them.
     pub(super) fn hide_dry(&mut self, hidden: bool) {
         if let (Some(surface), Some(cover)) = (&self.surface, &mut self.cover)
             && surface.has_bodies()
@@ -149,7 +150,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Gives the cells that the surface entered their velocities for the eddy viscosity, and their ghosts. Collective.
+    /// Sets the velocities for the eddy viscosity in cells newly reached by the surface, and their ghosts.
+    /// Collective.
     fn enter_velocities(&mut self) {
         let (Some(surface), Some(field)) = (&self.surface, &mut self.field) else {
             return;
@@ -161,8 +163,8 @@ impl<S: Stored> Fluid<S> {
         self.spread_velocities();
     }
 
-    /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients
-    /// there are those of the water. Collective.
+    /// Extrapolates the velocities for the eddy viscosity into the gas next to the surface, so that gradients there
+    /// are those of the water. Collective.
     pub fn continue_velocities(&mut self) {
         if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
             let cells = surface.shore(&self.populations, |cell| field.velocity(cell));
@@ -173,7 +175,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Returns `true` if the populations of a cell have a meaning: not where a free surface leaves it without water.
+    /// Returns `true` if the populations of a cell are defined: `false` for cells without water at a free surface.
     #[inline]
     #[must_use]
     pub fn holds_water(&self, cell: usize) -> bool {

@@ -18,8 +18,8 @@ use decomposition::Domain;
 /// Name of a missing kernel in a message.
 const KERNEL: &str = "this velocity set, collision operator, force and storage";
 
-/// Returns `true` if there are kernels for an operator on a velocity set without eddies, with a storage as
-/// [`Stored::NAME`]: with a body force, and where solids may cover cells.
+/// Returns `true` if there are kernels for an operator on a velocity set without eddy viscosity, for a storage
+/// named as in [`Stored::NAME`], with a body force, and with cells that solids may cover.
 #[must_use]
 pub fn kernel_exists(
     set: VelocitySet,
@@ -32,7 +32,7 @@ pub fn kernel_exists(
         .is_some_and(|kernel| kernel.exists(stored))
 }
 
-/// Returns a GPU for a slab.
+/// Returns a GPU with the data of a slab.
 ///
 /// # Errors
 /// What stands against it, or what the GPU reports.
@@ -57,18 +57,18 @@ pub(super) fn start<'a, S: Stored>(
     };
     let program = Program::new(populations, boundaries, setup.periodic);
     let numbers = populations.numbers().len();
-    // SAFETY: a fluid has one cover, which goes after the GPU.
+    // SAFETY: a fluid has one cover, which is dropped after the GPU.
     unsafe { Gpu::new::<S>(&kernel, program, numbers, cover, boundaries.count()) }
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Steps on the GPU, where the populations stay until [`Self::fetch`].
+    /// Makes steps on the GPU, where the populations remain until [`Self::fetch`].
     pub(super) fn advance_on_gpu(&mut self, steps: u64) -> Result<(), String> {
         let Some(gpu) = &mut self.gpu else {
             return Ok(());
         };
         if !self.shared_with_gpu {
-            // SAFETY: the one lattice of this fluid, which goes after the GPU.
+            // SAFETY: these are the only populations of this fluid, which are dropped after the GPU.
             unsafe { gpu.give(self.populations.numbers())? };
             self.shared_with_gpu = true;
         }
@@ -98,7 +98,8 @@ impl<S: Stored> Fluid<S> {
         gpu.wait()
     }
 
-    /// Returns `true` if a GPU has the populations and finds the cells that bodies cover, so that no other code has to.
+    /// Returns `true` if a GPU has the populations and computes the cover of the cells, so that the host need not
+    /// do so.
     #[must_use]
     pub fn covers_on_gpu(&self) -> bool {
         self.gpu.is_some()
@@ -109,10 +110,10 @@ impl<S: Stored> Fluid<S> {
                 .is_some_and(|cover| cover.balls().is_some())
     }
 
-    /// Sends to a GPU which cells the bodies cover from now on.
+    /// Sends the new cover of the cells by bodies to a GPU.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn give_cover(&mut self) -> Result<(), String> {
         match (&mut self.gpu, &mut self.cover) {
             (Some(gpu), Some(cover)) if self.populations.are_away() => gpu.give_cover(cover),
@@ -120,8 +121,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Computes the fraction of each cell of a row, which begins at a position, that bodies cover, like
-    /// [`Cover::fraction`]: 0 if no cell can be covered.
+    /// Computes the fraction of each cell of a row covered by bodies, from a position on, like [`Cover::fraction`];
+    /// 0 if no cell can be covered.
     pub fn row_fractions(&self, first: usize, fractions: &mut [f32]) {
         match (&self.gpu, &self.cover) {
             (Some(gpu), Some(_)) if self.covers_on_gpu() => {
@@ -149,10 +150,10 @@ impl<S: Stored> Fluid<S> {
         self.populations.are_away()
     }
 
-    /// Brings the populations back from a GPU, if they are there.
+    /// Copies the populations back from a GPU, if they are there.
     ///
     /// # Errors
-    /// When the GPU fails.
+    /// If the GPU fails.
     pub fn fetch(&mut self) -> Result<(), String> {
         if let Some(gpu) = &self.gpu
             && self.populations.are_away()
@@ -163,8 +164,9 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// Returns the extreme values of all rows where the populations are on a GPU, in the order of
-    /// [`Populations::rows`]; none if they are here. None of any row where the GPU fails, which the next step reports.
+    /// Returns the extreme values of all rows if the populations are on a GPU, in the order of
+    /// [`Populations::rows`]; `None` if they are on the host. The list is empty if the GPU fails, which the next
+    /// step reports.
     pub(crate) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
         let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
         let found = gpu.extremes(self.populations.parity(), self.half_force());
@@ -183,8 +185,8 @@ impl<S: Stored> Fluid<S> {
         )
     }
 
-    /// Moments of a row of cells at a plane and a row of the slab, as [`Populations::row_moments`], wherever the
-    /// populations are.
+    /// Computes the moments of a row of cells at a plane and a row of the slab, like [`Populations::row_moments`],
+    /// on the host or the GPU.
     pub fn row_moments(&self, [plane, row]: [usize; 2], moments: &mut [Vec<f64>; 4]) {
         let [slow, middle, fast] = self.populations.order();
         match &self.gpu {

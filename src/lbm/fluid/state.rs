@@ -8,8 +8,8 @@ use crate::lanes::Stored;
 use std::ops::Range;
 
 impl<S: Stored> Fluid<S> {
-    /// Returns F/2 at the present step: half of what the next collision adds (trapezoidal rule in time, Guo et al.
-    /// 2002).
+    /// Returns F/2 at the present step: half of the force that the next collision adds (trapezoidal rule in time,
+    /// Guo et al. 2002).
     #[must_use]
     pub fn half_force(&self) -> [f64; 3] {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -25,8 +25,8 @@ impl<S: Stored> Fluid<S> {
         self.force.force_at(last)
     }
 
-    /// Returns the incoming number of a cell along a direction as a checkpoint has it: zero where a free surface leaves
-    /// no water.
+    /// Returns the incoming population of a cell along a direction for a checkpoint: zero for a cell without water
+    /// at a free surface.
     #[must_use]
     pub fn saved_number(&self, cell: usize, i: usize) -> S {
         if self.holds_water(cell) {
@@ -48,8 +48,8 @@ impl<S: Stored> Fluid<S> {
         (drho, self.corrected(cell, u))
     }
 
-    /// Returns the velocity of a cell from that of its momentum and the body force, corrected by the terms that change
-    /// it.
+    /// Returns the velocity of a cell from the velocity of momentum and body force, corrected by the terms that
+    /// change it.
     fn corrected(&self, cell: usize, velocity: [f64; 3]) -> [f64; 3] {
         let terms = self.added.iter();
         terms.fold(velocity, |velocity, term| {
@@ -65,13 +65,13 @@ impl<S: Stored> Fluid<S> {
         })
     }
 
-    /// Returns `true` if the velocities are not those of momentum and body force alone.
+    /// Returns `true` if terms change the velocities in addition to momentum and body force.
     pub(crate) fn corrects_velocities(&self) -> bool {
         self.added.iter().any(|term| term.changes_velocities())
     }
 
-    /// Computes the states of a row of `length` cells along the fastest axis from `cell` on, equal to the bit: density
-    /// deviation, then the three velocities.
+    /// Computes the states of a row of `length` cells along the fastest axis from `cell` on, with the same bits:
+    /// density deviation, then the three velocities.
     pub fn row_states(&self, cell: usize, length: usize, states: &mut [Vec<f64>; 4]) {
         self.populations.row_moments(cell, length, states);
         let half = self.half_force();
@@ -110,8 +110,8 @@ impl<S: Stored> Fluid<S> {
         self.populations.row_extremes(cell, length, half, work)
     }
 
-    /// Computes the states of the interior cells of some planes across z: `density` and `velocity` in the order
-    /// \[z\]\[y\]\[x\], `row` is a buffer.
+    /// Computes the states of the interior cells of some planes normal to z: `density` and `velocity` in the order
+    /// \[z\]\[y\]\[x\]; `row` is a buffer.
     pub fn band_states(
         &self,
         planes: Range<usize>,
@@ -142,8 +142,8 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Returns the deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell, lattice units;
-    /// with turbulence that of eddies smaller than a cell too.
+    /// Returns the deviatoric viscous stress σ_ab = -(1 - ω/2) Σ c_a c_b g^neq of an interior cell in lattice
+    /// units, including the subgrid stress of a turbulence model.
     #[must_use]
     pub fn stress(&self, cell: usize) -> [[f64; 3]; 3] {
         let (drho, u) = self.state(cell);
@@ -172,7 +172,7 @@ impl<S: Stored> Fluid<S> {
         fluxes
     }
 
-    /// Computes [`Self::fluxes`] into a list that is reused.
+    /// Computes [`Self::fluxes`] into a reusable list.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_last()) {
@@ -180,18 +180,18 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Mass and momentum that left through all faces during the last step, on this rank, in quanta; the momentum is
-    /// that of those cells for which `counts` holds (local coordinates), without the pressure at rest.
+    /// Returns mass and momentum that left through all faces during the last step on this rank, in quanta. The
+    /// momentum is that of the cells for which `counts` is true (local coordinates), without the pressure at rest.
     pub fn left(&self, counts: impl Fn([usize; 3]) -> bool) -> [i128; 4] {
         let counts = |position| counts(self.interior_coordinates(position));
         self.boundaries.left(&self.populations, counts)
     }
 
-    /// Returns the mass that left each patch during the last step, on this rank, in quanta: through the faces of those
-    /// cells for which `counts` holds (local coordinates).
+    /// Computes the mass that left through each patch during the last step on this rank, in quanta, at the cells
+    /// for which `counts` is true (local coordinates).
     pub fn mass_through(&self, counts: impl Fn([usize; 3]) -> bool, masses: &mut Vec<i128>) {
         if let Some(surface) = self.surface() {
-            // Interface cells gain a part of what passes their links.
+            // Interface cells receive a fraction of the mass that passes through their links.
             masses.clear();
             masses.resize(self.boundaries.count(), 0);
             for (patch, entered) in surface.entered_last() {
@@ -204,7 +204,8 @@ impl<S: Stored> Fluid<S> {
             .mass_through(&self.populations, counts, masses);
     }
 
-    /// Returns the local coordinates of an interior cell; of a ghost those of the cell inside that it repeats.
+    /// Returns the local coordinates of an interior cell; for a ghost cell those of the interior cell that it
+    /// copies.
     fn interior_coordinates(&self, position: usize) -> [usize; 3] {
         let (at, cells) = (
             self.populations.coordinates(position),

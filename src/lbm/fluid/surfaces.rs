@@ -1,5 +1,5 @@
-//! Surfaces of solids as the gradients of the eddy viscosity see them: faces of covered cells, links of bodies, links
-//! of structures.
+//! Surfaces of solids in the velocity gradients of the eddy viscosity: faces of covered cells, links of bodies,
+//! links of structures.
 
 use super::{Fluid, planes_of};
 use crate::lanes::Stored;
@@ -7,14 +7,15 @@ use crate::links::fixed::FixedLink;
 use crate::links::{BodyLink, Rigid, surface_velocity};
 use crate::turbulence::field::BodyWall;
 
-/// Solid fraction of a cell from which on it is no water to the gradients of adjacent cells.
+/// Solid fraction from which on a cell does not count as water in the gradients of adjacent cells.
 const HALF: f64 = 0.5;
-/// A surface at rest counts as no nearer than this in a gradient \[cells\]: a smaller distance only amplifies rounding.
+/// Minimum distance of a stationary surface in a gradient \[cells\]: smaller distances only amplify rounding.
 const NEAREST: f64 = 0.05;
 
 impl<S: Stored> Fluid<S> {
-    /// Registers the surfaces of solids that fill cells with the gradients of the eddy viscosity. `covered` gives the
-    /// part of a thread among several in the positions of all cells and ghost cells that may have fluid neighbours.
+    /// Registers the surfaces of solids that cover cells, for the velocity gradients of the eddy viscosity.
+    /// `covered` returns the part of one of several threads in the positions of all cells and ghost cells that may
+    /// have fluid neighbours.
     pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
         &mut self,
         covered: impl Fn(usize, usize) -> I + Sync,
@@ -42,7 +43,8 @@ impl<S: Stored> Fluid<S> {
                 if part < HALF {
                     continue;
                 }
-                // Most follow the one before in their row: to find coordinates takes divisions.
+                // Most positions follow the previous one in their row, which avoids the divisions to compute
+                // coordinates.
                 if position == last.wrapping_add(1) {
                     at[fast] += 1;
                 } else {
@@ -83,7 +85,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Registers the links with the gradients of the eddy viscosity: of each body its links and its motion.
+    /// Registers links for the velocity gradients of the eddy viscosity: the links and the motion of each body.
     pub fn know_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
         let Some(field) = &mut self.field else {
             return;
@@ -121,7 +123,7 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Does [`Self::know_links`] for surfaces at rest, in addition to those that are known.
+    /// Registers links like [`Self::know_links`] for stationary surfaces, in addition to those registered before.
     pub fn know_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
         let Some(field) = &mut self.field else {
             return;
@@ -144,7 +146,7 @@ impl<S: Stored> Fluid<S> {
                     let (Some(axis), None) = (along.next(), along.next()) else {
                         continue;
                     };
-                    // q from its kappa; 1/2 for half-way.
+                    // Distance q computed from kappa; 1/2 for half-way links.
                     let kappa = link.kappa[end];
                     let distance = (1.0 - kappa) / (2.0 * (1.0 + kappa));
                     found.push(BodyWall {

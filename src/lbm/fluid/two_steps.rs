@@ -1,26 +1,29 @@
-//! Two steps in one sweep over the lattice, for water between walls, with eddies or without.
+//! Two steps in one sweep over the lattice, for water between walls, with or without an eddy viscosity.
 //!
-//! A pass reads and writes every population, which takes as long as the memory needs where the arithmetic is shorter.
-//! The second step of a cell needs nothing but the first step of its neighbours. It follows the first two planes and
-//! two rows behind, while their populations are still in the cache: the memory then moves half the bytes (temporal
-//! blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig, G. Wellein, Parallel Process. Lett. 20 (2010) 359). The
-//! planes are walked once for every [`ROWS`] rows, so that only as many rows of four planes lie between the two steps:
-//! 6 MB of 200 cells a row in D3Q27, where whole planes are 35 MB.
+//! A pass reads and writes every population, and the memory bandwidth limits it if the arithmetic takes less time.
+//! The second step of a cell depends only on the first step of its neighbours. It follows the first step at a
+//! distance of two planes and two rows, while their populations are still in the cache. This halves the memory
+//! traffic (temporal blocking as a wavefront; M. Wittmann, G. Hager, J. Treibig, G. Wellein, Parallel Process.
+//! Lett. 20 (2010) 359). The planes are traversed once for every [`ROWS`] rows, so that only that number of rows of
+//! four planes lies between the two steps: 6 MB for 200 cells per row in D3Q27, compared with 35 MB for whole
+//! planes.
 //!
-//! Order of the work at plane p and rows up to y, each at its distance behind the one before:
+//! Order of the work at plane p and rows up to y, each at its distance from the previous one:
 //!
-//! | plane, row | work | needs |
+//! | plane, row | work | requires |
 //! |---|---|---|
 //! | p, y | even pass | nothing |
-//! | p - 1, y - 1 | walls of the first step, velocities of its eddies beyond faces | the even pass of adjacent cells |
+//! | p - 1, y - 1 | walls of the first step, velocities for its eddy viscosity beyond faces | the even pass of
+//! adjacent cells |
 //! | p - 2, y - 2 | odd pass | adjacent walls of the first step, which it would overwrite |
-//! | p - 3, y - 3 | walls of the second step, velocities of its eddies beyond faces | the odd pass of adjacent cells |
+//! | p - 3, y - 3 | walls of the second step, velocities for its eddy viscosity beyond faces | the odd pass of
+//! adjacent cells |
 //!
-//! Whole vectors of the even pass reach beyond the end of a row, to numbers that the walls give.
+//! Whole vectors of the even pass extend beyond the end of a row, to numbers that the walls set.
 //!
-//! Each thread sweeps its planes. The part next to the planes of other threads and ranks follows when these are done.
-//! Every number is computed from the same numbers by the same operations as in two single steps, so that the bits are
-//! the same.
+//! Each thread sweeps its planes. The part next to the planes of other threads and ranks follows after these are
+//! done. Every number is computed from the same numbers by the same operations as in two single steps, so that the
+//! bits are the same.
 
 use super::dispatch::Step;
 use super::{CoverView, Fluid, View, between, planes_of};
@@ -35,14 +38,15 @@ use base::thread_pool;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rows that are walked at a time through all planes. Fewer would fit into the second-level cache, but the processor
-/// follows longer pieces of memory better: from 8 to 48 the speed is the same (`benches/HISTORY.md`).
+/// Number of rows traversed at a time through all planes. Fewer rows would fit into the second-level cache, but
+/// hardware prefetching is better with longer pieces of memory: from 8 to 48 the speed is the same
+/// (`benches/HISTORY.md`).
 const ROWS: usize = 32;
 
-/// Planes of a thread from which on it has some to sweep.
+/// Minimum number of planes per thread for a sweep.
 const FEWEST_PLANES: usize = 8;
 
-/// A step of the two.
+/// Data of one of the two steps.
 #[derive(Clone, Copy)]
 struct Moment {
     force: [f64; 3],
@@ -51,14 +55,14 @@ struct Moment {
     parity: Parity,
 }
 
-/// Returns the planes of a share that are so far from its ends.
+/// Returns the planes of a thread's part at a distance from its ends.
 fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
     let first = share.start + distance;
     first..share.end.saturating_sub(distance).max(first)
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Returns `true` if two steps may be made at once: nothing but walls acts on the populations between them. It is
+    /// Returns `true` if two steps can be made in one sweep: only walls act on the populations between them. It is
     /// equal on every rank.
     #[must_use]
     pub fn may_advance_two(&self) -> bool {
@@ -68,7 +72,7 @@ impl<S: Stored> Fluid<S> {
             && self.terms().all(Term::allows_two_steps)
     }
 
-    /// Makes two steps. No code reads the populations between them.
+    /// Makes two steps in one sweep. No code reads the populations between them.
     #[inline(never)]
     pub fn advance_two(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
@@ -91,8 +95,8 @@ impl<S: Stored> Fluid<S> {
         let shares: Vec<Range<usize>> = (0..threads)
             .map(|t| planes_of(&interior, threads, t))
             .collect();
-        // Planes next to the ends of shares, and the end planes of the slab: these go with the first and the last
-        // share.
+        // Planes next to the ends of the parts, and the end planes of the slab, which belong to the first and the
+        // last part.
         let rest = |t: usize, distance: usize| {
             let all = &shares[t];
             let begin = if t == 0 { 0 } else { all.start };
@@ -101,7 +105,7 @@ impl<S: Stored> Fluid<S> {
             [begin..done.start, done.end..end]
         };
 
-        // End planes first: their populations travel during the sweep.
+        // The end planes come first: their populations are sent during the sweep.
         let even = self.describe_pass();
         self.run_ends(&even, first.force);
         self.populations.flip();
@@ -119,7 +123,7 @@ impl<S: Stored> Fluid<S> {
             ghosts: self.field.as_ref().map(Field::ghosts),
         };
         thread_pool::each(threads, |t| {
-            // SAFETY: the shares are disjoint, and each worker has one.
+            // SAFETY: the parts are disjoint, and each worker has one.
             unsafe { sweep.planes(&shares[t], t) };
         });
         self.halo.finish(&mut self.populations);
@@ -131,7 +135,7 @@ impl<S: Stored> Fluid<S> {
         }
         thread_pool::each(threads, |t| {
             for planes in rest(t, 1) {
-                // SAFETY: the passes of the first step are done, and each worker has planes of its own.
+                // SAFETY: the passes of the first step are done, and each worker has its own planes.
                 unsafe { sweep.walls(0, &even.planes(planes)) };
             }
         });
@@ -172,18 +176,18 @@ impl<S: Stored> Fluid<S> {
     }
 }
 
-/// Data that both steps need, each at its index.
+/// Data of both steps, each with its index.
 struct Sweep<'a, S: Stored> {
     step: &'a dyn Step<S>,
     boundaries: &'a Boundaries<S>,
     shared: [&'a Shared<S>; 2],
     moments: [&'a Moment; 2],
-    /// Ghosts of the velocities from which the next eddy viscosity is computed, if any.
+    /// Ghosts of the velocities for the next eddy viscosity, if there is one.
     ghosts: Option<Arc<Ghosts>>,
 }
 
 impl<S: Stored> Sweep<'_, S> {
-    /// Makes both steps of the planes of a share, where they need nothing from outside it.
+    /// Makes both steps of the planes of a part as far as they are independent of other parts.
     ///
     /// # Safety
     /// No other thread may access these planes or be this worker.
@@ -191,7 +195,7 @@ impl<S: Stored> Sweep<'_, S> {
         let rows = self.shared[0].rows();
         for top in (0..rows).step_by(ROWS) {
             let bottom = (top + ROWS).min(rows);
-            // The rows that are due so far behind.
+            // Rows that are due at a distance behind.
             let behind = |distance: usize| {
                 let end = if bottom == rows {
                     rows
@@ -241,8 +245,8 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces next to some cells after the first or second step (0, 1), which the next pass
-    /// reads there.
+    /// Fills the velocities beyond faces next to some cells after the first or second step (0, 1), which the next
+    /// pass reads.
     ///
     /// # Safety
     /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.
@@ -257,7 +261,7 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Gives some cells the populations that return from walls in the first or second step (0, 1).
+    /// Sets the populations of some cells that return from walls in the first or second step (0, 1).
     ///
     /// # Safety
     /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.

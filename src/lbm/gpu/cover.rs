@@ -1,7 +1,7 @@
-//! The cover of the cells on a GPU. Balls are mapped there ([`super::balls`]). Of other bodies the processor finds
-//! fractions and owners, which are sent where cells have changed: all cells, 8 bytes each. Moving bodies change so many
-//! of them that a list of those, twelve bytes each from all over memory, takes longer. Bodies are sent before each
-//! pass.
+//! The cover of the cells on a GPU. Balls are mapped on the GPU ([`super::balls`]). For other bodies the processor
+//! computes fractions and owners, which are sent if cells have changed: all cells, 8 bytes each. Moving bodies
+//! change so many cells that a list of the changed ones, with twelve bytes each from scattered memory, takes
+//! longer. Bodies are sent before each pass.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters, WARP};
 use super::lists::CoveredCells;
@@ -19,9 +19,9 @@ use cudarc::driver::{
 use std::mem::MaybeUninit;
 use std::sync::Arc;
 
-/// The kernels of a cover.
+/// Kernels of a cover.
 pub(super) struct Kernels {
-    /// The passes over the covered cells, deep inside bodies and elsewhere.
+    /// Passes over the covered cells: deep inside bodies, and others.
     pub(super) deep: CudaFunction,
     pub(super) mixed: CudaFunction,
     list_covered: CudaFunction,
@@ -30,7 +30,7 @@ pub(super) struct Kernels {
 }
 
 impl Kernels {
-    /// Loads the functions by their names.
+    /// Loads the kernels by their names.
     pub(super) fn new<E>(
         [deep, mixed]: [String; 2],
         function: impl Fn(&str) -> Result<CudaFunction, E>,
@@ -49,27 +49,28 @@ impl Kernels {
     }
 }
 
-/// Bytes on the GPU in addition to those of [`Cover::BYTES`] for each cell: heads of lists, the number in the list of
-/// covered cells, and the fraction before.
+/// Bytes per cell on the GPU in addition to [`Cover::BYTES`]: heads of lists, the number in the list of covered
+/// cells, and the previous fraction.
 pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
-/// The cover on the GPU. What concerns bodies has a stream of its own, so that the host knows the forces and moves the
-/// bodies while the open cells collide.
+/// Cover on the GPU. Work on bodies has its own stream, so that the host receives the forces and moves the bodies
+/// while the open cells collide.
 pub(super) struct OnGpu {
     pub(super) stream: Arc<CudaStream>,
-    /// Events on that stream: the cover was made; the covered cells have collided.
+    /// Events on that stream: the cover is complete; the covered cells have collided.
     pub(super) made: CudaEvent,
     pub(super) passed: CudaEvent,
-    /// Events on the stream of the fluid: the populations are those before a pass; the open cells no longer need each
+    /// Events on the stream of the fluid: the populations are ready for a pass; the open cells no longer need each
     /// of the two covers.
     pub(super) ready: CudaEvent,
     done: [CudaEvent; 2],
     pub(super) kernels: Kernels,
-    /// The cells on the host, held in place for transfers.
+    /// Pinned memory of the cells on the host, for transfers.
     _pinned: [Option<Pinned>; 2],
     /// Source of the cells on the GPU: the version of the cells on the host, or that of the balls.
     made_from: MadeFrom,
-    /// Fractions of the cover and of that before it, which open cells may still need; and the index of the present one.
+    /// Fractions of the present cover and of the previous one, which open cells may still need, and the index of
+    /// the present one.
     fractions: [CudaSlice<f32>; 2],
     now: usize,
     owner: CudaSlice<u32>,
@@ -80,16 +81,16 @@ pub(super) struct OnGpu {
     /// Numbers of the covered cells.
     _numbers: CudaSlice<u32>,
     counters: CudaSlice<u32>,
-    /// Number of changes of the bodies when they were sent, and `true` if the data may still be under way.
+    /// Number of changes of the bodies at the last transfer, and `true` if the transfer may not be complete.
     motions: u64,
     on_its_way: bool,
-    /// [`BodyLoad::COPIES`] times one load for each slot, and how many slots there are.
+    /// [`BodyLoad::COPIES`] loads for each slot, and the number of slots.
     pub(super) loads: Room,
     pub(super) bodies: u32,
     /// Data of the next pass.
     pub(super) view: View,
     pub(super) covered: CoveredCells,
-    /// Buffers on the host that are reused.
+    /// Reusable buffers on the host.
     work: Work,
 }
 
@@ -101,7 +102,7 @@ enum MadeFrom {
     Balls(u64),
 }
 
-/// Arrays with which balls are mapped.
+/// Arrays for the mapping of balls.
 struct Mapping {
     heads: CudaSlice<u32>,
     boxes: Room,
@@ -112,7 +113,7 @@ struct Mapping {
     next: Room,
 }
 
-/// Lists that are sent.
+/// Lists to be sent.
 #[derive(Default)]
 struct Work {
     parts: Vec<Share>,
@@ -122,20 +123,20 @@ struct Work {
     sent_of_blocks: Vec<u32>,
 }
 
-/// Array on the GPU that grows, and one on the host from which or to which the GPU copies by itself.
+/// Growing array on the GPU, with a pinned array on the host for direct transfers.
 pub(super) struct Room {
     there: CudaSlice<Byte>,
-    /// Goes before the bytes.
+    /// Pinned memory; it is dropped before the bytes.
     pinned: Option<Pinned>,
     here: Vec<u64>,
 }
 
-/// A byte of a number, or of what lies between those of a struct.
+/// Byte of a number, or of padding in a struct.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 struct Byte(MaybeUninit<u8>);
 
-// SAFETY: a byte, and any.
+// SAFETY: any byte is valid.
 unsafe impl DeviceRepr for Byte {}
 // SAFETY: as above.
 unsafe impl ValidAsZeroBits for Byte {}
@@ -149,12 +150,12 @@ impl Room {
         })
     }
 
-    /// Returns its address.
+    /// Returns the address of the array on the GPU.
     pub(super) fn address(&self, stream: &Arc<CudaStream>) -> u64 {
         self.there.device_ptr(stream).0
     }
 
-    /// Allocates memory for a count of numbers; returns its address.
+    /// Allocates memory for `count` numbers; returns its address.
     fn reserve<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
@@ -163,37 +164,38 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// Returns the bytes of the host, at least this number.
+    /// Returns the bytes on the host, at least this number.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;
             self.here = vec![0; bytes.next_power_of_two().max(1 << 12) / size_of::<u64>()];
-            // SAFETY: stays until the pin has gone.
+            // SAFETY: the memory is valid until the pin is dropped.
             self.pinned = unsafe { Pinned::new(bytemuck::cast_slice(&self.here)) };
         }
         &mut bytemuck::cast_slice_mut(&mut self.here)[..bytes]
     }
 
-    /// Sends a list, without waiting; its address.
+    /// Sends a list without waiting; returns its address.
     fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
         let address = self.reserve::<T>(stream, list.len())?;
         let count = size_of_val(list);
         if count > 0 {
             let here = self.here(count);
-            // SAFETY: as many bytes, which may hold anything; kernels read numbers of the same layout (`repr(C)`).
+            // SAFETY: the buffer has this number of bytes, of any value; kernels read numbers of the same layout
+            // (`repr(C)`).
             unsafe {
                 std::ptr::copy_nonoverlapping(list.as_ptr().cast(), here.as_mut_ptr(), count);
             }
             let here = std::ptr::from_ref(here);
             let mut there = self.there.slice_mut(..count);
-            // SAFETY: the bytes of before; each is a `Byte`.
+            // SAFETY: the bytes are those above; each is a `Byte`.
             let bytes: &[Byte] = unsafe { &*(here as *const [Byte]) };
             stream.memcpy_htod(bytes, &mut there)?;
         }
         Ok(address)
     }
 
-    /// Brings numbers back, and waits for them.
+    /// Copies numbers back and waits for them.
     fn take(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<&[u64], DriverError> {
         let bytes = count * size_of::<u64>();
         if bytes == 0 {
@@ -201,7 +203,7 @@ impl Room {
             return Ok(&[]);
         }
         let here = std::ptr::from_mut(self.here(bytes));
-        // SAFETY: the bytes of before; each is a `Byte`.
+        // SAFETY: the bytes are those above; each is a `Byte`.
         let to: &mut [Byte] = unsafe { &mut *(here as *mut [Byte]) };
         stream.memcpy_dtoh(&self.there.slice(..bytes), to)?;
         stream.synchronize()?;
@@ -211,7 +213,7 @@ impl Room {
 
 /// Returns an address on the GPU.
 pub(super) fn pointer<T>(address: u64) -> *mut T {
-    // A GPU has addresses of 64 bits, as has any host that it serves.
+    // A GPU has addresses of 64 bits, like any host with a GPU.
     std::ptr::without_provenance_mut(usize::try_from(address).unwrap_or(0))
 }
 
@@ -226,10 +228,10 @@ impl OnGpu {
         cover: &Cover,
         program: &Program,
     ) -> Result<Self, DriverError> {
-        // Before the fluid where both have work: the host waits for the forces.
+        // The stream has a higher priority than that of the fluid, because the host waits for the forces.
         let stream = &context.new_stream_with_priority(-1)?;
         let (owner, fraction) = cover.cells();
-        // SAFETY: promised by the caller: lists of cells stay where they are.
+        // SAFETY: the caller ensures that lists of cells are not moved.
         let pinned = unsafe {
             [
                 Pinned::new(bytemuck::cast_slice(owner)),
@@ -283,7 +285,7 @@ impl OnGpu {
         })
     }
 
-    /// Makes the cover of the cells and sends the bodies, where they have changed. Does not wait for the GPU.
+    /// Computes the cover of the cells and sends the bodies, if they have changed. Does not wait for the GPU.
     pub(super) fn update(
         &mut self,
         cover: &mut Cover,
@@ -331,7 +333,7 @@ impl OnGpu {
         Ok(())
     }
 
-    /// Sends the cells; the address of the lists of parts.
+    /// Sends the cells; returns the address of the lists of parts.
     fn send_cells(
         &mut self,
         stream: &Arc<CudaStream>,
@@ -353,7 +355,7 @@ impl OnGpu {
         self.shares.send(stream, shares)
     }
 
-    /// Maps balls, whose bodies are on the GPU; the address of the lists of parts.
+    /// Maps balls, whose bodies are on the GPU; returns the address of the lists of parts.
     fn map_balls(
         &mut self,
         stream: &Arc<CudaStream>,
@@ -377,7 +379,7 @@ impl OnGpu {
             ..
         } = &mut self.work;
         let edges = BallBox::of_all(cover.solids(), cells, boxes, of_blocks) as usize;
-        // The same until bodies come or go.
+        // The list is unchanged until bodies are added or removed.
         if of_blocks != sent_of_blocks {
             self.mapping.of_blocks.send(stream, of_blocks)?;
             sent_of_blocks.clone_from(of_blocks);
@@ -437,7 +439,7 @@ impl OnGpu {
         self.bodies = to_u32(bodies);
         let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
         self.loads.reserve::<u8>(&self.stream, bytes)?;
-        // A driver refuses to set nothing.
+        // A driver refuses an empty range.
         if bytes == 0 {
             return Ok(());
         }
@@ -472,7 +474,7 @@ impl OnGpu {
         self.done[self.now].record(stream)
     }
 
-    /// Address of the fractions.
+    /// Returns the address of the fractions.
     pub(super) fn address_of_fractions(&self) -> u64 {
         self.fractions[self.now].device_ptr(&self.stream).0
     }

@@ -1,18 +1,18 @@
-//! The cover of the cells by balls as the kernels of a GPU find it, run on the host, one thread after the other, from
+//! The cover of the cells by balls, computed by the kernels of a GPU on the host: one thread after the other, from
 //! the last to the first.
 //!
-//! A comparison of these kernels with the processor's own cover needs no GPU.
+//! These kernels can therefore be compared with the processor's own cover without a GPU.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters};
 use crate::saturation::solid::{CoveringBody, NONE, Share, Shares};
 use base::number::to_u32;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell of several, as a
-/// GPU finds them.
+/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell shared by
+/// several, as computed on a GPU.
 ///
-/// `owner` holds the cells behind walls. The last arguments are the position of the first cell, the strides along the
-/// axes, the cells of the slab, and the axes in the order of the boxes.
+/// `owner` contains the cells behind walls. The last arguments are the position of the first cell, the strides
+/// along the axes, the number of cells of the slab, and the axes in the order of the boxes.
 #[must_use]
 pub fn cover(
     solids: &[CoveringBody],
@@ -52,9 +52,9 @@ pub fn cover(
         cells,
         order,
     };
-    // More threads than there is work.
+    // There are more threads than work.
     let threads = |count: u32| (0..count + 50).rev();
-    // SAFETY: arrays as described.
+    // SAFETY: the arrays are as described.
     unsafe {
         threads(balls.count_of_positions).for_each(|n| balls.clear(n));
         for n in (0..to_u32(boxes.len())).rev() {

@@ -1,12 +1,12 @@
-//! A step of a slab as work for a GPU: where the cells have their numbers in each of the two passes, and the copies
-//! that follow each.
+//! A step of a slab as work for a GPU: the positions of the cells' numbers in each of the two passes, and the
+//! copies after each pass.
 //!
 //! | after the pass | copies, in this order |
 //! |---|---|
-//! | even | round the rows, round the middle axis, round the slab axis; walls |
-//! | odd | round the rows, round the slab axis, round the middle axis; walls |
+//! | even | along the rows, along the middle axis, along the slab axis; walls |
+//! | odd | along the rows, along the slab axis, along the middle axis; walls |
 //!
-//! The order is that of [`crate::fluid::Fluid::advance`], so that corners follow.
+//! The order is that of [`crate::fluid::Fluid::advance`], so that corners are correct.
 
 use super::cell::Slab;
 use super::copies::Copies;
@@ -15,21 +15,21 @@ use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
 use base::number::to_u32;
 
-/// One of the two passes with what follows it.
+/// Pass with the copies after it.
 #[derive(Clone, Debug)]
 pub struct Pass {
     /// Slab with the numbers of the cells.
     pub slab: Slab,
-    /// Copies that follow, one list after the other; those of a list in any order.
+    /// Copies after the pass, one list after the other; the order within a list is arbitrary.
     pub copies: Vec<Vec<Copies>>,
 }
 
-/// The work of a step.
+/// Work of a step.
 #[derive(Clone, Debug)]
 pub struct Program {
     /// The even and the odd pass.
     pub passes: [Pass; 2],
-    /// Planes, rows and cells of a row.
+    /// Number of planes, rows and cells of a row.
     pub cells: [u32; 3],
 }
 
@@ -57,7 +57,7 @@ impl Program {
 }
 
 impl Pass {
-    /// Returns the pass over populations that lie as after `before`.
+    /// Returns the pass over populations with the layout after `before`.
     fn new<S: Stored>(
         populations: &Populations<S>,
         boundaries: &Boundaries<S>,
@@ -125,7 +125,7 @@ struct Round<'a, S: Stored> {
 }
 
 impl<S: Stored> Round<'_, S> {
-    /// Returns the component of a direction along an axis; 0 where nothing goes round it.
+    /// Returns the component of a direction along an axis; 0 for a direction that does not cross it.
     fn along(&self, axis: usize, i: usize) -> i8 {
         let velocities = self.populations.velocities();
         if self.periodic[axis] && axis < velocities.dimension {
@@ -135,8 +135,8 @@ impl<S: Stored> Round<'_, S> {
         }
     }
 
-    /// Returns the copies round the rows: what the first cell of a row left for the cell before it belongs to the one
-    /// behind the last as well, and the reverse.
+    /// Returns the periodic copies along the rows: the population that the first cell of a row left for the cell
+    /// before it also belongs to the cell after the last, and the reverse.
     fn rows(&self, slab: &Slab) -> Vec<Copies> {
         let [slow, middle, fast] = self.populations.order();
         let cells = self.populations.cells();
@@ -159,9 +159,9 @@ impl<S: Stored> Round<'_, S> {
         all
     }
 
-    /// Returns the copies round another axis: whole rows, with their ghosts. After an even pass ghosts are filled,
-    /// after an odd one delivered. Round the middle axis the planes have their turn before the slab axis, or after it
-    /// with its ghosts (`beyond`).
+    /// Returns the periodic copies along another axis: whole rows, with their ghosts. After an even pass ghosts are
+    /// filled, after an odd one delivered. Along the middle axis the planes are copied before the slab axis, or
+    /// after it with its ghosts (`beyond`).
     fn axis(&self, axis: usize, other: usize, beyond: bool) -> Vec<Copies> {
         let populations = self.populations;
         let (velocities, cells) = (populations.velocities(), populations.cells());

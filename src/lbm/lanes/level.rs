@@ -1,9 +1,9 @@
-//! The instruction sets of the processor, and the widest that it offers.
+//! Instruction sets of the processor, and the widest that is available.
 
 /// Instruction set that the cell loop uses. All levels give the same bits; they differ in speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// One number at a time, any processor.
+    /// One number at a time, on any processor.
     Scalar,
     /// Four lanes, AVX2 with FMA.
     #[cfg(target_arch = "x86_64")]
@@ -13,8 +13,8 @@ pub enum Level {
     Avx512,
 }
 
-/// Returns `true` if the processor has AVX-512 with whole numbers of 64 bits and shorter vectors, as all that have it
-/// for servers and desktops.
+/// Returns `true` if the processor has AVX-512 with 64-bit integers and shorter vectors, like all server and
+/// desktop processors with AVX-512.
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")
@@ -24,7 +24,7 @@ fn has_avx512() -> bool {
 }
 
 impl Level {
-    /// Returns the widest level this processor offers; `SOLVER_LANES=scalar|avx2` lowers it (for tests and
+    /// Returns the widest level of this processor; `SOLVER_LANES=scalar|avx2` selects a lower one (for tests and
     /// comparisons).
     #[must_use]
     pub fn best() -> Self {
@@ -44,7 +44,7 @@ impl Level {
         Self::Scalar
     }
 
-    /// Returns the name for the provenance of a run.
+    /// Returns the name of the level for the provenance of a run.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -57,26 +57,26 @@ impl Level {
     }
 }
 
-/// Loops without branches or calls that the compiler makes vectors of, in a version for each instruction set
+/// Loops without branches or calls, which the compiler vectorises, with a version for each instruction set
 /// ([`Level::run`]).
 pub trait Work {
-    /// Runs the loops. Mark it, and what it calls, `#[inline(always)]`: only then are they compiled for the instruction
-    /// set.
+    /// Runs the loops. This function and those that it calls must be `#[inline(always)]`, so that they are compiled
+    /// for the instruction set.
     fn run(self);
 }
 
 impl Level {
-    /// Runs the version of some work for this level.
+    /// Runs the version of the loops for this level.
     pub fn run(self, work: impl Work) {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 if has_avx512() => {
-                // SAFETY: the processor has it, and AVX2 with it.
+                // SAFETY: the processor has this instruction set, which includes AVX2.
                 unsafe { run_avx512(work) };
             }
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 | Self::Avx2 if is_x86_feature_detected!("avx2") => {
-                // SAFETY: the processor has it.
+                // SAFETY: the processor has this instruction set.
                 unsafe { run_avx2(work) };
             }
             _ => work.run(),

@@ -10,7 +10,7 @@ pub struct Avx2(__m256d);
 #[derive(Clone, Copy)]
 pub struct Avx512(__m512d);
 
-/// The numbers of the lanes.
+/// Indices of the lanes.
 static COUNT: [f64; super::WIDEST] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Returns the signs of four numbers.
@@ -29,8 +29,8 @@ macro_rules! operators {
             type Output = Self;
             #[inline(always)]
             fn add(self, b: Self) -> Self {
-                // SAFETY: a value of this type exists only inside a kernel entered after the processor was asked
-                // for the instruction set (`Level::best`); the same holds for each operation below.
+                // SAFETY: a value of this type exists only inside a kernel that is entered after the instruction
+                // set was detected (`Level::best`); the same is true for each operation below.
                 Self(unsafe { $add(self.0, b.0) })
             }
         }

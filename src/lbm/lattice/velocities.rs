@@ -1,8 +1,8 @@
-//! The velocity sets as values, for code outside the cell loop.
+//! Velocity sets as values, for code outside the cell loop.
 
 use super::{D2Q9, D3Q19, D3Q27, Lattice};
 
-/// The velocity sets, as a choice.
+/// Choice of a velocity set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum VelocitySet {
@@ -34,7 +34,7 @@ impl VelocitySet {
         }
     }
 
-    /// Returns its velocities.
+    /// Returns the tables of the velocity set.
     #[must_use]
     pub fn velocities(self) -> Velocities {
         match self {
@@ -61,7 +61,7 @@ pub struct Velocities {
 }
 
 impl Velocities {
-    /// Returns the tables of `L`.
+    /// Returns the tables of the velocity set `L`.
     #[must_use]
     pub fn for_lattice<L: Lattice<Q>, const Q: usize>() -> Self {
         Self {

@@ -1,13 +1,13 @@
-//! Bounce-back at surfaces at rest, with the force on each.
+//! Bounce-back at stationary surfaces, with the force on each.
 //!
-//! A link from a cell of water either ends in a solid cell, or in another cell of water behind a sheet thinner than a
-//! cell. Each end that is water bounces by the central linear interpolation of the module above with its own distance q
+//! A link from a cell of water either ends in a solid cell, or in another cell of water behind a sheet thinner than
+//! a cell. Each end in water uses the central linear interpolation of the parent module with its own distance q
 //! from the surface:
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)],  κ = (1-2q)/(1+2q),
 //!
-//! or half-way, where q = 1/2 or the cell behind x is no water. An end inside a solid bounces half-way: what is there
-//! stays there. The surface receives f*_i + f_ī(t+1) along c_i.
+//! or half-way, if q = 1/2 or if the cell behind x is not water. An end inside a solid bounces half-way, so that
+//! its content does not change. The surface receives f*_i + f_ī(t+1) along c_i.
 
 use super::{Along, Load, Numbers, Rigid, Table, add_along, prefetch};
 use crate::lanes::Stored;
@@ -15,25 +15,25 @@ use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
 use base::thread_pool;
 
-/// A link that a surface at rest cuts. Its two ends are the outer cell, where it begins, and the inner one.
+/// Link intersected by a stationary surface. It begins in the outer cell and ends in the inner one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedLink {
     /// Positions of the two populations.
     pub link: Link,
-    /// Middle of the link in half cells, in the frame of the domain.
+    /// Midpoint of the link in half cells, in the frame of the domain.
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// The end is water of this slab.
+    /// `true` for each end that is water of this slab.
     pub wet: [bool; 2],
-    /// κ of each end; 0 for half-way.
+    /// Coefficient κ of each end; 0 for half-way.
     pub kappa: [f64; 2],
 }
 
-/// Links that a thread takes at once.
+/// Number of groups of links per thread and batch.
 const PER_THREAD: usize = 4;
 
-/// Bounces the populations on the links of each group and adds the loads.
+/// Applies bounce-back on the links of each group and adds the loads.
 ///
 /// # Panics
 /// Never: positions come from [`Populations::link`] of the same lattice.

@@ -18,7 +18,8 @@ impl Work for SumOfQuanta<'_> {
     #[inline(always)]
     fn run(self) {
         let Self(values, sum) = self;
-        // Upper and lower halves apart: sums of up to 2^31 of them are an i64, as vectors add them.
+        // Upper and lower halves are summed separately: sums of up to 2^31 of them fit into an i64, which vector
+        // instructions add.
         for values in values.chunks(1 << 30) {
             let (mut upper, mut lower) = (0_i64, 0_i64);
             for &value in values {

@@ -1,4 +1,4 @@
-//! The cover of the cells of a slab: solid fractions, bodies, and the sums of forces on the bodies.
+//! The cover of the cells of a slab by solids: fractions, bodies, and sums of the forces on the bodies.
 
 pub use super::solid::CoveringBody;
 use super::solid::{BETWEEN, DEEP, NONE, SHARED, STILL, Shares};
@@ -15,27 +15,27 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Solids that cover the cells of a slab.
+/// Cover of the cells of a slab by solids.
 #[derive(Debug)]
 pub struct Cover {
     pub(super) method: SaturationMethod,
     pub(super) fluid: CoveredFluid,
     /// Axes from slowest to fastest.
     pub(super) order: [usize; 3],
-    /// ε by position of a cell; of a ghost cell its negative.
+    /// Solid fraction ε by position of a cell; in ghost cells its negative.
     pub(super) fraction: Vec<f32>,
-    /// Slot of its body, or [`SHARED`] and a place in the lists: the place in a list, times the number of lists, plus
-    /// the number of the list.
+    /// Slot of the body of a cell, or [`SHARED`] and an index into the lists: index in a list, times the number of
+    /// lists, plus the number of the list.
     pub(super) owner: Vec<u32>,
-    /// One for each worker.
+    /// Lists of shared cells, one for each worker.
     lists: Vec<Shelf>,
-    /// Shares of the lists that are in use, for the pass.
+    /// Addresses of the lists for the pass.
     shares: Vec<Shares>,
     pub(super) solids: Vec<CoveringBody>,
     pub(super) sums: Vec<Sums>,
-    /// Distance from a cell to the next one along each axis.
+    /// Distance between cells along each axis in positions.
     pub(super) strides: [isize; 3],
-    /// Something changed since this was last asked.
+    /// `true` if cells or motions have changed since the last query.
     changed: AtomicBool,
     /// Number of changes of cells.
     version: AtomicU64,
@@ -46,8 +46,8 @@ pub struct Cover {
     motions: u64,
 }
 
-// SAFETY: through `&Cover` the addresses in `shares` are never followed: only the pass follows them, which has the
-// cover alone, and what changes besides is atomic or behind its lock.
+// SAFETY: through `&Cover` the addresses in `shares` are never dereferenced: only the pass does so, with exclusive
+// access to the cover. All other changes are atomic or protected by a lock.
 unsafe impl Sync for Cover {}
 
 impl Cover {
@@ -76,7 +76,7 @@ impl Cover {
             },
             order: populations.order(),
             fraction: vec![0.0; positions],
-            // A vector of neighbours may reach beyond the last cell.
+            // A vector of neighbours may extend beyond the last cell.
             owner: vec![NONE; positions + WIDEST],
             lists: (0..workers.max(1)).map(|_| Shelf::default()).collect(),
             shares: Vec::new(),
@@ -91,13 +91,13 @@ impl Cover {
         }
     }
 
-    /// Sets if all bodies are balls that cover the cells given by their positions, by the exact rule: a GPU then finds
-    /// the cells itself.
+    /// Sets if all bodies are balls that cover the cells exactly as given by their positions, so that a GPU can
+    /// compute the cover.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
 
-    /// Returns the number of moves of the bodies, if all are balls that a GPU can map.
+    /// Returns the number of moves of the bodies if all are balls that a GPU can map; otherwise `None`.
     pub fn balls(&self) -> Option<u64> {
         self.balls.then_some(self.moves)
     }
@@ -112,7 +112,7 @@ impl Cover {
         self.order
     }
 
-    /// Rises whenever cells change.
+    /// Returns a number that increases with each change of cells.
     pub(crate) fn version(&self) -> u64 {
         self.version.load(Ordering::Relaxed)
     }
@@ -127,7 +127,7 @@ impl Cover {
         &self.solids
     }
 
-    /// Returns the parts of each cell of several bodies, by the place in its owner.
+    /// Returns the bodies with their fractions for each shared cell, in the order of the index in its owner.
     pub fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
         let lists = self.lists.iter_mut().map(Shelf::get);
         let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
@@ -140,7 +140,7 @@ impl Cover {
         })
     }
 
-    /// Returns the cells of several bodies as the coming pass reads them.
+    /// Returns the addresses of the shared cells for the next pass.
     pub(super) fn list_shares(&mut self) -> *const Shares {
         let count = self.lists.len();
         self.shares.clear();
@@ -157,14 +157,14 @@ impl Cover {
         self.shares.as_ptr()
     }
 
-    /// Reads the bodies of a cell of several bodies, given by its owner.
+    /// Calls `look` with the bodies of a shared cell, given by its owner.
     fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
         let (shelf, place) = shelved(owner, self.lists.len());
         let lists = self.lists[shelf].lock();
         look(lists.shared.get(place).map_or(&[][..], Vec::as_slice))
     }
 
-    /// Adds a force that was summed elsewhere to that on a slot.
+    /// Adds a force computed elsewhere to the sum of a slot.
     pub(crate) fn receive(&mut self, slot: u32, load: &Load) {
         if let Some(sums) = self.sums.first_mut() {
             sums.add_load(slot, load);
@@ -176,7 +176,7 @@ impl Cover {
         std::mem::take(self.changed.get_mut())
     }
 
-    /// Marks these ghost cells as filled by a wall at rest.
+    /// Marks ghost cells as filled by a stationary wall.
     pub fn wall_off(&mut self, ghosts: impl Iterator<Item = usize>) {
         for position in ghosts {
             self.fraction[position] = -1.0;
@@ -184,7 +184,7 @@ impl Cover {
         }
     }
 
-    /// Bytes for each cell in addition to the populations.
+    /// Bytes per cell in addition to the populations.
     pub const BYTES: usize = size_of::<f32>() + size_of::<u32>();
 
     /// Allocates slots for bodies.
@@ -215,7 +215,7 @@ impl Cover {
         self.whole().cover(position, slot, fraction);
     }
 
-    /// Returns all cells, to be covered by one worker.
+    /// Returns all cells for a single worker.
     pub fn whole(&mut self) -> CoverPart<'_> {
         CoverPart {
             first: 0,
@@ -229,7 +229,8 @@ impl Cover {
         }
     }
 
-    /// Cuts the cells at some rising positions and hands a part to each worker: there is one more of them than cuts.
+    /// Divides the cells at ascending positions and calls `work` with each part on a worker: there is one part more
+    /// than cuts.
     pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut CoverPart<'_>) + Sync) {
         let mut parts = Vec::with_capacity(cuts.len() + 1);
         let (mut fractions, mut owners) = (&mut self.fraction[..], &mut self.owner[..]);
@@ -254,19 +255,19 @@ impl Cover {
         thread_pool::each_item(&mut parts, 1, |_, part| work(part));
     }
 
-    /// Returns the part of a cell that is solid.
+    /// Returns the solid fraction of a cell.
     #[must_use]
     pub fn fraction(&self, position: usize) -> f64 {
         f64::from(self.fraction[position].min(1.0))
     }
 
-    /// Returns the fraction as it is stored: [`DEEP`] deep inside a body, negative in a ghost cell.
+    /// Returns the fraction as stored: [`DEEP`] deep inside a body, negative in a ghost cell.
     #[must_use]
     pub fn held(&self, position: usize) -> f32 {
         self.fraction[position]
     }
 
-    /// Returns the id of the body that fills most of a cell, if solids fill half of it.
+    /// Returns the id of the body with the largest fraction of a cell, if solids fill at least half of the cell.
     #[must_use]
     pub fn body_at(&self, position: usize) -> Option<u64> {
         if self.fraction[position] < 0.5 {
@@ -289,7 +290,8 @@ impl Cover {
         self.solids.get(slot as usize).map(|solid| solid.name.id)
     }
 
-    /// Returns B of a cell (or ε) in quanta: how much of the body force on it the water does not feel.
+    /// Returns the weight B of a cell (or ε) in quanta: the fraction of its body force that does not act on the
+    /// water.
     #[must_use]
     pub fn weight(&self, position: usize) -> i64 {
         let fraction = self.fraction(position);
@@ -328,8 +330,8 @@ impl Cover {
         }
     }
 
-    /// Returns the velocity of the solids in a cell that they fill by half and more, at a point `offset` from its
-    /// centre: `at` are its local coordinates. Ghost cells count, what is behind walls does not.
+    /// Returns the velocity of the solids in a cell at least half filled by them, at a point `offset` from its
+    /// centre: `at` are its local coordinates. Ghost cells are included, cells behind walls are not.
     #[must_use]
     pub fn velocity_beside<const D: usize>(
         &self,
@@ -366,7 +368,7 @@ impl Cover {
         })
     }
 
-    /// Returns the part of a cell or ghost cell that bodies fill; none behind a wall.
+    /// Returns the fraction of a cell or ghost cell filled by bodies; 0 behind a wall.
     #[must_use]
     pub fn part(&self, position: usize) -> f64 {
         match self.owner[position] {
@@ -375,13 +377,14 @@ impl Cover {
         }
     }
 
-    /// Hides a cell from the pass, or shows it again: a hidden fraction is negative like that of a ghost cell.
+    /// Hides a cell from the pass, or restores it: a hidden fraction is negative like that of a ghost cell.
     pub(crate) fn hide(&mut self, position: usize, hidden: bool) {
         let part = self.fraction[position].abs();
         self.fraction[position] = if hidden { 0.0 - part } else { part };
     }
 
-    /// Calls `give` with the slot of each body of a cell, the body, the fraction that it fills and its part of the sum.
+    /// Calls `give` with the slot of each body of a cell, the body, the fraction that it fills and its fraction of
+    /// the sum.
     pub(crate) fn each_body(
         &self,
         position: usize,
@@ -403,7 +406,7 @@ impl Cover {
             let all = total(shares);
             for share in shares {
                 let fraction = f64::from(share.fraction);
-                // Bodies that overlap fill a cell once.
+                // Overlapping bodies fill a cell once.
                 of(share.slot, fraction / all.max(1.0), fraction / all);
             }
         });
@@ -415,8 +418,8 @@ impl Cover {
         self.solids.len()
     }
 
-    /// Hands out what each slot received since the last call: forces, and twice the moments about the origin of its raw
-    /// frame.
+    /// Passes the sums of each slot since the last call to `give`: forces, and twice the moments about the origin
+    /// of its raw frame.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
         for sums in &mut self.sums {
             for &slot in &sums.touched {
@@ -430,18 +433,18 @@ impl Cover {
     }
 }
 
-/// The bodies of the cells of several bodies.
+/// Lists of the bodies of shared cells.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Shared cells with their parts, in the order of their names.
+    /// Bodies of the shared cells with their fractions, in the order of their names.
     shared: Vec<Vec<Share>>,
     /// Bodies that have the cell deep inside.
     deep: Vec<Vec<u32>>,
-    /// Places to use again.
+    /// Indices of free entries.
     unused: Vec<usize>,
 }
 
-/// The lists of a worker, on lines of the cache of their own.
+/// Lists of a worker, on separate cache lines.
 #[derive(Debug, Default)]
 #[repr(align(128))]
 struct Shelf(Mutex<Lists>);
@@ -456,13 +459,13 @@ impl Shelf {
     }
 }
 
-/// Returns the list of a cell of several bodies, of so many, and its place there, given by its owner.
+/// Returns the list and the index in it of a shared cell, given by its owner; `count` is the number of lists.
 fn shelved(owner: u32, count: usize) -> (usize, usize) {
     let place = (owner & !SHARED) as usize;
     (place % count, place / count)
 }
 
-/// The list of a cell of several bodies, of so many, and its place there; none if it had one body before.
+/// List and index in it of a shared cell, with the number of lists; none if the cell had one body before.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     shelf: usize,
@@ -470,27 +473,28 @@ struct Place {
     place: Option<usize>,
 }
 
-/// Access of a worker to the lists, which belong to the cells of all: few cells have several bodies.
+/// Access of a worker to the lists of all workers; few cells have several bodies.
 #[derive(Debug)]
 enum Access<'a> {
-    /// Access without another worker.
+    /// Access without other workers.
     Alone(&'a mut [Shelf]),
-    /// New places are taken from this list, seldom from that of another worker.
+    /// Access with other workers: new entries are taken from the list of this number, seldom from that of another
+    /// worker.
     Shared(&'a [Shelf], usize),
 }
 
-/// Range of cells that one worker covers. It has cache lines of its own, because the parts of other workers are
-/// adjacent in memory.
+/// Range of cells covered by one worker, on separate cache lines, because the parts of other workers are adjacent
+/// in memory.
 #[derive(Debug)]
 #[repr(align(128))]
 pub struct CoverPart<'a> {
-    /// Position of the first.
+    /// Position of the first cell.
     first: usize,
     fraction: &'a mut [f32],
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [CoveringBody],
-    /// Flags of a change: of all parts, written at the end, and of this one.
+    /// Flags of a change: that of all parts, written at the end, and that of this part.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,
@@ -506,13 +510,13 @@ impl Drop for CoverPart<'_> {
 }
 
 impl CoverPart<'_> {
-    /// Returns its positions.
+    /// Returns the positions of the part.
     #[must_use]
     pub fn positions(&self) -> Range<usize> {
         self.first..self.first + self.fraction.len()
     }
 
-    /// Fetches what is known of the cell at a position into the cache.
+    /// Prefetches the data of the cell at a position.
     #[inline(always)]
     pub fn ask(&self, position: usize) {
         let at = position.wrapping_sub(self.first);
@@ -537,7 +541,7 @@ impl CoverPart<'_> {
         };
         let fraction = fraction.abs();
         if owner == NONE || owner == slot {
-            // Not -0: a cell that is not covered has one form.
+            // The sum avoids -0, so that an uncovered cell has a single representation.
             self.fraction[at] = sign * fraction + 0.0;
             self.owner[at] = if fraction > 0.0 { slot } else { NONE };
         } else {
@@ -545,8 +549,8 @@ impl CoverPart<'_> {
         }
     }
 
-    /// Covers neighbouring cells of this part, from a position on, like [`Cover::cover`], if they are this body's alone
-    /// and stay so, and returns `true`; otherwise it does nothing.
+    /// Covers consecutive cells of this part, from a position on, like [`Cover::cover`], if this body alone covers
+    /// them before and after, and returns `true`; otherwise it does nothing.
     #[inline]
     pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
         let first = position - self.first;
@@ -554,7 +558,7 @@ impl CoverPart<'_> {
         let (fractions, owners) = (&mut self.fraction[cells.clone()], &self.owner[cells]);
         let (mut alone, mut changed) = (true, false);
         for ((held, owner), part) in fractions.iter().zip(owners).zip(parts) {
-            // Both of a cell of the slab, or both of a ghost cell, and neither 0.
+            // Both belong to a cell of the slab, or both to a ghost cell, and neither is 0.
             alone &= (*owner == slot) & (held * part > 0.0);
             changed |= held.to_bits() != part.to_bits();
         }
@@ -565,7 +569,7 @@ impl CoverPart<'_> {
         alone
     }
 
-    /// Covers a cell that another body covers too, at an index from the first position on.
+    /// Covers a cell that another body also covers, at an index relative to the first position.
     #[inline(never)]
     fn add_share(&mut self, at: usize, slot: u32, sign: f32, fraction: f32) {
         let cell = (&mut self.owner[at], &mut self.fraction[at]);
@@ -602,7 +606,7 @@ impl CoverPart<'_> {
 }
 
 impl Lists {
-    /// Adds the fraction that body `slot` fills of a cell, given by its owner and fraction, in which another body is.
+    /// Adds the fraction that body `slot` fills of a cell with another body, given by its owner and fraction.
     fn add_share(
         &mut self,
         (owner, held): (&mut u32, &mut f32),
@@ -654,7 +658,7 @@ impl Lists {
             shares.clear();
             unused.push(place);
             *owner = only.slot;
-            // As if it had been alone.
+            // The cell has the state of a cell with this body only.
             *held = sign * if deep.is_empty() { only.fraction } else { DEEP };
             deep.clear();
         } else {
@@ -679,7 +683,7 @@ fn number(n: usize) -> u32 {
     n as u32
 }
 
-/// Returns the sum of quanta of B as a number of cells.
+/// Returns a sum of B in quanta as a number of cells.
 #[must_use]
 pub fn cells(weight: i128) -> f64 {
     from_quanta(weight)

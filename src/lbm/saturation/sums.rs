@@ -1,4 +1,4 @@
-//! Forces on bodies, summed by a worker over the cells that it passes.
+//! Forces on bodies, summed by a worker over its cells.
 
 use crate::links::{Load, add_force, add_moment};
 use crate::quanta::quanta;
@@ -33,7 +33,7 @@ impl Sums {
         }
     }
 
-    /// Adds a load that was summed elsewhere.
+    /// Adds a load computed elsewhere.
     pub(super) fn add_load(&mut self, slot: u32, load: &Load) {
         let k = slot as usize;
         if let (Some(known), Some(sum)) = (self.known.get_mut(k), self.loads.get_mut(k)) {
@@ -47,9 +47,9 @@ impl Sums {
         }
     }
 
-    /// Adds the forces, in quanta, on cells of a row that one body covers: what [`Self::add`] adds one by one. `raw` is
-    /// the first cell, `fast` the axis of the row, `force` the sum over the cells, `weighted` that of the forces times
-    /// their place from 0.
+    /// Adds the forces, in quanta, on cells of a row covered by one body, with the same result as [`Self::add`] for
+    /// each cell. `raw` is the first cell, `fast` the axis of the row, `force` the sum over the cells, `weighted`
+    /// the sum of the forces times their index from 0.
     #[inline(always)]
     pub(super) fn add_row<const D: usize>(
         &mut self,
@@ -67,7 +67,7 @@ impl Sums {
             }
             let middle = [2 * raw[0] + 1, 2 * raw[1] + 1, 2 * raw[2] + 1];
             add_force::<D>(load, force, middle);
-            // The places of the others, in half cells from the first.
+            // Sum of the positions of the other cells, in half cells from the first.
             let mut along = [0; 3];
             along[fast] = 2;
             add_moment::<D>(load, weighted, along);

@@ -1,8 +1,9 @@
-//! Bodies that fill cells of water with a free surface, in part or whole ([`crate::saturation`]).
+//! Bodies that fill cells of water with a free surface, in part or completely ([`crate::saturation`]).
 //!
-//! ε is the part of a cell that bodies fill. Water fills the free part 1 - ε of a cell, and the fill level is that of
-//! the free part. The lattice keeps populations of whole cells: a cell of density ρ at a body holds the
-//! mass ρ, of which ε, water of density 1, stands in the place of the body and moves with it. The water of a cell is
+//! ε is the fraction of a cell filled by bodies. Water fills the free part 1 - ε of a cell, and the fill level is
+//! that of the free part. The lattice stores populations of whole cells: a cell of density ρ at a body has the mass
+//! ρ, of which ε, with the density 1 of water, is in the volume of the body and moves with it. The mass of the
+//! water in a cell is
 //!
 //! | kind | mass of the water |
 //! |---|---|
@@ -11,25 +12,27 @@
 //! | held: ε = 1 next to water | ρ - 1 |
 //! | gas, with a body in it or not | 0 |
 //!
-//! **Held cells** are those that bodies fill and that touch water. They take part in the flow as any cell that a body
-//! covers. Bodies have no populations further inside and in the air: the links of held cells that lead there bounce
-//! back at the velocity of the body, and what they bounce is a part of its load. A body in the air thus has no load at
-//! all, and the pressure of the air is the datum of all loads.
+//! **Held cells** are filled by bodies and touch water. They take part in the flow like any cell covered by a body.
+//! Bodies have no populations further inside and in the air: the links of held cells that lead there bounce back at
+//! the velocity of the body, and contribute to its load. A body in the air thus has no load at all, and the
+//! pressure of the air is the reference of all loads.
 //!
-//! **Weight of the water.** The pass lets the fluid of a covered cell feel the body force by 1 - B. In water at rest a
-//! body then receives the pressure round its cells less (1 - B) F for each. The force of the water on the body is that
-//! pressure less the weight of the water, so that B is replaced by the part that is body under water: ε in liquid and
-//! held cells, ε times the fill level in interface cells. A body in water at rest has its buoyancy for every weighting.
+//! **Weight of the water.** In the pass, 1 - B of the body force acts on the fluid of a covered cell. In water at
+//! rest a body then receives the pressure around its cells minus (1 - B) F for each. The force of the water on the
+//! body is that pressure minus the weight of the water, so that B is replaced by the fraction of the body under
+//! water: ε in liquid and held cells, ε times the fill level in interface cells. A body in water at rest thus has
+//! its exact buoyancy for every weighting.
 //!
-//! **Mass.** A body that moves sweeps over cells: ε changes, links that lead into bodies give and take, cells become
-//! held and stop being so. Each of these steps changes the sum of the masses of the table by a known amount, which is
-//! counted in quanta, summed over all ranks, and taken back from the interface cells at the bodies in the same step;
-//! where there are none, from all interface cells, and else it counts as lost. The mass of the water is kept to
-//! rounding, and the water that a body displaces raises the surface by its volume. Along the line where the surface
-//! meets a body the part of the body that comes out of the air with its velocity is added cell by cell.
+//! **Mass.** A moving body sweeps over cells: ε changes, links into bodies add and remove mass, and cells become
+//! held or cease to be held. Each of these changes the sum of the masses in the table by a known amount, which is
+//! counted in quanta, summed over all ranks, and subtracted from the interface cells at the bodies in the same
+//! step; without such cells it is subtracted from all interface cells, and without any it counts as lost. The mass
+//! of the water is conserved up to rounding, and the water displaced by a body raises the surface by its volume.
+//! Along the line where the surface meets a body, the part of the body that moves out of the air is added cell by
+//! cell.
 //!
-//! **Inertia.** Only the cells with populations resist an acceleration of the body as fluid inside it does, so that
-//! the compensation of [`crate::saturation`] needs their share of the volume and of the moment of inertia
+//! **Inertia.** Only the cells with populations resist an acceleration of the body like fluid inside it, so that
+//! the compensation of [`crate::saturation`] requires their fraction of the volume and of the moment of inertia
 //! ([`SlabSurface::shares_of_bodies`]).
 
 use super::cells::Cells;
@@ -46,13 +49,13 @@ use crate::saturation::Cover;
 use base::number::{real, to_u32};
 use decomposition::Communicator;
 
-/// Part from which on a body fills a cell: parts of several, each rounded to f32, add up to this.
+/// Fraction from which on bodies fill a cell: the sum of several fractions, each rounded to f32.
 const FULL: f64 = 1.0 - 1e-6;
 
-/// Part of a cell that no body leaves in a step by moving: one that has left it was taken away.
+/// Solid fraction of a cell that no body leaves in a step by its motion: such a body was removed.
 const TAKEN_AWAY: f64 = 0.5;
 
-/// A cell of the slab and its coordinates.
+/// Position of a cell of the slab and its coordinates.
 type Place = (u32, [i32; 3]);
 
 /// Change of the kind of a cell.
@@ -60,48 +63,48 @@ type Place = (u32, [i32; 3]);
 struct Change {
     cell: u32,
     kind: u8,
-    /// `true` if the water that follows a body stays in a cell that it leaves.
+    /// `true` if the water that follows a body remains in a cell that the body leaves.
     keeps: bool,
-    /// Mass that an interface cell takes from neighbours that share their excess.
+    /// Mass that an interface cell receives from neighbours that distribute their excess.
     taken: f64,
 }
 
-/// Bodies over the cells of a slab.
+/// Bodies in the cells of a slab.
 #[derive(Debug, Default)]
 pub(crate) struct Bodies {
-    /// Cells and ghost cells that bodies fill, and those that they filled before, by rising position.
+    /// Cells and ghost cells that bodies fill now or filled before, in ascending order of position.
     cells: Vec<u32>,
-    /// Those of the slab, with their coordinates.
+    /// The filled cells of the slab, with their coordinates.
     own: Vec<Place>,
-    /// Those of the slab that take part in the flow.
+    /// The filled cells of the slab that take part in the flow.
     wet: Vec<Place>,
-    /// Links of held cells that lead into bodies or air: cell and direction.
+    /// Links of held cells into bodies or air: cell and direction.
     inner: Vec<(Place, u8)>,
     /// Cells that change their kind in a step.
     changes: Vec<Change>,
-    /// Cells that became held in the last step.
+    /// Cells that became held in the last step, with their velocities.
     begun: Vec<(u32, [f64; 3])>,
     /// Loads of the last step in addition to those of the pass, by slot.
     loads: Vec<Load>,
-    /// By slot: volume of the cells with populations and of all, and sums of r² over both, in quanta.
+    /// Volume of the cells with populations and of all cells, and sums of r² over both, in quanta, by slot.
     shares: Vec<[i128; 4]>,
-    /// Change of the mass of the water that has not been taken back, in quanta.
+    /// Change of the mass of the water that has not been compensated yet, in quanta.
     owed: i128,
     known: bool,
 }
 
 impl Bodies {
-    /// Returns the bytes held.
+    /// Returns the size of the memory in bytes.
     pub(super) fn bytes(&self) -> usize {
         4 * self.cells.len() + 16 * (self.own.len() + self.wet.len()) + 20 * self.inner.len()
     }
 
-    /// Returns the cells of the slab that bodies fill in part or whole and that take part in the flow.
+    /// Returns the cells of the slab that bodies fill in part or completely and that take part in the flow.
     pub(super) fn wet(&self) -> impl Iterator<Item = &u32> {
         self.wet.iter().map(|(cell, _)| cell)
     }
 
-    /// Takes the cells that bodies fill from a cover, and counts the change of those in the flow.
+    /// Reads the cells filled by bodies from a cover, and counts the change of those in the flow.
     fn measure<S: Stored>(
         &mut self,
         cells: &mut Cells,
@@ -168,7 +171,7 @@ impl Bodies {
         }
     }
 
-    /// Adds the part of bodies that comes from the air into interface cells with the velocity of the body.
+    /// Adds the part of bodies that moves from the air into interface cells.
     fn push<S: Stored>(&mut self, cells: &mut Cells, populations: &Populations<S>, cover: &Cover) {
         let velocities = populations.velocities();
         for &(cell, at) in &self.own {
@@ -196,7 +199,8 @@ impl Bodies {
         }
     }
 
-    /// Lists the cells that take part in the flow and the links that lead out of it, and sums the shares of the bodies.
+    /// Lists the cells that take part in the flow and the links that lead out of it, and sums their fractions of
+    /// the bodies.
     fn list<S: Stored>(&mut self, cells: &Cells, populations: &Populations<S>, cover: &Cover) {
         let velocities = populations.velocities();
         self.wet.clear();
@@ -239,8 +243,8 @@ impl Bodies {
         }
     }
 
-    /// Bounces the links that lead out of the flow, behind a pass, and adds the loads that the pass leaves out.
-    /// `half_force` is F/2.
+    /// Applies bounce-back on the links that lead out of the flow, after a pass, and adds the loads not included in
+    /// the pass. `half_force` is F/2.
     fn act<S: Stored>(
         &mut self,
         cells: &Cells,
@@ -318,7 +322,7 @@ fn velocity<S: Stored>(
     }
 }
 
-/// Returns `true` if a cell has air next to it.
+/// Returns `true` if a cell has air in an adjacent cell.
 fn void_beside(cells: &Cells, position: usize) -> bool {
     (1..cells.directions()).any(|i| {
         cells.kind_along(position, i) == GAS && cells.solid[cells.neighbour(position, i)] < FULL
@@ -326,19 +330,19 @@ fn void_beside(cells: &Cells, position: usize) -> bool {
 }
 
 impl SlabSurface {
-    /// Returns `true` once bodies are known.
+    /// Returns `true` if bodies are known.
     pub(crate) fn has_bodies(&self) -> bool {
         self.bodies.is_some()
     }
 
-    /// Returns the cells of gas that the pass collides with cells of water.
+    /// Returns the gas cells that the pass collides together with cells of water.
     pub(crate) fn dry(&self) -> impl Iterator<Item = usize> + '_ {
         let dry = self.planes.iter().flat_map(|plane| &plane.dry);
         dry.map(|&cell| cell as usize)
     }
 
-    /// Returns by slot the volume and the sum of r² of the cells that take part in the flow and of all cells of a body,
-    /// in quanta: flow, all, flow, all.
+    /// Returns, by slot, the volume and the sum of r² of the cells in the flow and of all cells of a body, in
+    /// quanta: flow, all, flow, all.
     #[must_use]
     pub fn shares_of_bodies(&self) -> &[[i128; 4]] {
         self.bodies.as_ref().map_or(&[], |bodies| &bodies.shares)
@@ -350,7 +354,7 @@ impl SlabSurface {
         begun.map(|&(cell, u)| (cell as usize, u))
     }
 
-    /// Lets the bodies bounce and gives them the loads that a pass leaves out.
+    /// Applies bounce-back at the bodies and adds the loads not included in the pass.
     pub(crate) fn act_on_bodies<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -362,7 +366,7 @@ impl SlabSurface {
         }
     }
 
-    /// Takes over the cells that bodies fill, given by position in any order. Collective.
+    /// Transfers the mass of the cells that bodies fill, given by position in any order. Collective.
     pub(crate) fn meet_bodies<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -403,7 +407,7 @@ impl SlabSurface {
         self.bodies = Some(bodies);
     }
 
-    /// Leaves water only in the free part of interface cells at the start.
+    /// Restricts the water of interface cells at the start to their free part.
     fn share_cells<S: Stored>(&mut self, populations: &Populations<S>, bodies: &Bodies) {
         for &(cell, _) in &bodies.own {
             let position = cell as usize;
@@ -416,7 +420,7 @@ impl SlabSurface {
         }
     }
 
-    /// Notes that a cell has changed its kind.
+    /// Records that a cell has changed its kind.
     fn touch<S: Stored>(&mut self, populations: &Populations<S>, cell: usize) {
         let at = populations.coordinates(cell);
         self.planes[at[populations.order()[0]].unsigned_abs()].changed = true;
@@ -438,7 +442,7 @@ impl SlabSurface {
                     self.cells.fill[position] = 1.0;
                 }
                 SURFACE => {
-                    // Water follows the body where it stands next to it.
+                    // Water follows the body if it is next to the body.
                     let (mass, lost) = if change.keeps {
                         (density, 0)
                     } else {
@@ -459,7 +463,7 @@ impl SlabSurface {
         }
     }
 
-    /// Makes interface cells of liquid that a body has left in the air.
+    /// Converts liquid that a body has left in the air to interface cells.
     fn open_cells<S: Stored>(&mut self, populations: &Populations<S>, bodies: &mut Bodies) {
         bodies.changes.clear();
         let cells = &self.cells;
@@ -483,7 +487,7 @@ impl SlabSurface {
         }
     }
 
-    /// Lets the filled cells next to water take part in the flow, and no others.
+    /// Marks the filled cells next to water as held, and no others.
     fn hold_cells<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -538,7 +542,7 @@ impl SlabSurface {
         }
     }
 
-    /// Takes what bodies have added to the mass of the water back from the interface cells. Collective.
+    /// Subtracts the mass that bodies have added to the water from the interface cells. Collective.
     fn take_back(&mut self, bodies: &mut Bodies, communicator: &Communicator) {
         let sum = |part: i128| {
             let all = communicator.all_reduce_sum_u128(part.cast_unsigned());
@@ -577,7 +581,7 @@ impl SlabSurface {
     }
 }
 
-/// Returns the mean density of the cells of water next to a cell.
+/// Returns the mean density of the wet cells next to a cell.
 fn mean_density<S: Stored>(
     cells: &Cells,
     ghosts: &Ghosts,

@@ -1,9 +1,9 @@
-//! Interface cells that the liquid cell inside carries: their centres lie outside the water.
+//! Interface cells carried by the liquid cell inside, because their centres lie outside the water.
 //!
-//! Such a cell holds less water than half a cell, and would move it as if it were a whole one. It takes part in
-//! the flow with the cell inside, like the small cells of a cut grid that are merged with their neighbours:
-//! before the pass it takes the velocity and the pressure that the cell inside continues, and behind the pass
-//! its links to other cells of water take the traction between that cell and the surface.
+//! Such a cell contains less water than half a cell, but would move it like a full cell. It therefore takes part in
+//! the flow together with the cell inside, like the small cells of a cut-cell grid that are merged with their
+//! neighbours: before the pass it receives the velocity and the pressure extrapolated from the cell inside, and
+//! after the pass its links to other wet cells receive the traction between that cell and the surface.
 
 use super::carrier::Carrier;
 use super::cells::Cells;
@@ -18,7 +18,7 @@ use crate::populations::Populations;
 use base::number::to_u32;
 use base::thread_pool;
 
-/// Gives the carried cells their populations before a pass, and marks them.
+/// Sets the populations of the carried cells before a pass, and marks the cells.
 pub(super) fn set<S: Stored>(
     cells: &mut Cells,
     planes: &mut [Plane],
@@ -36,7 +36,7 @@ pub(super) fn set<S: Stored>(
             let density = facet.density();
             for i in 0..velocities.q() {
                 let g = equilibrium(velocities.w[i], velocities.c[i], density, facet.given);
-                // SAFETY: the incoming numbers of a cell are its own.
+                // SAFETY: the incoming numbers of a cell belong to it.
                 unsafe { numbers.write(populations.incoming(cell as usize, i), g) };
             }
         }
@@ -48,7 +48,7 @@ pub(super) fn set<S: Stored>(
     }
 }
 
-/// Returns what the links of a carried cell of the slab need; `None` of other cells.
+/// Returns the data for the links of a carried cell of the slab; `None` for other cells.
 pub(super) fn carrier<S: Stored>(
     cells: &Cells,
     planes: &[Plane],
@@ -64,9 +64,9 @@ pub(super) fn carrier<S: Stored>(
     Some(plane.facets[n].carrier())
 }
 
-/// Sets what comes back to cells of water from the carried cells, of the slab and beyond it.
+/// Sets the populations that return to wet cells from the carried cells of the slab and outside it.
 ///
-/// `beyond` holds the carried ghost cells of the step.
+/// `beyond` contains the carried ghost cells of the step.
 pub(super) fn link<S: Stored>(
     cells: &mut Cells,
     (planes, ghosts): (&mut [Plane], &Ghosts),
@@ -122,7 +122,8 @@ pub(super) fn link<S: Stored>(
             }
             let link = populations.link(cell, back);
             let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i]);
-            // SAFETY: both numbers of the link between a cell of the slab and one beyond it; no other thread works.
+            // SAFETY: both numbers of the link between a cell of the slab and a ghost cell; no other thread is
+            // active.
             unsafe {
                 let sent = numbers.read(link.out(parity));
                 numbers.write(link.incoming(parity), even - sent);

@@ -1,9 +1,9 @@
-//! Part of a facet that other cells need: the traction of the water on the links of a carried cell ([`super::facet`]).
+//! Part of a facet for other cells: the traction of the water on the links of a carried cell ([`super::facet`]).
 
-/// Numbers of a facet in a message.
+/// Number of values of a facet in a message.
 pub(super) const NUMBERS: usize = 12;
 
-/// Part of a facet that the links of its neighbours need: ratios to the distance from the surface.
+/// Part of a facet for the links of its neighbours, with lengths relative to the distance from the surface.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Carrier {
     pub(super) normal: [f64; 3],
@@ -28,7 +28,7 @@ pub(super) fn inertia(c: [i8; 3], density: f64, u: [f64; 3]) -> f64 {
 }
 
 impl Carrier {
-    /// Returns f⁺/w_i in the middle of a link that leaves the cell of the facet along `c`.
+    /// Returns f⁺/w_i at the midpoint of a link that leaves the cell of the facet along `c`.
     #[inline(always)]
     pub(super) fn even(&self, c: [i8; 3]) -> f64 {
         let up = dot(c, self.normal);
@@ -38,7 +38,7 @@ impl Carrier {
         density + inertia(c, density, self.velocity) - shear
     }
 
-    /// Returns the numbers of a message; the last one is 1.
+    /// Returns the values of a message; the last one is 1.
     pub(super) fn numbers(&self) -> [f64; NUMBERS] {
         let [a, b, c] = self.normal;
         let [d, e, f] = self.traction;
@@ -46,8 +46,8 @@ impl Carrier {
         [a, b, c, self.distance, self.slope, d, e, f, u, v, w, 1.0]
     }
 
-    /// Returns the carrier from the numbers of a message, seen through planes of symmetry with these signs; `None`
-    /// for a cell that is not carried.
+    /// Returns the carrier from the values of a message, reflected at symmetry planes with these signs; `None` for
+    /// a cell that is not carried.
     pub(super) fn received(numbers: &[f64; NUMBERS], sign: [f64; 3]) -> Option<Self> {
         let [a, b, c, distance, slope, d, e, f, u, v, w, there] = *numbers;
         let turned = |v: [f64; 3]| std::array::from_fn(|axis| sign[axis] * v[axis]);

@@ -4,33 +4,33 @@ use super::kind::{HELD, SOLID};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// Least part without body by which the mass of water in a cell is divided.
+/// Minimum fraction without body by which the mass of water in a cell is divided.
 const LEAST_FREE: f64 = 1e-3;
 
 /// State of the cells.
 #[derive(Debug)]
 pub(crate) struct Cells {
     pub(super) kind: Vec<u8>,
-    /// Mass of interface cells, with that of water in the place of bodies; 0 of others.
+    /// Mass of interface cells, including water in the volume of bodies; 0 in other cells.
     pub(super) mass: Vec<f64>,
-    /// Fill level of the part that no body fills: m/ρ of interface cells without bodies, 1 of liquid, 0 of gas.
+    /// Fill level of the part free of bodies: m/ρ in interface cells without bodies, 1 in liquid, 0 in gas.
     pub(super) fill: Vec<f64>,
-    /// Excess mass for each interface cell next to a cell that has changed kind; 0 of most.
+    /// Excess mass for each interface cell next to a cell that has changed kind; usually 0.
     pub(super) share: Vec<f64>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
-    /// Part that bodies fill; empty in a fluid without bodies.
+    /// Fraction filled by bodies; empty in a fluid without bodies.
     pub(super) solid: Vec<f64>,
-    /// Directions along which sheets cut the links of a cell, a bit each; the bit of direction 0 is set for a cell at
-    /// an opening with water outside. Empty where there are neither sheets nor openings.
+    /// Bits of the directions along which sheets intersect the links of a cell; the bit of direction 0 is set for a
+    /// cell at an opening with water outside. Empty without sheets and openings.
     closed: Vec<u32>,
-    /// Distance in positions to the neighbour along each direction, and along each axis.
+    /// Distance in positions to the neighbour along each direction and along each axis.
     offsets: Vec<isize>,
     strides: [isize; 3],
 }
 
 impl Cells {
-    /// Returns solid cells.
+    /// Returns the state with solid cells only.
     pub(super) fn new<S: Stored>(populations: &Populations<S>) -> Self {
         let count = populations.cell_positions();
         let q = populations.velocities().q();
@@ -63,25 +63,25 @@ impl Cells {
         self.closed[cell] |= 1 << direction;
     }
 
-    /// Marks a cell that stands against water outside an opening.
+    /// Marks a cell next to water outside an opening.
     pub(super) fn feed(&mut self, cell: usize) {
         self.close(cell, 0);
     }
 
-    /// Clears the mark of [`Self::feed`].
+    /// Clears the mark set by [`Self::feed`].
     pub(super) fn starve(&mut self, cell: usize) {
         if let Some(bits) = self.closed.get_mut(cell) {
             *bits &= !1;
         }
     }
 
-    /// Returns `true` for a cell that stands against water outside an opening.
+    /// Returns `true` for a cell next to water outside an opening.
     #[inline(always)]
     pub(super) fn is_fed(&self, cell: usize) -> bool {
         !self.closed.is_empty() && self.closed[cell] & 1 != 0
     }
 
-    /// Returns the part of a cell that bodies fill.
+    /// Returns the fraction of a cell filled by bodies.
     #[inline(always)]
     pub(super) fn solid(&self, cell: usize) -> f64 {
         if self.solid.is_empty() {
@@ -91,7 +91,7 @@ impl Cells {
         }
     }
 
-    /// Returns the part of a cell that is no gas, between 0 and 1.
+    /// Returns the fraction of a cell that is not gas, between 0 and 1.
     #[inline(always)]
     pub(super) fn content(&self, cell: usize) -> f64 {
         let fill = self.fill[cell].clamp(0.0, 1.0);
@@ -109,7 +109,7 @@ impl Cells {
         }
     }
 
-    /// Returns `true` if a body fills a part of a cell or a cell next to it.
+    /// Returns `true` if a body fills part of a cell or of an adjacent cell.
     pub(super) fn meets_body(&self, cell: usize) -> bool {
         !self.solid.is_empty()
             && (self.solid[cell] > 0.0 || self.count_neighbours(cell, |kind| kind == HELD) > 0)
@@ -135,7 +135,7 @@ impl Cells {
         cell.wrapping_add_signed(self.offsets[i])
     }
 
-    /// Returns the kind of the neighbour of a cell along a direction; solid behind a sheet.
+    /// Returns the kind of the neighbour of a cell along a direction; solid if a sheet is between them.
     #[inline(always)]
     pub(super) fn kind_along(&self, cell: usize, i: usize) -> u8 {
         if !self.closed.is_empty() && self.closed[cell] & (1 << i) != 0 {
@@ -144,8 +144,8 @@ impl Cells {
         self.kind[self.neighbour(cell, i)]
     }
 
-    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall
-    /// that of its mirror image.
+    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall that of
+    /// its mirror image.
     #[inline(always)]
     pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
         let mut at = self.neighbour(cell, i);
@@ -161,14 +161,14 @@ impl Cells {
         self.fill[at].clamp(0.0, 1.0)
     }
 
-    /// Returns the number of neighbours of a cell of some kinds.
+    /// Returns the number of neighbours of a cell whose kind satisfies `holds`.
     pub(super) fn count_neighbours(&self, cell: usize, holds: impl Fn(u8) -> bool) -> usize {
         (1..self.directions())
             .filter(|&i| holds(self.kind_along(cell, i)))
             .count()
     }
 
-    /// Returns the sum of the shares that a cell takes from its neighbours.
+    /// Returns the sum of the excess masses that a cell receives from its neighbours.
     #[inline(always)]
     pub(super) fn shares_taken(&self, cell: usize) -> f64 {
         let mut sum = 0.0;
@@ -181,7 +181,7 @@ impl Cells {
         sum
     }
 
-    /// Returns the bytes held.
+    /// Returns the size of the memory in bytes.
     pub(super) fn bytes(&self) -> usize {
         2 * self.kind.len()
             + 8 * (self.mass.len() + self.fill.len() + self.share.len() + self.solid.len())

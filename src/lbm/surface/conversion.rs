@@ -1,9 +1,9 @@
 //! Conversions of interface cells to liquid and gas, and of their neighbours to interface cells.
 //!
-//! A cell that fills keeps gas from its neighbours: its neighbours of gas become interface cells with the
-//! equilibrium of the mean density and velocity of the interface cells next to them, without mass. A cell
-//! that empties keeps liquid from gas: its neighbours of liquid become interface cells with the mass that
-//! they have. Where both kinds meet, the cell that would empty stays what it is.
+//! A cell that fills must not have gas neighbours: its gas neighbours become interface cells without mass, with the
+//! equilibrium of the mean density and velocity of their neighbouring interface cells. A cell that empties must not
+//! have liquid neighbours: its liquid neighbours become interface cells with their present mass. If both are
+//! adjacent, the cell that would empty remains an interface cell.
 
 use super::cells::Cells;
 use super::ghosts::{Around, Ghosts};
@@ -16,19 +16,19 @@ use crate::populations::Populations;
 use crate::quanta::quanta;
 use base::number::to_u32;
 
-/// Dry cell that stands against water outside an opening, with the velocity of that water, if it has one.
+/// Dry cell next to water outside an opening, with the velocity of that water, if it is known.
 pub(super) type Fed = (u32, Option<[f64; 3]>);
 
-/// Cells that change their kind in a step; lists that are used again.
+/// Cells that change their kind in a step; reusable buffers.
 #[derive(Debug, Default)]
 pub(super) struct Work {
     fills: Vec<u32>,
     empties: Vec<u32>,
     entered: Vec<u32>,
     born: Vec<Moments>,
-    /// Cells with excess mass, which stands in [`Cells::share`] until it is taken.
+    /// Cells with excess mass, which is stored in [`Cells::share`] until it is received.
     excess: Vec<u32>,
-    /// Cells whose excess mass stands as a share.
+    /// Cells whose excess mass is stored.
     shared: Vec<u32>,
 }
 
@@ -48,26 +48,26 @@ pub(super) fn inside<'a, S: Stored>(
 }
 
 impl Work {
-    /// Notes a share on a restart.
+    /// Records a stored excess mass at a restart.
     pub(super) fn note_share(&mut self, cell: usize) {
         self.shared.push(to_u32(cell));
     }
 
-    /// Returns the cells that the surface entered, with their velocities.
+    /// Returns the cells newly reached by the surface, with their velocities.
     pub(super) fn entered(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
         let born = self.born.iter();
         let cells = self.entered.iter().zip(born);
         cells.map(|(&cell, &[_, x, y, z, ..])| (cell as usize, [x, y, z]))
     }
 
-    /// Forgets the shares, which have been taken.
+    /// Clears the stored excess masses after they have been received.
     pub(super) fn forget_shares(&mut self, cells: &mut Cells) {
         for cell in self.shared.drain(..) {
             cells.share[cell as usize] = 0.0;
         }
     }
 
-    /// Takes the kinds that the lists have found, and notes the cells that change.
+    /// Sets the kinds found by the lists, and records the cells that change.
     pub(super) fn collect(&mut self, cells: &mut Cells, planes: &[Plane]) {
         self.fills.clear();
         self.empties.clear();
@@ -85,7 +85,7 @@ impl Work {
         }
     }
 
-    /// Keeps cells from emptying next to cells that fill.
+    /// Prevents cells from emptying next to cells that fill.
     pub(super) fn resolve(&mut self, cells: &mut Cells) {
         self.empties.retain(|&cell| {
             let cell = cell as usize;
@@ -97,10 +97,10 @@ impl Work {
         });
     }
 
-    /// Changes the kinds of cells, and notes the excess mass.
+    /// Changes the kinds of cells, and records the excess mass.
     ///
-    /// `fed` has dry cells that stand against water outside an opening, each with the velocity of that water, if it has
-    /// one.
+    /// `fed` contains dry cells next to water outside an opening, each with the velocity of that water, if it is
+    /// known.
     pub(super) fn convert<S: Stored>(
         &mut self,
         cells: &mut Cells,
@@ -181,7 +181,7 @@ impl Work {
 }
 
 impl Work {
-    /// Gives a cell its new kind and fill level, and notes its excess mass.
+    /// Sets the new kind and fill level of a cell, and records its excess mass.
     pub(super) fn change(
         &mut self,
         cells: &mut Cells,
@@ -196,7 +196,8 @@ impl Work {
         self.excess.push(to_u32(cell));
     }
 
-    /// Divides excess mass by the number of neighbouring interface cells; returns the mass that none takes, in quanta.
+    /// Divides excess mass by the number of neighbouring interface cells; returns the mass without such neighbours,
+    /// in quanta.
     pub(super) fn distribute(&mut self, cells: &mut Cells) -> i128 {
         let mut lost = 0;
         for cell in self.excess.drain(..) {
@@ -214,7 +215,7 @@ impl Work {
     }
 }
 
-/// Returns the mean density and velocity of the interface cells next to a cell of gas.
+/// Returns the mean density and velocity of the interface cells next to a gas cell.
 fn mean_of_neighbours<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
@@ -238,7 +239,7 @@ fn mean_of_neighbours<S: Stored>(
     sum.map(|sum| sum / base::number::real(count.max(1)))
 }
 
-/// Gives a new interface cell its populations.
+/// Sets the populations of a new interface cell.
 pub(super) fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, born: &Moments) {
     let [drho, x, y, z, ..] = *born;
     for i in 0..populations.velocities().q() {
@@ -249,14 +250,13 @@ pub(super) fn enter<S: Stored>(populations: &mut Populations<S>, cell: usize, bo
     }
 }
 
-/// Clears the populations of a new cell of gas: those that it would take in, and those that it sent to cells
-/// without water.
+/// Clears the populations of a new gas cell: its incoming ones, and those sent to cells without water.
 pub(super) fn leave<S: Stored>(cells: &Cells, populations: &mut Populations<S>, cell: usize) {
     let parity = populations.parity();
     for i in 0..cells.directions() {
         let incoming = populations.incoming(cell, i);
         populations.numbers_mut()[incoming] = S::from_f64(0.0);
-        // Behind a sheet the number is that which comes back to the cell there.
+        // Behind a sheet the number is the one that returns to the cell there.
         if i > 0 && !super::is_wet(cells.kind[cells.neighbour(cell, i)]) {
             let out = populations.link(cell, i).out(parity);
             populations.numbers_mut()[out] = S::from_f64(0.0);

@@ -1,10 +1,10 @@
-//! Distance at which a plane cuts a given part from a cell.
+//! Distance of a plane that cuts a given fraction from a cell.
 //!
 //! Inverse of the volume that a plane cuts from a cube (R. Scardovelli, S. Zaleski, J. Comput. Phys. 164 (2000)
 //! 228), in the closed form of M. Lehmann and S. Gekle (Computation 10 (2022) 21).
 
-/// Returns the distance of a plane from the centre of a cell of edge 1, along its unit normal, such that `part`
-/// of the cell lies behind it. The distance of more than a full cell grows with the part.
+/// Returns the distance of a plane from the centre of a cell of edge 1, along its unit normal, such that the
+/// fraction `part` of the cell lies behind the plane. For `part` above 1 the distance increases with it.
 pub(super) fn distance(part: f64, normal: [f64; 3]) -> f64 {
     let [mut low, mut middle, mut high] = normal.map(f64::abs);
     if low > middle {
@@ -31,7 +31,7 @@ fn smaller(volume: f64, [low, middle, high]: [f64; 3]) -> f64 {
     if both <= 2.0 * area {
         return area + 0.5 * both;
     }
-    // From here on the middle component is above 0.
+    // From here on the middle component is positive.
     let least = low * low / (6.0 * middle);
     if least <= area && area < least + 0.5 * (middle - low) {
         return 0.5 * (low + (low * low + 8.0 * middle * (area - least)).sqrt());
@@ -67,14 +67,14 @@ fn smaller(volume: f64, [low, middle, high]: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    /// The part of a cell behind a plane, by midpoints.
+    /// Returns the fraction of a cell behind a plane, by the midpoint rule.
     fn part(distance: f64, normal: [f64; 3]) -> f64 {
         let n = 100;
         let at = |k: usize| (k as f64 + 0.5) / n as f64 - 0.5;
         let mut sum = 0.0;
         for x in 0..n {
             for y in 0..n {
-                // Exact along the axis with the largest component.
+                // The integral is exact along the axis with the largest component.
                 let rest = distance - normal[0] * at(x) - normal[1] * at(y);
                 sum += (rest / normal[2] + 0.5).clamp(0.0, 1.0);
             }

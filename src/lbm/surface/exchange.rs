@@ -1,12 +1,12 @@
-//! Exchange of mass between interface cells and their neighbours, and reconstruction of the populations that
-//! gas does not send.
+//! Exchange of mass between interface cells and their neighbours, and reconstruction of the populations from the
+//! gas.
 //!
-//! An interface cell gains Δm = Σ_i s_i (f_ī(x + c_i → x) - f*_i(x → x + c_i)), with s_i = 1 towards liquid,
-//! the mean of both fill levels towards an interface cell and 0 towards gas and solids (Körner et al. 2005,
-//! equation 4). Where the surface passes from one row of cells to the next, a nearly full cell without gas or a
-//! nearly empty one without liquid is born; it changes its kind at once. Between other unlike interface cells only
-//! one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey, Physically based
-//! animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
+//! An interface cell gains Δm = Σ_i s_i (f_ī(x + c_i → x) - f*_i(x → x + c_i)), with s_i = 1 towards liquid, the
+//! mean of both fill levels towards an interface cell and 0 towards gas and solids (Körner et al. 2005, equation
+//! 4). Where the surface passes from one row of cells to the next, a nearly full cell without gas neighbours or a
+//! nearly empty one without liquid neighbours is created; it changes its kind immediately. Between other unlike
+//! interface cells only one of the two terms counts, so that stray cells empty and enclosed cells fill (N. Thürey,
+//! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
 use super::facet::find;
@@ -18,21 +18,21 @@ use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::thread_pool;
 
-/// Part of the density by which a mass passes that of a full or an empty cell before the cell changes its
-/// kind (Thürey 2007, section 4.3).
+/// Mass beyond that of a full or an empty cell, relative to the density, at which the cell changes its kind (Thürey
+/// 2007, section 4.3).
 const PASSED: f64 = 1e-2;
 
-/// Part of a cell that an interface cell without gas may lack, or without liquid may hold, to become liquid or gas at
-/// once.
+/// Maximum free fraction of an interface cell without gas neighbours, or maximum water fraction of one without
+/// liquid neighbours, at which it becomes liquid or gas immediately.
 ///
-/// Such cells are born where a smooth surface passes from one row of cells to the next. One-sided exchange moves a
-/// part of a cell in a step, which is a blow to them.
+/// Such cells are created where a smooth surface passes from one row of cells to the next. The one-sided exchange
+/// would move this fraction in a single step and disturb the surface.
 const NEARLY: f64 = 0.2;
 
-/// Interface cells of a thread from which on it is worth waking.
+/// Minimum number of interface cells per thread.
 const CELLS_PER_THREAD: usize = 500;
 
-/// Numbers of a slab, shared out to threads by cell.
+/// Pointer to the numbers of a slab, divided among threads by cell.
 pub(super) struct Numbers<S>(*mut S);
 // SAFETY: each number belongs to one link end of one interface cell, and each cell to one thread.
 unsafe impl<S: Send> Sync for Numbers<S> {}
@@ -64,14 +64,14 @@ impl<S: Stored> Numbers<S> {
     }
 }
 
-/// Returns the planes from which on another thread is worth waking.
+/// Returns the minimum number of planes per thread.
 pub(super) fn least(planes: &[Plane]) -> usize {
     let cells: usize = planes.iter().map(|plane| plane.surface.len()).sum();
     let threads = 1 + cells / CELLS_PER_THREAD;
     planes.len().div_ceil(threads).max(1)
 }
 
-/// Finds the surface in each interface cell from the state before the pass.
+/// Computes the surface in each interface cell from the state before the pass.
 pub(super) fn prepare<S: Stored>(
     (cells, around): (&Cells, &Around),
     planes: &mut [Plane],
@@ -86,7 +86,7 @@ pub(super) fn prepare<S: Stored>(
     });
 }
 
-/// Returns the moments of a liquid cell next to interface cells; 0 of other cells, which are not used.
+/// Returns the moments of a liquid cell next to interface cells; 0 for other cells, which are not used.
 pub(super) fn shore<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
@@ -107,7 +107,7 @@ fn density<S: Stored>(numbers: &Numbers<S>, populations: &Populations<S>, cell: 
     (0..q).map(number).sum()
 }
 
-/// Sets what the cells of gas in the vectors of the pass sent to zero.
+/// Sets the populations to zero that gas cells in the vectors of the pass have sent.
 pub(super) fn silence<S: Stored>(
     cells: &Cells,
     planes: &mut [Plane],
@@ -126,14 +126,14 @@ pub(super) fn silence<S: Stored>(
                 } else {
                     populations.link(cell, i).out(parity)
                 };
-                // SAFETY: what a cell sends is its own until the next pass.
+                // SAFETY: the outgoing populations of a cell belong to it until the next pass.
                 unsafe { numbers.0.add(out).write(S::from_f64(0.0)) };
             }
         }
     });
 }
 
-/// Bounces links back, given by cell and direction.
+/// Applies bounce-back on links given by cell and direction.
 pub(super) fn bounce<S: Stored>(links: &[(u32, u8)], populations: &mut Populations<S>) {
     let parity = populations.parity();
     for &(cell, direction) in links {
@@ -143,8 +143,8 @@ pub(super) fn bounce<S: Stored>(links: &[(u32, u8)], populations: &mut Populatio
     }
 }
 
-/// Returns the mass that a cell gains along a link to another interface cell of fill levels with this mean;
-/// `sent` and `came` are f.
+/// Returns the mass that a cell gains along a link to another interface cell, with `mean` the mean of both fill
+/// levels; `sent` and `came` are f.
 #[inline(always)]
 fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
     let [own, other] = kinds;
@@ -158,7 +158,8 @@ fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
     mean * gain
 }
 
-/// Exchanges mass and reconstructs; leaves the new fill level and kind of each interface cell in its list.
+/// Exchanges mass and reconstructs populations; writes the new fill level and kind of each interface cell to its
+/// list.
 pub(super) fn exchange<S: Stored>(
     cells: &mut Cells,
     around: &Around,
@@ -178,8 +179,8 @@ pub(super) fn exchange<S: Stored>(
         for n in 0..plane.surface.len() {
             let cell = plane.surface[n] as usize;
             let facet = &plane.facets[n];
-            // The density inside in the middle of the step, as that of what comes and goes along the links:
-            // one that lags behind feeds sound.
+            // The density inside at the middle of the step, computed from the incoming and outgoing populations of
+            // the links: a density from an earlier time would excite sound.
             let mut inside = facet.inside;
             if facet.inward > 0 {
                 let inward = (cell, usize::from(facet.inward));
@@ -228,7 +229,7 @@ pub(super) fn exchange<S: Stored>(
                 }
             }
             gain += known.shares_taken(cell);
-            // SAFETY: the mass of this cell.
+            // SAFETY: the mass belongs to this cell.
             let mass = unsafe {
                 let mass = masses.0.add(cell);
                 mass.write(mass.read() + gain);
@@ -236,7 +237,7 @@ pub(super) fn exchange<S: Stored>(
             };
             let density = 1.0 + density(numbers, populations, cell);
             plane.fill[n] = known.fill_from(cell, mass, density);
-            // Of a cell that bodies share, the water alone, for the part that is free.
+            // In a cell partly filled by bodies, only the water counts, relative to the free part.
             let solid = known.solid(cell);
             let (water, free) = (mass - solid, (1.0 - solid) * density);
             let most = if solid > 0.0 {
@@ -258,7 +259,7 @@ pub(super) fn exchange<S: Stored>(
     cells.mass = mass;
 }
 
-/// Finds of each interface cell in the lists its fill level and the kinds of its neighbours.
+/// Computes the fill level and the kinds of the neighbours of each interface cell in the lists.
 pub(super) fn classify<S: Stored>(
     cells: &Cells,
     planes: &mut [Plane],

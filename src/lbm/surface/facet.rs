@@ -1,10 +1,10 @@
-//! Surface in an interface cell: a plane, the traction on the water below it, and what follows for the links
-//! that the surface crosses.
+//! Surface in an interface cell: a plane, the traction on the water below it, and the populations on the links that
+//! cross it.
 //!
-//! Across the surface no force acts but the pressure of the gas, so that the traction P = p n - n·σ (σ the
-//! viscous stress) is zero there, measured against that pressure. The liquid cell inside has P from its density and
-//! from its second moment beyond equilibrium; P is continued linearly from that cell through the surface to the
-//! middle of each link. The pressure alone misses the normal stress 2 ρ ν ∂u_n/∂n, whose work is half of the damping
+//! The only force at the surface is the pressure of the gas, so that the traction P = p n - n·σ (σ the viscous
+//! stress), relative to that pressure, is zero there. The liquid cell inside has P from its density and from its
+//! non-equilibrium second moment; P is extrapolated linearly from that cell through the surface to the midpoint of
+//! each link. The pressure alone would neglect the normal stress 2 ρ ν ∂u_n/∂n, whose work is half of the damping
 //! of a wave: its share in the pressure half-way is (½ - q)/(1 + q), with q the distance of the surface from the
 //! centre, on any grid. The even part of the populations of a link at its middle is then, with f_i + f_ī = 2 f⁺,
 //!
@@ -14,8 +14,8 @@
 //! Comput. Phys. 297 (2015) 1, for links that end at the surface). Over the links of an even surface the
 //! momentum that passes is P.
 //!
-//! The surface is that of the middle of the step, like the populations that pass a link in it: one that lags
-//! half a step behind feeds a wave of frequency ω with ω²/4.
+//! The surface is that at the middle of the step, like the populations that pass a link during it: a delay of half
+//! a step would amplify a wave of frequency ω at the rate ω²/4.
 
 use super::carrier::{Carrier, dot, inertia};
 use super::cells::Cells;
@@ -26,22 +26,23 @@ use super::moments::{Moments, across, moments};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// Bound of the ratio by which the traction inside is continued beyond the surface: sound grows above it.
+/// Maximum ratio for the extrapolation of the traction inside beyond the surface: above it sound grows.
 const MOST_RATIO: f64 = 0.5;
 
-/// Bound of the acceleration whose pressure counts, over that of the body force: that of a free fall.
+/// Maximum acceleration in the pressure bound, relative to the body force: that of a free fall.
 const MOST_ACCELERATION: f64 = 1.0;
 
-/// Part of its length by which a link from an interface cell to the liquid cell inside must point against the normal.
+/// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
+/// cell inside.
 const INWARD: f64 = 0.7;
 
-/// Least distance of the surface from the liquid cell inside over which the traction is continued.
+/// Minimum distance of the surface from the liquid cell inside for the extrapolation of the traction.
 const LEAST_REACH: f64 = 0.25;
 
-/// Largest change of velocity over a cell and step at which the liquid cell inside carries an interface cell.
+/// Maximum change of velocity per cell and step at which the liquid cell inside carries an interface cell.
 const SMOOTH: f64 = 3e-3;
 
-/// Surface in an interface cell in the middle of a step.
+/// Surface in an interface cell at the middle of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Facet {
     /// Velocity of the water.
@@ -50,35 +51,36 @@ pub(crate) struct Facet {
     pub(super) normal: [f64; 3],
     /// Distance of the surface from the centre of the cell along the normal.
     pub(super) distance: f64,
-    /// Increase of the density along the normal in water at rest.
+    /// Gradient of the density along the normal in water at rest.
     at_rest: f64,
-    /// Bound of the density of the dynamic part inside.
+    /// Maximum density of the dynamic part inside.
     most: f64,
-    /// Direction to the liquid cell that lies most against the normal; 0 without one.
+    /// Direction to the liquid cell closest to the inward normal; 0 without one.
     pub(super) inward: u8,
-    /// Density of the normal part of the traction in that cell.
+    /// Density of the normal part of the traction in that liquid cell.
     pub(super) inside: f64,
-    /// Density in that cell.
+    /// Density in that liquid cell.
     pub(super) density_inside: f64,
-    /// Tangential part of the traction in that cell.
+    /// Tangential part of the traction in that liquid cell.
     traction: [f64; 3],
-    /// Distance of the centre of that cell from that of the interface cell against the normal.
+    /// Distance between the centres of that liquid cell and the interface cell, along the inward normal.
     inner: f64,
     /// `true` for a cell whose centre lies outside the water in a smooth flow: the liquid cell inside carries it.
     pub(super) carried: bool,
-    /// Velocity of a carried cell, without force.
+    /// Velocity of a carried cell, without the force.
     pub(super) given: [f64; 3],
 }
 
 impl Facet {
-    /// Returns the density of the dynamic part of the normal traction in the liquid cell inside, for a density there.
+    /// Returns the density of the dynamic part of the normal traction in the liquid cell inside, for a density in
+    /// that cell.
     #[inline(always)]
     fn excess(&self, inside: f64) -> f64 {
         let excess = inside + (self.distance + self.inner) * self.at_rest;
         excess.clamp(-self.most, self.most)
     }
 
-    /// Returns f⁺/w_i in the middle of a link to gas along `c`, for a density of the normal part of the traction
+    /// Returns f⁺/w_i at the midpoint of a link to gas along `c`, for a density of the normal part of the traction
     /// inside.
     ///
     /// The dynamic part is bounded by the pressure of an acceleration, because sound of impacts grows at low viscosity.
@@ -96,7 +98,7 @@ impl Facet {
         density + inertia(c, density, self.velocity) - shear
     }
 
-    /// Returns what the links of neighbours need of a carried cell.
+    /// Returns the data of a carried cell for the links of its neighbours.
     pub(super) fn carrier(&self) -> Carrier {
         let reach = self.inner + self.distance;
         Carrier {
@@ -114,7 +116,7 @@ impl Facet {
     }
 }
 
-/// Returns the normal of the fill levels round a cell, weighted as the velocity set weights its directions.
+/// Returns the normal from the gradient of the fill levels around a cell, with the weights of the velocity set.
 fn normal<S: Stored>(cells: &Cells, populations: &Populations<S>, cell: usize) -> Option<[f64; 3]> {
     let velocities = populations.velocities();
     let mut normal = [0.0; 3];
@@ -128,8 +130,7 @@ fn normal<S: Stored>(cells: &Cells, populations: &Populations<S>, cell: usize) -
     (length > 0.0).then(|| normal.map(|n| n / length))
 }
 
-/// Returns the direction to the liquid neighbour that lies most against the normal; 0 if none lies far enough against
-/// it.
+/// Returns the direction to the liquid neighbour closest to the inward normal; 0 if none is close enough.
 fn inward<S: Stored>(
     cells: &Cells,
     populations: &Populations<S>,
@@ -180,7 +181,7 @@ pub(super) fn find<S: Stored>(
     let of_cell = |cell: usize| moments(populations, cell);
     let found = around.moments_along(populations, (cell, i), of_cell);
     facet.inward = u8::try_from(i).unwrap_or(0);
-    // Π = -σ = (1 - 1/(2τ)) times the second moment beyond equilibrium.
+    // Π = -σ = (1 - 1/(2τ)) times the non-equilibrium second moment.
     let relaxation_time = 3.0 * viscosity + 0.5;
     let factor = 3.0 * viscosity / relaxation_time;
     let stress = across(&found, normal).map(|t| factor * t);
@@ -194,14 +195,14 @@ pub(super) fn find<S: Stored>(
         c,
         relaxation_time,
     );
-    // A body takes part in the flow of its cells by their own populations.
+    // Cells with a body take part in the flow with their own populations.
     facet.carried &= !cells.meets_body(cell);
     facet
 }
 
-/// Finds out if the liquid cell inside carries a cell, and with what velocity.
+/// Decides if the liquid cell inside carries a cell, and computes the velocity.
 ///
-/// The rate of strain there, which its second moment gives, continues the velocity as in a flow without rotation.
+/// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
 fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [i8; 3], relaxation_time: f64) {
     let inner = [found[1], found[2], found[3]];
     let excess = facet.inside + (facet.distance + facet.inner) * facet.at_rest;

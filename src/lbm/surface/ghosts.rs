@@ -1,9 +1,7 @@
-//! State of the cells round a slab: of neighbouring slabs, beyond periodic axes and beyond planes of
-//! symmetry.
+//! State of the cells around a slab: in neighbouring slabs, across periodic axes and beyond symmetry planes.
 //!
-//! Beyond a wall lie solid cells. Beyond a plane of symmetry lies the mirror image of the slab: the cell that
-//! a population reaches by reflection then has the kind and the fill level of the ghost cell to which its
-//! link leads.
+//! Beyond a wall lie solid cells. Beyond a symmetry plane lies the mirror image of the slab, so that the cell that
+//! a population reaches by reflection has the kind and the fill level of the ghost cell at the end of its link.
 
 use super::carrier::{Carrier, NUMBERS};
 use super::cells::Cells;
@@ -16,27 +14,27 @@ use decomposition::{Domain, HaloBytes, HaloExchange};
 
 /// Message tags of the kinds, and of the values.
 const TAGS: [u8; 2] = [3, 4];
-/// Numbers of a cell in a message of values: its moments, and two more.
+/// Number of values of a cell in a message: its moments, and two more.
 const VALUES: usize = 12;
 
-/// Continuation of the slab beyond its ends.
+/// Conditions at the ends of the slab.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ends {
     /// `true` for an axis that is periodic within the slab.
     pub periodic: [bool; 3],
-    /// `true` for each end of an axis that is a plane of symmetry.
+    /// `true` for each end of an axis that is a symmetry plane.
     pub mirrored: [[bool; 2]; 3],
 }
 
 /// Source of the state of a ghost cell.
 enum Source {
-    /// A cell of the slab, by position.
+    /// Cell of the slab, by position.
     Inside(usize),
-    /// A cell of the plane of the lower or upper neighbour, by place in the plane.
+    /// Cell in the plane of the lower or upper neighbour, by index in the plane.
     Beyond(usize, usize),
 }
 
-/// Moments of the cells round the slab.
+/// Moments of the cells around the slab.
 pub(super) struct Around {
     ends: Ends,
     cells: [usize; 3],
@@ -46,7 +44,7 @@ pub(super) struct Around {
     ghost: Vec<bool>,
     /// Moments in the planes of both neighbours.
     moments: [Vec<Moments>; 2],
-    /// Numbers of the carried cells in these planes.
+    /// Values of the carried cells in these planes.
     carriers: [Vec<[f64; NUMBERS]>; 2],
 }
 
@@ -55,18 +53,18 @@ pub(super) struct Ghosts {
     kinds: HaloExchange,
     values: HaloExchange,
     around: Around,
-    /// Positions of the cells of a plane relative to its first.
+    /// Positions of the cells of a plane relative to its first cell.
     plane: Vec<usize>,
     /// First cells of the ghost plane below, of the first and the last plane, and of the ghost plane above.
     planes: [usize; 4],
-    /// Ghost cell and cell with its state, in the order in which they are copied.
+    /// Pairs of ghost cell and source cell, in the order in which they are copied.
     copies: Vec<[u32; 2]>,
     /// Positions of all ghost cells that may hold water.
     all: Vec<u32>,
 }
 
 impl Ghosts {
-    /// Sets up the exchange; all ranks call it together.
+    /// Sets up the exchange. Collective.
     pub(super) fn new<S: Stored>(
         populations: &Populations<S>,
         ends: Ends,
@@ -120,7 +118,8 @@ impl Ghosts {
         Ok(ghosts)
     }
 
-    /// Lists the copies within the slab: along the slow axis, then rows, then their ends, so that corners follow.
+    /// Lists the copies within the slab: along the slow axis, then rows, then their ends, so that corners are
+    /// correct.
     fn list<S: Stored>(&mut self, populations: &Populations<S>) {
         let Around {
             ends,
@@ -176,14 +175,14 @@ impl Ghosts {
         }
     }
 
-    /// Copies a value of the cells of the slab to the ghost cells beyond periodic axes and planes of symmetry.
+    /// Copies a value of the cells of the slab to the ghost cells across periodic axes and symmetry planes.
     pub(super) fn copy(&self, values: &mut [f64]) {
         for &[ghost, inside] in &self.copies {
             values[ghost as usize] = values[inside as usize];
         }
     }
 
-    /// Returns `true` if a position is that of a ghost cell that may hold water.
+    /// Returns `true` if a position belongs to a ghost cell that may contain water.
     pub(super) fn holds(&self, cell: usize) -> bool {
         self.around.ghost[cell]
     }
@@ -214,7 +213,7 @@ impl Ghosts {
         }
     }
 
-    /// Fills two values of the ghost cells, and takes the moments of the planes of the neighbours. Collective.
+    /// Fills two values of the ghost cells, and receives the moments in the planes of the neighbours. Collective.
     pub(super) fn spread_values(
         &mut self,
         one: &mut [f64],
@@ -244,7 +243,7 @@ impl Ghosts {
         }
     }
 
-    /// Takes the moments of the surface from the planes of the neighbours. Collective.
+    /// Receives the moments of the surface in the planes of the neighbours. Collective.
     pub(super) fn exchange_moments(&mut self, of_cell: impl Fn(usize) -> Moments) {
         self.exchange(|cell| {
             let mut values = [0.0; VALUES];
@@ -260,7 +259,7 @@ impl Ghosts {
         }
     }
 
-    /// Takes what the links of carried cells need from the planes of the neighbours. Collective.
+    /// Receives the data for the links of carried cells in the planes of the neighbours. Collective.
     pub(super) fn exchange_carriers(&mut self, of_cell: impl Fn(usize) -> Option<Carrier>) {
         self.exchange(|cell| of_cell(cell).map_or([0.0; NUMBERS], |carrier| carrier.numbers()));
         let (lower, upper) = self.values.received::<f64>();
@@ -285,15 +284,15 @@ impl Ghosts {
         self.values.finish();
     }
 
-    /// Returns the moments of the cells round the slab.
+    /// Returns the moments of the cells around the slab.
     pub(super) fn around(&self) -> &Around {
         &self.around
     }
 }
 
 impl Around {
-    /// Returns the links of cells of the slab, by cell and direction, that a plane of symmetry reflects into
-    /// a solid cell: the population that comes back from there is none of the water.
+    /// Returns the links of cells of the slab, by cell and direction, that a symmetry plane reflects into a solid
+    /// cell: the population that returns from there does not come from water.
     pub(super) fn corners<S: Stored>(
         &self,
         populations: &Populations<S>,
@@ -320,7 +319,8 @@ impl Around {
         corners
     }
 
-    /// Returns the moments of a cell of the slab or of a ghost cell; `inside` gives the position of a cell of the slab.
+    /// Returns the moments of a cell of the slab or of a ghost cell; `inside` returns the moments at a position in
+    /// the slab.
     fn moments(
         &self,
         at: [isize; 3],
@@ -351,7 +351,7 @@ impl Around {
         self.moments(at, |at| populations.cell(at), of_cell)
     }
 
-    /// Returns what the links of a carried ghost cell need; `of_cell` gives that of a cell of the slab.
+    /// Returns the data for the links of a carried ghost cell; `of_cell` returns that of a cell of the slab.
     pub(super) fn carrier<S: Stored>(
         &self,
         populations: &Populations<S>,
@@ -365,8 +365,7 @@ impl Around {
         }
     }
 
-    /// Returns the cell that is seen beyond periodic axes and planes of symmetry, with -1 along the axes that these
-    /// reverse.
+    /// Returns the source cell across periodic axes and symmetry planes, with the sign -1 along reversed axes.
     fn seen(&self, mut at: [isize; 3]) -> ([isize; 3], [f64; 3]) {
         let mut sign = [1.0; 3];
         for axis in 0..self.dimension {

@@ -1,46 +1,46 @@
-//! Cells of each plane that the surface passes, and the parts of rows that hold water.
+//! Interface cells of each plane, and the parts of rows that contain water.
 
 use super::facet::Facet;
 use super::kind::{GAS, LIQUID, is_surface, is_wet};
 use base::number::to_u32;
 
-/// Cells of a row that are worked on together: the widest vector of the pass.
+/// Number of cells of a row that are processed together: the widest vector of the pass.
 const TOGETHER: usize = 8;
 
 /// Lists of one plane of the slab.
 #[derive(Debug, Default)]
 pub(crate) struct Plane {
-    /// Positions of the cells that the surface passes.
+    /// Positions of the interface cells.
     pub(super) surface: Vec<u32>,
-    /// Surface in each of them.
+    /// Surface in each interface cell.
     pub(super) facets: Vec<Facet>,
-    /// Fill level of each of them at the end of the step.
+    /// Fill level of each interface cell at the end of the step.
     pub(super) fill: Vec<f64>,
-    /// Kind of each of them at the end of the step.
+    /// Kind of each interface cell at the end of the step.
     pub(super) kind: Vec<u8>,
-    /// Positions of cells of gas that the pass collides because their vectors hold water.
+    /// Positions of gas cells that the pass collides because their vectors contain water.
     pub(super) dry: Vec<u32>,
-    /// `true` where kinds of cells have changed since the lists were made.
+    /// `true` if kinds of cells have changed since the lists were made.
     pub(super) changed: bool,
-    /// First span of each row, and the end.
+    /// Index of the first span of each row, and total.
     begins: Vec<u32>,
-    /// First cell and end of each part of a row that holds water, in whole vectors up to the end of the row.
+    /// First cell and end of each part of a row that contains water, in whole vectors up to the end of the row.
     spans: Vec<[u32; 2]>,
 }
 
 impl Plane {
-    /// Returns the parts of a row that hold water.
+    /// Returns the parts of a row that contain water.
     #[inline(always)]
     pub(crate) fn spans(&self, row: usize) -> &[[u32; 2]] {
         &self.spans[self.begins[row] as usize..self.begins[row + 1] as usize]
     }
 
-    /// Returns `true` once the lists have been made.
+    /// Returns `true` if the lists have been made.
     pub(super) fn is_made(&self) -> bool {
         !self.begins.is_empty()
     }
 
-    /// Makes the lists from the kinds of the cells; `rows` gives the position of the first cell of each row.
+    /// Makes the lists from the kinds of the cells; `rows` returns the position of the first cell of each row.
     pub(super) fn find(&mut self, kinds: &[u8], rows: impl Iterator<Item = usize>, length: usize) {
         self.changed = false;
         self.surface.clear();

@@ -1,9 +1,9 @@
-//! Moments of a cell of water.
+//! Moments of a wet cell.
 
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// Density, velocity without force, and the traceless second moment beyond equilibrium: xx, yy, zz, xy, xz, yz.
+/// Density, velocity without the force, and the traceless non-equilibrium second moment: xx, yy, zz, xy, xz, yz.
 pub(super) type Moments = [f64; 10];
 
 /// Pairs of axes of the second moments, in their order.
@@ -11,9 +11,9 @@ const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
 /// Returns the moments of a cell whose incoming population i is `number(i)`.
 ///
-/// With the velocity without force, the second moment is that of the stress: the part that a force adds to it
-/// (Z. Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308) cancels against the force in the velocity, but
-/// for a term in its square.
+/// With the velocity without the force, the second moment is that of the stress: the contribution of a force (Z.
+/// Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308) cancels with the force in the velocity, except for a term
+/// quadratic in the force.
 #[inline(always)]
 pub(super) fn sums<S: Stored>(
     populations: &Populations<S>,
@@ -56,7 +56,7 @@ pub(super) fn moments<S: Stored>(populations: &Populations<S>, cell: usize) -> M
     })
 }
 
-/// Returns moments as a plane of symmetry shows them; `sign` is -1 along the axes that it reverses.
+/// Returns the moments reflected at a symmetry plane; `sign` is -1 along reversed axes.
 pub(super) fn mirrored(mut moments: Moments, sign: [f64; 3]) -> Moments {
     for (moment, sign) in moments[1..4].iter_mut().zip(sign) {
         *moment *= sign;

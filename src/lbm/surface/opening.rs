@@ -1,33 +1,33 @@
 //! Openings of water with a free surface.
 //!
-//! Behind a face stands water or air ([`Outside`]). The links of a wet cell through the face take what enters from a
-//! law, written with deviations g = f - w, n the normal of the face out of the domain and u the velocity of the water
-//! of the cell:
+//! Outside a face there is water or air ([`Outside`]). The populations that enter along the links of a wet cell
+//! through the face follow from a law, written with deviations g = f - w, the outward normal n of the face and the
+//! velocity u of the water in the cell:
 //!
-//! | outside | what enters along ī for the g*_i that leaves | source |
+//! | outside | population entering along ī for a leaving g*_i | source |
 //! |---|---|---|
-//! | stream | as the boundary has set it: half-way bounce-back with a velocity | [`crate::boundary::velocity`] |
+//! | stream | as set by the boundary: half-way bounce-back with a velocity | [`crate::boundary::velocity`] |
 //! | discharge | g*_i + 6 w_i (c_i·n) Q/A, A the wet area of the face | Ladd 1994 |
 //! | level | 2 w_i (ρ_w + 3 (1 + ρ_w) u_n²) - g*_m, m mirrored along the face | [`crate::boundary::pressure`] |
 //! | air | 2 w_i (9/2 (c·u)² - 3/2 u²) - g*_i, the pressure of the gas as at the surface | [`super::facet`] |
 //!
-//! At a level ρ_w is that of the depth of the centre of the cell below it, and the velocity along the face is zero. Air
-//! gives no water back: a cell into which it would flow bounces back.
+//! At a level ρ_w is that of the depth of the centre of the cell below it, and the velocity along the face is zero.
+//! No water enters from air: a cell with inflow bounces back.
 //!
-//! **Mass.** A liquid cell gains the sum over its links of what entered less what left; an interface cell a part of
-//! it: the wet part of the face. Where water comes in from a stream this is one, from a discharge the larger of the
-//! fill levels on both sides, at a level that of the side from which the water comes. What each opening gives and
-//! takes is summed in quanta, so that the balance closes to rounding on any number of ranks.
+//! **Mass.** A liquid cell gains the sum over its links of the entering minus the leaving populations; an interface
+//! cell gains this sum times the wet fraction of the face. This fraction is 1 for inflow from a stream, the larger
+//! of the fill levels on both sides for a discharge, and the fill level on the upstream side at a level. The mass
+//! through each opening is summed in quanta, so that the balance closes up to rounding on any number of ranks.
 //!
 //! **Dry faces.** A gas cell at the face whose outer side is at least half full becomes an interface cell without
 //! mass. Such cells count as neighbours of liquid. A discharge onto a dry bed enters at its critical depth, Q² B = g A³
 //! with B the width of the surface (V. T. Chow, Open-channel hydraulics, 1959, section 4-1), and at least half a cell.
 //!
-//! A stream into air widens by about 1.3 cells on its first ten cells, because the cells at its rims touch the wall: it
-//! is slower by 14 % with 8 cells and by 8 % with 16.
+//! A stream into air widens by about 1.3 cells within its first ten cells, because the cells at its rims touch the
+//! wall: it is slower by 14 % with 8 cells and by 8 % with 16.
 //!
-//! Links through an opening are walls to the exchange between cells ([`super::exchange`]): the surface meets the face
-//! at a right angle.
+//! Links through an opening count as walls in the exchange between cells ([`super::exchange`]), so that the surface
+//! meets the face at a right angle.
 
 use super::carrier::inertia;
 use super::cells::Cells;
@@ -40,37 +40,37 @@ use base::history::TimeTable;
 use base::number::{real, to_u32};
 use decomposition::Communicator;
 
-/// Fill level outside from which on a gas cell at the face becomes an interface cell.
+/// Minimum fill level outside at which a gas cell at the face becomes an interface cell.
 const FEEDS: f64 = 0.5;
 
 /// Water or air beyond an opening, in lattice units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outside {
-    /// Water with the velocity that the boundary imposes, where that points into the domain.
+    /// Water with the velocity imposed by the boundary, if that points into the domain.
     Stream,
     /// Discharge over the wet area.
     Discharge(TimeTable),
-    /// Water at rest up to a coordinate along the axis of gravity.
+    /// Water at rest with a level along the axis of gravity.
     Level(TimeTable),
     /// Air.
     Air,
 }
 
-/// Axis of gravity in the domain.
+/// Upward axis of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Up {
-    /// The axis.
+    /// Index of the axis.
     pub axis: usize,
-    /// `true` if up is towards larger coordinates.
+    /// `true` if upwards is the positive direction.
     pub rises: bool,
-    /// Acceleration along it, without sign.
+    /// Magnitude of the acceleration of gravity along the axis.
     pub gravity: f64,
-    /// Cells of the domain along it.
+    /// Number of cells of the domain along the axis.
     pub cells: usize,
 }
 
 impl Up {
-    /// Returns the row of a cell of the domain, from the lowest on.
+    /// Returns the row of a cell of the domain, counted from the lowest.
     fn row(&self, at: [usize; 3]) -> usize {
         let n = at[self.axis];
         if self.rises { n } else { self.cells - 1 - n }
@@ -86,7 +86,7 @@ impl Up {
     }
 }
 
-/// Mass that has passed an opening since the start, in quanta of one rank.
+/// Mass that has passed through an opening since the start on one rank, in quanta.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Passed {
     /// Mass that entered.
@@ -95,15 +95,15 @@ pub struct Passed {
     pub left: i128,
 }
 
-/// A cell at an opening.
+/// Cell at an opening.
 #[derive(Clone, Debug)]
 struct Face {
     cell: usize,
     row: f64,
-    /// First link and number of links.
+    /// Index of the first link and number of links.
     first: usize,
     count: usize,
-    /// Part of the face that its links stand for: the sum of 6 w_i (c_i·n).
+    /// Fraction of the face that its links represent: the sum of 6 w_i (c_i·n).
     area: f64,
     /// Velocity that a stream imposes at full speed.
     imposed: [f64; 3],
@@ -111,39 +111,39 @@ struct Face {
     velocity: [f64; 3],
 }
 
-/// A link through an opening.
+/// Link through an opening.
 #[derive(Clone, Copy, Debug)]
 struct Crossed {
     link: Link,
-    /// Link of the same cell that leaves through the face mirrored along it.
+    /// Link of the same cell along the leaving direction mirrored at the face.
     mirrored: Link,
     c: [i8; 3],
     weight: f64,
 }
 
-/// State of the outside in a step.
+/// State outside in a step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Now {
     /// Height of the water outside above the lowest face; infinite for a stream, below zero for air.
     level: f64,
     /// Speed of a discharge into the domain, and factor of the velocity of a stream.
     speed: f64,
-    /// Speed with which the discharge enters dry cells.
+    /// Speed of the discharge into dry cells.
     dry: f64,
 }
 
-/// One opening of a slab.
+/// Opening of a slab.
 #[derive(Debug)]
 pub(crate) struct Opening {
     patch: usize,
     outside: Outside,
     axis: usize,
-    /// Direction out of the domain: 1 or -1.
+    /// Outward direction: 1 or -1.
     outward: f64,
     up: Up,
     faces: Vec<Face>,
     links: Vec<Crossed>,
-    /// Area of the open faces by row, of all ranks; found in the first step.
+    /// Area of the open faces by row, over all ranks; computed in the first step.
     rows: Vec<f64>,
     now: Now,
     passed: Passed,
@@ -151,7 +151,8 @@ pub(crate) struct Opening {
     last: i128,
 }
 
-/// Numbers of a link in a step: what left along it, what left along its mirror image, and what enters so far.
+/// Populations of a link in a step: the leaving one, the leaving one along its mirror image, and the entering one
+/// so far.
 struct Ends {
     out: f64,
     mirrored: f64,
@@ -159,7 +160,7 @@ struct Ends {
 }
 
 impl Opening {
-    /// Returns an opening without links. `face` is the axis of its face, and `true` at the upper end.
+    /// Returns an opening without links. `face` is the axis of its face and `true` for the upper end.
     pub(crate) fn new(patch: usize, outside: Outside, face: (usize, bool), up: Up) -> Self {
         Self {
             patch,
@@ -176,8 +177,8 @@ impl Opening {
         }
     }
 
-    /// Adds links by rising cell: the link from a cell along a direction, with the cell in the domain. `imposed` gives
-    /// the velocity of a stream in the middle of the face of a cell.
+    /// Adds links in ascending order of cell: the link from a cell along a direction, with the indices of the cell
+    /// in the domain. `imposed` returns the velocity of a stream at the centre of the face of a cell.
     pub(crate) fn cross<S: Stored>(
         &mut self,
         populations: &Populations<S>,
@@ -224,12 +225,12 @@ impl Opening {
         self.patch
     }
 
-    /// Returns the mass that has passed on this rank.
+    /// Returns the mass that has passed through on this rank.
     pub(super) fn passed(&self) -> Passed {
         self.passed
     }
 
-    /// Sets the mass that has passed, on a restart.
+    /// Sets the mass that has passed through, at a restart.
     pub(super) fn set_passed(&mut self, passed: Passed) {
         self.passed = passed;
     }
@@ -239,7 +240,7 @@ impl Opening {
         self.last
     }
 
-    /// Takes the velocities of the water before a pass.
+    /// Stores the velocities of the water before a pass.
     pub(super) fn remember<S: Stored>(
         &mut self,
         cells: &Cells,
@@ -255,7 +256,7 @@ impl Opening {
         }
     }
 
-    /// Finds the state of the outside at a step; `factor` is that of the velocity of a stream. Collective.
+    /// Computes the state outside at a step; `factor` is the velocity factor of a stream. Collective.
     pub(super) fn measure(
         &mut self,
         cells: &Cells,
@@ -345,7 +346,7 @@ impl Opening {
         }
     }
 
-    /// Marks the cells that stand against water outside.
+    /// Marks the cells next to water outside.
     pub(super) fn mark(&self, cells: &mut Cells) {
         for face in &self.faces {
             if cells.kind[face.cell] != SOLID && self.fill(face) >= FEEDS {
@@ -354,15 +355,15 @@ impl Opening {
         }
     }
 
-    /// Clears the marks of its cells.
+    /// Clears the marks of the cells.
     pub(super) fn clear(&self, cells: &mut Cells) {
         for face in &self.faces {
             cells.starve(face.cell);
         }
     }
 
-    /// Gives the links of wet cells what enters, and interface cells their mass. Appends the dry cells that stand
-    /// against water to `fed`, each with its velocity, if the opening has one.
+    /// Sets the populations entering wet cells and the mass of interface cells. Appends the dry cells next to water
+    /// outside to `fed`, each with its velocity, if the opening has one.
     pub(super) fn pass<S: Stored>(
         &mut self,
         cells: &mut Cells,
@@ -410,8 +411,9 @@ impl Opening {
         }
     }
 
-    /// Does [`Self::pass`] with the law of the opening and the wet part of the face of an interface cell, which follows
-    /// from its own fill level, that outside and the gain of a full cell.
+    /// Sets populations and mass like [`Self::pass`], with the law of the opening and the wet fraction of the face
+    /// of an interface cell, which is computed from its own fill level, the fill level outside and the gain of a
+    /// full cell.
     fn give<S: Stored>(
         &mut self,
         cells: &mut Cells,
@@ -475,7 +477,7 @@ impl Opening {
 }
 
 /// Returns the height of the water at which a discharge through the open faces of these rows is critical, at least
-/// half a cell of the lowest of them, and the area below it; of no discharge -1 and 0.
+/// half a cell above the lowest of them, and the area below it; -1 and 0 without a discharge.
 fn critical(rows: &[f64], discharge: f64, gravity: f64) -> (f64, f64) {
     if discharge <= 0.0 {
         return (-1.0, 0.0);

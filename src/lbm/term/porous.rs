@@ -1,4 +1,4 @@
-//! Porous zones: cells in which the water meets a linear and a quadratic resistance (Darcy and Forchheimer).
+//! Porous zones: cells with a linear and a quadratic resistance to the water (Darcy and Forchheimer).
 //!
 //! ```text
 //! -∇p = ρ (ν/K + β |u|) u
@@ -8,21 +8,22 @@
 //! viscosity of the water in the zone are those of open water, as usual for screens, racks, filters and rockfill in
 //! resolved flow.
 //!
-//! In lattice units the force on a cell of density ρ is D = -ρ (a + b |u|) u with a = ν Δt/K and b = β h, φ times
-//! both where the zone has the part φ of the cell. The velocity holds half of every force, u = (m + (G + D)/2)/ρ with
-//! the momentum m that comes in and the body force G, so that D is known without iteration (Guo and Zhao 2002,
-//! equations 15 to 17):
+//! In lattice units the force on a cell of density ρ is D = -ρ (a + b |u|) u with a = ν Δt/K and b = β h,
+//! multiplied by φ if the zone fills the fraction φ of the cell. The velocity contains half of every force, u = (m
+//! + (G + D)/2)/ρ with the momentum m that comes in and the body force G, so that D is known without iteration (Guo
+//! and Zhao 2002, equations 15 to 17):
 //!
 //! ```text
 //! u = 2 v/(c + (c² + 2 b |v|)^½),   v = (m + G/2)/ρ,   c = 1 + a/2
 //! ```
 //!
-//! D enters before the collision by the exact difference of two equilibria (Kupershtokh et al. 2009), g_i += g_i^eq(v +
-//! D/ρ) - g_i^eq(v), whatever the collision operator. A plug flow at the balance G = -D stays as it is to rounding.
-//! The rule is the trapezoidal one: stable for every a, without swings up to a + b |u| = 2.
+//! D enters before the collision by the exact difference of two equilibria (Kupershtokh et al. 2009), g_i +=
+//! g_i^eq(v + D/ρ) - g_i^eq(v), whatever the collision operator. A plug flow in equilibrium, G = -D, is constant up
+//! to rounding. The rule is the trapezoidal one: stable for every a, without oscillations up to a + b |u| = 2.
 //!
-//! The eddy viscosity reads velocities that lack D/2: its gradients at the surface of a zone err by (a + b |u|)/2 of
-//! the velocity there, which is why the plan asks for shorter steps in zones of flows with eddies.
+//! The eddy viscosity uses velocities without D/2, so that its gradients at the surface of a zone have an error of
+//! (a + b |u|)/2 of the velocity there. The plan therefore requires shorter steps in zones of flows with an eddy
+//! viscosity.
 //!
 //! Sources: Z. Guo, T. S. Zhao, Phys. Rev. E 66 (2002) 036304; A. L. Kupershtokh, D. A. Medvedev, D. I. Karpov, Comput.
 //! Math. Appl. 58 (2009) 965; S. Ergun, Chem. Eng. Prog. 48 (1952) 89.
@@ -42,7 +43,7 @@ use base::thread_pool;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Cells from which a thread pays.
+/// Minimum number of cells per thread.
 const CELLS_PER_THREAD: usize = 256;
 
 /// Resistance of a porous zone.
@@ -75,9 +76,9 @@ pub enum Resistance {
 /// Coefficients of a resistance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Coefficients {
-    /// ν/K [1/s].
+    /// Linear coefficient ν/K [1/s].
     pub linear: f64,
-    /// β [1/m].
+    /// Quadratic coefficient β [1/m].
     pub quadratic: f64,
 }
 
@@ -114,8 +115,8 @@ impl Coefficients {
         (self.linear + self.quadratic * velocity) * velocity
     }
 
-    /// Returns the superficial velocity [m/s] at which a deceleration [m/s2] holds the water; infinite without
-    /// resistance.
+    /// Returns the superficial velocity [m/s] at which the resistance equals a deceleration [m/s2]; infinite
+    /// without resistance.
     #[must_use]
     pub fn velocity(&self, deceleration: f64) -> f64 {
         let root = (self.linear * self.linear + 4.0 * self.quadratic * deceleration).sqrt();
@@ -123,10 +124,10 @@ impl Coefficients {
     }
 }
 
-/// A cell of a zone in lattice units: its coordinates in the domain and the coefficients a and b.
+/// Cell of a zone in lattice units: its coordinates in the domain and the coefficients a and b.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resisted {
-    /// The cell in the domain.
+    /// Indices of the cell in the domain.
     pub cell: [usize; 3],
     /// Linear coefficient a [1].
     pub linear: f64,
@@ -134,37 +135,37 @@ pub struct Resisted {
     pub quadratic: f64,
 }
 
-/// A cell of the slab with a resistance.
+/// Cell of the slab with a resistance.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     position: usize,
     linear: f64,
     quadratic: f64,
-    /// Coefficients of the part that no solid covers.
+    /// Coefficients of the part free of solids.
     open: [f64; 2],
-    /// Momentum that it received in the last step, in quanta.
+    /// Momentum that the cell received in the last step, in quanta.
     given: [i64; 3],
 }
 
 impl Cell {
-    /// Returns the coefficients a and b of the part of the cell that no solid covers.
+    /// Returns the coefficients a and b of the part of the cell free of solids.
     fn coefficients(&self, cover: Option<&Cover>) -> [f64; 2] {
         let open = cover.map_or(1.0, |cover| 1.0 - cover.fraction(self.position));
         [open * self.linear, open * self.quadratic]
     }
 }
 
-/// The porous zones of a slab.
+/// Porous zones of a slab.
 pub struct Porous {
-    /// Cells by rising position.
+    /// Cells in ascending order of position.
     cells: Vec<Cell>,
-    /// One more than the place in `cells` of each position; 0 for open water.
+    /// Index in `cells` plus one for each position; 0 for open water.
     places: Vec<u32>,
 }
 
 impl Porous {
-    /// Places the zones in the slab of `populations`, whose first cell is `start` in the domain. Cells of other slabs
-    /// are left out; no cell occurs twice.
+    /// Places the zones in the slab of `populations`, whose first cell is `start` in the domain. Cells of other
+    /// slabs are omitted; no cell may occur twice.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -202,7 +203,7 @@ impl Porous {
         Self { cells, places }
     }
 
-    /// Returns the cell at a position; none if the water is open.
+    /// Returns the cell at a position; `None` for open water.
     fn resisted_cell(&self, position: usize) -> Option<&Cell> {
         let place = self.places[position].checked_sub(1)?;
         self.cells.get(place as usize)
@@ -218,9 +219,9 @@ fn resisted(v: [f64; 3], linear: f64, quadratic: f64) -> [f64; 3] {
     v.map(|x| x * part)
 }
 
-/// The numbers of a lattice, for threads.
+/// Pointer to the populations, shared by threads.
 struct Numbers<S>(*mut S);
-// SAFETY: each thread touches the populations that come into its own cells, and each number comes into one cell.
+// SAFETY: each thread accesses the incoming populations of its own cells, and each number is incoming in one cell.
 unsafe impl<S: Send> Sync for Numbers<S> {}
 
 impl<S: Stored> Term<S> for Porous {
@@ -319,7 +320,7 @@ mod tests {
     use base::number::real;
     use decomposition::{Domain, SplitAxis};
 
-    /// Returns a periodic fluid, walls across y where `walls`, with the same resistance in every cell.
+    /// Returns a periodic fluid, with walls normal to y if `walls`, and with the same resistance in every cell.
     fn fluid(
         (set, operator): (VelocitySet, Operator),
         cells: [usize; 3],
@@ -377,7 +378,7 @@ mod tests {
     fn plug_flow_at_the_balance_stays_and_is_reached() {
         let (linear, quadratic) = (0.01, 0.8);
         let speed = 0.05;
-        // Oblique to the lattice.
+        // The flow is oblique to the lattice.
         for (set, operator) in operators() {
             let flat = set == VelocitySet::D2Q9;
             let n = if flat {
@@ -407,8 +408,8 @@ mod tests {
         }
     }
 
-    /// Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error falls as the
-    /// square of the cell.
+    /// Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error decreases with
+    /// the square of the cell size.
     #[test]
     fn flow_between_plates_follows_brinkman_to_second_order() {
         let trt = (
@@ -418,7 +419,7 @@ mod tests {
         let viscosity = 0.2 / 3.0;
         let error = |n: usize| {
             let height = real(n);
-            // k H = 6 and the same largest velocity on each grid.
+            // The grids have the same k H = 6 and the same maximum velocity.
             let linear = viscosity * (6.0 / height).powi(2);
             let force = [0.01 * linear, 0.0, 0.0];
             let mut fluid = fluid(trt, [1, n, 1], true, (linear, 0.0), force);

@@ -1,20 +1,22 @@
-//! The velocity field from which the eddy viscosity is computed.
+//! Velocity field from which the eddy viscosity is computed.
 //!
 //! Ghost values at faces of the domain make the central difference second-order. With the wall at half a cell, u_ghost
 //! = (8 u_wall - 6 u_1 + u_2)/3 gives the derivative of the parabola through u_wall, u_1 and u_2. At open faces u_ghost
 //! = 2 u_1 - u_2 gives the one-sided difference. At planes of symmetry the ghost is the mirror image. The field is
 //! stored in f32: its rounding is 1e-7 of the velocity and affects the eddy viscosity, not the flow directly.
 //!
-//! Next to bodies in the lattice the derivative is that of the parabola through the velocities u_l, u_h of the surfaces
-//! at the distances l and h along the axis, or of a neighbour that is water at 1, and that of the cell:
+//! Next to bodies in the lattice the derivative is that of the parabola through the velocity of the cell and the
+//! velocities u_l, u_h on both sides: of surfaces at the distances l and h along the axis, or of a wet neighbour at
+//! the distance 1:
 //!
 //! ```text
 //! du/dx = [l² (u_h - u) + h² (u - u_l)] / [l h (l + h)]
 //! ```
 //!
-//! Links that bounce have their surface at 1/2. A cell that solids fill by ε of 1/2 and more has it at 3/2 - ε, so
-//! that the difference goes over to the central one. The coupling names surfaces and their velocities after every move
-//! ([`Field::wall`]); a number for each cell says where they stand, and only cells that have one leave the vector path.
+//! Links with bounce-back have their surface at 1/2. A cell with a solid fraction ε of at least 1/2 has it at 3/2 -
+//! ε, so that the difference passes continuously into the central one. The coupling sets surfaces and their
+//! velocities after every motion ([`Field::wall`]). An index for each cell refers to its surfaces, and only cells
+//! with an index leave the vectorised path.
 
 use crate::block::{Line, RowBlock};
 use crate::boundary::{Frame, Patch, SurfaceKind, patch_at};
@@ -31,34 +33,34 @@ use std::sync::Arc;
 /// Message tag of the velocity.
 const TAG: u8 = 2;
 
-/// Velocities of the step before, which the pass reads, and of its own, which it writes. Positions are those of
-/// [`Populations::cell`].
+/// Velocities of the previous step, which the pass reads, and of its own step, which it writes. Positions are those
+/// of [`Populations::cell`].
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     pub(crate) read: [*const f32; 3],
     pub(crate) write: [*mut f32; 3],
     strides: [usize; 3],
     dimension: usize,
-    /// Index in `beside` plus one of each cell, 0 for most; null if no cell has adjacent bodies.
+    /// Index in `beside` plus one for each cell, usually 0; null if no cell has adjacent bodies.
     places: *const u32,
     beside: *const Beside,
 }
 
-/// Neighbours of a cell on both sides along each axis.
+/// Surfaces on both sides of a cell along each axis.
 #[derive(Clone, Copy, Debug, Default)]
 struct Beside {
     cell: u32,
     axes: [Axis; 3],
 }
 
-/// Surfaces on both sides along an axis, and the derivative as a sum of velocities.
+/// Surfaces on both sides along an axis, and the derivative as a weighted sum of velocities.
 #[derive(Clone, Copy, Debug)]
 struct Axis {
-    /// Distance of a surface, low and high; 0 for water.
+    /// Distance of the surface on the low and the high side; 0 for water.
     distance: [f32; 2],
     /// Weights of the low side, of the cell and of the high side; 0 for a surface.
     weights: [f64; 3],
-    /// Values that surfaces give, and their weights.
+    /// Contributions of the surfaces, including their weights.
     given: [f64; 3],
     velocity: [[f32; 3]; 2],
 }
@@ -96,7 +98,7 @@ impl Axis {
 }
 
 impl Beside {
-    /// Returns the gradient by the velocities of water `read` at numbers relative to the cell.
+    /// Returns the gradient; `read` returns the velocity of water at an offset from the cell.
     #[inline(always)]
     fn gradient(
         &self,
@@ -118,7 +120,7 @@ impl Beside {
 }
 
 impl View {
-    /// View of a fluid that needs none.
+    /// View of a fluid without velocity field.
     pub(crate) const NONE: Self = Self {
         read: [std::ptr::null(); 3],
         write: [std::ptr::null_mut(); 3],
@@ -128,7 +130,7 @@ impl View {
         beside: std::ptr::null(),
     };
 
-    /// Asks for the lines of the field that the cells `ahead` numbers after this one will need.
+    /// Prefetches the lines of the field for the cells `ahead` numbers after this one.
     #[inline(always)]
     pub(crate) fn prefetch(&self, cell: usize, ahead: usize) {
         let cell = cell + ahead;
@@ -136,7 +138,7 @@ impl View {
             let read = self.read[a];
             prefetch(read.wrapping_add(cell));
             unroll!(axes b < 3 => {
-                // Along the row the line is the same.
+                // Along the row the cache line is the same.
                 if self.strides[b] > 1 {
                     prefetch(read.wrapping_add(cell + self.strides[b]));
                     prefetch(read.wrapping_add(cell.wrapping_sub(self.strides[b])));
@@ -146,7 +148,7 @@ impl View {
         });
     }
 
-    /// Computes the gradient of the velocity of the step before at `N::WIDTH` cells.
+    /// Computes the gradient of the velocity of the previous step at `N::WIDTH` cells.
     ///
     /// # Safety
     /// `cell` must be the position of an interior cell with capacity for whole vectors after it.
@@ -161,8 +163,8 @@ impl View {
             if b < self.dimension {
                 let stride = self.strides[b];
                 unroll!(axes a < 3 => {
-                    // SAFETY: neighbours of an interior cell, ghosts included, lie in the array; rows have capacity for
-                    // whole vectors.
+                    // SAFETY: neighbours of an interior cell, including ghosts, are in the array; rows have
+                    // capacity for whole vectors.
                     let (high, low) = unsafe {
                         (
                             <f32 as Memory<N>>::load(self.read[a].add(cell + stride)),
@@ -180,7 +182,7 @@ impl View {
                 any |= unsafe { self.places.add(cell + lane).read() };
             }
             if any != 0 {
-                // A copy, so that the gradients of all other cells stay in registers.
+                // The copy keeps the gradients of all other cells in registers.
                 let mut corrected = gradient;
                 // SAFETY: the caller's promise.
                 unsafe { self.correct::<N>(cell, &mut corrected) };
@@ -219,7 +221,7 @@ impl View {
             // SAFETY: places are those of the list.
             let beside = unsafe { &*self.beside.add(place - 1) };
             let own = beside.gradient(self.dimension, self.strides, |a, by| {
-                // SAFETY: neighbours of an interior cell, ghosts included, lie in the array.
+                // SAFETY: neighbours of an interior cell, including ghosts, are in the array.
                 f64::from(unsafe { self.read[a].offset(here.cast_signed() + by).read() })
             });
             for a in 0..3 {
@@ -238,7 +240,7 @@ impl View {
         }
     }
 
-    /// Leaves the velocity of `N::WIDTH` cells.
+    /// Stores the velocity of `N::WIDTH` cells.
     ///
     /// # Safety
     /// As for [`Self::gradient`], and no other thread may write these cells.
@@ -254,7 +256,7 @@ impl View {
     }
 }
 
-/// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, by component.
+/// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, for each component.
 #[derive(Clone, Copy, PartialEq)]
 struct Beyond {
     /// Positions of u_1 and u_2, relative to the ghost.
@@ -263,16 +265,16 @@ struct Beyond {
     wall: [f32; 3],
     inner: [f32; 3],
     outer: f32,
-    /// Patch whose ramp multiplies the velocity of the wall; none for a wall at rest and for open faces.
+    /// Patch whose ramp multiplies the velocity of the wall; none for a stationary wall and for open faces.
     patch: Option<usize>,
 }
 
-/// Source of the value of a ghost.
+/// Source of the value of a ghost cell.
 #[derive(Clone, Copy, PartialEq)]
 enum Follows {
-    /// The cells before a face.
+    /// Cells next to a face.
     Face(Beyond),
-    /// The cell so far away, round a periodic axis within the slab.
+    /// Offset of the source cell across a periodic axis within the slab.
     Round(isize),
 }
 
@@ -284,8 +286,8 @@ struct Face {
 }
 
 impl Beyond {
-    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` lie at these distances from
-    /// the ghost.
+    /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` are the offsets of u_1
+    /// and u_2 from the ghost cell.
     fn new<S: Stored>(
         patches: &[Patch<S>],
         frame: &Frame,
@@ -302,7 +304,7 @@ impl Beyond {
         if frame.cells[axis] == 1 {
             (inner, outer, share) = ([-1.0; 3], 0.0, 2.0);
         }
-        // Without a patch a wall at rest.
+        // Without a patch the face is a stationary wall.
         if let Some(rule) = holder.map(|p| &patches[p].rule) {
             if let Some(velocity) = rule.velocity(position) {
                 #[expect(clippy::cast_possible_truncation, reason = "kept in f32")]
@@ -331,7 +333,7 @@ impl Beyond {
     }
 }
 
-/// Ghost of a cell beyond a face.
+/// Ghost cell beyond a face.
 struct Ghost {
     /// Plane and row of the cell.
     plane: usize,
@@ -340,7 +342,7 @@ struct Ghost {
     follows: Follows,
 }
 
-/// Returns the ghosts of a slab that follow from its own cells.
+/// Returns the ghost cells of a slab that depend on its own cells.
 fn ghosts<S: Stored>(
     populations: &Populations<S>,
     frame: &Frame,
@@ -387,20 +389,20 @@ fn ghosts<S: Stored>(
     ghosts
 }
 
-/// Ghosts of cells of a plane that follow in the same way, at equal distances.
+/// Ghost cells of cells of a plane with the same rule, at equal distances in memory.
 struct Run {
     ghost: usize,
     line: Line,
     follows: Follows,
 }
 
-/// Ghosts of a thread from which on it is worth waking.
+/// Minimum number of ghost cells per thread.
 const GHOSTS_PER_THREAD: usize = 500;
 
 /// Start of the three components of a field.
 struct Components([*mut f32; 3]);
 
-// SAFETY: who writes through it promises that no two threads touch the same number.
+// SAFETY: the user ensures that no two threads access the same number.
 unsafe impl Sync for Components {}
 
 impl Components {
@@ -409,20 +411,20 @@ impl Components {
     }
 }
 
-/// The ghosts of a slab that follow from its own cells.
+/// Ghost cells of a slab that depend on its own cells.
 #[derive(Default)]
 pub(crate) struct Ghosts {
     runs: Vec<Run>,
-    /// Start of the runs of each plane, and the end.
+    /// Index of the first run of each plane, and total.
     begins: Vec<usize>,
-    /// Rows of a plane.
+    /// Number of rows of a plane.
     rows: usize,
 }
 
 impl Ghosts {
-    /// Joins the ghosts of the planes of a slab.
+    /// Joins the ghost cells of the planes of a slab to runs.
     fn new(mut all: Vec<Ghost>, rows: usize, planes: usize) -> Self {
-        // Those of one kind one after the other: along each axis they lie at distances of their own.
+        // Ghost cells of one kind follow each other, because their distances differ between the axes.
         let apart = |follows: &Follows| match follows {
             Follows::Face(beyond) => beyond.first,
             Follows::Round(source) => *source,
@@ -462,8 +464,8 @@ impl Ghosts {
         ghosts
     }
 
-    /// Fills the ghosts of the cells of some rows of planes, in the field that starts at `numbers` for each component.
-    /// `ramp` gives the factor of a patch.
+    /// Fills the ghost cells of some rows of planes, in the field that starts at `numbers` for each component.
+    /// `ramp` returns the factor of a patch.
     ///
     /// # Safety
     /// `numbers` must be the field of this slab, and no other thread may write these cells and ghosts or the cells that
@@ -477,13 +479,13 @@ impl Ghosts {
         for run in &self.runs[self.begins[planes.start]..self.begins[planes.end]] {
             let some = run.line.within(rows);
             if !some.is_empty() {
-                // SAFETY: promised by the caller; the ghosts and what they follow from are positions in the field.
+                // SAFETY: promised by the caller; the ghost cells and their sources are positions in the field.
                 unsafe { run.fill(some, numbers, &ramp) };
             }
         }
     }
 
-    /// Fills the ghosts of the cells of some planes, by several threads where they are many.
+    /// Fills the ghost cells of some planes, on several threads if they are many.
     ///
     /// # Safety
     /// As for [`Self::fill`].
@@ -503,12 +505,13 @@ impl Ghosts {
                 planes: planes.clone(),
                 rows: bound(thread)..bound(thread + 1),
             };
-            // SAFETY: promised by the caller; each ghost belongs to one row, and all follow from cells of the slab.
+            // SAFETY: promised by the caller; each ghost cell belongs to one row, and its sources are cells of the
+            // slab.
             unsafe { self.fill(&cells, components.get(), &ramp) };
         });
     }
 
-    /// Fills the ghosts of some cells in the field that a pass wrote, before the step is complete.
+    /// Fills the ghost cells of some cells in the field written by a pass, before the step is complete.
     ///
     /// # Safety
     /// `written` must be of this slab, the pass must have done these cells and those two further inside, and no other
@@ -570,7 +573,7 @@ impl Run {
 pub struct BodyWall {
     /// Position of the cell.
     pub cell: usize,
-    /// The axis along which the surface is, and whether at the upper side.
+    /// Axis along which the surface is, and `true` for the upper side.
     pub side: (usize, bool),
     /// Distance from the cell \[cells\].
     pub distance: f64,
@@ -583,34 +586,34 @@ fn position_from(from: usize, to: usize) -> isize {
     to.cast_signed() - from.cast_signed()
 }
 
-/// The velocity field of a slab, for the gradient.
+/// Velocity field of a slab, for the gradient.
 pub struct Field {
-    /// Components of the step before and of this one, one after the other.
+    /// Components of the previous step and of this one.
     numbers: [Pages<f32>; 2],
     /// Index of the field that is read.
     old: usize,
-    /// Distance between components.
+    /// Distance between components in memory.
     array: usize,
     strides: [usize; 3],
     dimension: usize,
     ghosts: Arc<Ghosts>,
     exchange: HaloExchange,
-    /// Positions of the cells of a plane relative to its first.
+    /// Positions of the cells of a plane relative to its first cell.
     plane: Vec<usize>,
     /// First cell of the ghost plane below, the first, the last and the ghost plane above.
     planes: [usize; 4],
-    /// One more than the place in `beside` of each cell, 0 for most; empty before there is a body.
+    /// Index in `beside` plus one for each cell, usually 0; empty without bodies.
     places: Vec<u32>,
     beside: Vec<Beside>,
-    /// Surfaces that each thread found: buffers that are reused.
+    /// Surfaces found by each thread: reusable buffers.
     found: Vec<Vec<BodyWall>>,
 }
 
 impl Field {
-    /// Returns the field of the slab of `populations`; all ranks call it together.
+    /// Returns the field of the slab of `populations`. Collective.
     ///
     /// # Errors
-    /// When the slabs of two neighbours do not fit each other.
+    /// If the slabs of two neighbours do not fit each other.
     pub fn new<S: Stored>(
         populations: &Populations<S>,
         frame: &Frame,
@@ -626,7 +629,7 @@ impl Field {
             populations.cell(at) - zero
         };
         let strides = [unit(0), unit(1), unit(2)];
-        // Staggered, so that the six arrays do not meet in the same lines of the cache.
+        // The components are staggered, so that the six arrays do not compete for the same cache lines.
         let array = populations.cell_positions() + 208;
         let ghosts = ghosts(populations, frame, patches, strides);
         let first = populations.interior();
@@ -662,7 +665,7 @@ impl Field {
         })
     }
 
-    /// Forgets the surfaces of bodies, before they are named anew.
+    /// Clears the surfaces of bodies, before they are set again.
     pub fn forget_walls(&mut self) {
         for one in &self.beside {
             self.places[one.cell as usize] = 0;
@@ -670,8 +673,8 @@ impl Field {
         self.beside.clear();
     }
 
-    /// Takes the surfaces that the threads find: `find` has the number of a thread, that of all threads, and a buffer
-    /// for its results.
+    /// Sets the surfaces found by the threads: `find` receives the number of a thread, the number of threads, and a
+    /// buffer for its results.
     pub(crate) fn find_walls(&mut self, find: impl Fn(usize, usize, &mut Vec<BodyWall>) + Sync) {
         let mut found = std::mem::take(&mut self.found);
         let threads = thread_pool::threads();
@@ -712,7 +715,7 @@ impl Field {
         self.beside[place].axes[axis].wall(upper, distance, velocity);
     }
 
-    /// Returns the fields that the coming pass reads and writes.
+    /// Returns the fields that the next pass reads and writes.
     pub(crate) fn view(&mut self) -> View {
         let array = self.array;
         let [first, second] = &mut self.numbers;
@@ -738,7 +741,7 @@ impl Field {
         }
     }
 
-    /// Makes what the pass writes (see [`Self::view`]) the field that the next one reads.
+    /// Swaps the fields, so that the next pass reads the field written by the last one (see [`Self::view`]).
     pub(crate) fn swap(&mut self) {
         self.old = 1 - self.old;
     }
@@ -759,8 +762,8 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghosts round periodic axes and beyond faces that follow from the
-    /// cells of some planes. `ramp` gives the factor of a patch at this time.
+    /// Receives the neighbours' planes and fills the ghost cells across periodic axes and beyond faces that depend
+    /// on the cells of some planes. `ramp` returns the factor of a patch at this time.
     pub(crate) fn complete(
         &mut self,
         planes: impl Iterator<Item = Range<usize>>,
@@ -784,23 +787,23 @@ impl Field {
             start.add(a * self.array)
         }));
         for planes in planes {
-            // SAFETY: the field is borrowed alone.
+            // SAFETY: the field is borrowed exclusively.
             unsafe { self.ghosts.fill_planes(planes, &components, &ramp) };
         }
     }
 
-    /// Returns the ghosts that follow from the cells of the slab.
+    /// Returns the ghost cells that depend on the cells of the slab.
     pub(crate) fn ghosts(&self) -> Arc<Ghosts> {
         self.ghosts.clone()
     }
 
-    /// Returns the velocity of a cell, as kept.
+    /// Returns the velocity of a cell as stored.
     #[must_use]
     pub fn velocity(&self, cell: usize) -> [f32; 3] {
         std::array::from_fn(|a| self.numbers[self.old][a * self.array + cell])
     }
 
-    /// Sets the velocity of a cell: at the start, on a restart, and inside bodies.
+    /// Sets the velocity of a cell: at the start, at a restart, and inside bodies.
     pub fn set_velocity(&mut self, cell: usize, velocity: [f32; 3]) {
         for a in 0..3 {
             self.numbers[self.old][a * self.array + cell] = velocity[a];
@@ -828,7 +831,7 @@ impl Field {
         gradient
     }
 
-    /// Returns the bytes held.
+    /// Returns the size of the memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()

@@ -35,7 +35,7 @@ fn one_half() -> f64 {
     0.5
 }
 
-/// Returns S^d:S^d.
+/// Returns the contraction S^d:S^d.
 #[inline(always)]
 fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
     let mut square = [[N::splat(0.0); 3]; 3];
@@ -90,7 +90,7 @@ mod tests {
         Wale { constant: C }.viscosity(&g)
     }
 
-    /// Zero at rest and in pure shear.
+    /// The eddy viscosity is zero at rest and in pure shear.
     #[test]
     fn nothing_in_pure_shear() {
         assert!(nu([[0.0; 3]; 3]).abs() < 1e-300);
@@ -101,7 +101,7 @@ mod tests {
         }
     }
 
-    /// (2/3)^¼ (C_w Δ)² Ω in solid rotation.
+    /// The eddy viscosity is (2/3)^¼ (C_w Δ)² Ω in solid-body rotation.
     #[test]
     fn solid_rotation() {
         let w = 0.01;
@@ -111,7 +111,7 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// Written out independently for a full gradient; S^d has no trace.
+    /// Independent evaluation for a full gradient; S^d has no trace.
     #[test]
     fn the_formula_by_nalgebra() {
         let g = [
@@ -129,7 +129,8 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// Grows like y³ next to a wall, from u = a y, v = b y², w = c y with fluctuations that obey continuity.
+    /// The eddy viscosity grows like y³ next to a wall, for u = a y, v = b y², w = c y with fluctuations that
+    /// satisfy continuity.
     #[test]
     fn grows_with_the_cube_of_the_distance_from_a_wall() {
         // u = y (1 + x/2) α, v = -α y²/4, w = β y: no-slip, divergence-free.

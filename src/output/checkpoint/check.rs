@@ -10,33 +10,33 @@ use io::checkpoint::Manifest;
 use io::data::Kind;
 use serde_json::{Value, json};
 
-/// The possible contents of checkpoints of a case, compared with a manifest before memory is allocated.
+/// Contents that a checkpoint of a case may have, compared with a manifest before memory is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expected {
-    /// `true` if the preparation is over: earlier checkpoints hold less.
+    /// `true` if the preparation is complete: earlier checkpoints contain less.
     pub prepared: bool,
-    /// Cells along each axis, velocities of the lattice and bytes of a number; none without a lattice.
+    /// Cells along each axis, number of velocities and bytes per number; none without a lattice.
     pub lattice: Option<([usize; 3], usize, usize)>,
-    /// Numbers of the seepage or of the water in joints in a saved run; none without these.
+    /// Length of the state of the seepage or of the water in joints; none without these.
     pub seepage: Option<usize>,
-    /// Grains, blocks and bodies at most; none if nothing is solid.
+    /// Maximum number of grains, blocks and bodies; none if nothing is solid.
     pub grains: Option<u64>,
-    /// Steps of the case.
+    /// Number of steps of the case.
     pub steps: u64,
-    /// Steps of the fluid before the first, at most.
+    /// Maximum number of warm-up steps of the fluid.
     pub warm_up: u64,
     /// Longest edge of the domain \[m\].
     pub length: f64,
 }
 
-/// Contacts of a grain at most, on the mean.
+/// Maximum mean number of contacts per grain.
 const MOST_CONTACTS: u64 = 1000;
 
 impl Expected {
-    /// Checks that a manifest can be that of a checkpoint of the case.
+    /// Checks that a manifest can belong to a checkpoint of the case.
     ///
     /// # Errors
-    /// A sentence that names the mismatch.
+    /// If it cannot; the text names the mismatch.
     pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
         let attributes = &manifest.attributes;
         let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
@@ -49,7 +49,7 @@ impl Expected {
             };
             number.ok_or_else(|| format!("its `{name}` is {value}, which is not a count"))
         };
-        // A preparation counts other steps.
+        // The steps of a preparation are counted separately.
         if self.prepared && manifest.step > self.steps {
             return Err(format!(
                 "it is of step {}, and the case ends at step {}",
@@ -109,7 +109,7 @@ impl Expected {
                 ));
             }
         }
-        // What a preparation has saved depends on how far it was; reading it says what it lacks.
+        // The arrays of an unfinished preparation depend on its progress; reading them reports missing ones.
         let lacks = |name: &str| name != EARLIER && manifest.arrays.iter().all(|a| a.name != name);
         match known.iter().find(|(name, ..)| lacks(name)) {
             Some((name, ..)) if self.prepared => Err(format!("it lacks the array {name}")),
@@ -117,7 +117,7 @@ impl Expected {
         }
     }
 
-    /// Checks the arrays of grains and contacts.
+    /// Checks the sizes of the tables of grains and contacts.
     fn tables(
         &self,
         attributes: &Value,
@@ -178,36 +178,37 @@ pub struct StateLimits {
     pub materials: u64,
     /// Number of shapes of blocks.
     pub shapes: u64,
-    /// Radius of the smallest grain or body \[m\]; 0 while grains grow.
+    /// Radius of the smallest grain or body \[m\]; 0 if the grains of the case grow.
     pub smallest: f64,
     /// Radius of the largest grain, body or block \[m\].
     pub largest: f64,
-    /// Mass of the heaviest sphere or disc of the largest radius [kg; in 2-D kg/m].
+    /// Mass of the heaviest sphere or disc with the largest radius [kg; in 2-D kg/m].
     pub heaviest: f64,
 }
 
-/// One past the largest id: contacts name two grains by one number.
+/// Upper bound of ids: contacts store the ids of two grains in one number.
 const IDS: u64 = 1 << 32;
-/// Largest number of solid steps: beyond it sums of a few could overflow.
+/// Maximum number of solid steps: sums of larger numbers could overflow.
 const LARGEST: u64 = 1 << 53;
-/// Lengths of the domain that a grain may be away from it: round a periodic axis it keeps its place on the line.
+/// Maximum distance of a grain from the domain, in lengths of the domain: along a periodic axis positions are not
+/// wrapped.
 const FARTHEST: f64 = 1e6;
-/// Largest periods by which a grain or the partner of a contact may be shifted.
+/// Maximum number of periods by which a grain or the partner of a contact may be shifted.
 const SHIFTS: i64 = 1 << 20;
-/// Largest magnitude of a force, a moment or a number of a contact, as of any quantity of a case.
+/// Maximum magnitude of a force, a moment or a number of a contact, as of any quantity of a case.
 const MAGNITUDE: f64 = 1e30;
-/// Largest speed [m/s].
+/// Maximum speed [m/s].
 const SPEED: f64 = 3e8;
-/// Rounding of radii and masses.
+/// Relative rounding error of radii and masses.
 const ROUNDING: f64 = 1e-6;
 
 impl StateLimits {
-    /// Checks that grains and contacts can be those of the case. Numbers that no run could have written would lead the
-    /// next step anywhere. Contacts are compared with the grains where these are present: the first rank alone reads
-    /// them.
+    /// Checks that grains and contacts are possible in the case: values that no run could have written would make
+    /// the next step fail or corrupt memory. Only the first rank reads the grains, so that other ranks compare the
+    /// contacts with each other alone.
     ///
     /// # Errors
-    /// [`Error::Io`] with the column.
+    /// [`Error::Io`] if a value is impossible; the text names the column.
     pub fn hold(&self, grains: &NamedColumns, contacts: &Contacts) -> Result<(), Error> {
         self.grains(grains)?;
         let mut ids = match grains.columns.iter().find(|(name, _)| name == "id") {
@@ -301,7 +302,7 @@ impl StateLimits {
                     .map(|q| q * q)
                     .sum::<f64>()
             });
-            // In a scene with blocks, spheres have the identity as orientation, or none.
+            // In a scene with blocks, spheres have the identity as orientation, or zeros.
             let mut squares = squares.filter(|square| *square > 0.0);
             if squares.any(|square| (square - 1.0).abs() > 1e-6) {
                 return wrong("an orientation of the grains is no rotation");
@@ -310,7 +311,7 @@ impl StateLimits {
         Ok(())
     }
 
-    /// Returns the least and the largest value of a column of real numbers.
+    /// Returns the minimum and maximum of a column of real numbers.
     fn range(&self, name: &str) -> [f64; 2] {
         let both = |most: f64| [-most, most];
         let axis = |name: &str| "xyz".find(name.chars().last()?);
@@ -318,7 +319,7 @@ impl StateLimits {
         match name {
             "radius" => [less * self.smallest, more * self.largest],
             "mass" => [f64::MIN_POSITIVE, more * self.heaviest],
-            // Of a needle as long as the sphere round it.
+            // The bound is the inertia of a needle as long as the sphere around it.
             "inertia" => [0.0, more * self.heaviest * self.largest * self.largest],
             _ if name.starts_with("position") || name.starts_with("start") => {
                 both(axis(name).map_or(MAGNITUDE, |a| FARTHEST * self.size[a].max(1.0)))
@@ -339,11 +340,11 @@ fn within(numbers: &[f64], least: f64, most: f64) -> bool {
     numbers.iter().all(|x| (least..=most).contains(x))
 }
 
-/// Returns `true` if all numbers of periods, stored as whole numbers, are small.
+/// Returns `true` if all numbers of periods, stored as whole numbers, are at most [`SHIFTS`] in magnitude.
 fn shifts(numbers: &[u64]) -> bool {
     let small = |n: &u64| (-SHIFTS..=SHIFTS).contains(&n.cast_signed());
     numbers.iter().all(small)
 }
 
-/// Arrays of a checkpoint at most.
+/// Maximum number of arrays in a checkpoint.
 const MOST_ARRAYS: usize = 1000;

@@ -1,6 +1,7 @@
 //! Grains and contacts in a checkpoint: names, order and values of the columns, and the hash of the state.
 //!
-//! The numbers were taken once and stay: a checkpoint of an earlier build must be read, and a state hash must compare.
+//! The expected values were recorded once and must not change: a checkpoint of an earlier build must be readable,
+//! and state hashes must stay comparable.
 
 use super::RunState;
 use decomposition::Communicator;
@@ -22,7 +23,7 @@ fn names(table: &NamedColumns) -> Vec<&str> {
         .collect()
 }
 
-/// Returns the order and bits of all values in one number.
+/// Returns a number that depends on the order and the bits of all values.
 fn digest(table: &NamedColumns) -> u64 {
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u64| {
@@ -52,7 +53,8 @@ fn hash<S: Space>(particles: &Particles<S>, dem: Option<&Dem<S>>) -> String {
     state.hash(&Communicator::serial())
 }
 
-/// Returns three spheres and a block with every array that a scene may ask for. All numbers are sums of powers of two.
+/// Returns three spheres and a block with every array that a scene may request. All numbers are sums of powers of
+/// two.
 fn all_arrays() -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let cube = Polyhedron::cuboid(Vector3::new(0.5, 0.25, 1.0)).unwrap();
@@ -127,7 +129,7 @@ fn columns_of_grains_keep_names_order_and_hash() {
     );
     assert_eq!(digest(&table), 0xd9ce_5dad_5b54_86d3);
     assert_eq!(hash(&particles, None), "ef66613fd2d929924c30ee4f6559b50f");
-    // All comes back, and a second table is the first.
+    // Reading restores everything: a second table equals the first.
     let again = Particles::<Volume>::from_table(&table).unwrap();
     assert_eq!(hash(&again, None), hash(&particles, None));
 }

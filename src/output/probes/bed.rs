@@ -21,10 +21,10 @@
 //!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
 //!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the
 //!   drag on grains that move above y = h, and on anything else that stands in the stream there.
-//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed, viscous
-//!   and resolved stress, is a straight line in a uniform stream without side walls. A line by least squares gives its
-//!   value at y = h. The planes are those from the top down to the last one without a solid, less the one next to it.
-//!   The value is NaN with fewer than three planes, and between side walls that do not slip.
+//! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed,
+//!   viscous and resolved stress, is a straight line in a uniform stream without side walls. A least-squares line
+//!   gives the value at y = h. The planes are those from the top down to the last plane without a solid, except the
+//!   plane next to a solid. The value is NaN with fewer than three planes, and between side walls that do not slip.
 //! - **Shields number** (Shields 1936): theta = tau / ((rho_s - rho) g d) with tau by the balance, gravity g across the
 //!   bed and the mean density rho_s of the grains.
 //! - **Bedload** per width: q = sum of V u / A over the grains with their centre above or in the part, V the volume of
@@ -47,14 +47,14 @@ use plan::scene::grid::Grid;
 use plan::scene::observe;
 use std::path::Path;
 
-/// Diameters that a column is wide.
+/// Width of a column, in mean diameters.
 const COLUMN: f64 = 2.0;
-/// Planes of cells of which a line is drawn, at least.
+/// Minimum number of planes of cells for a least-squares line.
 const FEWEST: usize = 3;
-/// Sums of a plane of cells: velocity, stress across the bed, momentum in the first and last plane along the stream,
-/// and stress on the outer and the inner plane at the lower and the upper side.
+/// Number of sums per plane of cells: velocity, stress across the bed, momentum in the first and last plane along
+/// the stream, and stress on the outer and inner plane at the lower and the upper side.
 const SUMS: usize = 8;
-/// Counts of a plane of cells: water in all of it and at both ends.
+/// Number of counts per plane of cells: water cells in all of it and at both ends.
 const COUNTS: usize = 3;
 
 /// Columns of the table.
@@ -72,11 +72,11 @@ const HEADINGS: [Heading; 11] = [
     ("dimensionless_flux", "-"),
 ];
 
-/// A bed.
+/// Probe of a bed.
 #[derive(Debug)]
 pub(super) struct Bed {
     scene: observe::ObservedBed,
-    /// Height from which scour is measured, once it is known \[m\].
+    /// Height from which scour is measured \[m\]; none before it is known.
     level: Option<f64>,
 }
 
@@ -151,18 +151,18 @@ impl Quantity for Bed {
     }
 }
 
-/// Quantities that follow from the grains alone.
+/// Quantities of a bed computed from the grains alone.
 struct Grains {
     /// Median diameter by volume, of all grains \[m\]; NaN without grains.
     median: f64,
     /// Mean density [kg/m3].
     density: f64,
-    /// Volume that passes per width and time [m2/s].
+    /// Volume transported per width and time [m²/s].
     flux: f64,
 }
 
 impl Grains {
-    /// Measures the bed by the grains. Collective.
+    /// Computes the quantities. Collective.
     fn measure<S: Space>(view: &StateView<S>, bed: &observe::ObservedBed) -> Self {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
@@ -205,7 +205,7 @@ impl Grains {
     }
 }
 
-/// Returns `true` if a coordinate is in the part; periodic axes are wrapped.
+/// Returns `true` if a coordinate is in the measured part; periodic axes are wrapped.
 fn spans<V: Components>(
     bed: &observe::ObservedBed,
     grid: &Grid,
@@ -228,7 +228,7 @@ pub(super) fn of_all_ranks(own: &[f64], communicator: &Communicator) -> Vec<f64>
     numbers.copied().map(f64::from_le_bytes).collect()
 }
 
-/// Returns the diameter below which half of the volume lies; NaN without radii. Sorts them.
+/// Returns the diameter below which half of the volume lies; NaN without radii. Sorts the radii.
 pub(super) fn median_diameter(radii: &mut [f64], measure: impl Fn(f64) -> f64) -> f64 {
     radii.sort_unstable_by(f64::total_cmp);
     let whole: f64 = radii.iter().map(|&r| measure(r)).sum();
@@ -242,7 +242,8 @@ pub(super) fn median_diameter(radii: &mut [f64], measure: impl Fn(f64) -> f64) -
     f64::NAN
 }
 
-/// Heights of the columns that have a surface, in cells above the bottom of the part. Collective.
+/// Returns the surface heights of the columns that have a surface, in cells above the bottom of the part.
+/// Collective.
 fn heights<S: Space>(
     view: &StateView<S>,
     fluid: &dyn FluidView,
@@ -262,7 +263,7 @@ fn heights<S: Space>(
         }
     });
     let [along, layers, aside] = columns;
-    // The layers of a column are neighbours.
+    // The layers of a column are contiguous in memory.
     let mut solid = vec![0_i64; along * aside * layers];
     let mut cells = vec![0_i64; along * aside];
     let place = |at: [usize; 3]| {
@@ -272,7 +273,7 @@ fn heights<S: Space>(
         });
         (z * along + x, y)
     };
-    // Where a line of cells is solid up to the top, a pier or a wall stands.
+    // A line of cells that is solid up to the top belongs to a pier or a wall.
     let line = |at: [usize; 3]| {
         let [x, _, z] = bed.axes.map(|axis| at[axis] - bed.cells[axis][0]);
         z * length(bed.axes[0]) + x
@@ -307,9 +308,9 @@ fn heights<S: Space>(
         .collect()
 }
 
-/// Returns the height at which the mean fraction of `solid` over `half` layers below and above falls below the
-/// threshold first and stays there for twice as many layers, between two edges of layers; none if it never does. A
-/// window ends at the ends of the column.
+/// Returns the lowest height at which the solid fraction, averaged over `half` layers below and above, falls below
+/// the threshold and stays there for twice as many layers, interpolated between edges of layers; none if it never
+/// does. Averaging windows are cut at the ends of the column.
 fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64> {
     let mean = |edge: usize| {
         let window = &solid[edge.saturating_sub(half)..(edge + half).min(solid.len())];
@@ -332,7 +333,8 @@ fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64>
     })
 }
 
-/// Calls `look` with each cell of this rank in a box of cells of the domain: its place in the slab and in the domain.
+/// Calls `look` with each cell of this rank in a box of cells of the domain: its coordinates in the slab and in the
+/// domain.
 fn each_cell(
     fluid: &dyn FluidView,
     part: &[[usize; 2]; 3],
@@ -353,18 +355,18 @@ fn each_cell(
     }
 }
 
-/// The stream above the bed; lattice units.
+/// Quantities of the stream above the bed, in lattice units.
 struct Stream {
     velocity: f64,
     balance: f64,
     profile: f64,
 }
 
-/// Sums over each plane of cells across the bed.
+/// Sums over each plane of cells parallel to the bed.
 struct Planes {
     sums: Vec<Fixed>,
     counts: Vec<i64>,
-    /// Cells of a plane.
+    /// Number of cells per plane.
     cells: f64,
 }
 
@@ -377,7 +379,7 @@ impl Planes {
         real(self.counts[row * COUNTS + which])
     }
 
-    /// Measures the planes of cells. Collective.
+    /// Computes the sums over the planes of cells. Collective.
     fn measure<S: Space>(
         view: &StateView<S>,
         fluid: &dyn FluidView,
@@ -434,7 +436,7 @@ impl Planes {
 }
 
 impl Stream {
-    /// Returns the stream above a height in cells. Collective.
+    /// Returns the quantities of the stream above a height in cells. Collective.
     fn above<S: Space>(
         view: &StateView<S>,
         fluid: &dyn FluidView,
@@ -499,7 +501,7 @@ impl Stream {
     }
 }
 
-/// Returns `true` if water slips freely along all of a face.
+/// Returns `true` if the whole of a face is a free-slip wall.
 fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     let patches = (scene.flow.iter())
         .flat_map(|flow| flow.patches())
@@ -509,8 +511,8 @@ fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
     first == Some(SurfaceKind::Symmetry) && surfaces.all(|surface| surface == SurfaceKind::Symmetry)
 }
 
-/// Returns the line through the stresses of the planes above the last solid, at a height in cells above the first
-/// plane.
+/// Returns the value at a height, in cells above the first plane, of the least-squares line through the stresses of
+/// the planes above the last solid.
 fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
     let covered = |row: &usize| planes.count(*row, 0) < planes.cells;
     let first = (0..rows).rev().find(covered).map_or(0, |row| row + 2);
@@ -535,8 +537,8 @@ mod tests {
 
     #[test]
     fn half_of_the_volume_lies_below_the_median() {
-        // Volumes 1, 8 and 27 of 36: the third holds the middle. By area 1, 4 and 9 of 14: the third too. By number it
-        // would be the second.
+        // The volumes are 1, 8 and 27 of 36: half of the volume is reached in the third grain. By area, 1, 4 and 9
+        // of 14, too. By number it would be the second grain.
         let radii = [3.0, 1.0, 2.0];
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-15;
         assert!(close(
@@ -556,20 +558,21 @@ mod tests {
 
     #[test]
     fn the_surface_of_a_column_is_where_its_mean_fraction_falls() {
-        // Ten cells a layer: full up to 5, nothing above.
+        // Ten cells per layer: full up to 5, empty above.
         let full: Vec<i64> = (0..12)
             .map(|layer| if layer < 5 { 10 } else { 0 })
             .collect();
         assert_eq!(height(&full, 10, 2, 0.5), Some(5.0));
-        // The window of four layers holds a quarter of solid one layer higher.
+        // The window of four layers has a solid fraction of a quarter one layer higher.
         assert_eq!(height(&full, 10, 2, 0.25), Some(6.0));
         assert_eq!(height(&full, 10, 2, 0.375), Some(5.5));
-        // A grain in suspension is not the bed; a bare floor has no height; a pier has no surface.
+        // A grain in suspension is not part of the bed; a bare floor has no height; a pier has no surface.
         let mut above = full.clone();
         above[9] = 10;
         assert_eq!(height(&above, 10, 2, 0.5), Some(5.0));
         assert_eq!(height(&[0; 12], 10, 2, 0.5), Some(0.0));
-        // Nor is a gap between layers narrower than a grain, as on a rough floor: full to layer 1, from 3 to 7.
+        // A gap between layers that is narrower than a grain, as on a rough floor, does not count either: full to
+        // layer 1, from 3 to 7.
         let gap = [10, 0, 0, 10, 10, 10, 10, 0, 0, 0, 0, 0];
         let found = height(&gap, 10, 1, 0.3).unwrap();
         assert!((found - 7.4).abs() < 1e-12, "{found}");

@@ -9,7 +9,7 @@ use base::error::Error;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// Steps between the force of the water on a body and its row: it is the mean over the last two steps.
+/// Steps by which the force of the water on a body lags behind its row: it is the mean over the last two steps.
 const LOAD_OF_A_BODY: f64 = 1.0;
 
 /// A named body.
@@ -65,7 +65,7 @@ impl Quantity for Body {
     }
 }
 
-/// Returns the motion and loads of a body; NaN once it is gone.
+/// Returns the motion and loads of a body; NaN if the body was removed.
 fn body<S: Space>(view: &StateView<S>, id: u64) -> Result<[f64; 21], Error> {
     let particles = view.particles;
     let mut bytes = Vec::new();

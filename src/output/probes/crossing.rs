@@ -10,7 +10,7 @@ use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// The corners of cells nearest to two points.
+/// Path along cell edges between the cell corners nearest to two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
     from: [usize; 2],
@@ -18,7 +18,7 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// Returns the corners nearest to two points \[m\].
+    /// Returns the path between two points \[m\].
     pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Result<Self, Error> {
         let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
         let corner = |point: [f64; 3]| {
@@ -33,7 +33,7 @@ impl Crossing {
         })
     }
 
-    /// Returns the discharge from left to right: along x first, then along y.
+    /// Returns the discharge across the path from left to right; the path runs along x first, then along y.
     fn discharge<S: Space>(&self, seepage: &Seepage<S>) -> f64 {
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
         let mut sum = ExactSum::new();

@@ -1,7 +1,7 @@
-//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of what left the
-//! domain.
+//! Fabric of the grains in a box: number, solid fraction, contacts and mean stress, and the sizes of the grains
+//! that left the domain.
 //!
-//! Grains count where their centre lies in the box, of volume V (2-D: area).
+//! Grains are counted if their centre lies in the box, of volume V (2-D: area).
 //!
 //! - **Coordination number**: contacts of these grains with grains, bodies and walls, over their number.
 //! - **Mean stress** by Love and Weber (Weber 1966; Christoffersen, Mehrabadi, Nemat-Nasser, J. Appl. Mech. 48 (1981)
@@ -11,11 +11,12 @@
 //!   sigma_ij = 1/V sum over grains, sum over their contacts: f_i r_j
 //!   ```
 //!
-//!   f is the force that the grain exerts at the contact and r the way from its centre to the contact point, so that
-//!   **compression is positive**, as in soil mechanics. The pressure is the mean of the diagonal. The forces are those
-//!   of the springs, without dashpots, and the momentum that moving grains carry is left out: the stress is that of
-//!   slow deformation and rest. The stress is written symmetric, (sigma_ij + sigma_ji)/2; at rest both are equal. It is
-//!   a mean over the whole of V, pores included.
+//! f is the force that the grain exerts at the contact and r the vector from its centre to the contact point, so
+//! that
+//! **compression is positive**, as in soil mechanics. The pressure is the mean of the diagonal. The forces are
+//! those of the springs, without dashpots, and the momentum flux of moving grains is neglected: the stress is that
+//! of quasi-static deformation. The symmetric part (sigma_ij + sigma_ji)/2 is written; in equilibrium sigma is
+//! symmetric. It is a mean over the whole of V, pores included.
 //! - **d50** is the diameter below which half of the volume lies, of the grains in the box and of those that regions
 //!   removed so far, from `removed.csv`.
 //!
@@ -56,13 +57,13 @@ const HEADINGS: [Heading; 13] = [
     ("removed_d50", "m"),
 ];
 
-/// The grains in a box.
+/// Probe of the grains in a box.
 #[derive(Debug)]
 pub(super) struct Fabric {
     block: AlignedBox,
     /// `true` if a region removes grains.
     removes: bool,
-    /// The record of what left, where a region removes grains, once the folder of the run is known.
+    /// Table of the removed grains, if a region removes grains, once the folder of the run is known.
     removed: Option<PathBuf>,
 }
 
@@ -77,7 +78,7 @@ impl Fabric {
         }
     }
 
-    /// Returns the columns of this step without the time; those of what left only on rank 0. Collective.
+    /// Returns the columns of this step without the time; the sizes of removed grains only on rank 0. Collective.
     fn measure<S: Space>(&self, view: &StateView<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;
@@ -104,7 +105,7 @@ impl Fabric {
                         continue;
                     }
                     ends += 1;
-                    // Force and arm of the second grain are both reversed.
+                    // For the second grain, force and arm are both reversed.
                     let arm = particles.body[k].radius - 0.5 * contact.overlap;
                     for (sum, (i, j)) in stress.iter_mut().zip(PAIRS) {
                         let both = force[i] * normal[j] + force[j] * normal[i];
@@ -180,7 +181,7 @@ impl Quantity for Fabric {
     }
 }
 
-/// Returns the radii in the record of what left; none if there is no record yet.
+/// Returns the radii in the table of removed grains; none if there is no table yet.
 fn removed_radii(path: &Path) -> Vec<f64> {
     let Ok(text) = io::plain::text(path, io::plain::LONGEST_TABLE) else {
         return Vec::new();

@@ -1,8 +1,8 @@
 //! Gauges: surface elevation and depth of the water in a column of cells.
 //!
-//! The elevation is that of the highest cell that is at least half full, by the heights of water in this cell
-//! and its two neighbours: exact for a level surface, however it crosses the cells. The depth is the sum of
-//! the fill levels of the column: drops count, air does not.
+//! The elevation is that of the surface in the highest cell that is at least half full, from the heights of water
+//! in this cell and its two neighbours: exact for a level surface at any height within a cell. The depth is the sum
+//! of the fill levels of the column: drops are included, air is not.
 
 use super::quantity::Quantity;
 use super::{Heading, fluid, no_fluid};
@@ -21,15 +21,15 @@ use plan::scene::Scene;
 pub(super) struct Gauge {
     axis: usize,
     rises: bool,
-    /// Cell of the domain, with 0 along the axis.
+    /// Cell at the bottom of the column: its index along the axis is 0.
     foot: [usize; 3],
     height: f64,
-    /// Fill levels of the column from the bottom to the top in quanta; reused.
+    /// Fill levels of the column from bottom to top, in quanta; the buffer is reused.
     levels: Vec<u128>,
 }
 
 impl Gauge {
-    /// Returns the column that holds a cell of the domain.
+    /// Returns the column that contains a cell of the domain.
     pub(super) fn new(scene: &Scene, cell: [usize; 3]) -> Result<Self, Error> {
         let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
         let mut foot = cell;
@@ -85,7 +85,7 @@ impl Quantity for Gauge {
     }
 }
 
-/// Returns elevation and depth in cells of a column of fill levels from the bottom to the top.
+/// Returns elevation and depth, in cells, of a column of fill levels from bottom to top.
 fn measure(levels: &[f64]) -> [f64; 2] {
     let depth = levels.iter().sum();
     let Some(top) = levels.iter().rposition(|level| *level >= 0.5) else {
@@ -101,7 +101,7 @@ fn measure(levels: &[f64]) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// A level surface is met wherever it lies, also under the lid and in the lowest cell.
+    /// Checks that a level surface is found at any height, also under the lid and in the lowest cell.
     #[test]
     fn a_level_surface_is_exact() {
         for n in 5..=60 {
@@ -116,7 +116,7 @@ mod tests {
         assert!(measure(&[0.3, 0.0])[0].is_nan());
     }
 
-    /// A drop above the surface is the highest water, and air below it counts for nothing.
+    /// Checks that a drop above the surface is the highest water, and that air below it is not counted.
     #[test]
     fn a_drop_counts_with_its_own_height() {
         let [elevation, depth] = measure(&[1.0, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0]);

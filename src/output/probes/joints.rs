@@ -78,7 +78,7 @@ fn water<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a JointWater, Error>
     view.joints.ok_or_else(no_fluid)
 }
 
-/// Columns of a block.
+/// Columns of the load on a block.
 const BLOCK: [Heading; 9] = [
     ("force_x", "N"),
     ("force_y", "N"),
@@ -91,7 +91,7 @@ const BLOCK: [Heading; 9] = [
     ("area", "m2"),
 ];
 
-/// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near ones of the first.
+/// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near cells the first.
 fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     let flow = water.flow();
     let network = flow.network();
@@ -111,7 +111,7 @@ fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     [flow.pressures()[cell], aperture, x, y, z]
 }
 
-/// Returns the load on a block; no pressures for a block without a joint.
+/// Returns the load on a block; its pressures are NaN if the block has no joint.
 fn block(water: &JointWater, block: usize) -> [f64; 9] {
     let load = water.loads().get(block).copied().unwrap_or_default();
     let [low, high] = load

@@ -43,8 +43,8 @@ impl Quantity for Plane {
     }
 }
 
-/// Returns the discharge through a plane, means over its fluid cells, largest speed, share of fluid; NaN if there is no
-/// fluid.
+/// Returns the discharge through a plane, means over its fluid cells, largest speed and fluid fraction; NaN if
+/// there is no fluid.
 fn plane<S: Space>(
     view: &StateView<S>,
     fluid: &dyn FluidView,

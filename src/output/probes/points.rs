@@ -98,7 +98,7 @@ impl Located {
         }
     }
 
-    /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
+    /// Returns the state at every point, in the order of the points, on rank 0; nothing on other ranks. Collective.
     fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<Vec<Sample>, Error> {
         let points = match self.points.take() {
             Some(points) => points,
@@ -108,26 +108,26 @@ impl Located {
     }
 }
 
-/// Points with the cells around them.
+/// Points with the cells around each.
 #[derive(Debug)]
 struct Points {
     points: Vec<Corners>,
-    /// Cells that any point needs, each once, with their owners; the same on every rank.
+    /// Cells that any point needs, each listed once with its owner; the same on every rank.
     cells: Vec<([usize; 3], usize)>,
 }
 
 #[derive(Debug)]
 struct Corners {
-    /// m
+    /// Position \[m\].
     position: [f64; 3],
-    /// Places in [`Points::cells`] and weights.
+    /// Indices in [`Points::cells`] and weights.
     around: Vec<(usize, f64)>,
 }
 
-/// Density deviation and velocity, lattice units.
+/// Density deviation and velocity, in lattice units.
 type State = [f64; 4];
 
-/// Position (m), velocity (m/s), pressure (Pa).
+/// Position \[m\], velocity \[m/s\] and pressure \[Pa\].
 type Sample = ([f64; 3], [f64; 3], f64);
 
 impl Points {
@@ -159,7 +159,7 @@ impl Points {
         Ok(Self { points, cells })
     }
 
-    /// Returns the state at every point, in their order, on rank 0; nothing on the others. Collective.
+    /// Returns the state at every point, in the order of the points, on rank 0; nothing on other ranks. Collective.
     fn sample(&self, fluid: &dyn FluidView, domain: &Domain) -> Result<Vec<Sample>, Error> {
         let start = fluid.start();
         let mut bytes = Vec::new();
@@ -238,8 +238,8 @@ fn corners(position: [f64; 3], grid: &Grid) -> Vec<([usize; 3], f64)> {
     corners
 }
 
-/// Returns the two planes of cells next to a coordinate and their weights: continued beyond the last centres, wrapped
-/// if the axis is periodic.
+/// Returns the two planes of cells next to a coordinate and their weights: extrapolated beyond the last centres,
+/// wrapped if the axis is periodic.
 fn continued(position: f64, grid: &Grid, axis: usize) -> [(usize, f64); 2] {
     let cells = grid.cells[axis];
     if cells == 1 {
@@ -278,7 +278,7 @@ mod tests {
         }
     }
 
-    /// A linear function of the cell centres is met everywhere, up to the faces.
+    /// Checks that a linear function of position is reproduced everywhere, up to the faces.
     #[test]
     fn a_linear_field_is_interpolated_exactly() {
         let grid = grid(false);

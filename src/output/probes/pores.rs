@@ -72,8 +72,9 @@ impl Quantity for PoreLine {
     }
 }
 
-/// Returns the velocity of the cell that holds a point, pressure and head at the point by the gradient in this cell;
-/// NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may be between.
+/// Returns the velocity of the cell that contains a point, and pressure and head at the point from the gradient in
+/// this cell; NaN outside the grid and in cells without water. Adjacent cells are not used: a sheet pile may lie
+/// between.
 fn values_at<S: Space>(seepage: &Seepage<S>, point: [f64; 3]) -> [f64; 5] {
     let grid = seepage.grid();
     let pressure = seepage.pressure();

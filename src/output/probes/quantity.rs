@@ -12,7 +12,7 @@ pub(super) trait Quantity {
     /// Returns the columns of its samples with their units, without step and time.
     fn headings(&self, scene: &Scene) -> Vec<Heading>;
 
-    /// Returns the rows of one sample.
+    /// Returns the number of rows per sample.
     fn rows(&self) -> usize {
         1
     }

@@ -23,7 +23,8 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// Returns the plane between cells nearest to a position \[m\], and the cells whose centres lie in a box across it.
+    /// Returns the plane between cells nearest to a position \[m\], limited to the cells whose centres lie in a
+    /// box.
     pub(super) fn new(
         scene: &Scene,
         axis: usize,

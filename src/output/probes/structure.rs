@@ -53,7 +53,7 @@ impl Quantity for StructureLoad {
     }
 }
 
-/// Returns the force and torque of the water on a structure in the last step, the torque about a point \[m\].
+/// Returns the force and torque of the water on a structure in the last step, with the torque about a point \[m\].
 fn structure<S: Space>(
     view: &StateView<S>,
     fluid: &dyn FluidView,
@@ -70,7 +70,7 @@ fn structure<S: Space>(
     let [x, y, z, a, b, c] = about_centre([0.0; 3], &load);
     let [x, y, z] = [x, y, z].map(|f| units.force_to_si(f));
     let [a, b, c] = [a, b, c].map(|m| units.torque_to_si(m));
-    // Without a point of its own the bits are those about the corner.
+    // A reference point at the corner of the domain leaves the bits unchanged.
     let [p, q, r] = about;
     [
         x,

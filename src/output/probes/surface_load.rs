@@ -10,7 +10,7 @@ use darcy::surface::Solids;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// The surface of a structure, divided when it is first sampled.
+/// Load on the surface of a structure, which is divided by the cells at the first sample.
 #[derive(Clone, Debug)]
 pub(super) struct SurfaceLoad {
     solids: Solids,
@@ -20,7 +20,7 @@ pub(super) struct SurfaceLoad {
 }
 
 impl SurfaceLoad {
-    /// Returns the load on the structure of an index about a point \[m\].
+    /// Returns the load on the structure of an index, with the torque about a point \[m\].
     pub(super) fn new(scene: &Scene, index: usize, about: [f64; 3]) -> Result<Self, Error> {
         let seepage = scene.seepage.as_ref().ok_or_else(no_fluid)?;
         Ok(Self {

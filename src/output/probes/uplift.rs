@@ -25,8 +25,9 @@ impl Uplift {
         Self { base, about }
     }
 
-    /// Returns the force of the pressure of the cells before the plane along the axis, its torque about a point, the
-    /// mean pressure and the area. The pressure of a face is that of its cell, extended by the gradient in it.
+    /// Returns the force of the pressure in the cells before the plane along the axis, its torque about a point,
+    /// the mean pressure and the area. The pressure of a face is that of its cell, extrapolated by the gradient in
+    /// the cell.
     fn measure<S: Space>(&self, seepage: &Seepage<S>) -> [f64; 6] {
         let Section {
             axis,
@@ -49,7 +50,7 @@ impl Uplift {
             let mut arm = grid.centre(cell);
             arm[axis] += 0.5 * grid.spacing[axis];
             let force = area * (pressure.pressure(index) + 0.5 * grid.spacing[axis] * slope[axis]);
-            // First moments of the linear pressure over the face, then the torque r x F.
+            // Computes first moments of the linear pressure over the face, then the torque r x F.
             let moment: [f64; 3] = std::array::from_fn(|a| {
                 let across = if a == axis || a >= grid.dimension {
                     0.0

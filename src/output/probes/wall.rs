@@ -1,11 +1,11 @@
-//! Force of the fluid on a face of the domain, from the momentum that the links through it carry.
+//! Force of the fluid on a face of the domain, from the momentum transferred through its links.
 //!
 //! [`Flux`](lbm::boundary::Flux) counts whole populations, so that a fluid at rest exerts the pressure of
 //! density one on every patch. This reference is subtracted link by link, in the same integers, and the gauge pressure
 //! remains. Away from edges the reference is 1/3 per cell along the normal. A link through an edge or a corner belongs
 //! to the face with the strongest condition (see [`lbm::boundary`]).
 //!
-//! On a face through which fluid passes the force includes the momentum of that fluid.
+//! On a face with inflow or outflow the force includes the momentum of that fluid.
 
 use super::quantity::Quantity;
 use super::{Heading, Run, face_area, fluid, no_fluid};
@@ -24,16 +24,16 @@ use plan::scene::Scene;
 use plan::scene::flow::Flow;
 use plan::scene::grid::Grid;
 
-/// A face.
+/// Probe of a face.
 #[derive(Debug)]
 pub(super) struct Wall {
     face: Face,
-    /// Patches of the scene, all faces: the fluid has these, in this order, then one wall per face.
+    /// Faces of the patches of the scene: the fluid has these patches in this order, then one wall per face.
     faces: Vec<Face>,
     /// Force of a fluid of density one at rest, in quanta; set at the beginning of the run.
     reference: [i128; 3],
     cells: f64,
-    /// Step before which nothing has crossed the face; none if the fluid has moved since it was made or read.
+    /// Step before which nothing has crossed the face; none if the fluid has moved since it was created or read.
     first: Option<u64>,
 }
 
@@ -63,13 +63,13 @@ impl Wall {
         Ok(())
     }
 
-    /// Returns `true` unless nothing has crossed a face yet: before the first step of this process.
+    /// Returns `true` if fluxes are known: this process has advanced the fluid since it was created or read.
     fn has_flux(&self, step: u64) -> bool {
         self.first.is_none_or(|first| step > first)
     }
 
-    /// Returns the force, its normal part (positive towards the wall) and the size of its part along the face, both per
-    /// area, mass leaving per time. Collective.
+    /// Returns the force, its normal part (positive towards the wall) and the magnitude of its tangential part,
+    /// both per area, and the mass outflow per time. Collective.
     fn measure(
         &self,
         fluid: &dyn FluidView,
@@ -171,7 +171,7 @@ impl Quantity for Wall {
     }
 }
 
-/// Returns the force of a fluid of density one at rest on a face, in quanta.
+/// Returns the force on a face of a stationary fluid with density one, in quanta.
 fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [i128; 3] {
     let mut sum = [0; 3];
     let (mut from, mut to) = ([0; 3], grid.cells);
@@ -198,7 +198,8 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                     if owner != Some(face) {
                         continue;
                     }
-                    // A population leaves with c and comes back reversed, or mirrored at the faces it crosses.
+                    // A population leaves with velocity c and returns reversed, or mirrored at the faces that it
+                    // crosses.
                     let surface = wall_kind(condition(face, cell, flow)).surface;
                     let mirrored = surface == SurfaceKind::Symmetry;
                     for a in 0..3 {
@@ -213,7 +214,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
     sum
 }
 
-/// Returns the condition at a face next to a cell: the last of its patches there.
+/// Returns the condition at a face next to a cell: that of the last of the patches there.
 fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
     let patches = flow.faces[face.index()].iter().rev();
     patches
@@ -224,7 +225,7 @@ fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
         .next()
 }
 
-/// Returns the condition type of the wall; a wall at rest if no condition is given.
+/// Returns the type of condition at the wall; a stationary wall if the case gives none.
 fn wall_kind(condition: Option<&Condition>) -> BoundaryKind {
     condition.map_or(BoundaryKind::WALL, |condition| condition.model().kind())
 }
@@ -284,7 +285,7 @@ mod tests {
         }
     }
 
-    /// Returns the rule that the case imposes, without the pressure.
+    /// Returns the rule that the case imposes, without its pressure.
     fn rule(patch: &str, deviation: f64) -> Box<dyn Rule<f64>> {
         match patch {
             "in" => Box::new(pressure::PressureLinks::new(0, Ramp::constant(deviation))),
@@ -335,7 +336,7 @@ mod tests {
         wall.measure(fluid, &Communicator::serial()).unwrap()
     }
 
-    /// Every condition and corner: a fluid at rest at the reference pressure exerts exactly no force.
+    /// Checks every condition and corner: a stationary fluid at the reference pressure exerts exactly no force.
     #[test]
     fn the_reference_is_what_a_fluid_at_rest_exerts() {
         let (plan, fluid) = still(0.0);

@@ -1,6 +1,6 @@
-//! The water table of ground that drains: elevation of zero pressure in each column of cells along gravity.
+//! Water table of draining ground: elevation of zero pressure in each column of cells along gravity.
 //!
-//! Apart from the other values of the seepage because a sample has a row for each column.
+//! This is separate from the other values of the seepage because a sample has one row per column.
 
 use super::quantity::Quantity;
 use super::{Heading, POSITION, no_fluid, solved};
@@ -14,13 +14,13 @@ use plan::scene::Scene;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct WaterTable {
     axis: usize,
-    /// `true` if coordinates along the axis rise upwards.
+    /// `true` if the coordinate along the axis increases upwards.
     rises: bool,
     cells: [usize; 3],
 }
 
 impl WaterTable {
-    /// Returns the columns of a seepage under a gravity along an axis.
+    /// Returns the columns of a seepage for gravity along an axis.
     pub(super) fn new(scene: &Scene) -> Result<Self, Error> {
         let (seepage, gravity) = (scene.seepage.as_ref().ok_or_else(no_fluid)?, scene.gravity);
         let steeper = |a: usize, b: usize| {
@@ -38,8 +38,8 @@ impl WaterTable {
         })
     }
 
-    /// Returns the point of zero pressure of a column above its lowest saturated cell \[m\]: its coordinate along
-    /// gravity is NaN where the column has no water table, and the top of the column where all of it is saturated.
+    /// Returns the point of zero pressure above the lowest saturated cell of a column \[m\]. Its coordinate along
+    /// gravity is NaN if the column has no water table, and that of the top if the column is saturated throughout.
     fn zero_pressure<S: Space>(&self, seepage: &Seepage<S>, column: usize) -> [f64; 3] {
         let grid = seepage.grid();
         let pressure = seepage.pressure();

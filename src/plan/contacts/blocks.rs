@@ -1,4 +1,5 @@
-//! Limits of blocks: springs on all faces, and on the smallest face alone; contacts without an energy.
+//! Stability limits of blocks: springs on all faces, and on the smallest face alone; contacts without a potential
+//! energy.
 
 use super::{Limits, limit};
 use crate::scene::Scene;
@@ -10,8 +11,8 @@ use dem::contact::blocks::{self, BlockLaw};
 use dem::polyhedron::{BlockContactModel, BlockPairLaw, Polyhedron, Stiffness};
 use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 
-/// Returns the shortest step (s) that a free block with one face at something fixed does not bear, and that with all
-/// faces at neighbours that swing against it.
+/// Returns two unstable time steps \[s\] of free blocks: the shortest one with a single face in contact with a
+/// fixed body, and that with all faces in contact with neighbours that move against the block.
 pub(super) fn limits(scene: &Scene, law: &BlockLaw) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
@@ -46,7 +47,7 @@ struct Block<'a> {
 }
 
 impl Block<'_> {
-    /// Springs and dashpots of a face, normal and shear; the dashpots against a body of `mass`.
+    /// Springs and dashpots of a face, normal and shear; the dashpots are those against a body of `mass`.
     fn springs(&self, face: usize, mass: f64) -> Springs {
         blocks::springs(self.pair, self.shape.face_area(face), mass)
     }
@@ -63,7 +64,8 @@ impl Block<'_> {
         steps.fold(0.0, f64::max)
     }
 
-    /// Whatever neighbours do, no eigenvalue is above twice that of the block between fixed ones.
+    /// Returns the largest eigenvalue with contacts on all faces: whatever the neighbours do, it is at most twice
+    /// that of a block between fixed neighbours.
     fn all_faces(&self) -> f64 {
         let (mut springs, mut dashpots) = (Matrix6::zeros(), Matrix6::zeros());
         for face in 0..self.shape.half_spaces().len() {
@@ -91,9 +93,9 @@ impl Block<'_> {
         found
     }
 
-    /// Returns the resistance of a face with springs `normal` and `shear` to small motions of the block, over its
-    /// masses. It resists rocking if the load along the normal is distributed over it (`spread`), as for dashpots;
-    /// springs push at one point (dem::polyhedron::force).
+    /// Returns the resistance of a face with springs `normal` and `shear` to small motions of the block, divided by
+    /// its masses. The face resists rocking if the normal load is distributed over it (`spread`), as for dashpots;
+    /// springs act at one point (dem::polyhedron::force).
     fn resistance(&self, face: usize, [normal, shear]: [f64; 2], spread: bool) -> Matrix6<f64> {
         let inertia = self.shape.inertia(self.mass / self.shape.volume());
         let n = self.shape.half_spaces()[face].normal;
@@ -103,7 +105,7 @@ impl Block<'_> {
         let mut total = Matrix6::zeros();
         for (point, share) in points {
             for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-                // Spring along the normal and springs across it: k_s I + (k_n - k_s) n nᵀ.
+                // Spring along the normal and springs in the face: k_s I + (k_n - k_s) n nᵀ.
                 let row = |point: &Vector3<f64>, d: Vector3<f64>| {
                     let turn = point.cross(&d).component_div(&inertia.map(f64::sqrt));
                     let shift = d / self.mass.sqrt();
@@ -119,8 +121,8 @@ impl Block<'_> {
         total
     }
 
-    /// Returns points of a face with weights that integrate squares exactly: middles of the edges of its triangles. One
-    /// point where springs do not grow with the area.
+    /// Returns points of a face with weights that integrate quadratic functions exactly: the edge midpoints of its
+    /// triangles. A single point if springs do not grow with the area.
     fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
         let corners: Vec<Vector3<f64>> = self
             .shape
@@ -148,15 +150,16 @@ impl Block<'_> {
     }
 }
 
-/// Damping ratio at which dashpots take 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the 17 % that
-/// a point of contact was seen to add.
+/// Damping ratio at which dashpots dissipate 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the
+/// 17 % that a contact at a point was observed to add.
 const DAMPS: f64 = 0.05;
 
-/// Says where contacts of free blocks without damping have no energy.
+/// Reports contacts of undamped free blocks that have no potential energy.
 ///
-/// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the energy
-/// of motion by less than 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at 1e8, 1e9 and 1e10
-/// Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points (`dem::polyhedron::tests::energy`).
+/// In a closed box, without friction and dashpots, a thousand impacts of 12 blocks of several shapes change the
+/// kinetic energy by less than a relative 1e-6 with pressures per area. Patches change it by up to 8, 5 and 4 % at
+/// 1e8, 1e9 and 1e10 Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points
+/// (`dem::polyhedron::tests::energy`).
 pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
     let bare = |pair: &&BlockPairLaw| pair.normal_damping < DAMPS;
     let Some(pair) = law.parameters.rows().find(bare) else {

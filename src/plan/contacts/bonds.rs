@@ -10,7 +10,7 @@ use dem::contact::ContactModel;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
-/// Warns where grains of a list or a file are to be bonded, and none touches another or a wall.
+/// Warns if the grains of a list or a file are to be bonded, but none touches another grain or a wall.
 pub(super) fn none(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let source = scene.grains.as_ref().map(|grains| &grains.source);
     let Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) = source else {
@@ -67,8 +67,8 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// Returns `true` if the plan warns that nothing is bonded, for two grains of 1 mm with their centres so far apart
-    /// \[m\].
+    /// Returns `true` if the plan warns that nothing is bonded, for two grains of 1 mm with this distance of their
+    /// centres \[m\].
     fn warns(apart: f64) -> bool {
         let case = serde_json::json!({
             "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.002},

@@ -10,30 +10,30 @@ use base::number::to_u32;
 use dem::contact::{ContactModel, Depth, Springs, StaticContact};
 use std::ops::ControlFlow;
 
-/// A grain or body; what does not move by forces has inverse masses of zero.
+/// Grain or body; one that does not move under forces has zero inverse masses.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     position: [f64; 3],
     radius: f64,
     material: u32,
-    /// Roots of 1/m and 1/I.
+    /// Square roots of 1/m and 1/I.
     roots: [f64; 2],
     mass: f64,
 }
 
-/// A contact of two nodes, or of one with a wall.
+/// Contact between two nodes, or between a node and a wall.
 #[derive(Clone, Copy, Debug)]
 struct Spring {
     first: usize,
     second: Option<usize>,
-    /// Unit normal from the first on.
+    /// Unit normal pointing away from the first node.
     normal: [f64; 3],
-    /// Distances of the point of contact from both centres (m).
+    /// Distances of the contact point from both centres \[m\].
     arms: [f64; 2],
     constants: Springs,
 }
 
-/// All contacts of the start.
+/// Network of all initial contacts.
 #[derive(Debug)]
 pub(super) struct Network {
     nodes: Vec<Node>,
@@ -41,21 +41,22 @@ pub(super) struct Network {
     bonded: bool,
 }
 
-/// Translation and rotation of a node, in coordinates scaled by the roots of the masses.
+/// Translation and rotation of a node, in coordinates scaled by the square roots of the masses.
 type Motion = [[f64; 3]; 2];
 
-/// Nodes of which an eigenvalue is sought at most, and how many of them are chosen by their own bounds alone.
+/// Maximum number of nodes in the eigenvalue problem, and the number of them that are chosen by their own bounds
+/// alone.
 const LARGEST: usize = 20_000;
 const SEEDS: usize = 64;
 
-/// Contacts of a node at most, in the mean.
+/// Maximum mean number of contacts per node.
 const MOST_PARTNERS: usize = 100;
 
-/// Most rounds of the power iteration.
+/// Maximum number of power iterations.
 const ROUNDS: usize = 400;
 
 impl Network {
-    /// Returns the contacts of bodies, and of grains where `listed`.
+    /// Returns the contacts of bodies, and of grains if `listed`.
     pub(super) fn for_scene(
         scene: &Scene,
         law: &dyn ContactModel,
@@ -80,9 +81,9 @@ impl Network {
         network
     }
 
-    /// Returns the part with the largest bounds of its nodes, where there are more nodes than [`LARGEST`]. Taking away
-    /// springs lowers every eigenvalue, so that the limit of a part is one of the whole, from above; where a packing is
-    /// alike everywhere it differs by the square of the inverse of its width.
+    /// Returns the part of the network around the nodes with the largest bounds, if there are more nodes than
+    /// [`LARGEST`]. Removing springs lowers every eigenvalue, so that the limit of a part is an upper bound for the
+    /// whole; in a uniform packing the difference decreases with the inverse square of the width of the part.
     pub(super) fn stiffest_part(self) -> Self {
         if self.nodes.len() <= LARGEST {
             return self;
@@ -104,7 +105,7 @@ impl Network {
         }
         let mut order: Vec<usize> = (0..self.nodes.len()).collect();
         order.sort_unstable_by(|&a, &b| bounds[b].total_cmp(&bounds[a]).then(a.cmp(&b)));
-        // Layer by layer round the stiffest nodes.
+        // Add nodes layer by layer around the stiffest ones.
         const UNKNOWN: usize = usize::MAX;
         let mut place = vec![UNKNOWN; self.nodes.len()];
         let mut chosen = Vec::with_capacity(LARGEST);
@@ -154,7 +155,7 @@ impl Network {
         let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
         let most = MOST_PARTNERS * self.nodes.len();
         let (nodes, springs) = (&self.nodes, &mut self.springs);
-        // Bodies in one another have more contacts than are worth a sum; such a case is refused elsewhere.
+        // Bodies that overlap each other widely have too many contacts to sum; such a case is refused elsewhere.
         let _ = pairs::near(&balls, period, |i, j| {
             springs.extend(maker.between(nodes, [i, j], grid));
             if springs.len() < most {
@@ -199,7 +200,7 @@ impl Network {
         }
     }
 
-    /// Returns `true` if at least nine of ten bodies that move by forces touch another body.
+    /// Returns `true` if at least nine of ten bodies that move under forces touch another body.
     pub(super) fn holds_all(&self) -> bool {
         let mut free: Vec<bool> = self.nodes.iter().map(|n| n.roots[0] > 0.0).collect();
         let moving = free.iter().filter(|f| **f).count();
@@ -212,7 +213,7 @@ impl Network {
         moving > 0 && 10 * alone <= moving
     }
 
-    /// Takes away the springs and dashpots across the normals, where no bond holds them.
+    /// Removes the shear springs and shear dashpots of contacts that are not bonded.
     pub(super) fn let_slip(&mut self) {
         if self.bonded {
             return;
@@ -223,12 +224,13 @@ impl Network {
         }
     }
 
-    /// Returns the longest stable step (s), from above; infinite without contacts.
+    /// Returns the longest stable step \[s\], approached from above; infinite without contacts.
     pub(super) fn limit(&self) -> f64 {
         if self.springs.is_empty() {
             return f64::INFINITY;
         }
-        // Without dashpots the eigenvector does not depend on the step; with them it settles in a few turns.
+        // Without dashpots the eigenvector does not depend on the step; with dashpots it converges in a few
+        // iterations.
         let mut dt = 0.0;
         let mut found = f64::INFINITY;
         for _ in 0..4 {
@@ -249,7 +251,7 @@ impl Network {
         found
     }
 
-    /// Returns the eigenvector of `dt² K + 2 dt C` with the largest eigenvalue, of length 1; of K where `dt` is zero.
+    /// Returns the unit eigenvector of `dt² K + 2 dt C` with the largest eigenvalue; that of K if `dt` is zero.
     fn highest(&self, dt: f64) -> Vec<Motion> {
         let weights = |c: &Springs| {
             if dt > 0.0 {
@@ -295,11 +297,11 @@ impl Network {
     }
 }
 
-/// Data from which contacts are made.
+/// Data from which the contacts are computed.
 struct Maker<'a> {
     law: &'a dyn ContactModel,
     bonded: bool,
-    /// Gap that is bonded (m).
+    /// Maximum gap of a bond \[m\].
     reach: f64,
     depth: Depth,
 }
@@ -344,12 +346,13 @@ impl Maker<'_> {
 }
 
 impl Spring {
-    /// Returns the nodes at its ends.
+    /// Returns the nodes of the contact.
     fn ends(&self) -> impl Iterator<Item = usize> {
         [Some(self.first), self.second].into_iter().flatten()
     }
 
-    /// Returns the motion of the second's side of the contact relative to the first's: along the normal, and across it.
+    /// Returns the relative motion of the second node at the contact with respect to the first: normal and
+    /// tangential part.
     fn stretch(&self, nodes: &[Node], vector: &[Motion]) -> (f64, [f64; 3]) {
         let first = unscaled(&nodes[self.first], &vector[self.first]);
         let second = self
@@ -366,14 +369,14 @@ impl Spring {
         )
     }
 
-    /// Returns twice the energy with these springs.
+    /// Returns twice the energy of these springs for a motion.
     fn energy(&self, nodes: &[Node], vector: &[Motion], which: fn(&Springs) -> [f64; 2]) -> f64 {
         let (along, across) = self.stretch(nodes, vector);
         let [normal, shear] = which(&self.constants);
         normal * along * along + shear * dot(&across, &across)
     }
 
-    /// Adds what these springs do.
+    /// Adds the forces of these springs for a motion.
     fn apply(
         &self,
         nodes: &[Node],
@@ -415,7 +418,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Returns the numbers without a pattern: multiples of the golden mean without their whole parts.
+/// Returns start values without a pattern: fractional parts of multiples of the golden ratio.
 fn start(nodes: usize) -> Vec<Motion> {
     let mut value = 0.5;
     let mut next = || {

@@ -1,52 +1,54 @@
 //! Disk space of a run.
 
-use super::{Amounts, Estimate, outputs};
+use super::{CostQuantities, Estimate, outputs};
 use crate::scene::Scene;
 use crate::scene::observe::ProbeAt;
 use base::number::real;
 use case::fluid::Precision;
 use case::observe::FieldName;
 
-/// An HDF5 file of a field and its entry in the index.
+/// Size of the HDF5 file of a field, without the field, and its entry in the index \[bytes\].
 const FIELD_FILE: f64 = 1.0e4;
-/// An HDF5 file of grains, blocks or contacts and its entry in the index.
+/// Size of the HDF5 file of grains, blocks or contacts, without their columns, and its entry in the index
+/// \[bytes\].
 const TABLE_FILE: f64 = 2.25e4;
-/// Columns of a grain: id, position, velocity, rotation, force, torque, radius, material.
+/// Size of the columns of a grain \[bytes\]: id, position, velocity, rotation, force, torque, radius, material.
 const GRAIN: f64 = 173.0;
-/// The contacts of a grain, 1.4 with 190 B each.
+/// Size of the contacts of a grain \[bytes\]: 1.4 contacts of 190 bytes each.
 const CONTACTS: f64 = 270.0;
-/// Vertices, faces and columns of a block.
+/// Size of vertices, faces and columns of a block \[bytes\].
 const BLOCK: f64 = 1450.0;
-/// The averages of a cell.
+/// Size of the averages of a cell \[bytes\].
 const AVERAGES: f64 = 112.0;
-/// Case, log, summary.
+/// Size of case, log and summary \[bytes\].
 const TEXTS: f64 = 1.0e4;
-/// A line of a table.
+/// Size of a table row \[bytes\].
 const LINE: f64 = 130.0;
-/// A point of a line of points in a table.
+/// Size of a row for one point of a line probe \[bytes\].
 const POINT: f64 = 80.0;
-/// A line of a sample.
+/// Size of a row of a sample file \[bytes\].
 const SAMPLE: f64 = 73.0;
-/// A column of the surface of the ground in a table.
+/// Size of a row for one column of the ground surface \[bytes\].
 const SURFACE: f64 = 140.0;
 /// Size of the metadata of a checkpoint \[bytes\].
 const CHECKPOINT: f64 = 1.2e4;
 /// Size of the metadata of the columns of grains and their contacts in a checkpoint \[bytes\].
 const CHECKPOINT_OF_GRAINS: f64 = 2.5e4;
-/// A grain in a checkpoint with its contacts.
+/// Size of a grain with its contacts in a checkpoint \[bytes\].
 const SAVED_GRAIN: f64 = 420.0;
-/// A block in a checkpoint with its contacts.
+/// Size of a block with its contacts in a checkpoint \[bytes\].
 const SAVED_BLOCK: f64 = 950.0;
-/// A cell of the seepage in a checkpoint.
+/// Size of a cell of the seepage in a checkpoint \[bytes\].
 const SAVED_SEEPAGE: f64 = 40.0;
-/// A link of a network of joints in a checkpoint: its modes, its discharge, and its part of the pressures.
+/// Size of a link of a network of joints in a checkpoint \[bytes\]: its modes, its discharge, and its part of the
+/// pressures.
 const SAVED_JOINT_LINK: f64 = 110.0;
-/// Two velocities of a cell in f32, with eddies, in a checkpoint.
+/// Size of the velocity of a cell in f32 in a checkpoint, with an eddy viscosity \[bytes\].
 const SAVED_EDDY: f64 = 12.0;
 
-/// The sums of averages of a cell in a checkpoint.
+/// Size of the sums for averages of a cell in a checkpoint \[bytes\].
 const SAVED_AVERAGES: f64 = 88.0;
-/// Kind, mass and share of a cell under a free surface.
+/// Size of kind, mass and excess mass of a cell below a free surface in a checkpoint \[bytes\].
 const SAVED_FREE_SURFACE: f64 = 24.0;
 
 fn bytes(precision: Precision) -> f64 {
@@ -56,8 +58,8 @@ fn bytes(precision: Precision) -> f64 {
     }
 }
 
-/// Returns one checkpoint \[bytes\].
-pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
+/// Returns the size of one checkpoint \[bytes\].
+pub(super) fn checkpoint(scene: &Scene, amounts: &CostQuantities) -> f64 {
     let mut size = CHECKPOINT + tables(amounts);
     if amounts.moving() > 0.0 {
         size += CHECKPOINT_OF_GRAINS;
@@ -73,20 +75,20 @@ pub(super) fn checkpoint(scene: &Scene, amounts: &Amounts) -> f64 {
 }
 
 /// Returns the size of grains, blocks, the seepage and the water in joints in a checkpoint \[bytes\].
-pub(super) fn tables(amounts: &Amounts) -> f64 {
+pub(super) fn tables(amounts: &CostQuantities) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
         + amounts.joint_links * SAVED_JOINT_LINK
 }
 
-/// Adds the sizes of all files to the estimate, whose time and checkpoint are known.
-pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
+/// Adds the sizes of all files to the estimate, whose time and checkpoint size are already known.
+pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
     let end = scene.time.end;
     let mut disk = TEXTS;
     if let Some(output) = &scene.output.fluid {
         let size = |field: &FieldName| match field {
-            // With the mark of cells that are drawn or not.
+            // Includes the mask of cells to draw.
             FieldName::Solid => bytes(output.precision) + 1.0,
             _ => real(field.components(scene.grid.dimension)) * bytes(output.precision),
         };

@@ -1,8 +1,8 @@
-//! Blocks that are next to others: their cells exchange populations with those of their neighbours.
+//! Blocks next to other blocks: their surface cells exchange populations with cells of the neighbours.
 
 use crate::scene::Scene;
 
-/// Box of a block, its area, and a flag that another block is next to it.
+/// Bounding box of a block, its surface area, and `true` if another block is adjacent.
 struct Boxed {
     low: [f64; 3],
     high: [f64; 3],
@@ -10,7 +10,8 @@ struct Boxed {
     joined: bool,
 }
 
-/// Returns the share of the surface of all blocks that belongs to blocks within a cell of another, by their boxes.
+/// Returns the fraction of the total block surface that belongs to blocks within a cell of another block, by
+/// bounding boxes.
 pub(super) fn joint_share(scene: &Scene) -> f64 {
     let reach = scene.grid.spacing;
     let mut boxes: Vec<Boxed> = scene

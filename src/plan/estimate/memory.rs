@@ -1,55 +1,57 @@
 //! Memory of a run.
 
-use super::{Amounts, Estimate, disk};
+use super::{CostQuantities, Estimate, disk};
 use crate::scene::Scene;
 use base::number::real;
 use case::coupling::Coupling;
 use case::fluid::Precision;
 use lbm::populations::Layout;
 
-/// The program itself, MPI and HDF5 included, where small blocks come from huge pages.
+/// Memory of the program itself with MPI and HDF5, if small blocks come from huge pages \[bytes\].
 const PROGRAM: f64 = 3.95e7;
-/// Unused part of the huge pages of a lattice's arrays, which begin and end within one, and the buffers of its files
-/// \[bytes\].
+/// Unused part of the huge pages of a lattice, whose arrays begin and end within a page, and the buffers of its
+/// files \[bytes\].
 const PAGES: f64 = 3.5e6;
-/// Kind of a cell, and what guards and boundaries keep of it.
+/// Memory per cell for its kind and for guards and boundaries \[bytes\].
 const CELL: f64 = 4.0;
-/// Two velocities in f32 for the eddy viscosity, and its places.
+/// Memory per cell for two velocities in f32, from which the eddy viscosity is computed, and their indices
+/// \[bytes\].
 const EDDY: f64 = 26.0;
-/// Kind, mass, fill level and share of a cell under a free surface.
+/// Memory per cell for kind, mass, fill level and excess mass below a free surface \[bytes\].
 const FREE_SURFACE: f64 = 25.0;
-/// Eleven sums over time in f64.
+/// Memory per cell for eleven sums over time in f64 \[bytes\].
 const AVERAGES: f64 = 88.0;
-/// Solid fraction and owner of a cell where cells are partially saturated.
+/// Memory per cell for solid fraction and owner with partially saturated cells \[bytes\].
 const SATURATED: f64 = 8.0;
-/// A covered cell with its place, mark and load.
+/// Memory per covered cell for index, mark and load \[bytes\].
 const COVERED: f64 = 100.0;
-/// Owner and mark of a cell where solids meet the fluid at links.
+/// Memory per cell for owner and mark, if solids use links \[bytes\].
 const LINKED: f64 = 8.0;
-/// Layers of ghosts of that map.
+/// Ghost layers of that map.
 const MAP_GHOSTS: f64 = 4.0;
-/// The links of a cell at the surface of a solid.
+/// Memory of the links of a cell at the surface of a solid \[bytes\].
 const SURFACE: f64 = 300.0;
-/// A cell of the seepage, on every rank: coefficients, vectors and levels.
+/// Memory per cell of the seepage, on every rank \[bytes\]: coefficients, vectors and multigrid levels.
 const SEEPAGE: f64 = 450.0;
-/// Memory of a cell of the seepage next to structures: its cuts \[bytes\].
+/// Memory per cell of the seepage next to structures for its cuts \[bytes\].
 const CUTS: f64 = 600.0;
-/// A cell of ground that drains: states, fluxes of faces with their derivatives, vectors of the linear solver.
+/// Memory per cell of unsaturated ground \[bytes\]: states, face fluxes with their derivatives, vectors of the
+/// linear solver.
 const DRAINS: f64 = 310.0;
-/// A cell of a flow that changes with time: stored water, and its part of the levels.
+/// Memory per cell of a transient flow \[bytes\]: stored water, and its part of the multigrid levels.
 const STORES: f64 = 100.0;
-/// A link of a network of joints, its part of cells and factors included, on every rank \[bytes\].
+/// Memory per link of a network of joints with its part of cells and factors, on every rank \[bytes\].
 const JOINT_LINK: f64 = 1500.0;
-/// A grain with its neighbours, contacts and history.
+/// Memory per grain with its neighbours, contacts and contact history \[bytes\].
 const GRAIN: f64 = 1700.0;
-/// A block: its shape, here and in the scene, and the longer memory of its contacts.
+/// Memory per block \[bytes\]: its shape, in the state and in the scene, and the longer history of its contacts.
 const BLOCK: f64 = 17_000.0;
 
-/// A piece of a checkpoint as it is written or read back.
+/// Size of a part of a checkpoint that is written or read at once \[bytes\].
 const PIECE: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
-pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
+pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
     let solids = amounts.prepared.max(amounts.grains) + amounts.bodies;
     let mut memory = PROGRAM + solids * GRAIN + amounts.blocks * BLOCK;
     if let Some(flow) = &scene.flow {
@@ -103,8 +105,8 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
     memory += amounts.joint_links * JOINT_LINK;
-    // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in
-    // pieces.
+    // Files are gathered in memory, one at a time. The lattice is written to a checkpoint in parts, and everything
+    // is read back in parts.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
     memory += estimate.checkpoint_bytes.min(PIECE);
     estimate.memory_bytes = memory;

@@ -4,7 +4,7 @@
 //! `jobs/plans`. The pass over the lattice scales with the measured speed of the fluid, everything else with that of
 //! grains in contact ([`Machine`]).
 
-use super::{Amounts, Machine, outputs};
+use super::{CostQuantities, Machine, outputs};
 use crate::Clock;
 use crate::scene::Scene;
 use crate::scene::grains::GrainSource;
@@ -17,11 +17,11 @@ use serde::Serialize;
 /// Time of each phase on one core \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Seconds {
-    /// Start of the program, reading, first lists, the hash of the last state.
+    /// Start of the program, input, first neighbour lists, hash of the final state.
     pub start_and_end: f64,
     /// Growth or deposition of the grains.
     pub preparation: f64,
-    /// The pass over the lattice, links, covered cells, openings.
+    /// Pass over the lattice, links, covered cells, openings.
     pub fluid: f64,
     /// Seepage with the porosity.
     pub seepage: f64,
@@ -71,83 +71,83 @@ pub(super) fn mlups(lattice: VelocitySet, storage: Precision, eddies: bool) -> f
     1e3 / (nanoseconds + eddies)
 }
 
-/// Start and end of the program.
+/// Time of start and end of the program \[s\].
 const START: f64 = 0.23;
-/// The hash of the last state, for each population.
+/// Time to hash a population of the final state \[s\].
 const HASH: f64 = 2.6e-8;
-/// A step of the fluid without its cells.
+/// Time of a fluid step without its cells \[s\].
 const STEP: f64 = 3e-7;
-/// A cell of an opening.
+/// Time of a cell at an opening \[s\].
 const OPENING: f64 = 7e-8;
-/// A link between fluid and solid.
+/// Time of a link between fluid and solid \[s\].
 const LINK: f64 = 4.3e-9;
-/// Links of a cell at the surface of a solid in 2-D and 3-D.
+/// Number of links of a cell at the surface of a solid, in 2-D and 3-D.
 const LINKS: [f64; 2] = [2.5, 5.0];
-/// A covered cell of D2Q9, D3Q19 and D3Q27.
+/// Time of a covered cell in D2Q9, D3Q19 and D3Q27 \[s\].
 const COVERED: [f64; 3] = [4e-8, 9e-8, 4e-8];
-/// Time that a cell at the surface of a block next to other blocks adds in D3Q27 \[s\]: populations towards cells of
-/// those. D3Q19 has it in its covered cells.
+/// Additional time of a cell at the surface of a block next to other blocks in D3Q27 \[s\], for populations towards
+/// cells of those blocks. In D3Q19 it is part of the covered cells.
 const JOINT: f64 = 2.2e-7;
-/// Time that eddies add to a covered cell of D3Q19 \[s\].
+/// Additional time of a covered cell in D3Q19 with an eddy viscosity \[s\].
 const COVERED_EDDIES: f64 = 6e-8;
-/// The map of a cell at the surface of a disc or sphere, and of a block, that moves.
+/// Time to map a cell at the surface of a moving disc or sphere, and of a moving block \[s\].
 const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
-/// Time that a cell at a surface adds with eddies in each step in which bodies move \[s\].
+/// Additional time of a surface cell with an eddy viscosity, in each step in which bodies move \[s\].
 const BESIDE_EDDIES: f64 = 4e-8;
-/// Time of grains in a bonded bed, most of which are at rest \[s\].
+/// Time of a grain in a bonded bed, where most grains are stationary \[s\].
 const RESTING: f64 = 6e-10;
-/// Time of a check by the guards of a population of a cell \[s\].
+/// Time of a guard check per population \[s\].
 const GUARD: f64 = 1.05e-9;
-/// Steps between checks by the guards.
+/// Steps between two guard checks.
 const GUARD_EVERY: f64 = 100.0;
-/// A solid step.
+/// Time of a solid step without its grains \[s\].
 const SOLID_STEP: f64 = 1.3e-7;
-/// A disc and a sphere in contact.
+/// Time of a disc and of a sphere in contact, in a solid step \[s\].
 const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 /// Time that bonds add to a grain \[s\].
 const BONDS: f64 = 3.1e-8;
-/// A block among few, and in a pile.
+/// Time of a block among few blocks, and in a pile, in a solid step \[s\].
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
-/// A solution of the seepage without its cells, for each of its cells, and the porosity of a grain.
+/// Time of a seepage solution without its cells, of each of its cells, and of the porosity of a grain \[s\].
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
-/// Time of a link of a network of joints in a step, its part of the factors included, with inertia and without \[s\].
+/// Time of a link of a network of joints in a step with its part of the factors, with inertia and without \[s\].
 const JOINT_LINK: [f64; 2] = [2.5e-6, 1.5e-6];
-/// A cell of ground that drains: in the first solution, and in a later one.
+/// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\].
 const UNSATURATED: [f64; 2] = [1.2e-4, 5e-6];
-/// An output without the bytes of its fields.
+/// Time of an output without the bytes of its fields \[s\].
 const OUTPUT: f64 = 2.5e-3;
-/// Files and folders that an output makes durable.
+/// Number of files and folders that an output synchronises to disk.
 const FILES: f64 = 6.0;
-/// A byte of a checkpoint: gathered, written, read back, hashed.
+/// Time per byte of a checkpoint \[s\]: gathered, written, read back, hashed.
 const CHECKPOINT_BYTE: f64 = 4.5e-9;
-/// A byte of another file.
+/// Time per byte of other files \[s\].
 const BYTE: f64 = 1e-8;
-/// Solid steps of a deposition over the fall from the top of its box in steps.
+/// Solid steps of a deposition divided by the steps of a fall from the top of its box.
 const SETTLING: f64 = 3.3;
-/// Cost of a step of a deposition under a law with bonds, whose lists reach further, over one without.
+/// Cost of a deposition step with a bonding contact law, whose lists reach further, relative to one without bonds.
 const BONDED: f64 = 1.7;
-/// Solid steps of a growth until it rests.
+/// Solid steps of a growth until it is at rest.
 const GROWTH_STEPS: f64 = 1.8e4;
 
-/// The parts of a step that have a place in the domain \[s\]: what slabs of equal cost are cut by.
+/// Costs in a step that belong to a position in the domain \[s\], by which slabs of equal cost are cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parts {
-    /// A cell of the lattice.
+    /// Cost of a lattice cell.
     pub cell: f64,
     /// Additional cost of a cell that a solid covers.
     pub covered: f64,
     /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
     pub linked: f64,
-    /// The map of such a cell, of a grain in a bed and of another solid.
+    /// Cost of the map of such a cell, of a grain in a bed and of another solid.
     pub mapped: [f64; 2],
-    /// The solid steps of a grain or round body, and of a block.
+    /// Cost of the solid steps of a grain or round body, and of a block.
     pub solid: [f64; 2],
-    /// The porosity of a grain in seepage.
+    /// Cost of the porosity of a grain in seepage.
     pub porosity: f64,
 }
 
 impl Parts {
-    /// Returns those of a scene.
+    /// Returns the costs in a scene.
     #[must_use]
     pub fn for_scene(scene: &Scene, clock: &Clock) -> Self {
         let blocks = scene.polyhedra().count();
@@ -195,7 +195,7 @@ impl Seconds {
     pub(super) fn for_scene(
         scene: &Scene,
         clock: &Clock,
-        amounts: &Amounts,
+        amounts: &CostQuantities,
         machine: Machine,
         checkpoint: f64,
     ) -> Self {
@@ -255,7 +255,7 @@ impl Seconds {
             all.grains = (solid_steps * SOLID_STEP + real(clock.steps) * solids) / machine.grains;
         }
         if let Some(grains) = &scene.grains {
-            // Bonds are made afterwards.
+            // Bonds are created after the preparation.
             let steps = prepared_in(scene, clock, &grains.source);
             let bonds = scene
                 .contact
@@ -289,7 +289,7 @@ impl Seconds {
     }
 }
 
-/// Returns the solid steps of a preparation.
+/// Returns the number of solid steps of a preparation.
 fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
     match source {
         GrainSource::Growth { .. } => GROWTH_STEPS,
@@ -315,12 +315,12 @@ fn prepared_in(scene: &Scene, clock: &Clock, source: &GrainSource) -> f64 {
                         .model()
                         .normal_stiffness([to_u32(grains.material); 2], diameter)
                 });
-            // Soft springs allow long steps at first, stiff ones short steps at the end.
+            // Soft springs allow long steps at first, stiff springs require short steps at the end.
             let softer = full
                 .zip(deposition.falling_stiffness)
                 .map_or(1.0, |(full, soft)| (full / soft).max(1.0).cbrt());
             let steps = SETTLING * fall / (softer * clock.solid_time_step);
-            // The stiffness grows tenfold from stage to stage.
+            // The stiffness increases by a factor of ten from stage to stage.
             let stages = 1.0 + (3.0 * softer.log10()).ceil();
             let most = stages * f64::from(deposition.stop.at_most_steps);
             if steps.is_finite() {

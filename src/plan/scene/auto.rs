@@ -6,9 +6,9 @@
 //!    so that every edge of the domain is a whole number of cells ([`spacing`]).
 //! 3. The time step and the operator, from the velocities of the resolved scene ([`step`]). A fast flow may require
 //!    finer cells; the scene is then resolved once more.
-//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling interval
-//!    follow from the load on the bed ([`seepage`]), and the error of the law of resistance from resolved flow
-//!    ([`resistance`]).
+//! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling
+//!    interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
+//!    with resolved flow ([`resistance`]).
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
 //! step.
@@ -48,49 +48,50 @@ use std::borrow::Cow;
 pub struct Chosen {
     /// The requested accuracy; none if no choice depends on it.
     pub accuracy: Option<Accuracy>,
-    /// Bound of the relative error of forces and flows at a confidence of 95 %; none if the case lies outside what
-    /// was measured. Of a body that crosses cells it is that of the mean force over some cells: in the single steps the
-    /// force swings as nodes are covered and laid bare.
+    /// Bound of the relative error of forces and flows at a confidence of 95 %; none if the case lies outside the
+    /// measured range. For a body that crosses cells the bound applies to the mean force over some cells: the force
+    /// in single steps fluctuates as nodes are covered and uncovered.
     pub promised: Option<f64>,
-    /// The features that the promise was made from, each with its cells and its bound, and what it does not cover.
+    /// Features on which the promised accuracy is based, each with its cells and its bound, and the features that
+    /// it does not cover.
     pub details: Vec<String>,
-    /// Every choice with its reason.
+    /// All choices with their reasons.
     pub reasons: Vec<Reason>,
-    /// The contact law, where it was chosen.
+    /// Contact law, if it was chosen.
     pub law: Option<Contact>,
     /// Limits of the time step, if it was chosen.
     pub limits: Vec<Limit>,
-    /// The edges of the domain \[m\], where they were rounded up to whole cells of the chosen spacing.
+    /// Edges of the domain \[m\], if they were rounded up to whole cells of the chosen spacing.
     pub size: Option<Vec<f64>>,
 }
 
-/// A choice and why.
+/// Choice and its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reason {
     /// Name of the choice: `spacing`, `time step`, `collision` and so on.
     pub what: &'static str,
-    /// Why.
+    /// Reason.
     pub text: String,
 }
 
-/// A bound of the time step.
+/// Upper bound of the time step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
-    /// Requirement that it keeps.
+    /// Requirement that the bound satisfies.
     pub what: String,
-    /// The longest time step that does \[s\].
+    /// Longest time step that satisfies the requirement \[s\].
     pub time_step: f64,
 }
 
 impl Chosen {
-    /// Returns why something was chosen; none if it was not.
+    /// Returns the reason of a choice; none if it was not made automatically.
     #[must_use]
     pub fn why(&self, what: &str) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);
         found.map(|reason| reason.text.as_str())
     }
 
-    /// Returns a remedy that states a spacing which divides the edges of the scene, and these edges where they were
+    /// Returns a remedy that sets a spacing which divides the edges of the scene, and sets these edges if they were
     /// rounded.
     pub(crate) fn state_spacing(&self, remedy: Remedy, spacing: f64) -> Remedy {
         let remedy = remedy.set("domain.spacing", spacing);
@@ -126,7 +127,7 @@ pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
     case.coupling.clone().or_else(chosen)
 }
 
-/// Returns the case with its spacing, whole cells along every edge of its domain, and its coupling.
+/// Returns the case with its spacing, whole cells along every edge of its domain, and its coupling filled in.
 pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen) -> Cow<'a, Case> {
     let mut filled = Cow::Borrowed(case);
     if case.domain.spacing.is_none() {
@@ -166,8 +167,8 @@ pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
     scene.density_causes.clone_from(&like.density_causes);
 }
 
-/// Holds imposed pressures on the mean where eddies are modelled and the case does not say where they hold: in each
-/// cell they do not let eddies out.
+/// Imposes pressures as means over the opening if an eddy viscosity is used and the case does not state how they
+/// apply: imposed in each cell they would not let eddies leave.
 fn hold_means_in_eddies(scene: &mut Scene) {
     let Some(flow) = scene.flow.as_mut().filter(|flow| flow.turbulence.is_some()) else {
         return;
@@ -181,7 +182,7 @@ fn hold_means_in_eddies(scene: &mut Scene) {
     }
 }
 
-/// Solids that touch from wall to wall let nothing through.
+/// Reports solids that touch each other from wall to wall, so that no water passes.
 fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
     for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width <= 0.0) {
         let axis = ["x", "y", "z"][*axis];
@@ -202,7 +203,7 @@ fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
     }
 }
 
-/// Chooses what depends on the scene as made, from the case as filled and as written.
+/// Makes the choices that depend on the resolved scene, from the case as filled and as written.
 pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &mut Findings) {
     let lattice = features::lattice(case);
     let ways = lattice.map_or_else(Vec::new, |lbm| {

@@ -5,14 +5,14 @@ use super::grid::Grid;
 use case::geometry::{Extent, Vector};
 use serde::Serialize;
 
-/// An axis-parallel box \[m\]; in 2-D the third component is zero and does not matter.
+/// Axis-parallel box \[m\]; in 2-D the third component is zero and has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AlignedBox {
     /// Lower corner \[m\].
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
-    /// 2 or 3.
+    /// Dimension: 2 or 3.
     pub dimension: usize,
 }
 

@@ -18,30 +18,30 @@ use serde::Serialize;
 use std::path::PathBuf;
 use structure::surface::judge_unit;
 
-/// Maximum number of blocks of a rock mass: every rank makes them all before the run starts. Larger ones come from a
-/// file.
+/// Maximum number of blocks of a rock mass, all of which every rank generates before the run starts. Larger masses
+/// come from a file.
 const MOST_BLOCKS: f64 = 2e4;
-/// Maximum number of planes of a set.
+/// Maximum number of planes of a joint set.
 const MOST_PLANES: f64 = 1e5;
 
-/// Blocks and where they go.
+/// Blocks and their positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlacedBlocks {
     /// Number of blocks.
     pub number: usize,
     /// Number of blocks that never move.
     pub fixed: usize,
-    /// Volume of all together \[m3\].
+    /// Volume of all blocks together \[m³\].
     pub volume: f64,
-    /// The blocks, in the order of their ids.
+    /// Blocks in the order of their ids.
     #[serde(skip)]
     pub list: Vec<RockBlock>,
-    /// File to which they go as they start; relative to the output folder.
+    /// File to which the blocks are saved at the start; relative to the output folder.
     pub save: Option<PathBuf>,
 }
 
 impl PlacedBlocks {
-    /// Returns the diameter of the largest sphere in the thinnest block \[m\].
+    /// Returns the diameter of the inscribed sphere of the thinnest block \[m\].
     #[must_use]
     pub fn thinnest(&self) -> Option<f64> {
         let blocks = self.list.iter();
@@ -51,7 +51,7 @@ impl PlacedBlocks {
     }
 }
 
-/// A block as it starts.
+/// Block in its initial state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RockBlock {
     /// Shape and position.
@@ -67,7 +67,7 @@ pub struct RockBlock {
 }
 
 impl RockBlock {
-    /// At rest, free.
+    /// Returns a free, stationary block.
     fn resting(solid: PlacedPolyhedron, material: usize) -> Self {
         Self {
             solid,
@@ -132,7 +132,7 @@ pub(crate) fn blocks(
     })
 }
 
-/// Returns the blocks of a jointed mass, or findings.
+/// Returns the blocks of a jointed mass, or reports findings.
 fn jointed(
     case: &Case,
     grid: &Grid,
@@ -179,7 +179,7 @@ fn jointed(
     }
 }
 
-/// Returns the rock before it is cut, with its joints, or findings.
+/// Returns the rock before it is cut, with its joint sets, or reports findings.
 fn rock_mass(
     case: &Case,
     grid: &Grid,
@@ -310,7 +310,7 @@ fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Opt
     None
 }
 
-/// Returns the solid, or reports a finding if it could not be made.
+/// Returns the solid, or reports a finding if it could not be constructed.
 fn usable(
     made: Result<PlacedPolyhedron, String>,
     path: &str,
@@ -325,7 +325,7 @@ fn usable(
     }
 }
 
-/// Returns a convex solid from a file, or a finding.
+/// Returns a convex solid from a file, or reports a finding.
 fn surface(
     case: &Case,
     mesh: &Mesh,
@@ -351,7 +351,7 @@ fn surface(
     usable(made, &format!("{path}.path"), findings)
 }
 
-/// Returns the solid of a shape, turned about its centroid, or findings.
+/// Returns the solid of a shape, rotated about its centroid, or reports findings.
 pub(super) fn solid(
     case: &Case,
     shape: &Shape,
@@ -413,7 +413,7 @@ fn turned(
     solid
 }
 
-/// Returns the blocks of a file, or findings.
+/// Returns the blocks of a file, or reports findings.
 fn read(
     case: &Case,
     path: &PathBuf,
@@ -449,7 +449,7 @@ fn read(
     Some(blocks)
 }
 
-/// Returns the blocks of a list, or findings.
+/// Returns the blocks of a list, or reports findings.
 fn listed(
     case: &Case,
     grid: &Grid,

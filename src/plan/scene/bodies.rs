@@ -12,14 +12,14 @@ use dem::polyhedron::{Piece, PlacedPolyhedron};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// A named disc (2-D), or sphere or polyhedron (3-D).
+/// Named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NamedBody {
     /// Name.
     pub name: String,
-    /// Radius \[m\]; of a polyhedron that of the sphere round its centroid that holds it.
+    /// Radius \[m\]; for a polyhedron that of the enclosing sphere about its centroid.
     pub radius: f64,
-    /// The polyhedron, if it is one, where it stands.
+    /// Polyhedron in its initial position; none for a disc or sphere.
     #[serde(skip)]
     pub solid: Option<PlacedPolyhedron>,
     /// Centre \[m\].
@@ -35,7 +35,7 @@ pub struct NamedBody {
 }
 
 impl NamedBody {
-    /// Returns the diameter of the largest sphere in a polyhedron \[m\].
+    /// Returns the diameter of the inscribed sphere of a polyhedron \[m\]; none for a disc or sphere.
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
         self.solid
@@ -52,7 +52,7 @@ pub enum Mobility {
     Fixed,
     /// Body with a prescribed velocity.
     Driven,
-    /// Body that moves by the forces on it.
+    /// Body that moves under the forces on it.
     Free,
 }
 
@@ -169,12 +169,12 @@ pub(crate) fn wider(
         let (low, high) = piece.extent(&along);
         (a, high - low)
     });
-    // As long as the domain, but for the rounding of its corners, closes it.
+    // A body as long as the domain, up to rounding of its corners, closes it.
     let mut longer = lengths.filter(|(a, length)| *length > grid.size[*a] * (1.0 + 1e-9));
     longer.next()
 }
 
-/// The way a body moves.
+/// Motion of a body.
 struct Moves {
     mobility: Mobility,
     velocity: [f64; 3],

@@ -11,7 +11,7 @@ use serde::Serialize;
 pub enum BodyForce {
     /// Constant force; may be zero.
     Constant([f64; 3]),
-    /// amplitude cos(2 pi t/period + phase).
+    /// Oscillating force: amplitude cos(2 pi t/period + phase).
     Oscillating {
         /// Largest force [N/m3].
         amplitude: [f64; 3],

@@ -1,4 +1,4 @@
-//! The conditions of the flow on the faces of the domain.
+//! Conditions of the flow on the faces of the domain.
 
 use super::block::AlignedBox;
 use super::findings::LATTICE_PATH as PATH;
@@ -13,7 +13,7 @@ use lbm::boundary::{Condition, Inflow, Opening, Place, Site, Strength, SurfaceKi
 use serde::Serialize;
 use std::path::Path;
 
-/// A condition on the cells next to a part of a face.
+/// Condition on the cells next to a part of a face.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ScenePatch {
     /// Name in the case; that of the face for a default wall.
@@ -24,19 +24,20 @@ pub struct ScenePatch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; 1 along the normal.
     pub to: [usize; 3],
-    /// Lower and upper ends along each axis, in cells: those of its cells, but for an imposed velocity, which may end
-    /// within a cell.
+    /// Lower and upper ends along each axis, in cells: those of its cells, except for an imposed velocity, which
+    /// may end within a cell.
     pub ends: [[f64; 2]; 3],
-    /// `true` for the faces of the domain that are walls, by axis, the lower one first.
+    /// `true` for the faces of the domain that are walls, by axis, lower face first.
     pub walls: [[bool; 2]; 3],
-    /// Condition imposed there.
+    /// Condition imposed on these cells.
     pub condition: Condition,
     /// Position in the list of boundaries of the case; none for a default wall.
     pub index: Option<usize>,
 }
 
 impl ScenePatch {
-    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the range of cells along an axis; empty if a case gives the ends in the wrong order, which is
+    /// refused separately.
     #[must_use]
     pub fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
@@ -50,7 +51,7 @@ impl ScenePatch {
         self.index.map(path)
     }
 
-    /// Returns the place where the condition is imposed; `path` is that of its parameters.
+    /// Returns the position at which the condition is imposed; `path` is that of its parameters.
     #[must_use]
     pub fn imposed_at<'a>(&self, grid: &Grid, path: &'a str) -> Place<'a> {
         Place {
@@ -90,7 +91,7 @@ fn site<'a>(grid: &Grid, face: Face, path: &'a str, walls: [[bool; 2]; 3]) -> Si
     }
 }
 
-/// Returns which faces of the domain are walls that hold the water: those without a condition of their own among them.
+/// Returns `true` for each face of the domain that is a wall to the water, including faces without a condition.
 fn walls(lbm: &LatticeBoltzmann) -> [[bool; 2]; 3] {
     let mut walls = [[true; 2]; 3];
     for boundary in lbm
@@ -166,7 +167,7 @@ pub(super) fn faces(
     faces
 }
 
-/// Returns faces without conditions of their own: walls, but for those that repeat.
+/// Returns the faces without conditions: walls, except periodic faces.
 fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<ScenePatch>; 6] {
     let mut faces: [Vec<ScenePatch>; 6] = Default::default();
     for face in Face::ALL {
@@ -193,7 +194,7 @@ fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> ScenePatch {
     }
 }
 
-/// Returns `true` for a face that can have conditions, and refuses others.
+/// Returns `true` if a face can have conditions; otherwise reports a finding.
 fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) -> bool {
     if face.axis() >= grid.dimension {
         findings.error(
@@ -231,7 +232,7 @@ fn part(
         let mut cells = written.map(|x| within((x / grid.spacing - 0.5).ceil()));
         patch.ends[a] = cells.map(real);
         if cut && written[0] < written[1] {
-            // The imposed velocity is weighted by area in the cells that it cuts.
+            // An imposed velocity is weighted by area in cells that the end of its patch cuts.
             let ends = written.map(|x| on_face(x / grid.spacing));
             patch.ends[a] = ends;
             cells = [within(ends[0].floor()), within(ends[1].ceil())];
@@ -276,10 +277,10 @@ fn check_overlap(patch: &ScenePatch, others: &[ScenePatch], path: &str, findings
 
 /// Distance in cells between an end of a patch and a face between cells below which it counts as on the face.
 const AT_FACE: f64 = 1e-6;
-/// Part of the width of an opening by which an end moves to a face between cells without a word.
+/// Fraction of the width of an opening by which an end may be moved to a face between cells without a warning.
 const MOVES: f64 = 0.02;
 
-/// Warns of an opening whose ends lie between the faces of cells: it is as wide as its cells.
+/// Warns of an opening whose ends lie between faces of cells, as it is made as wide as its cells.
 fn moved(
     grid: &Grid,
     patch: &ScenePatch,
@@ -310,7 +311,7 @@ fn moved(
     }
 }
 
-/// Returns the box of a patch; what it says along the normal does not matter.
+/// Returns the box of a patch; its extent along the normal has no effect.
 fn tangential(
     grid: &Grid,
     face: Face,
@@ -326,7 +327,7 @@ fn tangential(
     AlignedBox::resolve(grid, &extent, path, findings)
 }
 
-/// Checks what depends on the cells of the patches.
+/// Runs the checks that depend on the cells of the patches.
 fn check_cells(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Findings) {
     for patch in faces.iter().flatten() {
         if let Some(n) = patch.index {
@@ -338,7 +339,7 @@ fn check_cells(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Finding
     }
 }
 
-/// Refuses velocities that let more water in than out: it is nearly incompressible.
+/// Refuses velocities with more inflow than outflow, since the fluid is nearly incompressible.
 fn closed_volume(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Findings) {
     let mut inflow = 0.0;
     let mut through = 0.0;

@@ -1,4 +1,4 @@
-//! The resolved analysis of a ground collapse: axes, boxes of the seepage points, and the thresholds as written.
+//! Resolved analysis of a ground collapse: axes, boxes of the seepage points, and thresholds as written.
 
 use super::block::AlignedBox;
 use super::findings::{Findings, number};
@@ -13,7 +13,7 @@ use case::collapse::StageThresholds;
 use serde::Serialize;
 use serde_json::json;
 
-/// Maximum number of cells: more are a slip of a unit; the state of the analysis holds a number for each.
+/// Maximum number of cells; more indicate a wrong unit. The state of the analysis has a number for each cell.
 pub const MOST_CELLS: f64 = 1e6;
 
 /// Analysis of ground collapse.
@@ -23,30 +23,30 @@ pub struct GroundCollapse {
     pub every: f64,
     /// The seepage points.
     pub points: Vec<SeepagePoint>,
-    /// Long horizontal axis, the other horizontal axis, vertical axis: 0, 1 or 2 each.
+    /// Long horizontal axis, other horizontal axis and vertical axis, each 0, 1 or 2.
     pub axes: [usize; 3],
     /// `true` if gravity points to smaller coordinates.
     pub upright: bool,
-    /// Edge of the cells \[m\]; from the grains without it.
+    /// Edge of the cells \[m\]; none if it follows from the grains.
     pub cell_size: Option<f64>,
-    /// Part of its solid below which a cell is void.
+    /// Fraction of its initial solid volume below which a cell is void.
     pub void_below: f64,
-    /// Displacement from which a grain is loose \[mean diameters\].
+    /// Displacement above which a grain is loose \[mean diameters\].
     pub loose_diameters: f64,
-    /// Percentile of the settlement.
+    /// Percentile of the settlement that is reported.
     pub settlement_percentile: f64,
     /// Thresholds as given in the case.
     pub stages: StageThresholds,
 }
 
-/// A place through which grains leave the ground.
+/// Point through which grains leave the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeepagePoint {
     /// Name.
     pub name: String,
     /// Box.
     pub block: AlignedBox,
-    /// The region of this name, whose removals count; where there is none, all removals within the box do.
+    /// Region of this name, whose removals count; if none, all removals within the box count.
     pub region: Option<usize>,
 }
 
@@ -145,7 +145,7 @@ pub(crate) fn resolve(
     })
 }
 
-/// Returns the points named, or every region that removes.
+/// Returns the named points, or one for every region that removes grains.
 fn points(
     case: &Case,
     grid: &Grid,
@@ -216,8 +216,8 @@ fn points(
 }
 
 impl GroundCollapse {
-    /// Returns the cells along the three axes of [`Self::axes`] for a domain, with edges near `size` \[m\], and no more
-    /// than allowed.
+    /// Returns the number of cells along each of [`Self::axes`] for a domain, with edges near `size` \[m\], limited
+    /// to [`MOST_CELLS`] in total.
     #[must_use]
     pub fn cells(&self, domain: [f64; 3], size: f64) -> [usize; 3] {
         let least = (domain.iter().product::<f64>() / MOST_CELLS).cbrt();

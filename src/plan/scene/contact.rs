@@ -1,4 +1,4 @@
-//! The contact law of a scene, and the properties of the scene that its resolution needs.
+//! Contact law of a scene, and the properties of the scene that its resolution needs.
 
 use super::Scene;
 use super::findings::Findings;
@@ -13,23 +13,23 @@ use dem::contact::{
 };
 use serde::Serialize;
 
-/// The contact law of a scene with its parameters for every pair of materials.
+/// Contact law of a scene with its parameters for every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactTable {
-    /// The law; materials by their indices in [`super::Scene::materials`].
+    /// Law; materials are given by their indices in [`super::Scene::materials`].
     pub law: Law,
-    /// Local damping: a force of this fraction of the force on a grain acts against its motion; 0 is off.
+    /// Local damping: a force of this fraction of the force on a grain opposes its motion; 0 switches it off.
     pub local_damping: f64,
 }
 
 impl ContactTable {
-    /// Returns the law as plan, preparation and outputs see it.
+    /// Returns the law as an interface for plan, preparation and outputs.
     #[must_use]
     pub fn model(&self) -> &dyn ContactModel {
         self.law.model()
     }
 
-    /// Returns `true` if no contact has a dashpot, and nothing else takes energy from an impact but friction.
+    /// Returns `true` if no contact has a dashpot and only friction dissipates energy in an impact.
     #[must_use]
     pub fn is_elastic(&self) -> bool {
         let law = self.model();
@@ -88,7 +88,7 @@ impl ContactTable {
     }
 }
 
-/// Warns of a law that leaves the friction out where solids may touch.
+/// Warns of a law without friction if solids may touch.
 pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
     let solids = case.grains.is_some() || case.blocks.is_some() || !case.bodies.is_empty();
     if solids
@@ -107,7 +107,7 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
 }
 
 impl Scene {
-    /// Returns the contact law of a scene; one without forces where nothing can touch.
+    /// Returns the contact law of a scene; a law without forces if nothing can touch.
     #[must_use]
     pub fn contact_law(&self) -> Law {
         self.contact.as_ref().map_or_else(
@@ -117,8 +117,8 @@ impl Scene {
     }
 }
 
-/// Returns the upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest speeds
-/// at the start and that of a fall through the domain.
+/// Returns an upper bound of the speed [m/s] at which two bodies of a case approach each other: the two largest
+/// initial speeds plus that of a fall through the domain.
 pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
@@ -142,7 +142,7 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let extent = case.domain.size.to_array();
     let fall: f64 = (0..3).map(|a| 2.0 * gravity[a].abs() * extent[a]).sum();
     let fastest = speeds[0] + speeds[1] + fall.sqrt();
-    // Nothing moves and nothing falls: a millimetre per second.
+    // If nothing moves or falls, use a millimetre per second.
     if fastest > 0.0 { fastest } else { 1e-3 }
 }
 

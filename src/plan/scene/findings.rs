@@ -1,4 +1,4 @@
-//! Collects the findings of a case, each with the value as it stands in the case.
+//! Collection of the findings of a case, each with the value as written in the case.
 
 use base::error::{Finding, Problem, Remedy, Report, Severity};
 pub use base::error::{at_least, at_most, number};
@@ -20,22 +20,22 @@ fn within(path: &str, section: &str) -> bool {
     below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
-/// The findings so far.
+/// Findings so far.
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {
     case: &'a Case,
-    /// The case as a tree, made for the first finding: a case without findings needs none, however many grains it
+    /// Case as a tree, built for the first finding: a case without findings needs no tree, however many grains it
     /// lists.
     tree: OnceCell<Value>,
     /// Problems in the order found.
     pub(crate) problems: Vec<Problem>,
-    /// Weight of what is only counted, where its line stands in `problems`, and how many there are.
+    /// Severity of findings that are only counted, the index of their line in `problems`, and their number.
     unlisted: Vec<(Severity, usize, usize)>,
-    /// Paths of fields that are known to be wrong: the schema refuses them.
+    /// Paths of fields that the schema refuses.
     wrong: Vec<String>,
-    /// Positions of findings that hold only if the fields of some sections are right, with these sections.
+    /// Indices of findings that are valid only if the fields of some sections are right, with these sections.
     dependent: Vec<(usize, &'static [&'static str])>,
-    /// `true` if a field is wrong on which the choices of the program depend, so that none were made.
+    /// `true` if a wrong field prevents the automatic choices, so that none were made.
     pub(crate) stopped: bool,
 }
 
@@ -44,7 +44,7 @@ impl<'a> Findings<'a> {
         Self::with_wrong(case, &[])
     }
 
-    /// Begins with the paths of fields that the schema refuses.
+    /// Returns an empty collection with the paths of fields that the schema refuses.
     pub(crate) fn with_wrong(case: &'a Case, wrong: &[String]) -> Self {
         Self {
             case,
@@ -57,14 +57,14 @@ impl<'a> Findings<'a> {
         }
     }
 
-    /// Marks the last finding as one that holds only if the fields of some sections are right.
+    /// Marks the last finding as valid only if the fields of some sections are right.
     pub(crate) fn depends(&mut self, sections: &'static [&'static str]) {
         if let Some(last) = self.problems.len().checked_sub(1) {
             self.dependent.push((last, sections));
         }
     }
 
-    /// Paths of all fields that are wrong.
+    /// Returns the paths of all wrong fields.
     fn errors(&self) -> impl Iterator<Item = &str> {
         let errors = self
             .problems
@@ -80,14 +80,14 @@ impl<'a> Findings<'a> {
             .any(|path| sections.iter().any(|section| within(path, section)))
     }
 
-    /// Returns `true` if a field is wrong on which the plan depends.
+    /// Returns `true` if a field on which the plan depends is wrong.
     pub(crate) fn stop_plan(&self) -> bool {
         self.errors()
             .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
     }
 
-    /// Drops findings that follow from others: those that depend on a section with an error, and those about a field
-    /// that contains, or lies in, one that was found wrong before.
+    /// Drops findings that follow from others: those that depend on a section with an error, and those about a
+    /// field that contains, or is contained in, a field reported earlier.
     pub(crate) fn drop_consequences(&mut self) {
         let dependent = std::mem::take(&mut self.dependent);
         let sections = |n: usize| {
@@ -139,7 +139,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Error);
     }
 
-    /// Adds a warning: the case runs, and the user should know.
+    /// Adds a warning: the case runs, possibly with less accuracy.
     pub(crate) fn warn(
         &mut self,
         path: &str,
@@ -159,7 +159,7 @@ impl<'a> Findings<'a> {
         self.push(path, reason.into(), remedy.into(), Severity::Unstable);
     }
 
-    /// Adds what a model found.
+    /// Adds a finding of a model.
     pub(crate) fn add(&mut self, finding: Finding) {
         self.push(
             &finding.path,
@@ -170,7 +170,7 @@ impl<'a> Findings<'a> {
     }
 
     fn push(&mut self, path: &str, reason: String, remedy: Remedy, severity: Severity) {
-        // A list of a million grains may be wrong a million times. One error more or less changes nothing then.
+        // A list of a million grains may be wrong a million times; beyond a maximum, errors are only counted.
         let alike = self.problems.iter().filter(|p| p.severity == severity);
         if alike.count() >= MOST_PROBLEMS {
             self.only_count(severity);
@@ -192,7 +192,7 @@ impl<'a> Findings<'a> {
         });
     }
 
-    /// Adds to the line about the findings that are not listed.
+    /// Adds to the line that counts the findings not listed.
     fn only_count(&mut self, severity: Severity) {
         let known = self.unlisted.iter_mut().find(|rest| rest.0 == severity);
         let (_, at, count) = match known {
@@ -246,7 +246,7 @@ pub fn refused(problems: &[Problem]) -> bool {
     problems.iter().any(|p| p.severity == Severity::Error)
 }
 
-/// Returns the multiple of a spacing nearest to a number of cells, without the digits of round-off.
+/// Returns the multiple of a spacing for a number of cells, without digits of round-off.
 pub(crate) fn length_of(cells: f64, spacing: f64) -> f64 {
     format!("{:.12e}", cells * spacing)
         .parse()

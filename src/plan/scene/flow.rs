@@ -1,4 +1,4 @@
-//! The fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
+//! Fluid of a scene: time step, forces, and a complete set of conditions on the six faces.
 
 pub use super::body_force::BodyForce;
 use super::body_force::body_force;
@@ -20,8 +20,8 @@ pub use lbm::lattice::VelocitySet as Lattice;
 use serde::Serialize;
 use serde_json::json;
 
-/// Relaxation time from which on, without eddies, flow is slow enough for the matched operator: its cells resist by
-/// viscosity alone.
+/// Minimum relaxation time at which, without an eddy viscosity, flow is slow enough for the viscosity-matched
+/// operator, whose cells resist by viscosity alone.
 const SLOW: f64 = 0.52;
 
 /// A resolved lattice Boltzmann fluid, in SI.
@@ -49,21 +49,22 @@ pub struct Flow {
     pub fixed_by: &'static str,
     /// Force per volume in addition to gravity.
     pub body_force: BodyForce,
-    /// Along which axes gravity acts on the fluid.
+    /// `true` for the axes along which gravity acts on the fluid.
     pub gravity_acts: [bool; 3],
-    /// Fluid at the start.
+    /// Initial state of the fluid.
     pub initial: Initial,
-    /// Conditions of the faces, by `Face::index`. Each face that is not periodic has at least one patch, the first
-    /// covers all of it, and later patches outweigh earlier ones. A periodic face, or one along z in 2-D, has none.
+    /// Conditions of the faces, by `Face::index`. A face that is not periodic has at least one patch: the first
+    /// covers the whole face, and later patches override earlier ones. A periodic face, or one along z in 2-D, has
+    /// none.
     pub faces: [Vec<ScenePatch>; 6],
-    /// Speed and pressure of a run on coarse cells.
+    /// Speed and pressure in a pilot run on coarse cells.
     pub pilot: Option<Pilot>,
     /// `true` below a free surface.
     pub free_surface: bool,
 }
 
 impl Flow {
-    /// Returns the operator of the cells that solids cover: as given, or chosen by the relaxation time.
+    /// Returns the operator of cells covered by solids: as given, or chosen by the relaxation time.
     #[must_use]
     pub fn solid_operator(&self, written: &PartiallySaturated) -> SolidOperator {
         let slow = self.collision.model().antisymmetric_rate().is_some()
@@ -119,11 +120,11 @@ impl Flow {
             density: lbm.density,
             dimension: grid.dimension,
         };
-        // Taken as written where it is written, so that tau is not the victim of rounding.
+        // A stated relaxation time is used as written, without rounding.
         let relaxation_time = lbm
             .relaxation_time
             .unwrap_or_else(|| units.relaxation_time(lbm.kinematic_viscosity));
-        // A relaxation time that is only chosen later is judged then.
+        // A relaxation time that is chosen later is checked later.
         if fixed_by != "accuracy" {
             check_operator(lbm, relaxation_time, findings);
         }
@@ -197,14 +198,14 @@ pub(super) fn check_operator(lbm: &LatticeBoltzmann, tau: f64, findings: &mut Fi
     }
 }
 
-/// A time step and the field of the case that fixes it.
+/// Time step and the field of the case that determines it.
 struct FixedStep {
     time_step: f64,
     by: &'static str,
 }
 
-/// Returns the time step from whichever of the three ways the case uses; with none of them one that holds the place of
-/// that which is chosen once the speeds are known.
+/// Returns the time step from the way that the case uses to state it; if it states none, a placeholder until the
+/// speeds are known.
 fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
     let ways = [
         ("relaxation_time", lbm.relaxation_time),
@@ -248,7 +249,7 @@ fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Op
     check_time_step(lbm, h, &fixed, findings).then_some(fixed)
 }
 
-/// Refuses one of two velocities without the other. Returns `true` if a time step follows.
+/// Refuses one of the two velocities without the other. Returns `true` if they determine a time step.
 fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings) -> bool {
     let of_lattice = lbm.lattice_velocity.is_some();
     if of_lattice == lbm.reference_velocity.is_some() {
@@ -276,7 +277,7 @@ fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings
     of_lattice && !alone
 }
 
-/// Refuses more than one way to fix the time step.
+/// Refuses a time step determined by more than one field.
 fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findings) {
     let remedy = Remedy::from("keep one of them, or none: the program then chooses the time step");
     let others = given[1..].iter().copied();
@@ -293,10 +294,10 @@ fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findi
     );
 }
 
-/// Fields that decide about a time step with it.
+/// Further fields on which the time step depends.
 const STEP: [&str; 2] = ["domain", "fluid.lattice_boltzmann.kinematic_viscosity"];
 
-/// Returns `true` for a time step with a relaxation time in the stable range, and refuses others.
+/// Returns `true` if the time step gives a relaxation time in the stable range; otherwise reports a finding.
 fn check_time_step(
     lbm: &LatticeBoltzmann,
     h: f64,
@@ -354,7 +355,7 @@ fn check_time_step(
     true
 }
 
-/// Proposes a time step instead of the field that fixes it.
+/// Proposes a time step in place of the field that determines it.
 fn of_time(lbm: &LatticeBoltzmann, text: String, time_step: f64) -> Remedy {
     let null = serde_json::Value::Null;
     let mut remedy = Remedy::from(text);

@@ -1,6 +1,6 @@
-//! The free surface of a scene: water at the start, openings, and what does not work with a surface yet.
+//! Free surface of a scene: initial water, openings, and features that do not work with a surface yet.
 //!
-//! The pressure at the start is that of water at rest: the weight of the water above, up to the first surface.
+//! The initial pressure is hydrostatic: the weight of the water above, up to the first surface.
 
 mod openings;
 
@@ -21,19 +21,19 @@ use serde::Serialize;
 use std::sync::Arc;
 use structure::Images;
 
-/// Samples of a cell along each axis where a surface crosses it.
+/// Samples of a cell along each axis, if a surface crosses the cell.
 const SAMPLES: usize = 4;
 
 /// A free surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct FreeSurface {
-    /// Axis along which the water has weight: 0, 1 or 2.
+    /// Axis of gravity: 0, 1 or 2.
     pub axis: usize,
-    /// `true` if up is towards larger coordinates.
+    /// `true` if the coordinate along the axis increases upwards.
     pub rises: bool,
-    /// Acceleration of gravity along that axis [m/s2], without sign.
+    /// Magnitude of gravity along that axis [m/s²].
     pub gravity: f64,
-    /// Parts of the water.
+    /// Parts of the initial water.
     pub parts: Vec<WaterPart>,
     /// Openings through which water passes.
     pub openings: Vec<Opening>,
@@ -44,12 +44,12 @@ pub struct FreeSurface {
     dimension: usize,
 }
 
-/// A part of the water at the start.
+/// Part of the initial water.
 #[derive(Clone, Debug, Serialize)]
 pub enum WaterPart {
     /// Water below a height \[m\].
     Level(f64),
-    /// Inside a solid.
+    /// Water inside a solid.
     Solid(#[serde(skip)] Arc<Images>),
     /// Water below a wave.
     Wave(WaveForm),
@@ -71,7 +71,7 @@ impl WaveForm {
 }
 
 impl FreeSurface {
-    /// Returns the part of a cell that is water at the start; `cell` counts in the domain.
+    /// Returns the initial fill level of a cell, given by its coordinates in the domain.
     #[must_use]
     pub fn fill(&self, cell: [usize; 3]) -> f64 {
         let parts = self.parts.iter().map(|part| self.fill_of(part, cell));
@@ -112,7 +112,7 @@ impl FreeSurface {
         }
     }
 
-    /// Returns the mean over small cubes, each cut by the plane at the distance of its centre.
+    /// Returns the mean fill level of small cubes, each cut by the plane at the distance of its centre.
     fn sampled(&self, solid: &Images, low: [f64; 3]) -> f64 {
         let step = self.spacing / real(SAMPLES);
         let count = |axis: usize| if axis < self.dimension { SAMPLES } else { 1 };
@@ -129,14 +129,14 @@ impl FreeSurface {
         sum / real(count(0) * count(1) * count(2))
     }
 
-    /// Returns the depth of a place \[m\] below the first surface above it; 0 outside the water.
+    /// Returns the depth of a point \[m\] below the first surface above it; 0 outside the water.
     #[must_use]
     pub fn depth(&self, at: [f64; 3]) -> f64 {
         let axis = self.axis;
         let begin = at[axis];
         let mut top = at;
         let mut chords = Vec::new();
-        // Each part may carry the next: no more turns than parts.
+        // Each part may support the next one: there are no more iterations than parts.
         for _ in 0..=self.parts.len() {
             let before = top[axis];
             for part in &self.parts {
@@ -158,7 +158,7 @@ impl FreeSurface {
         (top[axis] - begin).abs()
     }
 
-    /// Returns the height of the surface of a part above a place in it.
+    /// Returns the height of the surface of a part above a point in it.
     fn top(&self, part: &WaterPart, at: [f64; 3], chords: &mut Vec<[f64; 2]>) -> Option<f64> {
         let axis = self.axis;
         match part {
@@ -176,7 +176,7 @@ impl FreeSurface {
         }
     }
 
-    /// Returns the height of a coordinate along the axis of gravity above the lowest place of the domain \[m\].
+    /// Returns the height of a coordinate along the axis of gravity above the lowest point of the domain \[m\].
     #[must_use]
     pub fn above(&self, coordinate: f64) -> f64 {
         if self.rises {
@@ -186,8 +186,9 @@ impl FreeSurface {
         }
     }
 
-    /// Returns the height that water can fall \[m\]: that of the highest water at the start and outside over the lowest
-    /// level or outfall, or over the lowest place of the domain where a shape holds water and no level stands below it.
+    /// Returns the height by which water can fall \[m\]: from the highest water, initially or outside, to the
+    /// lowest level or outfall, or to the lowest point of the domain if a shape contains water and there is no
+    /// level below it.
     #[must_use]
     pub fn drop(&self) -> f64 {
         let lowest = |part: &WaterPart| match part {
@@ -202,14 +203,14 @@ impl FreeSurface {
         (self.head() - lowest).max(0.0)
     }
 
-    /// Returns the height of a place over the lowest place of the domain \[m\].
+    /// Returns the height of a point above the lowest point of the domain \[m\].
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {
         self.above(at[self.axis])
     }
 
-    /// Returns the height of the highest water at the start, or of the energy line of water outside, over the lowest
-    /// place of the domain \[m\].
+    /// Returns the height above the lowest point of the domain \[m\] of the highest initial water, or of the energy
+    /// line of water outside.
     #[must_use]
     pub fn head(&self) -> f64 {
         let above = |height: f64| self.above(height).clamp(0.0, self.size[self.axis]);
@@ -230,7 +231,7 @@ impl FreeSurface {
     }
 }
 
-/// Returns the surface of a case; what does not work with it goes to the findings.
+/// Returns the surface of a case; reports features that do not work with it.
 pub(crate) fn resolve(
     case: &Case,
     grid: &Grid,
@@ -348,7 +349,7 @@ fn wave_form(
     })
 }
 
-/// Refuses what does not work with a free surface yet.
+/// Refuses features that do not work with a free surface yet.
 fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     if let Some(Coupling::BounceBack(_)) = &case.coupling {
         findings.error(
@@ -429,7 +430,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// Returns the surface of the dam break with other water.
+    /// Returns the surface of the dam-break example with other initial water.
     fn surface(water: &str) -> FreeSurface {
         let text = examples::find("dam-break").unwrap().text;
         let set = [

@@ -1,18 +1,18 @@
-//! Gradings: classes of grain sizes, by count or by mass.
+//! Gradings: classes of grain sizes, by number or by mass.
 
 use base::number::{real, whole};
 use base::random::Stream;
 use case::sieve::{Sieve, Span, spans};
 use serde::{Deserialize, Serialize};
 
-/// A range of radii (m), equally likely, and its part of the grains.
+/// Range of radii \[m\] with uniform probability, and its fraction of the grains.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Class {
-    /// Smallest radius (m).
+    /// Smallest radius \[m\].
     pub min: f64,
-    /// Largest radius (m).
+    /// Largest radius \[m\].
     pub max: f64,
-    /// Part of the number or of the mass.
+    /// Fraction of the number or of the mass.
     pub part: f64,
 }
 
@@ -26,7 +26,7 @@ impl Class {
         }
     }
 
-    /// Returns the mean of the square or cube of the radius.
+    /// Returns the mean of a power of the radius.
     fn mean_power(&self, power: i32) -> f64 {
         let (a, b) = (self.min, self.max);
         if b - a > 1e-9 * b {
@@ -37,15 +37,15 @@ impl Class {
     }
 }
 
-/// Classes of sizes, and what their parts are parts of.
+/// Classes of sizes, with fractions of the number or of the mass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grading {
-    /// Parts of the number of grains.
+    /// Fractions of the number of grains.
     ByCount(Vec<Class>),
-    /// Parts of their mass.
+    /// Fractions of the mass.
     ByMass(Vec<Class>),
-    /// Parts of their mass between the sieves of a curve ([`case::sieve`]).
+    /// Fractions of the mass between the sieves of a curve ([`case::sieve`]).
     Sieve(Vec<Class>),
 }
 
@@ -69,7 +69,7 @@ impl Grading {
         }
     }
 
-    /// Returns the mean over the grains of a class of the square (2-D) or cube (3-D) of the radius.
+    /// Returns the mean square (2-D) or cube (3-D) of the radius over the grains of a class.
     fn mean_measure(&self, class: &Class, dimension: usize) -> f64 {
         let power = if dimension == 2 { 2 } else { 3 };
         match self {
@@ -78,12 +78,12 @@ impl Grading {
         }
     }
 
-    /// Returns the radii \[m\] of `number` grains in a space of 2 or 3 dimensions, drawn from a seed, class by class;
-    /// `first`: how many grains were drawn from it before. Those between two sieves divide the curve into parts of
-    /// equal number with one draw in each, so that few large grains do not change the curve.
+    /// Returns the radii \[m\] of `number` grains in 2 or 3 dimensions, drawn class by class from a seed; `first`
+    /// is the number of grains drawn from it before. For sizes between two sieves the curve is divided into parts
+    /// of equal number with one draw in each, so that a few large grains do not change the curve.
     ///
     /// # Errors
-    /// Those of [`Self::numbers`].
+    /// If [`Self::numbers`] fails.
     pub fn radii(
         &self,
         number: usize,
@@ -112,7 +112,7 @@ impl Grading {
     /// Returns the number of grains of each class among `number` in a space of 2 or 3 dimensions.
     ///
     /// # Errors
-    /// A sentence if ranges or parts are inconsistent, or a class has no grain.
+    /// If ranges or fractions are inconsistent, or a class has no grain; the text names the class.
     pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
         let classes = self.classes();
         if classes.is_empty() {
@@ -141,7 +141,7 @@ impl Grading {
         let total: f64 = weights.iter().sum();
         let exact: Vec<f64> = weights.iter().map(|w| w / total * real(number)).collect();
         let mut numbers: Vec<usize> = exact.iter().map(|x| whole(*x)).collect();
-        // The largest remainders get what rounding left.
+        // The largest remainders get the grains left over by rounding.
         let mut order: Vec<usize> = (0..classes.len()).collect();
         order.sort_by(|&a, &b| {
             exact[b]
@@ -166,10 +166,10 @@ impl Grading {
         Ok(numbers)
     }
 
-    /// Returns the area (2-D) or volume (3-D) of `number` grains on average.
+    /// Returns the mean total area (2-D) or volume (3-D) of `number` grains.
     ///
     /// # Errors
-    /// Those of [`Self::numbers`].
+    /// If [`Self::numbers`] fails.
     pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
         let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
         let numbers = self.numbers(number, dimension)?;
@@ -190,11 +190,11 @@ impl Grading {
     }
 }
 
-/// Purpose of the random numbers of the sizes.
+/// Purpose number of the random numbers for sizes.
 const SIZES: u32 = 11;
 
-/// Returns the solid fraction up to which a cloud is placed without overlap: random sequential addition of equal discs
-/// ends at 0.547, of equal spheres at 0.384.
+/// Returns the largest solid fraction of a cloud placed without overlap: random sequential addition ends at 0.547
+/// for equal discs and at 0.384 for equal spheres.
 #[must_use]
 pub fn densest_cloud(dimension: usize) -> f64 {
     if dimension == 2 { 0.45 } else { 0.3 }
@@ -253,7 +253,7 @@ mod tests {
             assert_eq!(radii.len(), number);
             let mass = |r: &f64| r.powi(if dimension == 2 { 2 } else { 3 });
             let total: f64 = radii.iter().map(mass).sum();
-            // At the sieves and between them, where the curve is straight over the logarithm.
+            // At the sieves and between them, where the curve is linear in the logarithm of the size.
             for pair in curve().windows(2) {
                 for share in [0.0, 0.3, 0.7, 1.0] {
                     let limit = pair[0].diameter.powf(1.0 - share) * pair[1].diameter.powf(share);
@@ -266,7 +266,7 @@ mod tests {
                     );
                 }
             }
-            // By number almost all grains pass the sieve that 12 % of the mass passes.
+            // By number, almost all grains pass the sieve that 12 % of the mass passes.
             let small = radii.iter().filter(|r| 2.0 * **r <= 0.2e-3).count();
             assert!(real(small) > 0.55 * real(number), "{small}");
             let measure = grading.measure(number, dimension).unwrap();

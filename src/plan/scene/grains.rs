@@ -1,4 +1,4 @@
-//! The grains of a scene: their source, sizes and number.
+//! Grains of a scene: their source, sizes and number.
 
 use super::block::AlignedBox;
 use super::findings::{Findings, number};
@@ -26,11 +26,11 @@ use structure::Images;
 /// Grains and their preparation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Grains {
-    /// Index of the material of grains that name none.
+    /// Index of the default material of grains.
     pub material: usize,
     /// Source of the grains.
     pub source: GrainSource,
-    /// File to which the prepared sample goes; relative to the output folder.
+    /// File to which the prepared sample is saved; relative to the output folder.
     pub save: Option<PathBuf>,
     /// Regions whose grains have a material of their own.
     pub zones: Vec<MaterialZone>,
@@ -40,13 +40,13 @@ pub struct Grains {
     pub bond_at_start: bool,
     /// Smallest and largest radius \[m\].
     pub radii: Option<(f64, f64)>,
-    /// Number before cutting.
+    /// Number of grains before cutting.
     pub expected: usize,
 }
 
 impl Grains {
-    /// Returns the number after cutting: exact for grains that are listed, from the volumes of the boxes for grains
-    /// that grow. The number of deposited grains that a cut removes is not known before they have fallen.
+    /// Returns the number of grains after cutting: exact for listed grains, estimated from the volumes of the boxes
+    /// for growth. The number of deposited grains that a cut removes is not known before the deposition.
     #[must_use]
     pub fn remaining(&self) -> f64 {
         match &self.source {
@@ -76,10 +76,10 @@ impl Grains {
     }
 }
 
-/// Grains that fall from a box.
+/// Cloud of grains that fall from a box.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cloud {
-    /// Name of the layer; none of the first cloud.
+    /// Name of the layer; none for the first cloud.
     pub name: Option<String>,
     /// The box.
     pub block: AlignedBox,
@@ -100,17 +100,17 @@ pub enum GrainSource {
         block: AlignedBox,
         /// Number of grains.
         number: usize,
-        /// The rest as written.
+        /// Other fields as written.
         growth: Growth,
     },
     /// Clouds that fall from boxes.
     Deposition {
-        /// The clouds.
+        /// Clouds, lowest layer first.
         clouds: Vec<Cloud>,
-        /// The rest as written.
+        /// Other fields as written.
         deposition: WrittenDeposition,
     },
-    /// A saved sample, read already.
+    /// Saved sample, which is already read.
     File {
         /// The file.
         path: PathBuf,
@@ -118,27 +118,27 @@ pub enum GrainSource {
         #[serde(skip)]
         grains: Vec<ListedGrain>,
     },
-    /// One by one.
+    /// Grains listed one by one in the case.
     List(Vec<ListedGrain>),
 }
 
-/// A region whose grains have a material of their own.
+/// Region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct MaterialZone {
     /// Name.
     pub name: String,
-    /// Lower corner \[m\]; infinite if it has no end.
+    /// Lower corner \[m\]; infinite along axes without a bound.
     pub from: [f64; 3],
     /// Upper corner \[m\].
     pub to: [f64; 3],
-    /// The solid in which the grains are as well.
+    /// Solid that contains the grains as well; none if the box is the whole region.
     #[serde(skip)]
     pub solid: Option<Arc<Images>>,
     /// Index of the material.
     pub material: usize,
-    /// Velocity at the start [m/s]; none if it stays.
+    /// Initial velocity [m/s]; none if the zone does not change it.
     pub velocity: Option<[f64; 3]>,
-    /// Listed grains that are in the zone and in no later one; none if grains are prepared.
+    /// Number of listed grains that are in the zone and in no later one; none if grains are prepared.
     pub listed: Option<usize>,
 }
 
@@ -151,7 +151,8 @@ impl MaterialZone {
     }
 }
 
-/// Gives grains the material and velocity of the last zone that holds their centre; returns how many each zone has.
+/// Gives grains the material and velocity of the last zone that contains their centre; returns the number of grains
+/// of each zone.
 pub fn assign(zones: &[MaterialZone], grains: &mut [ListedGrain]) -> Vec<usize> {
     let mut counts = vec![0; zones.len()];
     for grain in grains {
@@ -216,11 +217,11 @@ fn zones(
     zones
 }
 
-/// Grains of which percentiles are computed before the run, at most.
+/// Maximum number of grains for which percentiles are computed before the run.
 const MOST_SIZES: usize = 1_000_000;
 
 impl Cloud {
-    /// Percentiles of its grading by mass.
+    /// Returns the percentiles of the grading by mass; none if there are too many grains.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
         let number = self.number.min(MOST_SIZES);
@@ -230,7 +231,7 @@ impl Cloud {
 }
 
 impl Grains {
-    /// Clouds of a deposition of several layers; none of all others.
+    /// Returns the clouds of a deposition with several layers; empty for all other sources.
     #[must_use]
     pub fn layers(&self) -> &[Cloud] {
         match &self.source {
@@ -239,15 +240,15 @@ impl Grains {
         }
     }
 
-    /// Materials of grains that are prepared; that of the grains first.
+    /// Returns the materials of prepared grains, that of the grains first.
     pub fn materials(&self) -> impl Iterator<Item = usize> {
         let zones = self.zones.iter().map(|zone| zone.material);
         let clouds = self.layers().iter().map(|cloud| cloud.material);
         std::iter::once(self.material).chain(zones).chain(clouds)
     }
 
-    /// Percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will be drawn, or of
-    /// a uniform distribution that will grow.
+    /// Returns the percentiles of the grading by mass before cutting: of the listed grains, of the sizes that will
+    /// be drawn, or of the uniform distribution for growth.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
         let number = self.expected.min(MOST_SIZES);
@@ -378,7 +379,7 @@ fn listed(
             && grain.angular_velocity.is_none()
             && grain.material.is_none();
         if plain {
-            // Paths of grains are written only where there may be something to say.
+            // Paths are built only for grains that may have a finding.
             resolved.push(ListedGrain {
                 position: grain.position.to_array(),
                 radius: grain.radius,
@@ -433,7 +434,7 @@ fn listed_grain(
     }
 }
 
-/// Names of the materials, and the index of that of grains that name none.
+/// Names of the materials, and the index of the default material of grains.
 #[derive(Clone, Copy)]
 struct Materials<'a> {
     names: &'a [String],
@@ -450,7 +451,7 @@ fn bounds(grains: &[ListedGrain]) -> Option<(f64, f64)> {
     Some(bounds).filter(|b| b.1 > 0.0)
 }
 
-/// Returns the range of the centres along each axis in words.
+/// Returns the range of the centres along each axis as text.
 fn span(grid: &Grid, grains: &[ListedGrain]) -> String {
     let along = |a: usize| {
         let all = grains.iter().map(|grain| grain.position[a]);
@@ -507,12 +508,11 @@ fn sample(
     (GrainSource::File { path: file, grains }, radii, expected)
 }
 
-/// Smallest radius of a grain \[m\]: that of an atom. Masses and moments of inertia of smaller ones are no longer
-/// numbers.
+/// Minimum radius of a grain \[m\]: that of an atom. The mass and inertia of much smaller grains underflow.
 const SMALLEST: f64 = 1e-10;
 
 /// Refuses a grain that is smaller than an atom, that covers the whole domain, or that would overlap its own image
-/// round a periodic axis.
+/// across a periodic face.
 pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut Findings) {
     if radius < SMALLEST {
         findings.error(
@@ -541,7 +541,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
     }
     let periods = (0..grid.dimension).filter(|a| grid.periodic[*a]);
     let narrowest = periods.min_by(|a, b| grid.size[*a].total_cmp(&grid.size[*b]));
-    // As wide as the period, but for rounding, closes it.
+    // A grain as wide as the period, up to rounding, closes it.
     if let Some(axis) = narrowest.filter(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)) {
         let name = ["x", "y", "z"][axis];
         findings.error(
@@ -560,7 +560,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
     }
 }
 
-/// Returns `true` for a radius distribution that can be used, and reports findings for others.
+/// Returns `true` for a usable radius distribution; otherwise reports findings.
 pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) -> bool {
     let good = match radii {
         Radii::Uniform { min, max } => {
@@ -601,7 +601,8 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// Returns a cloud that is not too dense, of grains that fit its box; findings where it cannot be. The caller names it.
+/// Returns a cloud of grains that fit its box and are not too dense; otherwise reports findings. The caller sets
+/// its name.
 fn cloud(
     (written, region, number_of): (&Grading, &Extent, u32),
     path: &str,
@@ -667,7 +668,7 @@ fn cloud(
                 number(fraction)
             ),
             {
-                // Part of the classes: a little less than in proportion.
+                // The class fractions allow slightly fewer grains than the proportion.
                 let fewer = (0.99 * real(number_of) * most / fraction).floor();
                 Remedy::from(format!(
                     "use a box {} times as high, or smaller grains, or {fewer} of these at most",
@@ -829,7 +830,7 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     ))
 }
 
-/// Returns `true` if the largest grain fits the box in which the grains grow, and refuses it otherwise.
+/// Returns `true` if the largest grain fits the box in which the grains grow; otherwise reports a finding.
 fn fits_box(growth: &Growth, block: &AlignedBox, path: &str, findings: &mut Findings) -> bool {
     let largest = 2.0 * growth.radii.bounds().1;
     let narrowest = (0..block.dimension)
@@ -850,14 +851,14 @@ fn fits_box(growth: &Growth, block: &AlignedBox, path: &str, findings: &mut Find
     !wider
 }
 
-/// Grains that grow, and the part of the box that they fill at full size.
+/// Growing grains, and the fraction of the box that they fill at full size.
 struct Packing {
     number_of: f64,
     fraction: f64,
 }
 
 impl Packing {
-    /// Refuses more than a packing can hold, and warns of a loose sample.
+    /// Refuses more grains than a packing can contain, and warns of a loose sample.
     fn check(&self, amount: &Amount, flat: bool, path: &str, findings: &mut Findings) {
         let fraction = self.fraction;
         let (least, most) = if flat { (0.7, 0.9) } else { (0.5, 0.72) };

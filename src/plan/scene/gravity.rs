@@ -1,8 +1,9 @@
 //! Axes along which gravity acts on the water of a lattice.
 //!
 //! The total pressure is p = p' + P, of which the lattice solves for p'. With the water's weight on the lattice, P = 0.
-//! Without it P is hydrostatic, grad P = rho g: then the lattice has no force, and P pushes a solid of volume V with
-//! -rho g V, its buoyancy. Axis by axis either holds, never both and never neither:
+//! Without it P is hydrostatic, grad P = rho g: then the lattice has no force, and P exerts on a solid of volume V
+//! the force
+//! -rho g V, its buoyancy. Along each axis exactly one of the two holds:
 //!
 //! | along an axis | force on the water [N/m3] | force of P on a solid \[N\] |
 //! |---|---|---|
@@ -24,13 +25,13 @@ use case::fluid::{GravityOnFluid, LatticeBoltzmann, Where};
 use lbm::boundary::SurfaceKind;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// A body force that differs from the weight of the water by less than this part is meant to be it.
+/// Relative difference below which a body force is considered to be the weight of the water.
 const ALIKE: f64 = 0.1;
 
-/// Largest acceleration of gravity [m/s2]: ten times that of the fastest centrifuges.
+/// Maximum acceleration of gravity [m/s²]: ten times that of the fastest centrifuges.
 const LARGEST: f64 = 1e8;
 
-/// Refuses an acceleration that nothing has.
+/// Refuses an unrealistic acceleration.
 pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
     let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     if size > LARGEST {
@@ -46,7 +47,7 @@ pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
     }
 }
 
-/// Returns the axes along which gravity acts on the water; what contradicts itself goes to the findings.
+/// Returns `true` for the axes along which gravity acts on the water; reports contradictions.
 pub(super) fn acts(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -134,7 +135,7 @@ pub(super) fn acts(
     acts
 }
 
-/// Returns the gravity on the water for `plan`; none if there is no gravity.
+/// Returns the treatment of gravity in the water and its reason, for `plan`; none if there is no gravity.
 pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, String)> {
     let names = |which: bool| -> Vec<&str> {
         (0..3)

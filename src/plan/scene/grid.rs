@@ -6,26 +6,26 @@ use base::number::{real, whole};
 use case::domain::{Domain, Split};
 use serde::Serialize;
 
-/// The domain as a grid of cells; the lower corner is the origin, cell centres lie at (i + 1/2) h.
+/// Domain as a grid of cells; the lower corner is the origin, cell centres lie at (i + 1/2) h.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Grid {
-    /// 2 or 3.
+    /// Dimension: 2 or 3.
     pub dimension: usize,
     /// Cells along each axis; 1 along z in 2-D.
     pub cells: [usize; 3],
-    /// Edge lengths \[m\]; along z in 2-D one spacing, which has no meaning.
+    /// Edge lengths \[m\]; along z in 2-D one spacing, which has no effect.
     pub size: [f64; 3],
     /// Edge h of a cell \[m\].
     pub spacing: f64,
-    /// `true` for each axis along which the domain repeats; false along z in 2-D.
+    /// `true` for each periodic axis; false along z in 2-D.
     pub periodic: [bool; 3],
-    /// Axis along which slabs are cut: 0, 1 or 2.
+    /// Axis along which the domain is divided into slabs: 0, 1 or 2.
     pub split_axis: usize,
-    /// First plane of every slab after the first; the run cuts slabs of equal cost without it.
+    /// First plane of every slab after the first; none for slabs of equal cost.
     pub slab_bounds: Option<Vec<usize>>,
 }
 
-/// Maximum number of cells along an axis: more are a slip of a unit, not a problem to solve.
+/// Maximum number of cells along an axis; more indicate a wrong unit.
 const MOST_CELLS: f64 = 1e9;
 
 impl Grid {

@@ -12,36 +12,36 @@ use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// The fluid at the start, in SI.
+/// Initial state of the fluid, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Initial {
-    /// One velocity [m/s] and pressure \[Pa\] everywhere; zero at rest.
+    /// Uniform velocity [m/s] and pressure \[Pa\]; zero by default.
     Uniform {
         /// Velocity [m/s].
         velocity: [f64; 3],
         /// Pressure above the reference \[Pa\].
         pressure: f64,
-        /// The weight of water at rest, which its pressure bears; none where gravity does not act on it, and where the
-        /// case states velocity and pressure.
+        /// Weight of stationary water, which its pressure supports; none if gravity does not act on the water or
+        /// the case states velocity and pressure.
         weight: Option<Weight>,
     },
     /// Taylor-Green vortices: u = -U cos(ax) sin(by) cos(cz), v = (a/b) U sin(ax) cos(by) cos(cz).
     TaylorGreen {
-        /// U [m/s].
+        /// Amplitude U [m/s].
         velocity: f64,
-        /// a, b and c [1/m]; c may be zero.
+        /// Wave numbers a, b and c [1/m]; c may be zero.
         wave_numbers: [f64; 3],
     },
-    /// Shear layers at a quarter and three quarters of y, that repeat along x and y.
+    /// Shear layers at y = 1/4 and 3/4 of the height, periodic along x and y.
     ShearLayers {
-        /// U on either side [m/s].
+        /// Velocity U on either side [m/s].
         velocity: f64,
         /// Thickness of a layer \[m\].
         thickness: f64,
-        /// Velocity across over U.
+        /// Amplitude of the transverse velocity divided by U.
         perturbation: f64,
     },
-    /// A parabola between the walls of one axis.
+    /// Parabolic profile between the walls of one axis.
     Channel {
         /// Axis of the flow: 0, 1 or 2.
         flow: usize,
@@ -51,25 +51,25 @@ pub enum Initial {
         between: [f64; 2],
         /// Velocity in the middle [m/s].
         peak: f64,
-        /// Fluctuations about it.
+        /// Fluctuations added to the profile.
         fluctuations: Option<Fluctuations>,
     },
     /// State from a file.
     File(PathBuf),
 }
 
-/// Pressure that bears the weight of water at rest, p = p_0 + f·(x - x_0).
+/// Pressure that supports the weight of stationary water, p = p_0 + f·(x - x_0).
 ///
-/// On the lattice the density is then linear, and the populations are w_i (δρ - 3/2 c_i·F): collision turns the sign
-/// of the part of F, and streaming adds 3 w_i c_i·F, so that these populations stay as they are, also where links
-/// bounce back half-way.
+/// On the lattice the density is then linear, and the populations are w_i (δρ - 3/2 c_i·F): collision reverses the
+/// sign of the part with F, and streaming adds 3 w_i c_i·F, so that these populations are stationary, also where
+/// links use half-way bounce-back.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Weight {
-    /// Force density f [N/m3]: of the axes along which gravity acts and that have an end.
+    /// Force density f [N/m³], along the axes along which gravity acts and that are not periodic.
     pub force: [f64; 3],
-    /// Place x_0 \[m\].
+    /// Reference point x_0 \[m\].
     pub place: [f64; 3],
-    /// Pressure p_0 there \[Pa\].
+    /// Pressure p_0 at the reference point \[Pa\].
     pub pressure: f64,
 }
 
@@ -82,12 +82,12 @@ impl Weight {
     }
 }
 
-/// Openings may differ from one hydrostatic pressure by this part of the weight of the water column.
+/// Maximum deviation of openings from one hydrostatic pressure, as a fraction of the pressure of the water column.
 const ALIKE: f64 = 0.5;
 
-/// Returns the hydrostatic pressure of water at rest: that of the openings with a pressure, or of mean zero in the
-/// domain where there are none. None where nothing is to be borne, or where the openings contradict it, as those above
-/// and below water that falls.
+/// Returns the hydrostatic pressure of stationary water: that of openings with a pressure, or with a mean of zero
+/// if there are none. None if there is no weight to support, or if the openings contradict it, like those above and
+/// below falling water.
 pub(super) fn weight(
     (density, gravity): (f64, [f64; 3]),
     acts: [bool; 3],
@@ -117,7 +117,7 @@ pub(super) fn weight(
         } else {
             0.0
         };
-        // What the middle has where this opening is in balance.
+        // The pressure in the middle if this opening is in equilibrium.
         Some(imposed.start - from_middle.pressure(at))
     });
     let stated: Vec<f64> = openings.collect();
@@ -211,7 +211,7 @@ pub(super) fn initial(
     }
 }
 
-/// Returns the wave numbers of vortices that repeat with the domain.
+/// Returns the wave numbers of vortices that are periodic with the domain.
 fn wave_numbers(
     waves: [u32; 2],
     waves_along_z: u32,
@@ -243,7 +243,7 @@ fn wave_numbers(
     [wave(0, waves[0]), wave(1, waves[1]), along_z]
 }
 
-/// Refuses a flow that repeats along x and y in a domain that does not.
+/// Refuses a flow that is periodic along x and y in a domain that is not.
 fn repeats(what: &str, grid: &Grid, path: &str, findings: &mut Findings) {
     if !(grid.periodic[0] && grid.periodic[1]) {
         findings.error(
@@ -255,7 +255,7 @@ fn repeats(what: &str, grid: &Grid, path: &str, findings: &mut Findings) {
     }
 }
 
-/// Refuses axes that are not two of the domain, and ends in the wrong order or outside the domain.
+/// Refuses axes that are not two different axes of the domain, and ends in the wrong order or outside the domain.
 fn check_channel(
     [flow, across]: [usize; 2],
     [from, to]: [f64; 2],
@@ -284,7 +284,7 @@ fn check_channel(
     }
 }
 
-/// Returns a file, and refuses it without velocity and pressure of every cell.
+/// Returns a file; reports a finding unless it has velocity and pressure of every cell.
 fn checked(file: PathBuf, grid: &Grid, path: &str, findings: &mut Findings) -> PathBuf {
     if let Err(reason) = holds_fields(&file, grid) {
         findings.error(
@@ -296,7 +296,7 @@ fn checked(file: PathBuf, grid: &Grid, path: &str, findings: &mut Findings) -> P
     file
 }
 
-/// Returns an error unless a file holds velocity and pressure of every cell; only its headers are read.
+/// Returns an error unless a file has velocity and pressure of every cell; reads only its headers.
 fn holds_fields(file: &Path, grid: &Grid) -> Result<(), String> {
     for (name, components) in [("velocity", 3), ("pressure", 1)] {
         let shape = io::fields::column_shape(file, name).map_err(|e| e.to_string())?;

@@ -1,4 +1,4 @@
-//! The water in the joints of a scene: its network is found from the blocks at the start, and its mouths from their
+//! Water in the joints of a scene: the network is constructed from the initial blocks, and the mouths from their
 //! boxes.
 
 use super::block::AlignedBox;
@@ -19,21 +19,21 @@ use joints::water::Mixture;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// Path of the water in joints.
+/// Path of the water in joints in a case.
 pub(crate) const PATH: &str = "fluid.joints";
-/// Maximum number of cells: every rank holds and solves all of them.
+/// Maximum number of cells: every rank stores and solves all of them.
 const MOST_CELLS: f64 = 2e5;
 
 /// Water in joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointScene {
-    /// Fields of the case.
+    /// Fields as written in the case.
     pub written: JointNetwork,
     /// Mouths, in the order of the case.
     pub mouths: Vec<SceneMouth>,
-    /// Number of joints, cells, junctions and links.
+    /// Numbers of joints, cells, junctions and links.
     pub counts: Counts,
-    /// Length of the edges that are open, and of those that are closed \[m\].
+    /// Total length of open edges, then of closed edges \[m\].
     pub edges: [f64; 2],
     /// Smallest and largest aperture at the middle of a joint \[m\].
     pub apertures: [f64; 2],
@@ -41,29 +41,29 @@ pub struct JointScene {
     pub longest: f64,
 }
 
-/// Sizes of a network.
+/// Size of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Joints.
+    /// Number of joints.
     pub joints: usize,
-    /// Cells.
+    /// Number of cells.
     pub cells: usize,
-    /// Junctions.
+    /// Number of junctions.
     pub junctions: usize,
-    /// Links.
+    /// Number of links.
     pub links: usize,
 }
 
-/// A mouth.
+/// Mouth of the joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneMouth {
     /// Name.
     pub name: String,
-    /// Box of its edges.
+    /// Box that contains the midpoints of its edges.
     pub block: AlignedBox,
-    /// Pressure at the centre of the box.
+    /// Pressure at the centre of the box over time.
     pub pressure: PressureHistory,
-    /// Width of its edges \[m\].
+    /// Total length of its edges \[m\].
     pub width: f64,
 }
 
@@ -76,7 +76,7 @@ impl SceneMouth {
 }
 
 impl JointScene {
-    /// Returns the network of the blocks.
+    /// Returns the network of joints between the blocks.
     #[must_use]
     pub fn network(&self, blocks: &PlacedBlocks) -> Network {
         network(&self.written, blocks)
@@ -88,7 +88,7 @@ impl JointScene {
         self.counts.cells + self.counts.junctions
     }
 
-    /// Returns the mouth of each open piece of an edge; none where it is closed.
+    /// Returns the mouth of each open piece of an edge; none for a closed piece.
     #[must_use]
     pub fn mouth_of_pieces(&self, network: &Network) -> Vec<Option<usize>> {
         let pieces = network.open.iter();
@@ -101,7 +101,7 @@ impl JointScene {
         pieces.map(|piece| mouth(&piece.middle)).collect()
     }
 
-    /// Returns the choices of the flow.
+    /// Returns the settings of the flow solver.
     #[must_use]
     pub fn settings(&self, gravity: [f64; 3]) -> FlowSettings {
         let written = &self.written;
@@ -161,7 +161,7 @@ impl JointScene {
         Some(scene)
     }
 
-    /// Builds the network, counts it and judges its mouths.
+    /// Builds the network, counts its parts and checks its mouths.
     fn measure(&mut self, blocks: &PlacedBlocks, findings: &mut Findings) {
         let network = self.network(blocks);
         let mouth_of = self.mouth_of_pieces(&network);
@@ -205,7 +205,7 @@ impl JointScene {
     }
 }
 
-/// Returns the network of the blocks.
+/// Returns the network of joints between the blocks.
 fn network(written: &JointNetwork, blocks: &PlacedBlocks) -> Network {
     let rock = |solid: &dem::polyhedron::PlacedPolyhedron| (solid.position, solid.orientation);
     let rocks: Vec<Rock> = blocks
@@ -243,7 +243,7 @@ fn water(written: &JointNetwork) -> Mixture {
     }
 }
 
-/// Refuses what does not act on water in joints.
+/// Refuses features that do not act on water in joints.
 fn refuse_others(case: &Case, findings: &mut Findings) {
     let fields = [
         ("grains", case.grains.is_some()),
@@ -358,7 +358,7 @@ fn check_pressure(
     }
     let least = written.vapour_pressure - written.atmospheric_pressure;
     let [low, _] = pressure.bounds(case.time.end);
-    // Water that boils at atmospheric pressure has its own finding.
+    // Water that boils at atmospheric pressure is reported separately.
     if low < least && least < 0.0 {
         findings.error(
             &format!("{path}.pressure"),
@@ -372,7 +372,8 @@ fn check_pressure(
     }
 }
 
-/// Returns `true` if the largest aperture is thinner than all blocks and the network is not too large.
+/// Returns `true` if the largest aperture is smaller than the thickness of all blocks and the network is not too
+/// large; otherwise reports a finding.
 fn thin_enough(written: &JointNetwork, blocks: &PlacedBlocks, findings: &mut Findings) -> bool {
     let mut fits = true;
     if let Some(thinnest) = blocks.thinnest()
@@ -390,7 +391,7 @@ fn thin_enough(written: &JointNetwork, blocks: &PlacedBlocks, findings: &mut Fin
         );
         fits = false;
     }
-    // A joint has at most the area of the faces on one side of it.
+    // The area of a joint is at most that of the faces on one of its sides.
     let areas = blocks.list.iter().map(|block| block.solid.shape.area());
     let cells = 0.5 * areas.sum::<f64>() / (written.cell * written.cell);
     if cells > MOST_CELLS {

@@ -7,7 +7,7 @@ use base::error::Remedy;
 use case::Case;
 use case::geometry::{Rotation, Vector};
 
-/// Refuses a material without density where something of it moves freely.
+/// Refuses a material without density if a freely moving body has it.
 pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
     if case
         .materials

@@ -1,4 +1,4 @@
-//! Regions, probes, outputs and analysis of a scene.
+//! Regions, probes, outputs and analyses of a scene.
 
 mod bed;
 mod probes;
@@ -20,7 +20,7 @@ use darcy::Prisms;
 pub(crate) use probes::{Measured, probes};
 use serde::Serialize;
 
-/// A box in which something happens to grains.
+/// Box in which grains are removed, generated or recorded.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ObservedRegion {
     /// Name.
@@ -34,12 +34,12 @@ pub struct ObservedRegion {
 /// Action in a region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum RegionAction {
-    /// Grains are taken out.
+    /// Removal of grains.
     Remove {
-        /// When.
+        /// Condition for the removal.
         when: When,
     },
-    /// Grains appear.
+    /// Generation of grains.
     Generate {
         /// Grains per second [1/s].
         rate: f64,
@@ -47,18 +47,18 @@ pub enum RegionAction {
         radii: Radii,
         /// Velocity [m/s].
         velocity: [f64; 3],
-        /// Seed.
+        /// Seed of the random numbers.
         seed: u64,
         /// Index of the material.
         material: usize,
-        /// Maximum number, if any.
+        /// Maximum number of grains, if any.
         at_most: Option<u32>,
     },
-    /// Entries and exits are logged.
+    /// Log of entering and leaving grains.
     Record,
 }
 
-/// A quantity sampled in time.
+/// Quantity sampled at an interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probe {
     /// Name of its file.
@@ -85,18 +85,18 @@ pub enum ProbeAt {
     },
     /// Discharge and means in a plane.
     Plane {
-        /// Axis normal to it: 0, 1 or 2.
+        /// Axis normal to the plane: 0, 1 or 2.
         axis: usize,
-        /// Coordinate \[m\].
+        /// Coordinate of the plane \[m\].
         position: f64,
     },
     /// Force and torque on a body, by index in [`super::Scene::bodies`].
     Body(usize),
     /// Force on a structure.
     Structure {
-        /// Index among those that water meets.
+        /// Index among the structures in contact with water.
         index: usize,
-        /// Point of the torque \[m\].
+        /// Reference point of the torque \[m\].
         about: [f64; 3],
     },
     /// Discharge of seepage between two points of a plane.
@@ -110,26 +110,26 @@ pub enum ProbeAt {
     Heave(Prisms),
     /// Discharge of seepage through a part of a plane.
     Section {
-        /// Axis normal to it: 0, 1 or 2.
+        /// Axis normal to the plane: 0, 1 or 2.
         axis: usize,
-        /// Coordinate \[m\].
+        /// Coordinate of the plane \[m\].
         position: f64,
-        /// The part.
+        /// Part of the plane; none for the whole plane.
         part: Option<AlignedBox>,
     },
-    /// Water table of the seepage in each of this number of columns of cells.
+    /// Water table of the seepage; the number is that of the columns of cells.
     WaterTable(usize),
     /// Water balance of the seepage.
     WaterBalance,
     /// Force of the water of a seepage on a part of a plane.
     Uplift {
-        /// Axis normal to it: 0, 1 or 2.
+        /// Axis normal to the plane: 0, 1 or 2.
         axis: usize,
-        /// Its coordinate \[m\].
+        /// Coordinate of the plane \[m\].
         position: f64,
-        /// The part.
+        /// Part of the plane; none for the whole plane.
         part: Option<AlignedBox>,
-        /// Point of the torque \[m\].
+        /// Reference point of the torque \[m\].
         about: [f64; 3],
     },
     /// Load of the grains on a wall.
@@ -143,7 +143,7 @@ pub enum ProbeAt {
     Gauge([usize; 3]),
     /// Cell of a joint nearest to a point \[m\].
     Joint([f64; 3]),
-    /// Mouth of the joints, by its index.
+    /// Mouth of the joints, by index.
     Mouth(usize),
     /// Load on a block, by its index in [`super::blocks::PlacedBlocks`].
     Block(usize),
@@ -155,7 +155,7 @@ pub enum ProbeAt {
     Grains {
         /// The box.
         part: AlignedBox,
-        /// Start of the means over time \[s\].
+        /// Start of the time means \[s\].
         mean_from: f64,
     },
 }
@@ -163,7 +163,7 @@ pub enum ProbeAt {
 /// Erosion law analysis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErosionLaw {
-    /// The hole before erosion.
+    /// Box of the hole before erosion.
     pub hole: AlignedBox,
     /// Axis of the flow: 0, 1 or 2.
     pub flow_axis: usize,
@@ -171,7 +171,7 @@ pub struct ErosionLaw {
     pub every: f64,
     /// Indices of the regions whose removals count as eroded.
     pub outlets: Vec<usize>,
-    /// Eroded part of the mass at which the run is done.
+    /// Eroded fraction of the mass at which the run ends.
     pub end_at_eroded_fraction: Option<f64>,
 }
 
@@ -251,7 +251,7 @@ fn generated(
     material(names, name?, path, findings)
 }
 
-/// Returns the start of the means over time of a probe \[s\].
+/// Returns the start of the time means of a probe \[s\].
 fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
     let end = case.time.end;
     if from.is_some_and(|from| from >= end) {
@@ -265,9 +265,9 @@ fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) ->
     from.unwrap_or(0.5 * end)
 }
 
-/// Checks that periodic events happen at least once, but for a run that was made shorter on purpose.
+/// Checks that periodic events occur at least once, except in a run that was shortened on purpose.
 pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) {
-    // A run without a length is refused for that.
+    // A run without a duration is refused for that reason.
     if case.time.end > 0.0 && every > case.time.end * (1.0 + 1e-12) {
         findings.warn(
             path,
@@ -340,7 +340,7 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
     }
 }
 
-/// Refuses fields that the fluid does not have, and fields that are named twice.
+/// Refuses fields that the fluid does not have, and fields named twice.
 fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
     let seeps = matches!(case.fluid, Some(Fluid::Darcy(_)));
     let drains = matches!(&case.fluid, Some(Fluid::Darcy(darcy)) if darcy.unsaturated.is_some());
@@ -381,7 +381,7 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
     }
 }
 
-/// Refuses a stream function of a flow that has none.
+/// Refuses a stream function for a flow that has none.
 fn check_stream_function(case: &Case, path: &str, findings: &mut Findings) {
     let Some(Fluid::Darcy(written)) = &case.fluid else {
         findings.error(
@@ -469,7 +469,7 @@ pub(crate) fn erosion_law(
             "use x or y",
         );
     }
-    // A hole has two faces; a stream above a bed has one.
+    // A hole needs two faces; a stream above a bed has only one.
     let across = usize::from(flow_axis == 0);
     if flow_axis < grid.dimension
         && (hole.from[across] < grid.spacing || hole.to[across] > grid.size[across] - grid.spacing)

@@ -1,11 +1,11 @@
-//! Checks that nothing overlaps at the start: grains, blocks and bodies with each other, with walls and with
+//! Checks that no solids overlap at the start: grains, blocks and bodies with each other, with walls and with
 //! structures.
 //!
 //! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the
-//! springs would turn into an explosion. The sources differ only in the path of their findings: grains and blocks of a
-//! list or a file, blocks of a rock mass and bodies are compared by one function, round periodic axes too. Walls of
-//! facets count where they reach into the largest sphere around the centroid of a polyhedron. Prepared grains have no
-//! positions before the run: they are checked by the box in which they start.
+//! springs would turn into an explosion. The sources differ only in the path of their findings: grains and blocks
+//! of a list or a file, blocks of a rock mass and bodies are compared by one function, also across periodic faces.
+//! A polyhedron overlaps a wall of facets if the wall cuts the largest sphere in the polyhedron around its
+//! centroid. Prepared grains have no positions before the run: they are checked by the box in which they start.
 
 use super::block::AlignedBox;
 use super::blocks::PlacedBlocks;
@@ -23,18 +23,18 @@ use dem::polyhedron::{BlockContactModel, BlockHistory, Narrow, Piece, Placed, Pl
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
-/// Largest overlap at the start over the radius of the smaller one's largest sphere.
+/// Maximum initial overlap as a fraction of the smaller solid's inscribed radius.
 const ALLOWED: f64 = 0.05;
-/// Findings of one kind that are named.
+/// Maximum number of findings of one kind that are listed.
 const NAMED: usize = 20;
-/// Pairs that are counted.
+/// Maximum number of pairs that are counted.
 const COUNTED: usize = 100_000;
 
-/// The solids of a scene as they start.
+/// Initial solids of a scene.
 pub(crate) struct Start<'a> {
     /// The case.
     pub(crate) case: &'a Case,
-    /// The cells.
+    /// Grid of the domain.
     pub(crate) grid: &'a Grid,
     /// Acceleration of gravity [m/s2].
     pub(crate) gravity: [f64; 3],
@@ -50,7 +50,7 @@ pub(crate) struct Start<'a> {
     pub(crate) structures: &'a [Structure],
 }
 
-/// The source of a solid, with its number there.
+/// Source of a solid, with its index there.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Origin {
     Listed(usize),
@@ -60,16 +60,16 @@ enum Origin {
     Block(usize),
 }
 
-/// A solid with a position of its own: a disc or sphere where it has no shape.
+/// Solid with a known position; a disc or sphere if it has no shape.
 struct Standing<'a> {
     solid: Option<&'a PlacedPolyhedron>,
     position: Vector3<f64>,
-    /// Radius of the sphere round it \[m\].
+    /// Radius of the enclosing sphere \[m\].
     radius: f64,
-    /// Radius of the largest sphere in it \[m\].
+    /// Radius of the inscribed sphere \[m\].
     inner: f64,
     fixed: bool,
-    /// `true` if it is a block of a rock mass, whose blocks do not overlap within the domain.
+    /// `true` for a block of a rock mass; such blocks do not overlap each other within the domain.
     mass: bool,
     origin: Origin,
 }
@@ -106,7 +106,7 @@ impl<'a> Standing<'a> {
         })
     }
 
-    /// Returns the radius of the largest sphere in it around its centroid \[m\].
+    /// Returns the radius of the largest sphere around the centroid inside the solid \[m\].
     fn around_centroid(&self) -> f64 {
         self.solid.map_or(self.radius, |solid| {
             let faces = solid.shape.half_spaces().iter();
@@ -114,7 +114,7 @@ impl<'a> Standing<'a> {
         })
     }
 
-    /// Returns the depth \[m\] by which it reaches into a wall, where that is more than contacts explain.
+    /// Returns the depth \[m\] by which the solid overlaps a wall, if it exceeds the allowed overlap.
     fn depth_in_wall(&self, wall: &SceneWall) -> Option<f64> {
         let depth = if let Some(surface) = &wall.surface {
             let inner = self.around_centroid();
@@ -136,7 +136,7 @@ impl<'a> Standing<'a> {
         self.counts(depth)
     }
 
-    /// Returns the depth \[m\] by which it reaches into a structure, where that is more than contacts explain.
+    /// Returns the depth \[m\] by which the solid overlaps a structure, if it exceeds the allowed overlap.
     fn depth_in_structure(&self, structure: &Structure) -> Option<f64> {
         if !structure.stops.grains() {
             return None;
@@ -159,7 +159,7 @@ impl<'a> Standing<'a> {
         (depth > ALLOWED * self.inner).then_some(depth)
     }
 
-    /// Returns how deep another one lies in this one \[m\], shifted by `shift`; not positive where they are apart.
+    /// Returns the overlap \[m\] with another solid shifted by `shift`; not positive if they are separate.
     fn depth(&self, other: &Self, shift: &Vector3<f64>, narrow: &mut Narrow) -> f64 {
         let separation = other.position + shift - self.position;
         let geometry = match (self.placed(), other.placed()) {
@@ -178,7 +178,7 @@ impl<'a> Standing<'a> {
     }
 }
 
-/// Two solids that overlap.
+/// Overlapping pair of solids.
 struct Pair {
     one: usize,
     other: usize,
@@ -187,7 +187,7 @@ struct Pair {
     across: bool,
 }
 
-/// Refuses what overlaps at the start.
+/// Refuses solids that overlap at the start.
 pub(crate) fn overlaps(start: &Start<'_>, findings: &mut Findings) {
     let all = start.standing();
     start.own_images(&all, findings);
@@ -198,7 +198,7 @@ pub(crate) fn overlaps(start: &Start<'_>, findings: &mut Findings) {
 }
 
 impl<'a> Start<'a> {
-    /// Returns all solids with a position of their own: blocks, bodies and grains that no cut takes out.
+    /// Returns all solids with a known position: blocks, bodies, and grains that no cut removes.
     fn standing(&self) -> Vec<Standing<'a>> {
         let source = self.case.blocks.as_ref().map(|blocks| &blocks.initial);
         let mass = matches!(source, Some(BlockSource::Joints(_)));
@@ -239,13 +239,13 @@ impl<'a> Start<'a> {
         blocks.chain(bodies).chain(grains).collect()
     }
 
-    /// Returns a position without the axes that the problem has not.
+    /// Returns a position with the unused third coordinate set to zero in 2-D.
     fn flat(&self, mut at: [f64; 3]) -> [f64; 3] {
         at[self.grid.dimension..].fill(0.0);
         at
     }
 
-    /// Returns the path of the field that states the position.
+    /// Returns the path of the field that states the position of a solid.
     fn path(&self, origin: Origin) -> String {
         match origin {
             Origin::Listed(n) => format!("grains.initial.list[{n}].position"),
@@ -297,9 +297,9 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Refuses solids that reach into walls. [`Self::in_structures`] checks structures, which have an inside.
+    /// Refuses solids that overlap walls. Structures have an inside and are checked by [`Self::in_structures`].
     fn at_walls(&self, all: &[Standing<'_>], findings: &mut Findings) {
-        // A surface that could not be read, or a plane without a direction, has findings of its own.
+        // A surface that could not be read, or a plane without a direction, is reported separately.
         let known = |wall: &SceneWall| {
             wall.surface.is_some() || Vector3::from(wall.normal).norm_squared() > 0.5
         };
@@ -317,7 +317,7 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Refuses solids that reach into structures.
+    /// Refuses solids that overlap structures.
     fn in_structures(&self, all: &[Standing<'_>], findings: &mut Findings) {
         for structure in self.structures {
             let free = all.iter().filter(|one| !one.fixed);
@@ -330,7 +330,7 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Reports solids of the case that reach into something at rest, and counts those of a sample.
+    /// Reports solids of the case that overlap a stationary obstacle, and counts those of a sample.
     fn report(
         &self,
         reaching: &[(&Standing<'_>, f64)],
@@ -445,8 +445,8 @@ impl<'a> Start<'a> {
         format!("{other} overlaps {one} by {depth} m at the start{across}")
     }
 
-    /// Refuses grains that are prepared where something stands that their preparation does not know: bodies and blocks,
-    /// and for grains that grow also walls. What a cut empties does not count.
+    /// Refuses prepared grains where there are obstacles unknown to their preparation: bodies and blocks, and for
+    /// growing grains also walls. Boxes emptied by a cut are exempt.
     fn prepared(&self, findings: &mut Findings) {
         let Some(grains) = self.grains else {
             return;
@@ -487,7 +487,7 @@ impl<'a> Start<'a> {
         }
     }
 
-    /// Returns the boxes from clouds of falling grains to the end of the domain; none without gravity.
+    /// Returns the boxes through which grains fall from clouds to the end of the domain; none without gravity.
     fn paths_of_fall(&self, clouds: impl Iterator<Item = AlignedBox>) -> Option<Vec<AlignedBox>> {
         let down = (0..self.grid.dimension).find(|&a| self.gravity[a].abs() > 0.0)?;
         let to_the_end = clouds.map(|mut path| {
@@ -501,7 +501,7 @@ impl<'a> Start<'a> {
         Some(to_the_end.collect())
     }
 
-    /// Refuses growth in a box that reaches behind a plane wall, where no cut empties the domain.
+    /// Refuses growth in a box that extends behind a plane wall, unless a cut empties that part.
     fn growth_behind_walls(&self, block: &AlignedBox, grains: &Grains, findings: &mut Findings) {
         let smallest = grains.radii.map_or(0.0, |(low, _)| low);
         if !grains.cut.is_empty() {
@@ -537,7 +537,7 @@ impl<'a> Start<'a> {
     }
 }
 
-/// Returns the shifts to a solid and to its images round periodic axes.
+/// Returns the shifts to a solid and its images across periodic faces.
 fn shifts(period: [Option<f64>; 3]) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
     for (axis, length) in period.into_iter().enumerate() {
@@ -553,7 +553,7 @@ fn shifts(period: [Option<f64>; 3]) -> Vec<Vector3<f64>> {
     shifts
 }
 
-/// Returns the deepest overlap of two solids or their images, where it is more than contacts explain.
+/// Returns the largest overlap of two solids or their images, if it exceeds the allowed overlap.
 fn overlap(
     (one, other): (usize, usize),
     all: &[Standing<'_>],
@@ -622,7 +622,7 @@ mod tests {
         assert_eq!(problems(0.015, true), 0, "in a hole");
     }
 
-    /// Returns the errors of a case of glass in a box of 0.1 m that repeats along x, with these parts.
+    /// Returns the errors of a case with these parts: glass in a box of 0.1 m that is periodic along x.
     fn errors(parts: &serde_json::Value, folder: &Path) -> Vec<Problem> {
         let mut case = serde_json::json!({
             "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005, "periodic": ["x"]},
@@ -639,7 +639,7 @@ mod tests {
         errors.filter(|p| p.severity == Severity::Error).collect()
     }
 
-    /// Returns grains of a list and the same grains of a file.
+    /// Returns the errors for grains of a list, and for the same grains in a file.
     fn of_both_sources(grains: &[[f64; 4]], more: &serde_json::Value) -> [Vec<Problem>; 2] {
         let folder = tempfile::tempdir().expect("a folder");
         let rows = grains
@@ -745,7 +745,7 @@ mod tests {
             &list(pair),
             "by 0.005 m at the start across a periodic face",
         );
-        // Deep in a structure, far from its surface.
+        // This grain is deep in a structure, far from its surface.
         let mut hidden = list(serde_json::json!([block(0.05, 0.02)]));
         hidden["structures"] = serde_json::json!([{"name": "rock", "material": "glass",
             "shape": {"box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.09]}}}]);

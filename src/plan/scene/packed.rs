@@ -1,4 +1,4 @@
-//! Tests if grains are packed, with contacts on all sides as in a bed, and the density they must then have.
+//! Test for packed grains, with contacts on all sides as in a bed, and the density that they need for stability.
 
 use super::Scene;
 use super::grains::GrainSource;
@@ -8,11 +8,11 @@ use case::coupling::{Coupling, SolidOperator};
 use lbm::saturation::LightBody;
 use std::ops::ControlFlow;
 
-/// Gap over diameter up to which grains count as touching.
+/// Maximum gap, in diameters, at which grains count as touching.
 const GAP: f64 = 0.05;
 
-/// Returns `true` for grains that grow or fall, and for those of a list or file if one touches half as many others as
-/// in the densest packing.
+/// Returns `true` for grains that grow or are deposited, and for those of a list or file if any grain touches half
+/// as many others as in the densest packing.
 pub(crate) fn lie_packed(scene: &Scene) -> bool {
     match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::Growth { .. }) => true,
@@ -26,8 +26,8 @@ pub(crate) fn lie_packed(scene: &Scene) -> bool {
     }
 }
 
-/// Returns the density ratio from which on packed grains of radius R in cells hold; 0 if it was not measured, as with
-/// links.
+/// Returns the density ratio above which packed grains of radius R in cells are stable; 0 if it was not measured,
+/// as with links.
 pub(crate) fn in_a_bed(
     coupling: &Coupling,
     operator: Option<SolidOperator>,
@@ -48,7 +48,7 @@ pub(crate) fn in_a_bed(
     }
 }
 
-/// Returns half of the neighbours that discs or spheres have in the densest packing.
+/// Returns half of the number of neighbours in the densest packing of discs or spheres.
 fn neighbours(scene: &Scene) -> usize {
     if scene.grid.dimension == 2 { 3 } else { 6 }
 }
@@ -86,7 +86,7 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// No measured border is above the bound of a bed and that of a single body.
+    /// Checks that no measured stability limit is above the larger of the bounds for a bed and for a single body.
     #[test]
     fn measured_beds_hold_where_the_bounds_say_so() {
         let table = include_str!("../../../benches/stability/dense_beds.csv");
@@ -110,7 +110,7 @@ mod tests {
             let alone = model.lightest(&body).holds;
             let bed = model.lightest_in_a_bed(&body);
             assert!(number(4) < bed.max(alone), "{line}: {bed} {alone}");
-            // Beds of sand in water are not refused where they hold.
+            // Stable beds of sand in water are not refused.
             assert!(bed < 1.3 * number(5).max(1.0), "{line}: {bed}");
             rows += 1;
         }
@@ -141,7 +141,8 @@ mod tests {
         problems.iter().any(|p| p.path == "materials.glass.density")
     }
 
-    /// A bed of glass in water at tau = 1.5 was thrown apart, at 0.8 it came to rest; two grains apart hold at both.
+    /// Checks a bed of glass in water, which became unstable at tau = 1.5 and came to rest at 0.8; two separate
+    /// grains are stable at both.
     #[test]
     fn a_bed_needs_denser_grains_than_a_grain_alone() {
         let bed = json!({"deposition": {
@@ -162,7 +163,7 @@ mod tests {
         );
     }
 
-    /// Six neighbours make a grain of a list part of a bed: of seven in a cross one is.
+    /// Checks that six neighbours make a listed grain part of a bed: one of seven grains in a cross.
     #[test]
     fn listed_grains_are_packed_where_one_is_amid_others() {
         let arm = 0.0041;

@@ -1,23 +1,23 @@
 //! Pairs of nearby discs or spheres, at a cost proportional to their number.
 //!
-//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are as
-//! wide as its largest ball, so that a ball of this level or a smaller one can only touch balls in adjacent cells. The
-//! balls of a row of cells are sorted by x and swept; adjacent rows are found by index. Neither a slab full of grains
-//! nor a wide range of sizes costs more than the number of nearby pairs.
+//! Balls are sorted into levels by size. The size doubles from level to level. A level has a grid whose cells are
+//! as wide as its largest ball, so that a ball of this level or a smaller one can only touch balls in adjacent
+//! cells. The balls of a row of cells are sorted by x and swept; adjacent rows are found by index. The cost is
+//! proportional to the number of nearby pairs, also for a full slab of grains or a wide range of sizes.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
 
-/// A disc or sphere, enlarged by the gap that counts as near.
+/// Disc or sphere, enlarged by the gap within which another one is near.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
     /// Centre \[m\].
     pub(crate) at: [f64; 3],
-    /// Half of the distance \[m\] up to which it is near to a ball of its size.
+    /// Half of the distance \[m\] up to which a ball of equal size is near.
     pub(crate) reach: f64,
 }
 
-/// A ball or a periodic image of one.
+/// Ball or periodic image of a ball.
 #[derive(Clone, Copy)]
 struct Entry {
     row: (i64, i64),
@@ -27,9 +27,9 @@ struct Entry {
     image: bool,
 }
 
-/// Visits each pair of balls once, the one with the smaller index first, whose centres are at most the sum of their
-/// reaches apart, until `visit` breaks. `period` holds the length of each periodic axis \[m\]. Balls without a finite
-/// place or a positive reach are near to nothing.
+/// Visits each pair of balls whose centre distance is at most the sum of their reaches once, with the smaller index
+/// first, until `visit` breaks. `period` has the length of each periodic axis \[m\]. Balls with a non-finite
+/// position or without a positive reach are never near.
 pub(crate) fn near(
     balls: &[Ball],
     period: [Option<f64>; 3],
@@ -38,7 +38,7 @@ pub(crate) fn near(
     counted(balls, period, visit, &mut 0)
 }
 
-/// Visits pairs like [`near`]; `compared` counts the pairs that were compared.
+/// Visits pairs like [`near`]; `compared` counts the comparisons.
 fn counted(
     balls: &[Ball],
     period: [Option<f64>; 3],
@@ -71,7 +71,7 @@ fn counted(
         let mut grid = with_images(theirs, period, edge);
         let rows = in_rows(&mut grid, edge);
         for (small, ours) in levels.range(..=large) {
-            // A level among itself is in order already.
+            // For a level with itself the balls are already in order.
             let mut sorted = Vec::new();
             let sorted_rows;
             let (ours, groups) = if small == large {
@@ -94,7 +94,7 @@ fn counted(
                 for one in ours[groups[&place].clone()].iter().filter(|e| !e.image) {
                     found.clear();
                     for range in &mut beside {
-                        // Nothing before this is near to one further on, either.
+                        // Balls before this one are not near to later ones either.
                         while range.start < range.end && grid[range.start].at[0] < one.at[0] - edge
                         {
                             range.start += 1;
@@ -112,7 +112,7 @@ fn counted(
                         }
                     }
                     if periodic {
-                        // A pair may be near both directly and round a narrow domain.
+                        // In a narrow periodic domain a pair may be near both directly and through an image.
                         found.sort_unstable();
                         found.dedup();
                     }
@@ -126,7 +126,7 @@ fn counted(
     ControlFlow::Continue(())
 }
 
-/// Returns the level of a size: the exponent of the next power of two.
+/// Returns the level of a size: the exponent of the next larger power of two.
 fn level(reach: f64) -> i32 {
     // The exponent of a finite number fits.
     #[expect(
@@ -140,7 +140,7 @@ fn level(reach: f64) -> i32 {
 fn touch(one: &Entry, other: &Entry) -> bool {
     let squared: f64 = (0..3).map(|a| (one.at[a] - other.at[a]).powi(2)).sum();
     let reach = one.reach + other.reach;
-    // Round-off is no reason to miss a pair.
+    // Rounding must not miss a pair.
     squared <= reach * reach * (1.0 + 1e-12)
 }
 
@@ -164,7 +164,7 @@ fn with_images(balls: &[Entry], period: [Option<f64>; 3], edge: f64) -> Vec<Entr
     all
 }
 
-/// Sorts balls into rows of cells along x, and each row by x; where each row begins and ends.
+/// Sorts balls into rows of cells along x, and each row by x; returns the range of each row.
 fn in_rows(balls: &mut [Entry], edge: f64) -> HashMap<(i64, i64), Range<usize>> {
     for ball in balls.iter_mut() {
         ball.row = (cell(ball.at[1], edge), cell(ball.at[2], edge));
@@ -184,7 +184,7 @@ fn in_rows(balls: &mut [Entry], edge: f64) -> HashMap<(i64, i64), Range<usize>> 
     rows
 }
 
-/// Returns the cell of a coordinate; what is too far away for a number of cells shares the last one.
+/// Returns the cell of a coordinate; coordinates beyond the range of cell numbers get the last cell.
 fn cell(x: f64, edge: f64) -> i64 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -248,8 +248,8 @@ mod tests {
 
     #[test]
     fn only_what_is_near_is_compared() {
-        // A cube of grains one diameter and a bit apart, with one that is far away and one as large as all: no sweep
-        // along one axis gets by with so few visits.
+        // A cube of grains with distances slightly above one diameter, one distant grain, and one as large as the
+        // cube: a sweep along one axis would need many more visits.
         let mut balls = Vec::new();
         for n in 0..20_u8 {
             for m in 0..20_u8 {
@@ -273,7 +273,7 @@ mod tests {
             &mut compared,
         );
         assert!(done.is_continue());
-        // Three by three rows, and in each of them what is less than two diameters away.
+        // Three by three rows, and in each the balls that are less than two diameters away.
         assert!(compared <= 27 * 8001, "{compared}");
         balls.push(Ball {
             at: [-20.0, 0.0, 0.0],

@@ -1,8 +1,8 @@
-//! Porous zones of a resolved flow: where they are, and what a plan has to know of them.
+//! Porous zones of a resolved flow: their cells, and the quantities that a plan needs.
 //!
-//! A cell takes the part of a resistance that the zone has of its volume, φ = ½ - d/h between 0 and 1 with the signed
-//! distance d of its centre: exact for faces of boxes, so that a zone of any thickness loses the pressure of its own
-//! thickness. Zones that overlap add up.
+//! A cell gets the resistance times the fraction of its volume in the zone, φ = ½ - d/h limited to [0, 1] with the
+//! signed distance d of its centre. This is exact for faces of boxes, so that a zone of any thickness causes the
+//! pressure loss of its own thickness. Resistances of overlapping zones add up.
 
 use super::findings::{Findings, LATTICE_PATH as PATH, number};
 use super::grid::Grid;
@@ -16,14 +16,14 @@ use serde::Serialize;
 use std::sync::Arc;
 use structure::Images;
 
-/// A zone that resists the water.
+/// Zone that resists the water.
 #[derive(Clone, Debug, Serialize)]
 pub struct PorousZone {
     /// Name of the zone.
     pub name: String,
     /// JSON path of the zone.
     pub path: String,
-    /// Place, with periodic images.
+    /// Solid that the zone fills, with periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
     /// Coefficients of its resistance.
@@ -41,17 +41,18 @@ struct Thickness {
     /// Smallest and largest thickness \[m\].
     least: f64,
     most: f64,
-    /// Part of the section that the zone does not reach.
+    /// Fraction of the section that the zone leaves open.
     open: f64,
 }
 
-/// Resistance of a step, a + b |u| in lattice units, up to which the trapezoidal rule does not swing.
+/// Maximum resistance of a step, a + b |u| in lattice units, for which the trapezoidal rule does not oscillate.
 const WITHOUT_SWINGS: f64 = 2.0;
-/// Limit for a zone with an eddy viscosity: the velocity that the model reads in a zone has half of it as error.
+/// Maximum resistance of a step in a zone with an eddy viscosity: the velocity read by the model is wrong by half
+/// of it.
 const BESIDE_EDDIES: f64 = 0.2;
-/// Columns through the domain, along each axis across, that the thickness of a zone is sampled on.
+/// Number of columns along each transverse axis on which the thickness of a zone is sampled.
 const COLUMNS: usize = 16;
-/// Samples along a column.
+/// Number of samples along a column.
 const SAMPLES: usize = 256;
 
 /// Returns the porous zones of a case.
@@ -67,7 +68,7 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
         if let Resistance::Ergun { porosity, .. } = written.resistance
             && !(0.0 < porosity && porosity < 1.0)
         {
-            // Refused by its range.
+            // A negative value is refused by its range.
             continue;
         }
         let coefficients = written.resistance.coefficients(lbm.kinematic_viscosity);
@@ -94,7 +95,7 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
 }
 
 impl PorousZone {
-    /// Returns the part of a cell, given by its place in the domain, that the zone fills.
+    /// Returns the fraction of a cell, given by its coordinates in the domain, that the zone fills.
     fn fraction(&self, grid: &Grid, cell: [usize; 3]) -> f64 {
         let h = grid.spacing;
         let centre = std::array::from_fn(|a| {
@@ -107,7 +108,7 @@ impl PorousZone {
         (0.5 - self.solid.distance(centre) / h).clamp(0.0, 1.0)
     }
 
-    /// Samples the thickness of the zone along an axis on columns through the domain.
+    /// Samples the thickness of the zone along an axis, on columns through the domain.
     fn thickness(&self, grid: &Grid, axis: usize) -> Thickness {
         let across: Vec<usize> = (0..grid.dimension).filter(|a| *a != axis).collect();
         let columns = COLUMNS.pow(u32::try_from(across.len()).unwrap_or(1));
@@ -138,7 +139,7 @@ impl PorousZone {
         found
     }
 
-    /// Returns name, resistance and reason, for a plan.
+    /// Returns name, resistance and reason, as printed in a plan.
     pub(crate) fn describe(&self) -> [String; 3] {
         let Coefficients { linear, quadratic } = self.coefficients;
         [
@@ -153,8 +154,8 @@ impl PorousZone {
     }
 }
 
-/// Returns the cells of a part of the domain that zones resist, in lattice units at a time step \[s\]. `first` is the
-/// first cell of the part and `cells` its size.
+/// Returns the cells of a part of the domain with a resistance, in lattice units at a time step \[s\]. `first` is
+/// the first cell of the part and `cells` its size.
 pub fn cells(
     zones: &[PorousZone],
     (grid, time_step): (&Grid, f64),
@@ -185,8 +186,8 @@ pub fn cells(
     found
 }
 
-/// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m2/s2] along an axis drives through
-/// zones that close a section; infinite if the water passes all zones by.
+/// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m²/s²] along an axis drives
+/// through zones that close a section; infinite if the water can bypass all zones.
 pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
     let bounds = zones.iter().map(|zone| {
         let Thickness { least, .. } = zone.thickness(grid, axis);
@@ -199,7 +200,7 @@ pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64)
     bounds.fold(f64::INFINITY, f64::min)
 }
 
-/// Returns the losses of pressure over the density [m2/s2] of a discharge through zones along an axis, with the paths
+/// Returns the pressure losses over the density [m²/s²] of a discharge through zones along an axis, with the paths
 /// of the zones.
 pub(crate) fn losses<'a>(
     zones: &'a [PorousZone],
@@ -213,20 +214,20 @@ pub(crate) fn losses<'a>(
         let Thickness { most, open, .. } = zone.thickness(grid, axis);
         let speed = discharge / area;
         let through = zone.coefficients.deceleration(speed) * most;
-        // Where the zone leaves a part of the section open, all the water may take that: a contraction loses at most
+        // If the zone leaves a part of the section open, all the water may pass there: a contraction loses at most
         // (U/open)².
         let past = (speed / open).powi(2);
         (zone.path.as_str(), through.min(past))
     })
 }
 
-/// A limit of the time step by the resistance of a zone.
+/// Limit of the time step by the resistance of a zone.
 pub(crate) struct StepLimit<'a> {
-    /// The zone with the largest resistance.
+    /// Zone with the largest resistance.
     pub(crate) zone: &'a PorousZone,
-    /// Longest time step \[s\] without swings.
+    /// Longest time step \[s\] without oscillation.
     pub(crate) stable: f64,
-    /// Longest time step \[s\] that keeps the velocities of an eddy viscosity.
+    /// Longest time step \[s\] for accurate velocities in an eddy-viscosity model.
     pub(crate) beside_eddies: f64,
 }
 

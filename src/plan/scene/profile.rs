@@ -1,5 +1,5 @@
-//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s], by the
-//! names of the columns.
+//! Velocities over a face from a table: its tangential coordinates \[m\], then the velocity components [m/s],
+//! identified by the names of the columns.
 //!
 //! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`,
 //! across z `x` and `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators
@@ -11,11 +11,11 @@ use std::path::Path;
 
 /// Maximum number of rows of a table.
 pub const MOST_ROWS: usize = 1_000_000;
-/// Maximum length of a file \[bytes\]: that many rows of five numbers with all their digits.
+/// Maximum length of a file \[bytes\]: that of [`MOST_ROWS`] rows of five numbers with all digits.
 const LONGEST: u64 = 256 << 20;
-/// Coordinates, by axis.
+/// Names of the coordinate columns, by axis.
 const COORDINATES: [(&str, &[(&str, f64)]); 3] = [("x", &[]), ("y", &[]), ("z", &[])];
-/// Velocity components, by axis.
+/// Names of the velocity columns, by axis.
 const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
     (
         "u",
@@ -31,17 +31,17 @@ const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
     ),
 ];
 
-/// Reads the table of a file for a face across an axis.
+/// Reads the table of a file for a face perpendicular to an axis.
 ///
 /// # Errors
-/// A sentence that names the file and the line.
+/// If the file is not a valid table; the text names the file and the line.
 pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<VelocityTable, String> {
     let text = io::plain::text(path, LONGEST).map_err(|e| e.to_string())?;
     let rows = rows(&text, dimension, axis).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(VelocityTable::new(dimension, rows))
 }
 
-/// Returns the columns that a table for a face across an axis has, in their order.
+/// Returns the columns of a table for a face perpendicular to an axis, in order.
 fn columns(dimension: usize, axis: usize) -> Vec<Column> {
     let column = |(name, others), unit| Column {
         name,
@@ -57,7 +57,7 @@ fn columns(dimension: usize, axis: usize) -> Vec<Column> {
         .collect()
 }
 
-/// Reads the rows of a text in rising order of the first coordinate.
+/// Reads the rows of a text, sorted in ascending order of the first coordinate.
 fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, String> {
     let columns = columns(dimension, axis);
     let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
@@ -90,7 +90,7 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     Ok(rows)
 }
 
-/// Maximum coordinate and velocity, as anywhere in a case.
+/// Maximum magnitude of coordinates and velocities, as for all numbers of a case.
 const LARGEST: f64 = 1e30;
 
 #[cfg(test)]

@@ -5,7 +5,8 @@ use super::findings::{Findings, number};
 use super::grid::Grid;
 use case::geometry::{Axis, Region};
 
-/// Returns the lower and upper corner of a region \[m\], infinite if it has no end; findings where it makes no sense.
+/// Returns the lower and upper corner of a region \[m\], infinite along unbounded axes; reports a finding for an
+/// invalid region.
 pub(crate) fn region(
     grid: &Grid,
     region: &Region,

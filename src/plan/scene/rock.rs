@@ -1,13 +1,13 @@
 //! A rock mass cut into blocks by joint sets.
 //!
-//! The mass is a convex solid. The planes of the sets cut, one after another, the blocks that they cross, each with the
-//! probability `persistence` of the set. This is the definition of persistence in 3DEC (Itasca, `block cut joint-set`):
-//! a block must stay convex, and a joint cannot end inside one. A cut that would leave a part thinner or smaller than
-//! the given limits is not made, so that the blocks always fill the mass. Finally the faces on joints are moved apart
-//! by the aperture, so that water can enter.
+//! The mass is a convex solid. The planes of the sets are applied one after another; each cuts a block that it
+//! crosses with the probability `persistence` of the set. This is the definition of persistence in 3DEC (Itasca,
+//! `block cut joint-set`): a block must stay convex, and a joint cannot end inside one. A cut that would leave a
+//! part thinner or smaller than the given limits is not made, so that the blocks always fill the mass. Finally the
+//! faces on joints are moved apart by the aperture, so that water can enter.
 //!
-//! Random numbers are functions of the seed and of the cuts that made a block; they do not depend on the order in which
-//! blocks are processed.
+//! Random numbers are functions of the seed and of the previous cuts of a block; they do not depend on the order in
+//! which blocks are processed.
 
 pub mod joints;
 pub mod list;
@@ -16,28 +16,28 @@ use base::random::Stream;
 use dem::polyhedron::{HalfSpace, Piece, PlacedPolyhedron, ShapeError};
 use joints::JointSet;
 
-/// A convex rock mass and its joints.
+/// Convex rock mass and its joint sets.
 #[derive(Clone, Debug)]
 pub struct RockMass {
-    /// The whole.
+    /// Solid before cutting.
     pub solid: PlacedPolyhedron,
-    /// The sets of joints, in the order in which they cut.
+    /// Joint sets, in the order in which they cut.
     pub sets: Vec<JointSet>,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// Distance between the two walls of a joint (m).
+    /// Distance between the two walls of a joint \[m\].
     pub aperture: f64,
-    /// A block is at least so thick (m): the diameter of the largest sphere in it, before joints open.
+    /// Minimum thickness of a block \[m\]: the diameter of its inscribed sphere, before joints open.
     pub smallest_thickness: f64,
-    /// A block is at least so large (m³), before joints open.
+    /// Minimum volume of a block \[m³\], before joints open.
     pub smallest_volume: f64,
 }
 
-/// A block in the making, and the random number that stands for the cuts that made it.
+/// Block during cutting, and the random number that represents its previous cuts.
 type Part = (Piece, u64);
 
 impl RockMass {
-    /// Returns an estimate of the number of blocks that the joints make, from above.
+    /// Returns an upper estimate of the number of blocks.
     #[must_use]
     pub fn expected(&self) -> f64 {
         let whole = Piece::from_polyhedron(&self.solid);
@@ -51,7 +51,7 @@ impl RockMass {
     /// Returns the blocks.
     ///
     /// # Errors
-    /// An aperture as wide as a block, which leaves nothing of it.
+    /// If the aperture is as large as a block, of which nothing would remain.
     pub fn blocks(&self) -> Result<Vec<PlacedPolyhedron>, ShapeError> {
         let back = 0.5 * self.aperture;
         self.parts()
@@ -77,7 +77,7 @@ impl RockMass {
         parts
     }
 
-    /// Cuts a part by the planes of a set from below to above; the set's lowest plane has number `first`.
+    /// Cuts a part by the planes of a set in ascending order; the lowest plane of the set has number `first`.
     fn cut(
         &self,
         (mut rest, mut line): Part,
@@ -114,7 +114,7 @@ impl RockMass {
         done.push((rest, line));
     }
 
-    /// Returns `true` if a part is no sliver.
+    /// Returns `true` if a part is thick and large enough.
     fn lasts(&self, part: &Piece) -> bool {
         part.volume() >= self.smallest_volume && part.thickness() >= self.smallest_thickness
     }

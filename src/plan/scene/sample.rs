@@ -1,18 +1,18 @@
-//! A prepared sample of grains as a table, so that all runs of a study can start from the same sample.
+//! Prepared sample of grains as a table, so that all runs of a study can start from the same sample.
 //!
 //! A header names the columns, in any order:
 //!
-//! | column | content | where it is left out |
+//! | column | content | default |
 //! |---|---|---|
-//! | `x`, `y`, `z` (3-D only) | centre \[m\] | needed |
-//! | `radius` (or `diameter`) | \[m\] | needed |
+//! | `x`, `y`, `z` (3-D only) | centre \[m\] | required |
+//! | `radius` (or `diameter`) | \[m\] | required |
 //! | `material` | name in the case | the material of the grains |
 //! | `velocity_x`, `velocity_y`, `velocity_z` (3-D only) | [m/s] | 0 |
 //! | `angular_velocity_x`, `_y` (3-D only), `angular_velocity_z` | [rad/s] | 0 |
-//! | `id` | whole number, each once: grains stand in its order | the order of the lines |
+//! | `id` | whole number, each once: grains are sorted by it | the order of the lines |
 //!
-//! Other columns are refused. Numbers are written with all their digits, so that a sample is read back with the same
-//! bits. [`io::sheet`] states which separators and units are read. Files of other programs are converted first
+//! Other columns are refused. Numbers are written with all digits, so that reading a sample restores the same bits.
+//! [`io::sheet`] states which separators and units are read. Files of other programs are converted first
 //! ([`foreign`]); columns that a sample does not have are not read from them.
 
 mod foreign;
@@ -24,7 +24,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
 
-/// A grain of a list.
+/// Grain with its state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ListedGrain {
     /// Centre \[m\].
@@ -39,7 +39,7 @@ pub struct ListedGrain {
     pub material: usize,
 }
 
-/// Path of the file in a case.
+/// Path of the sample file in a case.
 pub(crate) const PATH: &str = "grains.initial.file.path";
 /// Remedy for a file that cannot be read.
 pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the file";
@@ -47,7 +47,7 @@ pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the 
 /// Reads the sample of a case.
 ///
 /// # Errors
-/// A sentence that names the file, the line or the column.
+/// If the file is not a valid sample; the text names the file, the line or the column.
 pub(crate) fn load(case: &Case, written: &Path) -> Result<Vec<ListedGrain>, String> {
     let text = io::plain::text(&case.directory.join(written), io::plain::LONGEST_INPUT);
     let text = text.map_err(|e| e.to_string())?;
@@ -71,13 +71,13 @@ const SPIN: [&str; 3] = [
     "angular_velocity_z",
 ];
 
-/// Returns the columns of the rotation rate: in 2-D that about z.
+/// Returns the names of the columns of the rotation rate: in 2-D only that about z.
 fn spin(dimension: usize) -> &'static [&'static str] {
     &SPIN[if dimension == 2 { 2 } else { 0 }..]
 }
 
-/// Returns the sample as CSV; `materials` are the names behind the indices. Velocities and rotation rates stand in it
-/// where one is not zero.
+/// Returns the sample as CSV; `materials` are the names of the material indices. Columns of velocities and rotation
+/// rates are written only if one of them is not zero.
 #[must_use]
 pub fn write(grains: &[ListedGrain], dimension: usize, materials: &[String]) -> String {
     let axes = dimension.min(3);
@@ -110,7 +110,7 @@ pub fn write(grains: &[ListedGrain], dimension: usize, materials: &[String]) -> 
     text
 }
 
-/// Other names of the radius: half of a diameter.
+/// Alternative names of the radius, with the factor from diameter to radius.
 const RADIUS: &[(&str, f64)] = &[
     ("r", 1.0),
     ("rad", 1.0),
@@ -120,7 +120,7 @@ const RADIUS: &[(&str, f64)] = &[
     ("dia", 2.0),
     ("diam", 2.0),
 ];
-/// Other names of centres, velocities and rotation rates.
+/// Alternative names of centres, velocities and rotation rates.
 const OTHERS: [&[(&str, f64)]; 9] = [
     &[
         ("pos_x", 1.0),
@@ -181,17 +181,17 @@ const OTHERS: [&[(&str, f64)]; 9] = [
     ],
 ];
 
-/// Columns of a sample, and their positions in the list of those that the reader knows.
+/// Columns of a sample, by their positions in the list passed to the reader.
 struct Columns {
     list: Vec<Column>,
     position: Vec<usize>,
     velocity: Vec<usize>,
-    /// Axis and position.
+    /// Axis and position of each rotation rate.
     spin: Vec<(usize, usize)>,
     radius: usize,
     material: usize,
     id: usize,
-    /// Coordinate across the plane of a file of another program.
+    /// Coordinate normal to the plane, in a 2-D sample of another program.
     plane: Option<usize>,
 }
 
@@ -231,7 +231,7 @@ impl Columns {
         }
     }
 
-    /// Adds the coordinate across the plane.
+    /// Adds the coordinate normal to the plane.
     fn add_plane(&mut self) {
         self.plane = Some(self.list.len());
         self.list.push(Column {
@@ -242,7 +242,7 @@ impl Columns {
         });
     }
 
-    /// Returns the sentence about a column that a sample does not have.
+    /// Returns the error about a column that samples do not have.
     fn unknown(&self, name: &str) -> String {
         let known: Vec<&str> = self.list.iter().map(|column| column.name).collect();
         let list = known.join(", ");
@@ -261,10 +261,10 @@ impl Columns {
     }
 }
 
-/// Reads a sample; grains that name no material get `default`.
+/// Reads a sample; grains without a material get `default`.
 ///
 /// # Errors
-/// A sentence that names the line or the column.
+/// If the text is not a valid sample; the error names the line or the column.
 pub fn read(
     text: &str,
     dimension: usize,

@@ -1,11 +1,11 @@
-//! Names of files that a case writes into the folder of its run: plain names that differ from those of the program's
-//! own files.
+//! Names of files that a case saves into the folder of its run: plain names that differ from the names of the
+//! program's own files.
 
 use super::findings::Findings;
 use case::Case;
 use std::path::Path;
 
-/// Names that belong to the run itself.
+/// File names reserved for the program.
 const OWN: [&str; 23] = [
     "averages_profile.csv",
     "bonds.csv",
@@ -31,14 +31,14 @@ const OWN: [&str; 23] = [
     "summary.json",
     "surface.csv",
 ];
-/// Endings of the run's series, checkpoints, and of what is not yet complete.
+/// Endings reserved for series, checkpoints and incomplete files.
 const OWN_ENDINGS: [&str; 5] = [".xmf", ".vtkhdf", ".h5", ".part", ".lock"];
-/// Beginnings of the names of tables and checkpoints.
+/// Beginnings reserved for tables and checkpoints.
 const OWN_BEGINNINGS: [&str; 3] = ["probe_", "checkpoint", "."];
-/// Longest name \[bytes\], with space for the ending of a file that is being written.
+/// Maximum length of a name \[bytes\], which leaves space for the ending of an incomplete file.
 const LONGEST: usize = 200;
 
-/// Checks every name that a case gives to a file of its run.
+/// Checks all names that a case gives to files of its run.
 pub(crate) fn names(case: &Case, findings: &mut Findings) {
     let grains = case.grains.as_ref().and_then(|grains| grains.save.as_ref());
     let blocks = case.blocks.as_ref().and_then(|blocks| blocks.save.as_ref());
@@ -60,7 +60,7 @@ pub(crate) fn names(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Returns the reason why a name is not valid inside the run's folder.
+/// Returns the reason why a name is not valid in the folder of the run; none if it is.
 fn wrong(written: &Path) -> Option<String> {
     let name = written.to_str().unwrap_or_default();
     let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');

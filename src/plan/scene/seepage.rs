@@ -1,4 +1,4 @@
-//! The seepage of a scene: its coarse grid, and the conditions on parts of the faces.
+//! Seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
 mod drains;
 mod polygons;
@@ -28,19 +28,19 @@ use structure::Images;
 
 /// Path of the seepage in a case.
 pub(crate) const PATH: &str = "fluid.darcy";
-/// Default and largest number of solid steps between two couplings.
+/// Default number of solid steps between two couplings, then the maximum.
 const USUAL_INTERVAL: u32 = 100;
 const MOST_INTERVAL: u32 = 1_000_000;
-/// Default number of steps of the clock to an output of a flow that changes with time.
+/// Default number of clock steps between outputs of a transient flow.
 const TRANSIENT_INTERVAL: u32 = 10;
-/// Median diameters in the edge of a cell above which the plan warns (Cundall 2000 and the fissure paper: 1 to 4 mean
-/// diameters).
+/// Maximum edge of a cell in median diameters, above which the plan warns (Cundall 2000 and the published model of
+/// ground fissures use 1 to 4 mean diameters).
 const USUAL_DIAMETERS: f64 = 4.0;
 
-/// A resolved seepage, in SI.
+/// Resolved seepage, in SI.
 #[derive(Clone, Debug, Serialize)]
 pub struct Seepage {
-    /// The choices as written.
+    /// Fields as written.
     pub written: Darcy,
     /// Longest coupling interval for the requested accuracy \[s\]; none if the case states the interval or no accuracy.
     pub coupling_time: Option<f64>,
@@ -52,25 +52,26 @@ pub struct Seepage {
     pub spacing: [f64; 3],
     /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it \[m\].
     pub planes: Vec<([f64; 3], f64)>,
-    /// Faces of the grid that are walls for grains and open water, below and above along each axis.
+    /// `true` for the faces of the grid that are walls for grains and open water, lower and upper face along each
+    /// axis.
     pub walls: [[bool; 2]; 3],
-    /// Conditions, in the order of the case.
+    /// Boundary conditions, in the order of the case.
     pub patches: Vec<SeepagePatch>,
     /// Drains and wells inside the ground, in the order of the case.
     pub drains: Vec<Drain>,
-    /// Permeabilities and porosities by region, on the grid.
+    /// Permeabilities and porosities by zone, on the grid.
     #[serde(skip)]
     pub zones: Option<Arc<Zones>>,
-    /// Number of the soil of each cell, 0 for that of `unsaturated`, then those of the zones that state one in their
-    /// order; empty where no zone states one.
+    /// Index of the soil of each cell: 0 for the soil of `unsaturated`, then the zones with a soil of their own in
+    /// their order; empty if no zone has one.
     #[serde(skip)]
     pub soil_of: Vec<u8>,
-    /// Structures that the water meets.
+    /// Structures in contact with the water.
     #[serde(skip)]
     pub solids: Vec<Arc<Images>>,
 }
 
-/// A condition on a part of a face of the coarse grid.
+/// Condition on a part of a face of the coarse grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeepagePatch {
     /// Name.
@@ -79,16 +80,17 @@ pub struct SeepagePatch {
     pub face: Face,
     /// First cell along each axis.
     pub from: [usize; 3],
-    /// One past the last.
+    /// One past the last cell along each axis.
     pub to: [usize; 3],
-    /// The condition, at time 0.
+    /// Condition at time 0.
     pub condition: Condition,
-    /// Times \[s\] and values of the condition; empty where it stays.
+    /// Times \[s\] and values of the condition; empty if it is constant.
     pub history: Vec<[f64; 2]>,
 }
 
 impl SeepagePatch {
-    /// Returns the cells along an axis; none if a case gives the ends in the wrong order, which is refused by name.
+    /// Returns the range of cells along an axis; empty if a case gives the ends in the wrong order, which is
+    /// refused separately.
     fn cells(&self, axis: usize) -> usize {
         self.to[axis].saturating_sub(self.from[axis])
     }
@@ -166,16 +168,15 @@ impl Seepage {
             .chain(drains)
     }
 
-    /// `true` if the flow changes with time.
+    /// Returns `true` if the flow changes with time.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         let soil = self.written.unsaturated.as_ref();
         soil.is_some_and(|soil| soil.transient.is_some())
     }
 
-    /// Returns the steps of the grains, each of this time \[s\], between two couplings; `longest`: the
-    /// longest time between them that is
-    /// known to be right \[s\].
+    /// Returns the number of solid steps \[each of this time, s\] between two couplings; `longest` is the longest
+    /// time between couplings that is known to be accurate \[s\].
     #[must_use]
     pub fn coupling_interval(&self, solid_time_step: f64, longest: Option<f64>) -> u32 {
         let steps = |time: f64| {
@@ -216,7 +217,7 @@ impl Seepage {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the height of the grid along gravity; its longest edge without gravity \[m\].
+    /// Returns the height of the grid along gravity, or its longest edge without gravity \[m\].
     pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
         let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
         let axis = (0..dimension).max_by(|&a, &b| {
@@ -226,7 +227,7 @@ impl Seepage {
         axis.map_or(0.0, edge)
     }
 
-    /// Returns the largest difference between imposed pressures beyond those of water at rest \[Pa\].
+    /// Returns the largest difference between imposed pressures beyond hydrostatic differences \[Pa\].
     pub(crate) fn pressure_drop(&self, gravity: [f64; 3]) -> f64 {
         let density = self.written.density;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -253,7 +254,7 @@ impl Seepage {
         (high - low).max(0.0)
     }
 
-    /// Lowest elevation of a patch \[m\].
+    /// Returns the lowest elevation of a patch \[m\].
     fn lowest(&self, patch: &SeepagePatch, gravity: [f64; 3]) -> f64 {
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let lower = |a: usize| {
@@ -376,7 +377,7 @@ impl Seepage {
         patches
     }
 
-    /// Moves the ends of a patch by a cell where a structure cuts the cells there and leaves the water on the other
+    /// Moves the ends of a patch by a cell where a structure cuts the end cells and leaves their water on the other
     /// side: water that a sheet pile separates from a patch does not belong to it.
     fn end_beside_structures(
         &self,
@@ -394,8 +395,7 @@ impl Seepage {
         };
         let [from, to] = found;
         let (first, last) = (*from, *to);
-        // Where the water of a layer of cells across an axis is, in the mean over the patch; none if there is no
-        // water.
+        // Mean position of the water in a layer of cells across an axis, over the patch; none if there is no water.
         let water = |a: usize, at: usize| {
             let others: Vec<usize> = (0..grid.dimension)
                 .filter(|&b| b != a && b != axis)
@@ -417,7 +417,7 @@ impl Seepage {
             }
             let middle = self.origin[a] + (real(at) + 0.5) * self.spacing[a];
             let mean = (wet > 0).then(|| sum / real(wet));
-            // Cells that no structure cuts are where they are.
+            // Cells that no structure cuts keep their position.
             mean.filter(|mean| (mean - middle).abs() > 1e-6 * self.spacing[a])
         };
         for (end, found) in ends.into_iter().zip([from, to]) {
@@ -432,7 +432,7 @@ impl Seepage {
         }
     }
 
-    /// Returns the coarse grid in `dimension` axes.
+    /// Returns the coarse grid in `dimension` dimensions.
     #[must_use]
     pub fn coarse_grid(&self, dimension: usize) -> CoarseGrid {
         CoarseGrid {
@@ -443,7 +443,7 @@ impl Seepage {
         }
     }
 
-    /// Returns `true` if structures hold the cells of a patch.
+    /// Returns `true` if structures fill the cells of a patch.
     fn covered(&self, patch: &SeepagePatch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let across: Vec<usize> = (0..dimension).filter(|&a| a != axis).collect();
@@ -467,7 +467,7 @@ impl Seepage {
         })
     }
 
-    /// Returns `true` if the enclosure closes a patch: every cell face of it is wholly behind one plane.
+    /// Returns `true` if the enclosure closes a patch: every cell face of it lies entirely behind one plane.
     fn closed(&self, patch: &SeepagePatch, dimension: usize) -> bool {
         let axis = patch.face.axis();
         let level = if patch.face.is_max() {
@@ -487,7 +487,7 @@ impl Seepage {
                 n /= cells;
             }
             self.planes.iter().any(|(outward, offset)| {
-                // The corner of the face that lies deepest on the side of the water.
+                // Corner of the face farthest on the side of the water.
                 let deepest: f64 = (0..3)
                     .map(|a| (outward[a] * low[a]).min(outward[a] * high[a]))
                     .sum();
@@ -539,7 +539,7 @@ impl Seepage {
         }
     }
 
-    /// Checks that some condition holds the pressure, and that conditions under gravity have one.
+    /// Checks that some condition determines the pressure, and that conditions that need gravity have it.
     fn check_conditions(&self, case: &Case, findings: &mut Findings) {
         if !self.conditions().any(|condition| condition.holds()) {
             findings.error(
@@ -574,7 +574,7 @@ impl Seepage {
         }
     }
 
-    /// Checks the least porosity and the law of resistance.
+    /// Checks the minimum porosity and the resistance law.
     fn check_laws(&self, findings: &mut Findings) {
         let written = &self.written;
         let cap = written.porosity_cap();
@@ -598,7 +598,7 @@ impl Seepage {
         }
     }
 
-    /// Checks the edges of cells against the sizes of grains.
+    /// Checks the edges of the cells against the sizes of the grains.
     fn check_edges(&self, grains: &Grains, dimension: usize, path: &str, findings: &mut Findings) {
         let edge = self.smallest_edge(dimension);
         let diameter = 2.0 * grains.radii.map_or(0.0, |(_, largest)| largest);
@@ -617,8 +617,8 @@ impl Seepage {
         let spacing = self.spacing[..dimension].iter().copied();
         let widest = spacing.fold(0.0, f64::max);
         let too_small = |least: f64| widest > USUAL_DIAMETERS * 2.0 * least;
-        // A bed of grains has more of them than cells; a few stand for a continuum. The percentiles are asked for only
-        // where the smallest grain could be too small.
+        // A bed has more grains than cells; fewer grains are a continuum. The percentiles are computed only if the
+        // smallest grain could be too small.
         if grains.expected >= self.cell_count()
             && grains.radii.is_some_and(|(least, _)| too_small(least))
             && let Some(sizes) = grains.percentiles(dimension)
@@ -641,7 +641,7 @@ impl Seepage {
         }
     }
 
-    /// Checks zones without grains: they are the bed, and all cells outside are open water.
+    /// Checks zones in a case without grains: they form the bed, and all other cells are open water.
     fn check_without_grains(&self, findings: &mut Findings) {
         let Some(zones) = &self.zones else {
             findings.error(
@@ -664,7 +664,7 @@ impl Seepage {
 const WEIGHTLESS: &str =
     "heads, rain, evaporation and seepage faces need gravity, and there is none in this case";
 
-/// `true` if a condition has no meaning without gravity.
+/// Returns `true` if a condition has no meaning without gravity.
 fn needs_gravity(condition: &Condition) -> bool {
     matches!(
         condition,

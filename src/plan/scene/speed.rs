@@ -1,9 +1,9 @@
-//! The speeds that the water of a scene will reach, before a single step.
+//! Speeds that the water of a scene will reach, estimated before the first step.
 //!
-//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow U = dP
-//! b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by U = f b²/(8
-//! rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. Where the program chooses the time step,
-//! it also asks how fast bodies settle ([`settling`]).
+//! Velocities that are not imposed are estimated from above: a pressure drop by the smaller of the viscous flow U =
+//! dP b²/(8 rho nu L) through the open height b and of the frictionless one sqrt(2 dP/rho); a body force by U = f
+//! b²/(8 rho nu) above the bed that grains form, or f/(rho omega) if it oscillates. If the program chooses the time
+//! step, the settling speed of bodies is estimated as well ([`settling`]).
 
 pub(crate) mod settling;
 
@@ -17,21 +17,21 @@ use lbm::boundary::SurfaceKind;
 use lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
 
-/// Margin on what a pilot finds: its cells are coarse.
+/// Safety factor on the speed of a pilot run, which has coarse cells.
 pub(crate) const PILOT_MARGIN: f64 = 1.25;
 
-/// A velocity the fluid will reach.
+/// Estimated or imposed speed of the fluid.
 pub(crate) struct Speed {
     /// Cause of the speed.
     pub(crate) what: String,
-    /// JSON path of what decides it.
+    /// JSON path of the field that determines the speed.
     pub(crate) path: String,
-    /// The speed [m/s].
+    /// Value of the speed [m/s].
     pub(crate) value: f64,
 }
 
-/// Returns all speeds that a time step was chosen for: imposed and written, of forces, gravity and pressures, and of
-/// what settles.
+/// Returns all speeds relevant to the choice of a time step: imposed and stated, from forces, gravity and
+/// pressures, and of settling bodies.
 pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
@@ -55,8 +55,8 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Returns the speeds by which a scene is judged: where its time step is stated, those imposed and those of pressures,
-/// of body forces and of what settles.
+/// Returns the speeds by which a scene with a stated time step is judged: imposed speeds, and those from pressures,
+/// body forces and settling.
 pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     if !scene.chosen.limits.is_empty() {
         return all(scene, flow);
@@ -66,7 +66,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     }
     let mut speeds = imposed(scene, flow);
     speeds.extend(driven_by_pressure(scene, flow));
-    // Both are estimates from above: the one knows the bed, the other what stands in the way.
+    // Both are upper estimates: one includes the bed, the other the obstacles.
     let estimates = [force_driven(scene, flow), driven_by_forces(scene, flow)];
     let estimate = estimates.into_iter().flatten().reduce(f64::min);
     if let Some(value) = estimate.filter(|value| *value != 0.0) {
@@ -76,23 +76,23 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
             value,
         });
     }
-    // The estimate is from above: it counts where it is beyond what a run may reach.
+    // The estimate is an upper bound: it counts only if it exceeds the limit of a run.
     let most = scene.guards.max_lattice_velocity * scene.grid.spacing / flow.time_step;
     speeds.extend(settles(scene, flow).filter(|speed| speed.value > most));
     speeds
 }
 
-/// The name of the speed of what settles or rises.
+/// Name of the settling speed.
 pub(crate) const SETTLING: &str = "settling (estimate)";
 
-/// Returns the speed of bodies that settle or rise.
+/// Returns the speed of settling or rising bodies.
 fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
     let what = SETTLING.into();
     Some(Speed { what, path, value })
 }
 
-/// Returns the speeds imposed by boundaries, by the start and by bodies.
+/// Returns the speeds imposed by boundaries, by the initial state and by bodies.
 pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed_on_fluid(flow);
     speeds.extend(of_bodies(scene, false));
@@ -100,9 +100,9 @@ pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Returns the speed of water that falls from its highest place to the lowest of the domain, and that of water that
-/// runs down a slope between openings: by its fall along the whole domain, and no faster than a film as thick as the
-/// highest water stands.
+/// Returns the speed of water that falls from its highest to the lowest point of the domain, and that of water that
+/// flows down a slope between openings: limited by its fall along the whole domain, and by the speed of a film as
+/// thick as the highest water level.
 fn falls(scene: &Scene) -> Option<Speed> {
     let surface = scene.surface.as_ref()?;
     let head = surface.head();
@@ -132,7 +132,7 @@ fn falls(scene: &Scene) -> Option<Speed> {
     })
 }
 
-/// Returns the speeds imposed by boundaries and by the start.
+/// Returns the speeds imposed by boundaries and by the initial state.
 pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut speeds = Vec::new();
@@ -190,8 +190,8 @@ pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Returns the largest speeds at the surfaces of bodies whose motion is written: with both parts of their motion, or
-/// with their rotation alone.
+/// Returns the largest surface speeds of bodies with a prescribed motion: from translation and rotation, or from
+/// rotation alone.
 pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<Item = Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let bodies = scene.bodies.iter().enumerate();
@@ -208,7 +208,7 @@ pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<It
     speeds.filter(|speed| speed.value != 0.0)
 }
 
-/// Returns the largest speed at which bodies move through the fluid: as written, or as they settle or rise.
+/// Returns the largest speed at which bodies move through the fluid: as prescribed, or by settling or rising.
 pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
@@ -222,16 +222,16 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
         .max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Returns the speed that a pressure difference drives.
+/// Returns the speed driven by a pressure difference.
 fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
     let what = "the pressure difference (estimate)".into();
     Some(Speed { what, path, value })
 }
 
-/// The difference of the pressures that boundaries impose.
+/// Difference of the pressures imposed by boundaries.
 pub(crate) struct PressureDifference {
-    /// Largest less smallest \[Pa\].
+    /// Largest minus smallest pressure \[Pa\].
     pub(crate) value: f64,
     /// JSON path of the pressure with the larger amplitude.
     path: String,
@@ -239,7 +239,7 @@ pub(crate) struct PressureDifference {
     pub(crate) axis: usize,
 }
 
-/// Returns the difference of the pressures that boundaries impose; outflows elsewhere are at the reference.
+/// Returns the difference of the pressures imposed by boundaries; outflows count with the reference pressure.
 pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
     let mut bounds: Option<[f64; 2]> = None;
     let mut largest: Option<(f64, String, usize)> = None;
@@ -280,8 +280,8 @@ fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((path, free.min(viscous).min(resisted)))
 }
 
-/// Returns the length and open height of the way through the domain along an axis: the holes cut into the grains (boxes
-/// that do not reach from wall to wall), or the whole domain.
+/// Returns the length and open height of the passage through the domain along an axis: through the holes cut into
+/// the grains (boxes that do not reach from wall to wall), or the whole domain.
 pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     let grid = &scene.grid;
     let across: Vec<usize> = (0..grid.dimension)
@@ -306,9 +306,9 @@ pub(crate) fn passage(scene: &Scene, axis: usize) -> (f64, f64) {
     .unwrap_or((grid.size[axis], full))
 }
 
-/// Thickness of the bed that grains form under a stream along `axis` \[m\], at least: that of equal spheres (2-D:
-/// discs) of the smallest size in the densest packing. None where grains have nowhere to settle, or where the stream
-/// goes through a hole cut into them.
+/// Returns the minimum thickness \[m\] of the bed that grains form under a stream along `axis`: that of equal
+/// spheres (2-D: discs) of the smallest size in the densest packing. Zero if grains do not settle there, or if the
+/// stream passes through a hole cut into them.
 fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     let grid = &scene.grid;
     let down = (0..grid.dimension)
@@ -332,8 +332,8 @@ fn bed(scene: &Scene, flow: &Flow, axis: usize) -> f64 {
     grains.remaining() * volume / (densest * floor)
 }
 
-/// Returns the largest body force with the weight of the water along periodic axes where gravity acts on it [N/m3];
-/// along the others it makes pressure.
+/// Returns the largest driving force per volume [N/m³]: the body force, plus the weight of the water along periodic
+/// axes on which gravity acts; along other axes weight only causes pressure.
 fn driving_force(scene: &Scene, flow: &Flow) -> [f64; 3] {
     let body = flow.body_force.largest();
     std::array::from_fn(|a| {
@@ -352,7 +352,7 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
     let size = force.iter().map(|f| f * f).sum::<f64>().sqrt();
     let axis = (0..3).max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()))?;
     if size == 0.0 || !scene.grid.periodic[axis] {
-        // Against walls a force makes pressure, not flow.
+        // A force against walls causes pressure, not flow.
         return None;
     }
     let (_, height) = passage(scene, axis);
@@ -364,7 +364,7 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
         _ => 0.0,
     };
     let estimate = match flow.body_force {
-        // No flow is faster than the force has had time for.
+        // The flow is not faster than the force could accelerate it in the time available.
         BodyForce::Constant(_) => {
             let steady = if flow.turbulence.is_some() {
                 viscous.min(turbulent(size, height, flow))
@@ -384,13 +384,13 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
         size * scene.grid.size[axis] / flow.density,
     );
     let estimate = estimate.min(resisted);
-    // With no wall in sight only what is in the way can hold the flow back, and that is not known yet.
+    // Without walls only obstacles limit the flow, and their effect is not known yet.
     estimate.is_finite().then_some(estimate)
 }
 
-/// Returns the speed that body force and gravity give to the water along an axis on which the domain repeats itself: in
-/// a film under a surface without friction four times that between walls; in 3-D turbulent from Re = 4000 on; between
-/// bodies as far as these hold it.
+/// Returns the speed of the water driven by body force and gravity along a periodic axis: in a film under a
+/// frictionless surface four times that between walls; in 3-D turbulent from Re = 4000 on; between bodies limited
+/// by their drag.
 fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     let forces = driving_force(scene, flow);
     let along = (0..scene.grid.dimension).filter(|a| scene.grid.periodic[*a]);
@@ -417,7 +417,7 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     } else {
         viscous
     };
-    // No flow is faster than the force has had time for.
+    // The flow is not faster than the force could accelerate it in the time available.
     let time = match flow.body_force {
         BodyForce::Constant(_) => scene.time.end,
         BodyForce::Oscillating { period, .. } => period / std::f64::consts::TAU,
@@ -431,7 +431,7 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
     Some(steady.min(force * time / flow.density).min(resisted))
 }
 
-/// Returns the velocity in the middle of a turbulent channel that a force drives: u/u* = ln(Re*)/0.41 + 5.2, the
+/// Returns the centreline velocity of a turbulent channel driven by a force: u/u* = ln(Re*)/0.41 + 5.2, the
 /// logarithmic law (Pope 2000, section 7.1), with the friction velocity u* = (F H/(2 rho))^½ and Re* = u* H/(2 nu).
 fn turbulent(force: f64, height: f64, flow: &Flow) -> f64 {
     let friction_velocity = (0.5 * force * height / flow.density).sqrt();
@@ -446,7 +446,7 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// A bed takes height from the stream, which so is slower than in the empty channel.
+    /// Checks that a bed reduces the height of the stream, which is therefore slower than in the empty channel.
     #[test]
     fn the_stream_is_as_high_as_the_bed_leaves_it() {
         let speed = |number: usize, density: f64| {
@@ -472,10 +472,10 @@ mod tests {
             force_driven(&scene, scene.flow.as_ref().unwrap()).unwrap()
         };
         let empty = 8.0 * 0.1 * 0.1 / (8.0 * 10.0);
-        // 0.74 of a layer of 2 cm are spheres: 283 with a volume of 5.24e-7 m3.
+        // Spheres fill 0.74 of a layer of 2 cm: 283 with a volume of 5.24e-7 m³.
         let bed = speed(283, 2500.0);
         assert!((bed / (0.64 * empty) - 1.0).abs() < 0.01, "{bed} {empty}");
-        // What floats forms no bed.
+        // Floating grains form no bed.
         assert_eq!(speed(283, 900.0), empty);
     }
 }

@@ -1,24 +1,24 @@
 //! Triangulated surfaces from STL files, as text or binary.
 //!
 //! STL lists the corners of each triangle separately. Corners within 1e-7 of the extent of the surface are merged into
-//! one vertex, which gives the neighbours of a triangle. Triangles without an area are left out. The normals of the
+//! one vertex, which gives the neighbours of a triangle. Triangles without area are dropped. The normals of the
 //! file are not used, because walls act on both sides.
 //!
-//! The program has its own reader: it reads text in double precision where the crate `stl_io` rounds to single
-//! precision, its messages name the line, and it compares the number of triangles with the length of the file before it
-//! allocates memory.
+//! The program has its own reader, because `stl_io` rounds text to single precision; this reader keeps double
+//! precision, names the line in its messages, and compares the number of triangles with the length of the file
+//! before it allocates memory.
 
 use dem::FacetSurface;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Corners closer than this over the extent of the surface are one.
+/// Maximum distance of corners that are merged, relative to the extent of the surface.
 const MERGE: f64 = 1e-7;
 
-/// Returns the surface of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the surface of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
 ///
 /// # Errors
-/// A sentence about the error.
+/// If the file is not a valid surface.
 pub(crate) fn read(
     bytes: &[u8],
     scale: f64,
@@ -41,10 +41,10 @@ pub(crate) fn read(
     FacetSurface::new(vertices, &facets).map_err(|e| e.to_string())
 }
 
-/// Returns the triangles of a file, `scale` metres per unit of it, moved by `origin` (m).
+/// Returns the triangles of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
 ///
 /// # Errors
-/// A sentence about the error.
+/// If the file is not a valid surface.
 pub(crate) fn triangles(
     bytes: &[u8],
     scale: f64,
@@ -57,7 +57,7 @@ pub(crate) fn triangles(
         .collect())
 }
 
-/// Returns the box that holds corners \[m\].
+/// Returns the bounding box of corners \[m\].
 pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 2] {
     let none = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
     let [low, high] = corners.fold(none, |[low, high], at| [low.inf(&at), high.sup(&at)]);
@@ -77,8 +77,8 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// Returns the corners of a binary file: it is as long as its count of triangles says, or longer by padding, whatever
-/// its first word.
+/// Returns the corners of a binary file, which is at least as long as its number of triangles requires, whatever
+/// its first word; none for another file.
 fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
     let end = 84 + 50 * count;
@@ -95,7 +95,7 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
             .map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)))
     };
     let corners = bytes[84..end].chunks_exact(50).flat_map(|triangle| {
-        // Three numbers of the normal come first.
+        // The three numbers of the normal come first.
         (1..4).map(|corner| {
             std::array::from_fn(|axis| {
                 let at = 12 * corner + 4 * axis;
@@ -106,7 +106,7 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     Some(corners.collect())
 }
 
-/// Returns the words of a text with their lines, which end by a line feed, a carriage return or both.
+/// Returns the words of a text with their line numbers; lines end with a line feed, a carriage return or both.
 fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.split('\n').flat_map(|line| {
         let line = line.strip_suffix('\r').unwrap_or(line);
@@ -117,8 +117,8 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
 }
 
-/// Returns the corners of a text file: words, however they are divided into lines. The name of a solid may have any
-/// letters of any code.
+/// Returns the corners of a text file as a sequence of words, however divided into lines. The name of a solid may
+/// contain characters of any encoding.
 fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     let padding = |byte: &u8| *byte == 0;
     let end = bytes
@@ -132,7 +132,7 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     }
     let mut corners = Vec::new();
     let mut in_loop = 0;
-    // The words of a name are no keywords.
+    // Words within a name are not keywords.
     let mut in_name = false;
     let mut words = words(text);
     while let Some((n, word)) = words.next() {
@@ -162,7 +162,7 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     Ok(corners)
 }
 
-/// Returns the reason why bytes are neither text nor a whole binary file.
+/// Returns the reason why bytes are neither text nor a complete binary file.
 fn no_text(bytes: &[u8]) -> String {
     let count = bytes.get(80..84).and_then(|count| count.try_into().ok());
     count.map_or_else(
@@ -178,7 +178,7 @@ fn no_text(bytes: &[u8]) -> String {
     )
 }
 
-/// Returns the vertices, and the vertex of each corner.
+/// Returns the merged vertices, and the vertex index of each corner.
 fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
     let mut low = Vector3::repeat(f64::INFINITY);
     let mut high = Vector3::repeat(f64::NEG_INFINITY);
@@ -259,7 +259,7 @@ mod tests {
         for surface in [&a, &b] {
             assert_eq!(surface.len(), 2);
             assert!(surface.adjacent(0, 1));
-            // Two contacts without merging, over the diagonal.
+            // Without merging there would be two contacts across the diagonal.
             let mut found = Vec::new();
             let centre = Vector3::new(0.0005, 0.0005, 0.5001);
             surface.contacts(&[0, 1], &centre, 2e-4, &mut found);
@@ -268,8 +268,8 @@ mod tests {
         }
     }
 
-    /// Text as it is found: a name in Latin-1 with a keyword in it, everything on one line, old line ends, capitals,
-    /// padding.
+    /// Checks text as found in practice: a name in Latin-1 that contains a keyword, everything on one line, old
+    /// line ends, capitals, padding.
     #[test]
     fn text_is_read_as_it_is_found() {
         let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();
@@ -303,8 +303,8 @@ mod tests {
         assert!(short.contains("184 bytes, the file has 150"), "{short}");
     }
 
-    /// Headers of several programs: words of Gmsh, OpenSCAD, Salome and CATIA; binary files of ParaView,
-    /// MeshLab, and of SolidWorks, which begins with `solid`, with colours in the last bytes of a facet.
+    /// Checks headers of several programs: words of Gmsh, OpenSCAD, Salome and CATIA; binary files of ParaView,
+    /// MeshLab, and of SolidWorks, which begins with `solid` and stores colours in the last bytes of a facet.
     #[test]
     fn headers_of_several_programs_are_read() {
         let expected = corners(SQUARE.as_bytes(), 1.0, &Vector3::zeros()).unwrap();

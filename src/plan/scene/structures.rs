@@ -1,4 +1,4 @@
-//! The structures of a scene, and the walls that grains meet at them.
+//! Structures of a scene, which are also walls for grains.
 
 use super::findings::{Findings, number};
 use super::grid::Grid;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use structure::{Frame, Images, Shape};
 
-/// A solid at rest.
+/// Stationary solid.
 #[derive(Clone, Debug, Serialize)]
 pub struct Structure {
     /// Name.
@@ -22,13 +22,13 @@ pub struct Structure {
     /// The solid with its periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
-    /// Materials that it stops.
+    /// Materials that it stops: water, grains or both.
     pub stops: Stops,
     /// Index of its material.
     pub material: Option<usize>,
 }
 
-/// Cells round the domain in which solids are known.
+/// Margin around the domain, in cells, within which solids are evaluated.
 const MARGIN: f64 = 3.0;
 
 /// Returns the structures of a case.
@@ -70,7 +70,7 @@ pub(crate) fn structures(
     all
 }
 
-/// Returns a solid with its periodic images; findings where it cannot be had, or lies outside the domain.
+/// Returns a solid with its periodic images; reports a finding if it cannot be read or lies outside the domain.
 pub(crate) fn images(
     case: &Case,
     grid: &Grid,
@@ -129,15 +129,15 @@ pub(crate) fn images(
     Some(images)
 }
 
-/// Length over that of a cell below which a solid has no shape on the lattice, even where it cuts a link.
+/// Size of a solid, in cells, below which it is not represented on the lattice even if it cuts a link.
 const NO_SHAPE: f64 = 0.1;
 
-/// Returns `true` if a solid that is smaller than a cell holds no centre of a cell, and cuts no link between two of
-/// them or is far smaller than a cell.
+/// Returns `true` if a solid smaller than a cell contains no cell centre, and either cuts no link between cell
+/// centres or is smaller than [`NO_SHAPE`].
 fn is_lost(images: &Images, grid: &Grid) -> bool {
     let [low, high] = images.solid().extent();
     let axes = 0..grid.dimension;
-    // A negated comparison, so that a solid without an end is not small.
+    // A negated comparison, so that an infinite solid does not count as small.
     if !axes.clone().all(|a| high[a] - low[a] < grid.spacing) {
         return false;
     }
@@ -154,7 +154,7 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
             }
         })
     };
-    // Both ends of a link stand within a cell of the solid.
+    // Both ends of such a link lie within a cell of the solid.
     let corners = if grid.dimension == 2 { 9 } else { 27 };
     let place = |n: i64| [n % 3, n / 3 % 3, n / 9];
     let mut found = Vec::new();
@@ -172,13 +172,13 @@ fn is_lost(images: &Images, grid: &Grid) -> bool {
     })
 }
 
-/// Returns `true` if a part of the solid, however thin, is in the domain.
+/// Returns `true` if any part of the solid, however thin, is in the domain.
 fn meets(images: &Images, grid: &Grid) -> bool {
     images
         .extents()
         .any(|[low, high]| (0..grid.dimension).all(|a| low[a] < grid.size[a] && high[a] > 0.0))
         && images.solid().plane().is_none_or(|(point, normal)| {
-            // The corner of the domain that lies deepest behind the plane.
+            // Corner of the domain that lies deepest behind the plane.
             let deepest: f64 = (0..grid.dimension)
                 .map(|a| (-point[a] * normal[a]).min((grid.size[a] - point[a]) * normal[a]))
                 .sum();
@@ -186,10 +186,10 @@ fn meets(images: &Images, grid: &Grid) -> bool {
         })
 }
 
-/// Grains reach into a structure at the start where they do by more than this part of their radius.
+/// Maximum initial overlap of a grain with a structure, as a fraction of its radius.
 const ALLOWED: f64 = 0.05;
 
-/// Returns the overlap of a grain with a structure that stops grains \[m\], if it is more than contacts explain.
+/// Returns the overlap of a grain with a structure that stops grains \[m\], if it exceeds the allowed overlap.
 fn depth(structure: &Structure, grain: &super::sample::ListedGrain) -> Option<f64> {
     let depth = grain.radius - structure.solid.distance(grain.position);
     (structure.stops.grains() && depth > ALLOWED * grain.radius).then_some(depth)
@@ -201,7 +201,7 @@ pub fn inside(structures: &[Structure], grain: &super::sample::ListedGrain) -> b
     structures.iter().any(|one| depth(one, grain).is_some())
 }
 
-/// Openings that structures close completely.
+/// Refuses openings that structures close completely.
 pub(crate) fn openings(
     grid: &Grid,
     structures: &[Structure],
@@ -260,7 +260,7 @@ mod tests {
         read.map_or_else(|problems| problems, |plan| plan.warnings)
     }
 
-    /// Returns `true` if water is lost with a ball of this radius \[cells\] at a position \[cells\].
+    /// Returns `true` if a ball of this radius \[cells\] at a position \[cells\] is lost on the lattice.
     fn is_lost(centre: [f64; 3], radius: f64) -> bool {
         let case = json!({
             "domain": {"size": [0.02, 0.02, 0.02], "spacing": 0.001, "periodic": ["x", "y"]},
@@ -278,7 +278,8 @@ mod tests {
 
     #[test]
     fn a_solid_that_covers_nothing_is_reported() {
-        // Between all centres and links, on a centre, tiny and larger on a link, and as wide as a cell.
+        // The balls lie between all centres and links, on a centre, on a link (a tiny and a larger one), and one is
+        // as wide as a cell.
         assert!(is_lost([10.3, 10.0, 10.2], 0.01));
         assert!(!is_lost([10.5, 10.5, 10.5], 0.01));
         assert!(is_lost([11.0, 10.5, 10.5], 0.01));
@@ -286,7 +287,7 @@ mod tests {
         assert!(!is_lost([10.3, 10.0, 10.2], 0.6));
     }
 
-    /// A drawing in millimetres is refused wherever a surface is read: as a structure, a wall, a block and a body.
+    /// Checks that a drawing in millimetres is refused for every kind of surface: structure, wall, block and body.
     #[test]
     fn the_unit_of_every_surface_is_checked() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The walls of a scene: planes and surfaces, and the faces of the domain.
+//! Walls of a scene: planes, surfaces, and faces of the domain.
 
 mod flush;
 mod in_water;
@@ -24,16 +24,16 @@ use serde::Serialize;
 use std::sync::Arc;
 use structure::surface::judge_unit;
 
-/// A plane or surface that grains touch.
+/// Plane or surface that grains can touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneWall {
     /// Name in tables.
     pub name: String,
-    /// A point of the plane \[m\].
+    /// Point on the plane \[m\].
     pub point: [f64; 3],
-    /// Unit normal of the plane towards the grains.
+    /// Unit normal of the plane, towards the grains.
     pub normal: [f64; 3],
-    /// The facets, if it is not a plane.
+    /// Facets; none for a plane.
     #[serde(skip)]
     pub surface: Option<Arc<FacetSurface>>,
     /// Velocity [m/s].
@@ -42,20 +42,20 @@ pub struct SceneWall {
     pub servo: Option<SceneServo>,
     /// Index of its material.
     pub material: usize,
-    /// `true` if it is removed as the run begins.
+    /// `true` if the wall is removed when the run begins.
     pub temporary: bool,
-    /// Time from which it exists \[s\]; none if it does from the start.
+    /// Time at which the wall is inserted \[s\]; none if it exists from the start.
     pub from: Option<f64>,
-    /// Time until which it exists \[s\]; none if it does to the end.
+    /// Time at which the wall is removed \[s\]; none if it exists to the end.
     pub until: Option<f64>,
-    /// The face of the domain it lies on, if it is a box wall.
+    /// Face of the domain, if this is a box wall.
     pub face: Option<Face>,
-    /// The structure whose surface it is, by its index in [`super::Scene::structures`].
+    /// Structure of which this is the surface, by index in [`super::Scene::structures`].
     pub structure: Option<usize>,
 }
 
 impl SceneWall {
-    /// Returns `true` if it is added or removed during the run.
+    /// Returns `true` if the wall is inserted or removed during the run.
     #[must_use]
     pub fn is_timed(&self) -> bool {
         self.from.is_some() || self.until.is_some()
@@ -67,7 +67,7 @@ impl SceneWall {
         std::array::from_fn(|a| self.velocity[a] + limit * self.normal[a])
     }
 
-    /// Returns `true` if it exists at a time of the run \[s\].
+    /// Returns `true` if the wall exists at a time of the run \[s\].
     #[must_use]
     pub fn exists(&self, time: f64) -> bool {
         !self.temporary
@@ -76,7 +76,7 @@ impl SceneWall {
     }
 }
 
-/// Reports grains that nothing stops where they fall.
+/// Reports grains that would fall out of the domain.
 fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
     let Some(gravity) = case.gravity.as_ref().map(case::geometry::Vector::to_array) else {
         return;
@@ -198,7 +198,7 @@ fn written_wall(
     }
 }
 
-/// A plane with a unit normal.
+/// Plane with a unit normal.
 #[derive(Default)]
 struct Plane {
     point: [f64; 3],
@@ -206,7 +206,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// Resolves a plane, and refuses one without a direction or across a periodic axis.
+    /// Resolves a plane; reports a finding for one without a direction or across a periodic axis.
     fn resolve(grid: &Grid, written: &WrittenPlane, path: &str, findings: &mut Findings) -> Self {
         let point = AlignedBox::vector(grid, &written.point, &format!("{path}.point"), findings);
         let path = format!("{path}.normal");
@@ -233,7 +233,7 @@ impl Plane {
     }
 }
 
-/// Refuses a wall on a face that does not exist, is periodic, or has one already.
+/// Refuses a wall on a face that does not exist, is periodic, or already has one.
 fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut Findings) {
     if face.axis() >= grid.dimension {
         findings.error(path, "there is no such face in a 2-D problem", "remove it");
@@ -281,7 +281,7 @@ fn across_periodic(grid: &Grid, normal: [f64; 3]) -> Option<&'static str> {
         .map(|a| ["x", "y", "z"][a])
 }
 
-/// Returns the periods of the domain \[m\], 0 along axes that are not periodic.
+/// Returns the periods of the domain \[m\]; 0 along axes that are not periodic.
 fn periods(grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|a| {
         if a < grid.dimension && grid.periodic[a] {
@@ -292,7 +292,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
     })
 }
 
-/// Reports grains that are too large for facets in a domain that repeats so soon.
+/// Reports grains that are too large for facets in a domain with a short period.
 fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
@@ -310,7 +310,7 @@ fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findi
     }
 }
 
-/// Checks the times at which a wall comes and goes.
+/// Checks the times at which a wall is inserted and removed.
 fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findings) {
     let stated = [("from", wall.from), ("until", wall.until)];
     let end = case.time.end;
@@ -355,8 +355,8 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
 }
 
 /// Checks that a case with a wall of the preparation has a preparation in which grains move: a deposition, or the
-/// relaxation of bonded grains. A sample from a file may have been held by such a wall when it was made: there it is
-/// only said.
+/// relaxation of bonded grains. For a sample from a file this is only a warning, because such a wall may have held
+/// the sample when it was made.
 fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     let source = case.grains.as_ref().map(|grains| &grains.initial);
     let bonded = case.grains.as_ref().is_some_and(|g| g.bond_at_start);
@@ -386,7 +386,7 @@ fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     }
 }
 
-/// Returns the facets of a wall that is not a plane, or findings.
+/// Returns the facets of a wall that is not a plane; reports a finding if they are invalid.
 fn facets(
     case: &Case,
     grid: &Grid,
@@ -453,7 +453,7 @@ fn facets(
             )
         }
     };
-    // Images of a surface in another unit would be without end.
+    // With a surface in another unit the number of periodic images would be excessive.
     let unit = match (shape, &made) {
         (WallShape::Mesh(mesh), Ok(surface)) => {
             let corners = (0..surface.len()).flat_map(|facet| surface.corners(facet));

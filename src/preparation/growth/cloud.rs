@@ -6,7 +6,7 @@ use base::number::{real, whole};
 use base::random::Stream;
 use dem::{Components, Space};
 
-/// Returns a place for each grain at the cloud's sizes, without overlap, the largest placed first.
+/// Returns a position for each grain at the cloud's sizes, without overlap; the largest grain is placed first.
 pub(super) fn scatter<S: Space>(
     settings: &PackingSettings<S>,
     radii: &[f64],
@@ -99,7 +99,7 @@ fn for_each_step<S: Space>(mut visit: impl FnMut([isize; 3])) {
     }
 }
 
-/// Orders grains by strips along the longest axis, so that ids that are close stand close.
+/// Orders grains by strips along the longest axis, so that grains with close ids are close in space.
 pub(super) fn put_neighbours_together<S: Space>(
     grains: &mut [PackedGrain<S>],
     settings: &PackingSettings<S>,

@@ -7,18 +7,18 @@ use base::error::Error;
 use dem::space::{Components, Space};
 use plan::scene::collapse::{GroundCollapse, SeepagePoint};
 
-/// Id, radius, position, displacement.
+/// Number of values per grain: id, radius, position, displacement.
 const NUMBERS: usize = 2 + 2 * 3;
 
-/// Data that rank 0 measures.
+/// Data from which rank 0 measures the ground.
 pub(super) struct Gathered {
-    /// The grains of all ranks by rising id.
+    /// Grains of all ranks in ascending order of ids.
     pub(super) grains: Vec<MeasuredGrain>,
-    /// Ends of the bonds of loose grains.
+    /// Ids of the two grains of each bond between loose grains.
     pub(super) bonds: Vec<[u64; 2]>,
 }
 
-/// Returns all grains and the bonds of loose ones on rank 0; none on other ranks. Collective.
+/// Returns all grains and the bonds between loose ones on rank 0; none on other ranks. Collective.
 pub(super) fn gather<S: Space>(
     view: &StateView<'_, S>,
     asked: &GroundCollapse,
@@ -56,7 +56,7 @@ pub(super) fn gather<S: Space>(
     let mut bonds = Vec::new();
     if let Some(dem) = view.dem {
         dem.for_each_contact(particles, |contact| {
-            // A contact is reported by the rank that owns its first grain, so once.
+            // Each contact is reported once: by the rank that owns its first grain.
             if let Some(other) = contact.other
                 && contact.bonded
                 && length(moved(view, contact.grain)) > loose
@@ -95,7 +95,7 @@ pub(super) fn gather<S: Space>(
     }))
 }
 
-/// Returns the displacement of an owned grain from its start \[m\].
+/// Returns the displacement of an owned grain since the start \[m\].
 fn moved<S: Space>(view: &StateView<'_, S>, k: usize) -> [f64; 3] {
     let moved = view.particles.displacement(k);
     moved.map_or([0.0; 3], |moved| {
@@ -114,7 +114,7 @@ pub(super) fn length(v: [f64; 3]) -> f64 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// Returns the box of a point in the frame of the analysis.
+/// Returns the box of a seepage point in the frame of the analysis.
 pub(super) fn in_frame(asked: &GroundCollapse, domain: [f64; 3], point: &SeepagePoint) -> Point {
     let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
     let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));

@@ -12,20 +12,21 @@ use dem::space::{Components, Space};
 use plan::Plan;
 use plan::scene::observe::ErosionLaw;
 
-/// Grains up to this many mean diameters behind a face count for the traction.
+/// Maximum depth of a grain behind a face, in mean diameters, to count for the traction.
 pub(super) const BEHIND: f64 = 2.0;
-/// Grains up to this many mean diameters in front of a face count for the traction: rough faces stick out.
+/// Maximum distance of a grain in front of a face, in mean diameters, to count for the traction: rough
+/// faces protrude.
 const BEFORE: f64 = 0.5;
-/// The hole of the case with its axes named.
+/// Box of the hole in the case, with its axes named.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hole {
     pub(super) along: usize,
     pub(super) across: usize,
     pub(super) from: [f64; 3],
     pub(super) to: [f64; 3],
-    /// Cells of the box along each axis: first, one past the last.
+    /// Cells of the box along each axis: first cell, and one past the last.
     pub(super) cells: [[usize; 2]; 3],
-    /// Depth of the box, 1 in 2-D \[m\].
+    /// Depth of the box \[m\]; 1 in 2-D.
     pub(super) depth: f64,
 }
 
@@ -83,15 +84,16 @@ impl Hole {
     }
 }
 
-/// Sums over the cells of all ranks; lattice units.
+/// Sums over the cells of all ranks, in lattice units.
 pub(super) struct Sums {
-    /// Per row across the hole: velocity along it, solid cells, cells, and the velocity in the plane through its
-    /// middle.
+    /// Sums per row across the hole: velocity along the hole, number of solid cells, number of cells,
+    /// and velocity in the mid-plane.
     pub(super) velocity: Vec<Fixed>,
     pub(super) solid: Vec<i64>,
     pub(super) cells: Vec<i64>,
     pub(super) middle: Vec<Fixed>,
-    /// Per row, in the planes just before and behind the hole: density deviation and cells of water.
+    /// Sums per row in the planes just before and behind the hole: density deviation and number of
+    /// water cells.
     pub(super) deviation: [Vec<Fixed>; 2],
     pub(super) water: [Vec<i64>; 2],
     /// Largest speed of the water.
@@ -130,8 +132,8 @@ impl Sums {
         real(beside(&self.solid)) / real(beside(&self.cells).max(1))
     }
 
-    /// Returns the mean shear stress \[Pa\] at the faces by the gradient of the velocity; NaN if it cannot be
-    /// measured.
+    /// Returns the mean shear stress \[Pa\] at the faces from the velocity gradient; NaN if it cannot
+    /// be measured.
     pub(super) fn shear(&self, units: &LatticeUnits, faces: HoleFaces, viscosity: f64) -> f64 {
         let rows = self.velocity.iter().zip(&self.cells);
         let velocity: Vec<f64> = rows
@@ -141,8 +143,8 @@ impl Sums {
             .map_or(f64::NAN, |shear| shear.mean())
     }
 
-    /// Returns the mean pressures \[Pa\] before and behind the hole, up to `reach` behind a face; NaN without water
-    /// there.
+    /// Returns the mean pressures \[Pa\] upstream and downstream of the hole, up to a depth `reach`
+    /// behind a face; NaN without water there.
     pub(super) fn end_pressures(
         &self,
         units: &LatticeUnits,
@@ -166,7 +168,8 @@ impl Sums {
         })
     }
 
-    /// Returns the discharge between the faces \[m2/s\], in 3-D the mean over a box of this depth.
+    /// Returns the discharge per depth between the faces \[m²/s\]; in 3-D the mean over the depth of
+    /// the box.
     pub(super) fn discharge(
         &self,
         units: &LatticeUnits,
@@ -186,7 +189,7 @@ impl Sums {
     }
 }
 
-/// Returns the values of the rows as a profile across the box.
+/// Returns row values as a profile across the box.
 pub(super) fn profile(spacing: f64, values: &[f64]) -> HoleProfile<'_> {
     HoleProfile {
         origin: 0.0,
@@ -195,7 +198,7 @@ pub(super) fn profile(spacing: f64, values: &[f64]) -> HoleProfile<'_> {
     }
 }
 
-/// Sums over the cells of this rank in one pass, then over all ranks. Collective.
+/// Returns sums over the cells of this rank in one pass, reduced over all ranks. Collective.
 pub(super) fn cell_sums<S: Space>(view: &StateView<'_, S>, hole: &Hole) -> Sums {
     let grid = &view.plan.scene.grid;
     let across = grid.cells[hole.across];
@@ -255,8 +258,8 @@ pub(super) fn cell_sums<S: Space>(view: &StateView<'_, S>, hole: &Hole) -> Sums 
     sums
 }
 
-/// Returns the force along the hole on the grains of both faces beyond the seepage force of `gradient` = -dp/dx [Pa/m],
-/// N/m.
+/// Returns the force along the hole on the grains of both faces in excess of the seepage force of
+/// `gradient` = -dp/dx \[Pa/m\], in N/m.
 pub(super) fn excess_force<S: Space>(
     view: &StateView<'_, S>,
     hole: &Hole,
@@ -292,7 +295,7 @@ pub(super) fn excess_force<S: Space>(
     (force.value() - seepage) / hole.depth
 }
 
-/// Returns the distance of a point across the hole behind the nearer face \[m\]; negative in the hole.
+/// Returns the distance of a point behind the nearer face, across the hole \[m\]; negative in the hole.
 pub(super) fn depth(faces: HoleFaces, at: f64) -> f64 {
     (faces.lower - at).max(at - faces.upper)
 }

@@ -4,7 +4,7 @@ use base::number::to_u32;
 use dem::contact::Scaled;
 use plan::Plan;
 
-/// Returns start \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
+/// Returns initial value \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
 pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
     patches.filter_map(|patch| {
@@ -24,7 +24,7 @@ pub(super) fn spread(values: impl Iterator<Item = f64>) -> f64 {
     if n < 2 { f64::NAN } else { high - low }
 }
 
-/// Returns C/d [N/m] of a pair of grains of mean size.
+/// Returns the cohesion over the diameter, C/d [N/m], of a pair of grains of mean size.
 pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     let (Some(table), Some(grains)) = (&plan.scene.contact, &plan.scene.grains) else {
         return 0.0;
@@ -37,7 +37,8 @@ pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
     }
 }
 
-/// Returns the difference of the imposed pressures at a time after the start of the fluid, ramps included \[Pa\].
+/// Returns the difference of the imposed pressures \[Pa\] at a time after the start of the fluid, ramps
+/// included.
 pub(super) fn pressure_difference(plan: &Plan, time: f64) -> f64 {
     spread(pressures(plan).map(|[from, value, ramp]| {
         if time >= ramp {

@@ -1,11 +1,13 @@
-//! Measures of the erosion of a hole: at its faces, bond by bond, while the bulk stands; or by failure of the bulk.
+//! Indicators of the erosion mechanism: bond by bond at the faces of the hole while the bulk remains
+//! intact, or by failure of the bulk.
 //!
-//! - **Contacts and bonds a grain** at the start: each grain counts its contacts with grains and walls. A network of
-//!   discs whose contacts carry no moment is rigid from three a grain on (four for spheres), and from four (six)
-//!   without friction.
-//! - **Share at the faces**: of the bonds that broke before the first [`FIRST`] of the mass had left, those at the wall
-//!   of the hole.
-//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from where they started. The bulk
+//! - **Contacts and bonds per grain** at the start: each grain counts its contacts with grains and
+//!   walls. A network of discs whose contacts carry no moment is rigid with at least three contacts per
+//!   grain (four for spheres), and with at least four (six) without friction.
+//! - **Share at the faces**: fraction of the bonds broken at the wall of the hole, among all that broke
+//!   before the fraction [`FIRST`] of the mass had left.
+//! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from their initial
+//!   positions. The bulk
 //!   are the grains that started next to the hole and more than [`BEHIND`] mean diameters behind its present faces and
 //!   from its ends, as far as they are still there.
 
@@ -18,32 +20,35 @@ use decomposition::ExactSum;
 use dem::space::{Components, Space};
 use serde::{Deserialize, Serialize};
 
-/// The part of the mass that leaves while the mechanism is looked at.
+/// Fraction of the mass that leaves during the observation of the mechanism.
 const FIRST: f64 = 0.1;
 
 /// Mechanism of erosion so far; part of a checkpoint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Mechanism {
-    /// Bonds broken inside and at the wall of the hole when the first [`FIRST`] of the mass had left.
+    /// Numbers of bonds broken inside and at the wall of the hole when the fraction [`FIRST`] of the
+    /// mass had left.
     at_first: Option<[u64; 2]>,
-    /// Displacement of the bulk in the last row up to and including the first one of that time.
+    /// Displacement of the bulk at the last row up to that time, or the first row after it.
     displacement: Option<f64>,
-    /// `true` if that row is written.
+    /// `true` if the row that ends the observation was written.
     complete: bool,
 }
 
 impl Mechanism {
-    /// Returns `true` if the bonds broken so far are those that count: the first part of the mass has just left.
+    /// Returns `true` if the numbers of broken bonds must be recorded now: the fraction [`FIRST`] of
+    /// the mass has just left.
     pub(super) fn is_due(&self, eroded_fraction: f64) -> bool {
         self.at_first.is_none() && eroded_fraction >= FIRST
     }
 
-    /// Takes note of the bonds, inside and at the wall, where [`Self::is_due`] holds.
+    /// Records the numbers of bonds broken inside and at the wall, when [`Self::is_due`] returns
+    /// `true`.
     pub(super) fn note_bonds(&mut self, broken: [u64; 2]) {
         self.at_first = Some(broken);
     }
 
-    /// Takes note of the displacement of a row, NaN if there is none.
+    /// Records the displacement of the bulk at a row, in mean diameters; NaN if there is none.
     pub(super) fn note_displacement(&mut self, diameters: f64) {
         if !self.complete {
             if diameters.is_finite() {
@@ -53,8 +58,8 @@ impl Mechanism {
         }
     }
 
-    /// Returns the share at the faces, with the bonds `broken` so far, inside and at the wall; none before a bond
-    /// broke.
+    /// Returns the fraction of bonds broken at the faces, given the numbers `broken` so far inside and
+    /// at the wall; none before a bond broke.
     pub(super) fn face_share(&self, broken: [u64; 2]) -> Option<f64> {
         let [inside, at_wall] = self.at_first.unwrap_or(broken).map(real);
         (inside + at_wall > 0.0).then(|| at_wall / (inside + at_wall))
@@ -65,7 +70,8 @@ impl Mechanism {
     }
 }
 
-/// Returns contacts and bonds a grain, the mean over all `grains` of all ranks; none without contacts. Collective.
+/// Returns the mean number of contacts and bonds per grain over all `grains` of all ranks; none without
+/// contacts. Collective.
 pub(super) fn contacts_per_grain<S: Space>(
     view: &StateView<'_, S>,
     first_grain: u64,

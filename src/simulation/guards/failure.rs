@@ -1,6 +1,6 @@
-//! The message about a cell that fails a check: its position, its values, its surroundings, and a remedy.
+//! Message about a cell that fails a check: position, values, surroundings, and a remedy.
 //!
-//! A remedy is named only if it helped in such a case. The cases are those of `tests/suite/guards.rs`, which records
+//! A remedy is named only if it worked in a similar case. Those cases are in `tests/suite/guards.rs`, which records
 //! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
 use super::look::Order;
@@ -24,11 +24,11 @@ pub(super) enum Kind {
     NotFinite,
     /// Speed above `guards.max_lattice_velocity`.
     TooFast,
-    /// Density further from that at rest than `guards.max_compression`.
+    /// Density deviation larger than `guards.max_compression`.
     TooDense,
 }
 
-/// A cell that fails.
+/// Cell that failed a check.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Failure {
     pub(super) kind: Kind,
@@ -37,8 +37,8 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// Returns the whole sentence, on every rank; `flows` is what goes through the openings, and whether it only enters
-    /// or only leaves. Collective.
+    /// Returns the complete message, on every rank; `flows` are inflow and outflow through the openings in words,
+    /// and `true` if water only enters or only leaves. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,
@@ -67,7 +67,7 @@ impl Failure {
         if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
             let often = (plan.scene.guards.check_every_steps / 20).max(1);
             parts.push(format!(
-                "{lost} of {} cells are not finite by now, so that this cell does not show where it began: --set \
+                "{lost} of {} cells are not finite by now, so that this cell need not be where the failure began: --set \
                  guards.check_every_steps={often} finds it sooner",
                 plan.scene.grid.cell_count()
             ));
@@ -95,10 +95,10 @@ impl Failure {
     }
 }
 
-/// Part of the cells from which on a failure has spread too far for the first of them to show where it began.
+/// Fraction of non-finite cells above which the first such cell no longer shows where the failure began.
 const SPREAD: f64 = 0.01;
 
-/// Returns the cells without finite numbers. Collective.
+/// Returns the number of cells with non-finite values. Collective.
 fn lost<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>, communicator: &Communicator) -> usize {
     let fluid = flow.fluid();
     let broken = |&(_, cell): &([usize; 3], usize)| {
@@ -117,7 +117,7 @@ pub(super) fn point(at: [f64; 3], plan: &Plan) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// Returns the state of a cell of the domain in words; none if another rank has it.
+/// Returns the state of a cell of the domain in words; none if another rank owns the cell.
 fn state<Sp: Space, S: Stored>(
     kind: Kind,
     cell: [usize; 3],
@@ -149,7 +149,7 @@ fn state<Sp: Space, S: Stored>(
     })
 }
 
-/// Returns a density deviation in words.
+/// Returns a density deviation in words, in per cent and as a pressure.
 pub(super) fn density(drho: f64, plan: &Plan) -> String {
     let pressure = plan
         .units
@@ -186,8 +186,8 @@ fn boundary(cell: [usize; 3], plan: &Plan) -> Option<(String, f64)> {
         .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Returns the body, block or grain nearest to a point: its name and how far its surface is \[m\]; of polyhedra the
-/// sphere round them. Collective.
+/// Returns the body, block or grain nearest to a point: its name and the distance of its surface \[m\]; for
+/// polyhedra that of the enclosing sphere. Collective.
 fn solid<Sp: Space>(
     at: [f64; 3],
     particles: &Particles<Sp>,
@@ -265,8 +265,8 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     )];
     parts.extend(nearest(plan, |limit| limit.starts_with(IMPACT)).map(limit));
     parts.push(
-        "the contact is too soft for what presses or hits it: a normal stiffness larger by the square of the part \
-         that is too much stops it"
+        "the contact is too soft for this load or impact: raise the normal stiffness by the square of the ratio of \
+         this overlap to the limit"
             .into(),
     );
     parts.join("; ")
@@ -275,13 +275,13 @@ pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
 /// Beginning of the name of the limit of [`plan`] for impacts.
 pub(super) const IMPACT: &str = "overlap of an impact";
 
-/// Returns the engine's message about a failure, with the nearest limit and a remedy.
+/// Returns the engine's message about a failure, extended by the nearest limit and a remedy.
 #[must_use]
 pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let Error::Numerical(text) = error else {
         return error;
     };
-    // Of a grain that left the box more is known.
+    // For a grain that left the box there is a more specific message.
     if Escape::in_text(&text).is_some() {
         return Error::Numerical(text);
     }
@@ -301,7 +301,7 @@ const CELL_REYNOLDS: &str = "cell Reynolds number";
 /// Beginning of the names of the limits of imposed pressures.
 const PRESSURE: &str = "density change";
 
-/// Returns the limit of the plan with the smallest margin, of those selected.
+/// Returns the limit of the plan with the smallest margin among the selected limits.
 fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
     plan.margins
         .iter()
@@ -309,8 +309,8 @@ fn nearest(plan: &Plan, asked: impl Fn(&str) -> bool) -> Option<&Margin> {
         .max_by(|a, b| a.used.total_cmp(&b.used))
 }
 
-/// Returns the [`nearest`] limit of those for the water. The limit tau > 1/2 is left out, and time steps that the
-/// program chose for accuracy are at their limits by choice.
+/// Returns the [`nearest`] limit among those for the water, except tau > 1/2, and except limits at which the
+/// program itself placed the time step.
 fn nearest_of_water(plan: &Plan) -> Option<&Margin> {
     let own = |limit: &str| {
         limit.starts_with(SOLID)
@@ -332,20 +332,20 @@ fn limit(margin: &Margin) -> String {
 
 /// Returns a remedy that helped in a similar case; otherwise a hint.
 ///
-/// Runs that failed, the changes with which they failed still, and those with which they ended:
+/// Failed runs, with changes that did not help and changes that did:
 ///
-/// - Channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52. Failed still with 1/2 and 1/4 of the time
-///   step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga; ended with half the spacing, 2/3 of the
-///   speed, 3/2 of the viscosity, cumulants.
-/// - Lid at cell Reynolds number 1000, tau = 0.5006. Failed still with 1/3 and 1/15 of the time step, 1/2 to 1/8 of the
-///   spacing, cumulants, MRT; ended with a viscosity that brings it to 25.
-/// - Vortices at cell Reynolds number 300, TRT. Failed still with half the time step, half the spacing; ended with a
-///   tenth of the speed, ten times the viscosity, BGK, MRT, cumulants.
-/// - Wires across a channel without a gap. Ended with every second wire taken out.
-/// - Disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6. Ended with half the time step (tau = 0.55), and
-///   with that and half the spacing or half the speed.
-/// - Pressure imposed at once, 30 % of compression, tau = 0.8. Failed still with larger time steps, a ramp; ended with
-///   half the time step (tau = 0.65).
+/// - Channel, parabolic inlet, cell Reynolds number 15, TRT at tau = 0.52. Still failed with 1/2 and 1/4 of the
+///   time step, larger time steps, slower ramp, other outlets, BGK, the MRT of Suga; completed with half the
+///   spacing, 2/3 of the speed, 3/2 of the viscosity, cumulants.
+/// - Lid at cell Reynolds number 1000, tau = 0.5006. Still failed with 1/3 and 1/15 of the time step, 1/2 to 1/8 of
+///   the spacing, cumulants, MRT; completed with a viscosity that reduces the cell Reynolds number to 25.
+/// - Vortices at cell Reynolds number 300, TRT. Still failed with half the time step, half the spacing; completed
+///   with a tenth of the speed, ten times the viscosity, BGK, MRT, cumulants.
+/// - Wires across a channel without a gap. Completed after every second wire was removed.
+/// - Disc in a channel, lattice velocity 0.3 in the gaps, tau = 0.6. Completed with half the time step (tau =
+///   0.55), also with half the spacing or half the speed in addition.
+/// - Pressure imposed at once, 30 % compression, tau = 0.8. Still failed with larger time steps, a ramp; completed
+///   with half the time step (tau = 0.65).
 fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let crossed = nearest(plan, |limit| limit.starts_with(CELL_REYNOLDS));
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {

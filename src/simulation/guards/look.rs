@@ -12,7 +12,7 @@ use dem::space::Space;
 use lbm::extremes::{Extremes, Rows, squared_speed};
 use lbm::lanes::Stored;
 
-/// A number and the place of its cell in the order of the lattice.
+/// A value and the index of its cell in the order of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct At {
     pub(super) value: f64,
@@ -25,7 +25,7 @@ impl At {
         cell: u64::MAX,
     };
 
-    /// Takes a value of larger size, or one of equal size that stands earlier.
+    /// Replaces the value if the other has a larger magnitude, or an equal one in an earlier cell.
     fn raise(&mut self, value: f64, cell: u64) {
         let (size, known) = (value.abs(), self.value.abs());
         if size > known || (size >= known && size > 0.0 && cell < self.cell) {
@@ -39,7 +39,8 @@ impl At {
 pub(super) struct Seen {
     /// Largest squared speed of the water, over C².
     pub(super) fastest: At,
-    /// Density deviation of largest size in the water; not where bodies shut it in, which moving bodies squeeze.
+    /// Density deviation of the largest magnitude in the water, except in cells enclosed by bodies, which moving
+    /// bodies squeeze.
     pub(super) squeezed: At,
     /// The first cell whose numbers are not finite.
     pub(super) broken: Option<u64>,
@@ -65,7 +66,7 @@ impl Order {
         ((at[slow] * self.cells[middle] + at[middle]) * self.cells[fast] + at[fast]) as u64
     }
 
-    /// Returns the cell at a place, in coordinates of the domain.
+    /// Returns the domain coordinates of the cell with an index in this order.
     pub(super) fn cell(&self, place: u64) -> [usize; 3] {
         let [slow, middle, fast] = self.axes;
         let place = usize::try_from(place).unwrap_or(0);
@@ -84,7 +85,7 @@ pub(super) struct Look {
     row: [Vec<f64>; 4],
     /// Fraction of each cell of a row that bodies cover.
     covered: Vec<f32>,
-    /// The extreme values of each row.
+    /// Extreme values of each row.
     rows: Rows,
     /// Rows sorted by their extreme value.
     order: Vec<(f64, usize)>,
@@ -161,7 +162,7 @@ fn go_through<Sp: Space, S: Stored>(
             seen.broken = Some(seen.broken.map_or(place, |known| known.min(place)));
             continue;
         }
-        // What moves in a cell that is mostly rock is no water: it has to be a number, no more.
+        // Cells more than half solid count only for finiteness, not for the extremes.
         if covered[k] < 0.5 && (all || water.holds(at)) {
             seen.fastest.raise(squared, place);
             if drho.abs() >= seen.squeezed.value.abs() && !flow.enclosed(at) {

@@ -1,16 +1,17 @@
 //! Comparison of inflow and outflow through the openings of a lattice.
 //!
-//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies, exactly
-//! and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow. Both are
-//! averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain, and at least
-//! [`LEAST_LOOKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while pressure builds up.
-//! They are compared when all ramps of the boundaries have ended and two whole windows have passed since:
+//! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies,
+//! exactly and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow.
+//! Both are averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain,
+//! and at least [`LEAST_LOOKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while
+//! pressure builds up. They are compared when all ramps of the boundaries have ended and two whole windows have
+//! passed since:
 //!
 //! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than
 //!   [`IMBALANCE`];
 //! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
 //!
-//! Both are warnings: the density ends the run of a domain that continues to fill (`guards.max_compression`).
+//! Both are warnings only: if a domain continues to fill, its density ends the run (`guards.max_compression`).
 
 use decomposition::Communicator;
 use serde::{Deserialize, Serialize};
@@ -25,18 +26,18 @@ use lbm::lanes::Stored;
 use plan::Plan;
 use plan::scene::boundaries::ScenePatch;
 
-/// Times that sound crosses the domain in a window.
+/// Number of times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
 /// Minimum number of checks in a window.
 const LEAST_LOOKS: usize = 10;
-/// Imbalance that is worth a warning.
+/// Minimum imbalance for a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
-/// Fraction of one flow below which the other counts as zero.
+/// Ratio of the smaller to the larger flow below which the smaller counts as zero.
 pub(super) const NOTHING: f64 = 1e-3;
-/// Mass per step, over that of the domain, below which nothing flows.
+/// Mass per step, relative to the mass of the domain, below which the flow counts as zero.
 const STILL: f64 = 1e-9;
 
-/// Inflow and outflow in mass per step, lattice units.
+/// Inflow and outflow as mass per step, in lattice units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Rates {
     pub(super) inflow: f64,
@@ -65,31 +66,31 @@ pub(super) fn unit(dimension: usize) -> &'static str {
     if dimension == 2 { "m2/s" } else { "m3/s" }
 }
 
-/// Checks of the window in a checkpoint. A number that is not finite is null there.
+/// Checks of the window in a checkpoint. A number that is not finite is stored as null.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub(super) struct State {
     settled: usize,
-    /// Inflow and outflow.
+    /// Inflow and outflow of each check.
     looks: Vec<[Option<f64>; 2]>,
 }
 
 /// Flow through the openings.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Openings {
-    /// `true` if there are any.
+    /// `true` if the lattice has openings.
     exist: bool,
     /// Number of checks in a window; 0 before the first.
     window: usize,
-    /// Steps at which ramps are over.
+    /// Step at which all ramps have ended.
     ramps_end: u64,
-    /// Mass per step below which nothing flows.
+    /// Mass per step below which the flow counts as zero.
     still: f64,
-    /// Number of checks since the ramps are over.
+    /// Number of checks since the end of the ramps.
     settled: usize,
-    /// Checks of the window.
+    /// Rates at the checks of the window.
     looks: VecDeque<Rates>,
-    /// Sums since the last call, and their number.
+    /// Sums since the last call, and their number of steps.
     since: (Rates, u64),
     masses: Vec<i128>,
     sums: Vec<u128>,
@@ -109,7 +110,7 @@ impl Openings {
         self.exist
     }
 
-    /// Notes what crosses the faces in the step just done. Collective.
+    /// Records the mass that crosses the faces in the present step. Collective.
     pub(super) fn record_step<Sp: Space, S: Stored>(
         &mut self,
         step: u64,
@@ -148,7 +149,7 @@ impl Openings {
         self.since.1 += 1;
     }
 
-    /// Finds the window, once, and allocates a buffer for its checks.
+    /// Determines the length of the window once, and allocates a buffer for its checks.
     pub(super) fn prepare<Sp: Space, S: Stored>(
         &mut self,
         every: u64,
@@ -160,7 +161,7 @@ impl Openings {
         let fluid = flow.fluid();
         let cells = fluid.domain_cells();
         let longest = cells.into_iter().max().unwrap_or(1);
-        // Sound goes at 1/sqrt(3) of a cell in a step.
+        // Sound travels 1/sqrt(3) of a cell in a step.
         let steps = CROSSINGS * real(longest) * 3.0_f64.sqrt();
         let looks = (steps / real(every)).ceil();
         self.window = base::number::whole(looks).max(LEAST_LOOKS);
@@ -185,7 +186,7 @@ impl Openings {
         mean.inflow.max(mean.outflow) > self.still
     }
 
-    /// Means since the last call.
+    /// Returns the means since the last call.
     pub(super) fn since_last(&mut self) -> Option<Rates> {
         let (sums, number) = std::mem::take(&mut self.since);
         let number = real(number);
@@ -195,7 +196,7 @@ impl Openings {
         })
     }
 
-    /// Returns the means of the window, where inflow and outflow should agree by now and do not.
+    /// Returns the means of the window if inflow and outflow should agree by now but do not.
     pub(super) fn disagree(&self) -> Option<Rates> {
         let mean = self.mean()?;
         let judged = self.settled >= 2 * self.window && self.flows(&mean);
@@ -214,7 +215,7 @@ impl Openings {
         }
     }
 
-    /// Takes back [`Self::state`].
+    /// Restores the state returned by [`Self::state`].
     pub(super) fn restore(&mut self, state: State) {
         self.settled = state.settled;
         self.looks = state

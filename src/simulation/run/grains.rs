@@ -1,4 +1,4 @@
-//! The grains and bodies of a run that is being started: made or read, and brought to rest.
+//! Grains and bodies at the start of a run: generated or read, and relaxed.
 
 use super::super::Present;
 use super::super::agreement;
@@ -23,16 +23,17 @@ use plan::scene::observe::RegionAction;
 use plan::scene::sample::ListedGrain;
 use serde_json::{Value, json};
 
-/// Grains, bodies and blocks before the slabs are cut: all of them on the first rank.
+/// Grains, bodies and blocks before the domain is divided into slabs: all of them on the first rank.
 pub(super) struct Grains<Sp: Space> {
     pub(super) particles: Particles<Sp>,
     pub(super) source: Source,
 }
 
-/// Returns the grains of the checkpoint, or else those of the sample, which is made where it is missing. Collective.
+/// Returns the grains of the checkpoint, or otherwise those of the sample, which is generated if it does not exist.
+/// Collective.
 ///
 /// # Errors
-/// When a checkpoint or a sample cannot be read, made or saved, and after a request to stop.
+/// If a checkpoint or a sample cannot be read, made or saved, and after a request to stop.
 pub(super) fn prepare<Sp: Space>(
     plan: &Plan,
     origin: &Origin,
@@ -58,7 +59,7 @@ fn read<Sp: Space>(
     communicator: &Communicator,
 ) -> Result<Grains<Sp>, Error> {
     let reader = restore::reader(found)?;
-    // The first rank alone reads the grains, so that it alone may find them wrong.
+    // Only the first rank reads the grains, so that it alone may find errors in them.
     let read = read_tables(plan, &reader, origin.changed(), communicator);
     let (mut particles, mut contacts) = agreement::agree(communicator, read)?;
     if let Some(walls) = origin.walls() {
@@ -82,7 +83,8 @@ fn read_tables<Sp: Space>(
     Ok((Particles::from_table(&grains)?, contacts))
 }
 
-/// Makes the grains of a sample, or continues with an unfinished one, and adds bodies and blocks. Collective.
+/// Generates the grains of a sample, or continues with an unfinished sample, and adds bodies and blocks.
+/// Collective.
 fn make<Sp: Space>(
     plan: &Plan,
     origin: &Origin,
@@ -123,11 +125,11 @@ fn make<Sp: Space>(
     })
 }
 
-/// Brings bonded grains to rest, adds a report to the notes and opens the walls of the preparation, unless that was
-/// done before the checkpoint. Collective.
+/// Relaxes bonded grains, adds a report to the notes and opens the walls of the preparation, unless that was done
+/// before the checkpoint. Collective.
 ///
 /// # Errors
-/// When the solids fail or a checkpoint cannot be written, and after a request to stop.
+/// If the solids fail or a checkpoint cannot be written, and after a request to stop.
 pub(super) fn settle<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
@@ -172,7 +174,7 @@ pub(super) fn settle<Sp: Space, S: SavedNumber>(
         now.particles.forget_loads();
         engine.prepare(&mut now.particles, &now.domain)?;
     }
-    // What the preparation pressed is not the run's.
+    // Overlaps during the preparation do not count for the run.
     engine.forget_deepest();
     if now.plan.scene.marks_start() {
         now.particles.mark_start();
@@ -193,8 +195,8 @@ fn generates(plan: &Plan) -> bool {
     regions.any(|region| matches!(region.action, RegionAction::Generate { .. }))
 }
 
-/// Returns the mean radius of the grains, or of the bodies and blocks: it sets the skin of the lists, never a result.
-/// Collective.
+/// Returns the mean radius of the grains, or of the bodies and blocks \[m\]. It sets the skin of the neighbour
+/// lists and affects no result. Collective.
 fn typical_radius(plan: &Plan, grains: &[ListedGrain], communicator: &Communicator) -> f64 {
     let radii: Vec<f64> = if grains.is_empty() {
         let blocks = plan.scene.blocks.iter().flat_map(|blocks| &blocks.list);

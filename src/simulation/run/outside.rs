@@ -1,4 +1,4 @@
-//! The options, the folder and the user of a run that is being started.
+//! Options, folder and requests of a run during its start.
 
 use super::super::progress::Progress;
 use super::super::setup;
@@ -14,7 +14,7 @@ use preparation::supervision::{Request, Requests};
 use serde_json::Value;
 use std::time::{Duration, Instant};
 
-/// Everything around a run that is being started: its options and folder, requests to it and messages of it.
+/// Environment of a run during its start: options and folder, requests to the run and its messages.
 pub(super) struct Outside {
     pub(super) communicator: Communicator,
     pub(super) start: Start,
@@ -23,10 +23,10 @@ pub(super) struct Outside {
 }
 
 impl Outside {
-    /// Listens for requests and notes the ranks and threads.
+    /// Listens for requests and notes the numbers of ranks and threads.
     ///
     /// # Errors
-    /// When signals cannot be caught.
+    /// If signals cannot be caught.
     pub(super) fn open(
         plan: &Plan,
         communicator: Communicator,
@@ -43,7 +43,7 @@ impl Outside {
             watch,
             progress: Progress::new(false, 0),
         };
-        // A run that changes its slabs has said the rest.
+        // A run that continues with other slabs has already printed the rest.
         let speaks = outside.speaks() && outside.start.slabs.is_none();
         outside.progress = Progress::new(speaks, 0);
         outside.progress.note(&format!(
@@ -61,10 +61,10 @@ impl Outside {
         self.communicator.rank() == 0 && !self.start.quiet
     }
 
-    /// Saves a preparation as a checkpoint at step 0, and ends it if requested. Collective.
+    /// Saves a preparation as a checkpoint at step 0, and ends the preparation if requested. Collective.
     ///
     /// # Errors
-    /// [`Error::Stopped`] after a request to stop, [`Error::Io`] when the checkpoint cannot be written.
+    /// [`Error::Stopped`] after a request to stop, [`Error::Io`] if the checkpoint cannot be written.
     pub(super) fn keep<Sp: Space, S: SavedNumber>(
         &mut self,
         state: &RunState<'_, Sp, S>,

@@ -1,4 +1,4 @@
-//! The state of a run that continues from a checkpoint.
+//! State of a run that continues from a checkpoint.
 
 use super::super::Present;
 use super::super::agreement;
@@ -18,17 +18,17 @@ use output::checkpoint::{self, SavedNumber};
 use plan::Plan;
 use serde_json::{Value, json};
 
-/// The source of grains.
+/// Source of the grains.
 pub(super) enum Source {
-    /// A case without solids.
+    /// Case without solids.
     None,
-    /// A checkpoint, with these contacts.
+    /// Checkpoint with these contacts.
     Checkpoint(Contacts),
-    /// A sample.
+    /// Sample of grains.
     Sample {
-        /// The entry of `summary.json`.
+        /// Entry in `summary.json`.
         report: Value,
-        /// Mean radius \[m\].
+        /// Mean radius of the grains \[m\].
         radius: f64,
     },
 }
@@ -40,10 +40,11 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    /// Checks that the checkpoint fits the plan, and writes the case into the folder where it is new. Collective.
+    /// Checks that the checkpoint fits the plan, and writes the case into the folder if it is new or changed.
+    /// Collective.
     ///
     /// # Errors
-    /// [`Error::Io`] when the checkpoint does not fit or the case cannot be written, the same on all ranks.
+    /// [`Error::Io`] if the checkpoint does not fit or the case cannot be written, the same on all ranks.
     pub(super) fn read(plan: &Plan, outside: &mut Outside) -> Result<Self, Error> {
         let resumed = outside.start.resumed.take();
         if let Some(resumed) = &resumed {
@@ -60,13 +61,13 @@ impl Origin {
         Ok(Self { resumed, stage })
     }
 
-    /// Returns the checkpoint with the state. A sample in the making was saved without anything else.
+    /// Returns the checkpoint if it contains the state of the run, not only an unfinished sample.
     pub(super) fn found(&self) -> Option<&Found> {
         let resumed = self.resumed.as_ref().map(|resumed| &resumed.found);
         resumed.filter(|_| !matches!(self.stage, Some(Stage::Sample)))
     }
 
-    /// Returns the checkpoint of a sample in the making.
+    /// Returns the checkpoint if it contains an unfinished sample.
     pub(super) fn unfinished_sample(&self) -> Option<&Found> {
         let resumed = self.resumed.as_ref().map(|resumed| &resumed.found);
         resumed.filter(|_| matches!(self.stage, Some(Stage::Sample)))
@@ -77,34 +78,34 @@ impl Origin {
         self.resumed.as_ref().is_some_and(|resumed| resumed.changed)
     }
 
-    /// Returns the index in the earlier run of each wall; none if the walls are the same.
+    /// Returns the index of each wall in the earlier run; none if the walls are the same.
     pub(super) fn walls(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.walls.as_deref()
     }
 
-    /// Returns the index in the earlier run of each region; none if the regions are the same.
+    /// Returns the index of each region in the earlier run; none if the regions are the same.
     fn regions(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.regions.as_deref()
     }
 
-    /// Returns `true` if the sums over time continue from those of the checkpoint.
+    /// Returns `true` if the time averages continue from those of the checkpoint.
     pub(super) fn sums_go_on(&self) -> bool {
         self.resumed
             .as_ref()
             .is_none_or(|resumed| resumed.sums_go_on)
     }
 
-    /// Returns `true` if the run was past its preparation.
+    /// Returns `true` if the preparation was complete at the checkpoint.
     pub(super) fn runs(&self) -> bool {
         matches!(self.stage, Some(Stage::Run))
     }
 
-    /// Returns `true` if the fluid had been advanced.
+    /// Returns `true` if the fluid had already been advanced at the checkpoint.
     pub(super) fn flowed(&self) -> bool {
         matches!(self.stage, Some(Stage::Run | Stage::WarmUp(_)))
     }
 
-    /// Returns the steps of the warm-up that were done.
+    /// Returns the number of warm-up steps done before the checkpoint.
     pub(super) fn warm_up_steps(&self) -> u64 {
         match self.stage {
             Some(Stage::WarmUp(steps)) => steps,
@@ -113,15 +114,15 @@ impl Origin {
     }
 }
 
-/// Parts of a run in addition to the simulated state.
+/// Parts of a saved run in addition to the simulated state.
 pub(super) struct Parts {
     pub(super) notes: Value,
     pub(super) removal: Removal,
     pub(super) gates: Gates,
     pub(super) guards: Guards,
-    /// States of the recorders, of a run past its preparation.
+    /// States of the recorders, if the preparation was complete.
     pub(super) recorders: Option<Recorders>,
-    /// Velocities at the last check of an unfinished warm-up.
+    /// Velocities at the last steadiness check of an unfinished warm-up.
     pub(super) earlier: Option<Vec<f64>>,
 }
 
@@ -141,15 +142,15 @@ impl Parts {
 /// Opens the file of a checkpoint.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be read.
+/// [`Error::Io`] if it cannot be read.
 pub(super) fn reader(found: &Found) -> Result<Reader<'static>, Error> {
     Reader::open(found).map_err(|e| Error::Io(e.to_string()))
 }
 
-/// Completes the state by the checkpoint, or by the contacts of a new sample. Collective.
+/// Completes the state with data from the checkpoint, or with the contacts of a new sample. Collective.
 ///
 /// # Errors
-/// When the checkpoint cannot be read or a grain stands in a new wall.
+/// If the checkpoint cannot be read or a grain overlaps a new wall.
 pub(super) fn state<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
@@ -159,7 +160,7 @@ pub(super) fn state<Sp: Space, S: SavedNumber>(
     let mut parts = Parts::new(&now.plan);
     if let Some(found) = origin.found() {
         let reader = reader(found)?;
-        // The water of joints counts its time from the step.
+        // The water in joints computes its time from the step.
         now.step = found.manifest.step;
         flow(now, origin, &reader, &mut parts)?;
         let attributes = reader.attributes();
@@ -189,7 +190,7 @@ pub(super) fn state<Sp: Space, S: SavedNumber>(
     Ok(parts)
 }
 
-/// Reads the water. Collective.
+/// Reads the fluid. Collective.
 fn flow<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,
@@ -224,7 +225,7 @@ fn flow<Sp: Space, S: SavedNumber>(
     Ok(())
 }
 
-/// Makes the engine of the solids with the saved contacts. Collective.
+/// Creates the engine of the solids with the saved contacts. Collective.
 fn solids<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     origin: &Origin,

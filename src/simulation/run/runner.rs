@@ -1,4 +1,4 @@
-//! A started run: its loop, its response to requests, its checkpoints.
+//! Time loop of a run, its response to requests, and its checkpoints.
 
 use super::super::Simulation;
 use super::super::balance::{self, Costs};
@@ -27,21 +27,21 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) simulation: Simulation<Sp, S>,
     pub(super) folder: RunFolder,
     pub(super) final_checkpoint: bool,
-    /// The step of the newest checkpoint, if this run knows of one.
+    /// Step of the newest checkpoint, if this run has or knows one.
     pub(super) saved: Option<u64>,
     pub(super) watch: Watch,
     pub(super) progress: Progress,
     pub(super) threads: usize,
-    /// Step and reason of the first checkpoint for which there was no space.
+    /// Step and reason of the first checkpoint that could not be written for lack of space.
     pub(super) unsaved: Option<(u64, String)>,
     /// `true` if the slabs may change: the case does not list them.
     pub(super) may_cut: bool,
-    /// Slabs that cost less than those of now, found at the newest checkpoint.
+    /// Slabs that cost less than the present ones, found at the newest checkpoint.
     pub(super) better: Option<Slabs>,
     pub(super) first_step: u64,
     pub(super) notes: Value,
     pub(super) initial_mass: f64,
-    /// Marks the tables for checkpoints; on the first rank.
+    /// Marker of the table lengths at checkpoints; on the first rank.
     pub(super) marker: Marker,
 }
 
@@ -83,11 +83,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             Err(Error::Stopped(_)) => "stopped",
             Err(_) => "failed",
         };
-        // A failed rank may be alone: no reductions then.
+        // If this rank alone failed, a reduction would never complete.
         if matches!(outcome, Ok(()) | Err(Error::Stopped(_))) {
             runner.summarise(text, json).map_err(Ended::Later)?;
         } else if runner.simulation.now.domain.rank() == 0 {
-            // The error itself matters more than what could not be written down.
+            // Failure to write the tables must not hide the error itself.
             let _ = runner.simulation.record_failure();
             let message = outcome.as_ref().err().map(ToString::to_string);
             let summary =
@@ -97,7 +97,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         outcome.map_err(Ended::Later)
     }
 
-    /// Restarts the run from its newest checkpoint, which is that of now, with other slabs. Collective.
+    /// Restarts the run with other slabs from its newest checkpoint, which was just written. Collective.
     fn with_slabs(self, start: impl FnOnce(RunFolder, Resumed) -> Start) -> Result<Self, Error> {
         let Self {
             simulation,
@@ -112,7 +112,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let Simulation { now, phases, .. } = simulation;
         let communicator = now.domain.communicator().clone();
         let plan = now.plan.clone();
-        // The old state is dropped before the new one is allocated.
+        // Drop the old state before the new one is allocated.
         drop((now.flow, now.dem, now.particles, now.averages));
         let found = resume::find(&folder, &communicator)?;
         let start = Start {
@@ -129,7 +129,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         Ok(next)
     }
 
-    /// Slabs that cost clearly less than those of now, by where the solids are and what the phases took. Collective.
+    /// Returns slabs that cost clearly less than the present ones, from the positions of the solids and the times
+    /// of the phases. Collective.
     fn better_slabs(&self) -> Option<Slabs> {
         let now = &self.simulation.now;
         let communicator = now.domain.communicator();
@@ -147,7 +148,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         })
     }
 
-    /// Mass of the lattice (lattice units of deviation), for drift. Collective.
+    /// Returns the mass of the lattice, as deviation in lattice units, to compute its drift. Collective.
     pub(super) fn mass(&self) -> f64 {
         let Some(flow) = self.simulation.now.lattice() else {
             return 0.0;
@@ -240,7 +241,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             }
         }
         self.simulation.check_state()?;
-        // The state comes first: whatever fails afterwards, a restart ends the run from here.
+        // The state is saved first: if anything fails afterwards, a restart completes the run from here.
         if self.first_step == self.simulation.now.step {
             self.progress.note(&format!(
                 "the run had already ended; extend it with `solver restart {} --set time.end=..`",
@@ -251,7 +252,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             self.save(Occasion::End)?;
         }
         self.folder.forget_preparation();
-        // No checkpoint may be written after this: rows at the end are no part of the state of a run that continues.
+        // No checkpoint may be written after this: the rows at the end are not part of the state of a run that
+        // continues.
         self.simulation.record_end()?;
         for line in self.simulation.collapse.take_news() {
             self.progress.note(&line);
@@ -268,7 +270,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
     }
 
-    /// Returns `true` if so much has left that the case calls the run done; equal on every rank.
+    /// Returns `true` if the eroded fraction at which the case ends the run is reached; equal on every rank.
     fn eroded(&self) -> bool {
         let law = self.simulation.now.plan.scene.erosion_law.as_ref();
         law.and_then(|law| law.end_at_eroded_fraction)
@@ -323,7 +325,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             steps: simulation.now.plan.clock.steps,
             time: simulation.now.time(),
             cells,
-            // Of this rank only: good enough for a line, and no message.
+            // This counts the grains of this rank only, which is accurate enough for a progress line and needs no
+            // message.
             grains: simulation.now.particles.owned() as u64,
             solid_steps: u64::from(simulation.now.plan.clock.solid_steps_per_step),
             more,
@@ -406,21 +409,21 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     }
 }
 
-/// Reason why the loop over the steps ended.
+/// Reason why the time loop ended.
 enum Pause {
-    /// The run is done.
+    /// The run is complete.
     Done,
-    /// Restart with these slabs.
+    /// The run continues with these slabs.
     NewSlabs(Slabs),
 }
 
-/// Reason why a checkpoint is written.
+/// Reason for writing a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Occasion {
-    /// Checkpoint that is due, or that a signal requested.
+    /// The checkpoint is due, or a signal requested it.
     Asked,
     /// The run stops.
     Stop,
-    /// The run is done.
+    /// The run is complete.
     End,
 }

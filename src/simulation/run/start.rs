@@ -1,4 +1,4 @@
-//! From a plan or a checkpoint to a run before its next step.
+//! Start of a run: from a plan or a checkpoint to the state before its next step.
 
 use super::super::agreement;
 use super::super::balance::{self, Costs};
@@ -43,7 +43,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// Prepares a run up to its first step, or continues from the checkpoint of `start`. Collective.
     ///
     /// # Errors
-    /// When the state cannot be made, read or written, and [`Error::Stopped`] after a request.
+    /// If the state cannot be made, read or written, and [`Error::Stopped`] after a request.
     pub(super) fn begin(
         mut plan: Plan,
         communicator: Communicator,
@@ -53,9 +53,10 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let may_cut = listed.is_none();
         let mut outside = Outside::open(&plan, communicator, start)?;
         let origin = Origin::read(&plan, &mut outside)?;
-        // A wrong file is found before grains are prepared for hours.
+        // Read the field first, so that a wrong file is found before a long preparation of grains.
         let field = read_field(&plan, &origin)?;
-        // The grains come first, all of them on the first rank: their places decide where the slabs are cut.
+        // The grains come before the slabs, all of them on the first rank: their positions determine where the
+        // slabs are cut.
         let Grains { particles, source } = grains::prepare::<Sp>(&plan, &origin, &mut outside)?;
         plan.scene.forget_sample();
         let slabs = match outside.start.slabs.take().or(listed) {
@@ -93,7 +94,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         Ok(runner)
     }
 
-    /// Returns the run whose next step is that of `now`. Collective.
+    /// Returns the run in the state `now`. Collective.
     fn new(mut now: Present<Sp, S>, parts: Parts, records: Records, outside: Outside) -> Self {
         let progress = Progress::new(outside.speaks(), now.step);
         let Outside { start, watch, .. } = outside;
@@ -129,7 +130,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         runner
     }
 
-    /// Writes the rows and outputs of the state before the first step. Collective.
+    /// Writes the rows and outputs for the state before the first step. Collective.
     fn record_first(&mut self) -> Result<(), Error> {
         let Simulation {
             now,
@@ -169,7 +170,7 @@ fn read_field(plan: &Plan, origin: &Origin) -> Result<Option<Box<dyn Field>>, Er
     }
 }
 
-/// Returns slabs of equal cost, for which it may measure the speed of the machine. Collective.
+/// Returns slabs of equal cost; may measure the speed of the machine for this. Collective.
 fn cut_slabs<Sp: Space>(plan: &mut Plan, particles: &Particles<Sp>, outside: &Outside) -> Slabs {
     let communicator = &outside.communicator;
     let mut costs = Costs::for_scene(plan, particles, communicator).planned();
@@ -186,7 +187,7 @@ fn cut_slabs<Sp: Space>(plan: &mut Plan, particles: &Particles<Sp>, outside: &Ou
     slabs
 }
 
-/// Makes the water with its coupling: in its initial state unless the run continues with a later one. Collective.
+/// Creates the fluid with its coupling, in its initial state unless the run continues with a later one. Collective.
 fn build_flow<Sp: Space, S: SavedNumber>(
     plan: &Plan,
     domain: &Domain,
@@ -232,13 +233,13 @@ fn build_fluid<S: SavedNumber>(
             let remedy = "--set fluid.lattice_boltzmann.device=cpu, or auto";
             Error::Usage(format!("{path}: {error}; use {remedy}"))
         } else {
-            // The slab is too large for the memory.
+            // The memory cannot hold the slab.
             Error::Io(error)
         }
     })
 }
 
-/// Marks the positions of the solids in the fluid. Collective.
+/// Maps the solids onto the lattice. Collective.
 fn place_bodies<Sp: Space, S: SavedNumber>(now: &mut Present<Sp, S>) -> Result<(), Error> {
     if now.dem.is_some() {
         now.particles.refresh_ghosts(&now.domain)?;
@@ -249,7 +250,7 @@ fn place_bodies<Sp: Space, S: SavedNumber>(now: &mut Present<Sp, S>) -> Result<(
     }
 }
 
-/// Warms the water up unless the run is past its preparation, and returns the time for which it flowed \[s\].
+/// Warms up the fluid, unless the preparation was complete, and returns the time for which it flowed \[s\].
 /// Collective.
 fn age_flow<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
@@ -269,7 +270,7 @@ fn age_flow<Sp: Space, S: SavedNumber>(
     Ok(real(steps) * now.plan.clock.time_step)
 }
 
-/// Reads the sums over time, if the case requests any. Collective.
+/// Reads the time averages, if the case requests any. Collective.
 fn read_averages<Sp: Space, S: SavedNumber>(
     now: &Present<Sp, S>,
     origin: &Origin,
@@ -287,7 +288,7 @@ fn read_averages<Sp: Space, S: SavedNumber>(
     Ok(averages)
 }
 
-/// The recorders and outputs of a run.
+/// Recorders and outputs of a run.
 struct Records {
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
@@ -295,7 +296,7 @@ struct Records {
 }
 
 impl Records {
-    /// Opens the files of the run, cut back to the checkpoint from which it continues. Collective.
+    /// Opens the files of the run, cut back to the checkpoint from which the run continues. Collective.
     fn open<Sp: Space, S: SavedNumber>(
         now: &Present<Sp, S>,
         origin: &Origin,
@@ -317,7 +318,7 @@ impl Records {
         })
     }
 
-    /// Gives the recorders their saved states, or else the age \[s\] of the flow at the start.
+    /// Restores the saved states of the recorders, or sets the age \[s\] of the flow at the start.
     fn restore(&mut self, saved: Option<Recorders>, flow_age: f64) -> Result<(), Error> {
         let Some(saved) = saved else {
             self.recorder.set_flow_age(flow_age);
@@ -328,7 +329,7 @@ impl Records {
     }
 }
 
-/// Returns what every output states about its run, by name.
+/// Returns names and values of the provenance that every output states.
 fn provenance(plan: &Plan, domain: &Domain, threads: usize) -> Vec<(String, String)> {
     let mut all = vec![
         ("case".to_owned(), plan.case_text.clone()),

@@ -1,4 +1,4 @@
-//! The summary of a run: `summary.json` and the messages at its end.
+//! Summary of a run: `summary.json` and the messages at its end.
 
 use super::super::agreement;
 use super::super::blocks;
@@ -24,14 +24,15 @@ use plan::scene::observe::{Probe, ProbeAt};
 use plan::scene::seepage::Seepage as SeepageScene;
 use serde_json::{Value, json};
 
-/// Relative change of the mass of enclosed water from which a run warns.
+/// Relative change of the mass of enclosed water above which a run warns.
 const LOST: f64 = 1e-3;
 
-/// A grain is thrown, not carried, where it is this many times as fast as the water can make it.
+/// Ratio of the speed of a grain to the largest speed that water can give it, above which the grain counts as
+/// thrown by contacts.
 const LEAPS: f64 = 1.1;
 
-/// Returns the largest speed \[m/s\] that grains can have by Bernoulli: that of water at the largest difference of its
-/// reduced pressure, a fall over the height of the domain, and the speed at the start.
+/// Returns the largest speed \[m/s\] that grains can reach by Bernoulli: from the largest difference of the reduced
+/// pressure of the water, a fall over the height of the domain, and the initial speed.
 fn bernoulli_speed(scene: &Scene, extremes: &Extremes) -> f64 {
     let density = scene.seepage.as_ref().map_or(1.0, |s| s.written.density);
     let fall: f64 = (0..3)
@@ -42,7 +43,7 @@ fn bernoulli_speed(scene: &Scene, extremes: &Extremes) -> f64 {
 }
 
 impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
-    /// Returns the warning of the mass that water without an opening has lost or gained, a cell.
+    /// Returns the warning about mass per cell lost or gained by water without an opening.
     fn lost_mass(&self, change: f64) -> Option<String> {
         let plan = &self.simulation.now.plan;
         let units = plan.units.as_ref()?;
@@ -51,7 +52,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         (enclosed && change.abs() > LOST).then(|| {
             format!(
                 "the mass of the enclosed water changed by {:.2} %, its mean pressure with it by {:.3e} Pa: \
-                 links that interpolate and grains that cover and uncover cells do not keep it; \
+                 interpolated links, and grains that cover and uncover cells, do not conserve mass; \
                  partially saturated cells do",
                 100.0 * change,
                 units.pressure_scale() * change / 3.0
@@ -62,7 +63,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// Writes `summary.json` and prints it, or the messages at the end of a run. Collective.
     ///
     /// # Errors
-    /// When a file cannot be written, the same on all ranks.
+    /// If a file cannot be written, the same on all ranks.
     pub(super) fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
         let measures = self.measure();
         let warnings = self.warnings(&measures);
@@ -194,22 +195,22 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if now.dem.is_some() && extremes.speed > LEAPS * bernoulli {
             warnings.push(format!(
                 "a grain reached {:.3e} m/s, and the differences of pressure and height give \
-                 {bernoulli:.3e} m/s at most (Bernoulli): contacts that were pressed into each other threw it",
+                 {bernoulli:.3e} m/s at most (Bernoulli): elastic energy of overlapping contacts accelerated it",
                 extremes.speed
             ));
         }
         if extremes.water > LEAPS * bernoulli && bernoulli > 0.0 {
             warnings.push(format!(
                 "the water reached {:.3e} m/s in a cell, and the differences of pressure and height give \
-                 {bernoulli:.3e} m/s at most (Bernoulli): grains that moved pushed it, or a flux that is imposed \
-                 drives it through a narrow way",
+                 {bernoulli:.3e} m/s at most (Bernoulli): moving grains accelerated it, or an imposed flux \
+                 drives it through a narrow channel",
                 extremes.water
             ));
         }
         warnings
     }
 
-    /// Returns the values that every run has. Collective.
+    /// Returns the values that every summary has. Collective.
     fn values(&self, outcome: &str, measures: &Measures) -> Value {
         let now = &self.simulation.now;
         let guards = &self.simulation.guards;
@@ -254,8 +255,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         values
     }
 
-    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], what of it is lost, and what entered and left
-    /// through the openings. Collective.
+    /// Adds the values of water below a free surface: its mass [kg; kg/m in 2-D], the mass lost by errors, and the
+    /// masses that entered and left through the openings. Collective.
     fn add_water(&self, values: &mut Value) {
         let now = &self.simulation.now;
         let Some(surface) = now.lattice().and_then(|flow| flow.fluid().surface()) else {
@@ -337,7 +338,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let water = seepage.pressure().water_balance();
         let scene = now.plan.scene.seepage.as_ref();
         if water.is_some() {
-            // What enters and does not leave is stored.
+            // Below a free surface the difference of inflow and outflow is stored water, not an imbalance.
             values["flow_imbalance"] = Value::Null;
         }
         values["seepage"] = json!({
@@ -369,7 +370,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         });
     }
 
-    /// Reads the tables of the probes. The first rank alone has them, and alone speaks of them.
+    /// Reads the tables of the probes. Only the first rank has them and reports about them.
     fn read_probes(&self) -> Probes {
         let now = &self.simulation.now;
         if now.domain.rank() != 0 {
@@ -383,7 +384,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
     }
 
-    /// Adds the energy of the grains and the results of the blocks and recorders. Collective.
+    /// Adds the energy of the grains and the results of blocks and recorders. Collective.
     fn add_records(&self, values: &mut Value) -> Result<(), Error> {
         let now = &self.simulation.now;
         let communicator = now.domain.communicator();
@@ -434,7 +435,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             _ => format!(" ({})", speeds.join(", ")),
         };
         self.progress.note(&format!(
-            "{outcome}: {} steps in {}{speeds}, peak {:.0} MB a rank",
+            "{outcome}: {} steps in {}{speeds}, peak {:.0} MB per rank",
             now.step - self.first_step,
             clock(measures.wall),
             real(measures.rss) / 1e6
@@ -479,7 +480,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         };
         let guards = &self.simulation.guards;
         self.progress.note(&format!(
-            "mass error {} a step, momentum error {} of the largest force; state {hash}",
+            "mass error {} per step, momentum error {} of the largest force; state {hash}",
             measured(guards.mass_error()),
             measured(guards.momentum_error())
         ));
@@ -510,21 +511,21 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
 /// Measurements of a run at its end.
 struct Measures {
     account: Account,
-    /// Wall-clock time \[s\]: of the whole run, and of its loop.
+    /// Wall-clock time of the whole run \[s\], then that of its loop.
     wall: f64,
     looped: f64,
-    /// Cells \[millions\] and solid steps of grains, a second.
+    /// Million cell updates per second, then million steps of grains per second.
     mlups: f64,
     rate: f64,
-    /// Grains of all ranks.
+    /// Number of grains on all ranks.
     grains: u64,
-    /// Peak memory \[bytes\]: the largest of a rank, and the sum.
+    /// Peak memory \[bytes\]: the maximum over the ranks, then the sum.
     rss: u64,
     rss_total: u64,
     hash: String,
-    /// Change of the mass of the lattice, a cell.
+    /// Change of the mass of the lattice per cell, in lattice units.
     mass_change: f64,
-    /// Extremes of the seepage; none counted without one.
+    /// Extremes of the seepage; initial values without seepage.
     extremes: Extremes,
 }
 
@@ -547,7 +548,8 @@ pub(super) fn peak_rss() -> u64 {
         .map_or(0, |kib| kib * 1024)
 }
 
-/// Returns the largest gradient with which water leaves each patch, and the face where it does, by names of patches.
+/// Returns the largest gradient with which water leaves each patch, and the face where it occurs, by names of
+/// patches.
 fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     let patches = scene.into_iter().flat_map(|scene| &scene.patches);
     let drains = scene.into_iter().flat_map(|scene| &scene.drains);
@@ -563,8 +565,8 @@ fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     found.collect::<serde_json::Map<String, Value>>().into()
 }
 
-/// Returns the factors of safety against heave of the probes of it, by their names: that of Terzaghi's width, half the
-/// depth, and the least one with its width.
+/// Returns the safety factors against heave of the probes for it, by their names: for Terzaghi's width of half the
+/// depth, and the minimum with its width.
 fn heave(pressure: &Pressure, probes: &[Probe]) -> Value {
     let found = probes.iter().filter_map(|probe| {
         let ProbeAt::Heave(prisms) = &probe.at else {

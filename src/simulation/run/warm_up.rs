@@ -1,4 +1,4 @@
-//! The warm-up: the fluid flows around grains at rest until it is steady.
+//! Warm-up: the fluid flows around stationary grains until it is steady.
 
 use super::super::Present;
 use super::super::guards::Guards;
@@ -13,22 +13,22 @@ use output::checkpoint::{self, RunState, SavedNumber};
 use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 
-/// Steps between two checks of steadiness of the fluid.
+/// Steps between two checks of the steadiness of the fluid.
 const LOOK_EVERY: u64 = 100;
 
-/// The progress of a warm-up.
+/// Progress of a warm-up.
 pub(super) struct Reached {
-    /// Steps taken.
+    /// Number of steps taken.
     pub(super) steps: u64,
-    /// Velocities at the last check, three numbers a cell, \[z\]\[y\]\[x\]; none before the first.
+    /// Velocities at the last check, three numbers per cell, \[z\]\[y\]\[x\]; none before the first check.
     pub(super) velocities: Option<Vec<f64>>,
 }
 
-/// Lets the fluid flow around grains at rest until it is steady, from `reached` on, and returns the steps taken.
-/// `attributes` go into the checkpoints that the outside requests. Collective.
+/// Lets the fluid flow around stationary grains from `reached` until it is steady, and returns the total number of
+/// steps. `attributes` go into the checkpoints that are requested meanwhile. Collective.
 ///
 /// # Errors
-/// When the fluid fails or a checkpoint cannot be written, and after a request to stop.
+/// If the fluid fails or a checkpoint cannot be written, and after a request to stop.
 pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
     now: &mut Present<Sp, S>,
     guards: &mut Guards,
@@ -86,9 +86,9 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
     Ok(step)
 }
 
-/// Velocities at the last check, and their difference from those at the check before.
+/// Velocities at the last check, and their relative change since the check before.
 struct Look {
-    /// Cells in the order of the velocities.
+    /// Cell indices in the order of the velocities.
     cells: Vec<usize>,
     velocities: Vec<f64>,
     change: f64,

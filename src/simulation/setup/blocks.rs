@@ -10,11 +10,11 @@ use dem::space::Space;
 use plan::Plan;
 use std::sync::Arc;
 
-/// Gives the particles the shapes of all polyhedra, in the order of their ids. On every rank, before blocks are added
-/// or after they were read; nothing happens in a scene without polyhedra.
+/// Gives the particles the shapes of all polyhedra, in the order of their ids; does nothing in a scene without
+/// polyhedra. Call it on every rank, before blocks are added and after they were read.
 ///
 /// # Errors
-/// In the plane.
+/// If the scene is two-dimensional.
 pub fn shapes<S: Space>(plan: &Plan, particles: &mut Particles<S>) -> Result<(), Error> {
     let shapes: Arc<[Polyhedron]> = (plan.scene.polyhedra())
         .map(|(solid, ..)| solid.shape.clone())
@@ -25,7 +25,8 @@ pub fn shapes<S: Space>(plan: &Plan, particles: &mut Particles<S>) -> Result<(),
     particles.set_shapes(shapes)
 }
 
-/// Adds the blocks on the first rank, with ids after those of the bodies; the first lists hand them to their owners.
+/// Adds the blocks on the first rank, with ids after those of the bodies; building the first neighbour lists sends
+/// them to their owners.
 ///
 /// # Errors
 /// If a shape is not in the table.
@@ -46,7 +47,7 @@ pub fn blocks<S: Space>(
     };
     for (n, block) in blocks.list.iter().enumerate() {
         let solid = &block.solid;
-        // What never moves may have a material without density.
+        // A block that never moves may have a material without density.
         let density = plan.scene.materials[block.material].density.unwrap_or(1.0);
         let id = (bodies.len() + n) as u64;
         let mut body = Body::of_block(id, &solid.shape, density, to_u32(block.material));

@@ -1,4 +1,5 @@
-//! The fluid at the start as a field on the lattice: the formulas of a case, and a field output of an earlier run.
+//! Initial state of the fluid as a field on the lattice: from formulas of a case, or from a field output of an
+//! earlier run.
 
 use base::error::Error;
 use base::number::{real, whole};
@@ -10,12 +11,12 @@ use plan::scene::grid::Grid;
 use plan::scene::initial::Initial;
 use std::path::Path;
 
-/// Lengths in cells after which a field repeats.
+/// Returns the lengths in cells after which a field repeats; none along axes that are not periodic.
 fn repeats(grid: &Grid) -> [Option<f64>; 3] {
     std::array::from_fn(|a| grid.periodic[a].then(|| real(grid.cells[a])))
 }
 
-/// Returns the fluid at the start as a field on the lattice, by the formula of the case; none for a file.
+/// Returns the initial state of the fluid by the formula of the case; none if the case names a file.
 #[must_use]
 pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn Field>> {
     let cells = plan.scene.grid.cells.map(real);
@@ -40,7 +41,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
             let Some(weight) = weight else {
                 return Some(Box::new(move |_: [f64; 3]| (drho, v)));
             };
-            // The density rises by 3 F from cell to cell, F as the collision adds it.
+            // The density rises by 3 F from cell to cell, with F the force that the collision adds.
             let force = weight.force.map(|f| units.force_density_to_lattice(f));
             let place = weight.place.map(|x| x / units.spacing);
             let there = drho + units.pressure_to_density_deviation(weight.pressure);
@@ -63,8 +64,8 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
                     0.0,
                 ];
                 // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²)
-                // and B = b²/(b² + c²), from the divergence of the momentum equation; a density deviation is three
-                // times that.
+                // and B = b²/(b² + c²), from the divergence of the momentum equation; the density deviation is
+                // three times this value.
                 let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
                 let drho = -0.375
                     * speed
@@ -117,7 +118,7 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
     })
 }
 
-/// Returns the fluid at the start from a field output of the same size.
+/// Returns the initial state of the fluid from a field output of the same size.
 ///
 /// # Errors
 /// If the file cannot be read or has another number of cells.

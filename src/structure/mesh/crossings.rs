@@ -1,25 +1,25 @@
-//! Crossings of a line with a triangulated surface, and how often the surface winds round a point.
+//! Crossings of a line with a triangulated surface, and the winding number of the surface around a point.
 //!
-//! Every crossing counts +1 where the line leaves the inside and -1 where it enters. A point is inside where the sum of
-//! the crossings on the line from it is positive: inside at least one of several shells that cross, and outside in a
+//! A crossing counts +1 if the line leaves the inside and -1 if it enters. A point is inside if the sum of the
+//! crossings on a line from it is positive: inside at least one of several intersecting shells, and outside in a
 //! cavity.
 //!
-//! A line through an edge or a vertex, or in the plane of a triangle, is moved aside by [`ASIDE`] of its own size, in a
-//! direction that no drawing has. It crosses then each triangle in its face or not at all, and neighbours agree on it
-//! since they compute the same numbers for the edge that they share.
+//! A line through an edge or a vertex, or in the plane of a triangle, is shifted by [`ASIDE`] of its own size, in a
+//! direction that occurs in no drawing. It then crosses each triangle in its interior or not at all, and
+//! neighbouring triangles agree because they use the same numbers for their common edge.
 
 use super::super::{Point, cross, dot, minus, norm, plus, times};
 
-/// The distance by which a line is moved aside, over its length and its distance from the origin.
+/// Distance by which a line is shifted, relative to its length plus its distance from the origin.
 const ASIDE: f64 = 1e-11;
-/// The direction: no two of its components have a simple ratio.
+/// Direction of the shift: no two of its components have a simple ratio.
 const DIRECTION: Point = [0.577_215_6, 0.691_462_5, 0.433_012_7];
 
-/// A line from a point, moved aside.
+/// Line from a point, shifted.
 pub(super) struct Line {
     from: Point,
     along: Point,
-    /// Axes: that along which the line is longest comes last.
+    /// Axes, ordered so that the line is longest along the last.
     axes: [usize; 3],
     shear: [f64; 2],
 }
@@ -48,8 +48,8 @@ impl Line {
         }
     }
 
-    /// Returns the place at which the line crosses a triangle, as a part of its length, with 1 where it leaves and -1
-    /// where it enters (S. Woop, C. Benthin, I. Wald, J. Computer Graphics Techniques 2 (2013) 65).
+    /// Returns the position at which the line crosses a triangle, as a fraction of its length, with 1 if it leaves
+    /// and -1 if it enters (S. Woop, C. Benthin, I. Wald, J. Computer Graphics Techniques 2 (2013) 65).
     pub(super) fn crossing(&self, corners: &[Point; 3]) -> Option<(f64, i32)> {
         let [x, y, z] = self.axes;
         let flat = corners.map(|corner| {
@@ -70,12 +70,12 @@ impl Line {
         }
         let sum: f64 = weights.iter().sum();
         let height = (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / sum;
-        // Counter-clockwise as seen along the line: the normal points along it.
+        // Counter-clockwise viewed along the line: the normal points along the line.
         let leaves = positive == (self.along[z] > 0.0);
         Some((height / self.along[z], if leaves { 1 } else { -1 }))
     }
 
-    /// Returns `true` if the line may meet a box: by the distance of the box from the line.
+    /// Returns `true` if the line may intersect a box, judged by the distance of the box from the line.
     pub(super) fn meets(&self, low: &Point, high: &Point) -> bool {
         let middle = times(plus(*low, *high), 0.5);
         let half = norm(minus(*high, *low)) * (0.5 + 1e-9);
@@ -87,7 +87,7 @@ impl Line {
     }
 }
 
-/// Returns how often triangles wind round a point.
+/// Returns the winding number of triangles around a point.
 pub(super) fn winding(triangles: &[[Point; 3]], at: Point) -> i32 {
     let size = triangles
         .iter()

@@ -1,26 +1,26 @@
-//! The shells of a triangulated surface: parts that hang together by edges, each with one outside.
+//! Shells of a triangulated surface: parts connected by edges, each with one outside.
 //!
-//! Files of other programs wind their triangles in any order. From the first triangle of a shell the winding is carried
-//! over its edges. Of a closed surface all together have a positive volume; a shell that is inside out becomes a solid
-//! of its own, unless it lies in another one: then it bounds a cavity.
+//! Files of other programs wind their triangles in any order. From the first triangle of a shell the winding is
+//! propagated over its edges. The shells of a closed surface have a positive total volume; a shell that is inside
+//! out becomes a solid of its own, unless it lies in another one and bounds a cavity.
 
 use super::super::{Point, cross, dot, minus};
 use super::crossings;
 use std::collections::HashMap;
 
-/// Triangles that are wound alike.
+/// Consistently wound triangles by shell.
 pub(super) struct Shells {
-    /// The number of the shell of each triangle.
+    /// Shell index of each triangle.
     pub(super) of: Vec<usize>,
-    /// The number of shells.
+    /// Number of shells.
     pub(super) count: usize,
-    /// Edges that only one triangle has.
+    /// Number of edges with only one triangle.
     pub(super) open_edges: usize,
-    /// `true` if more than two triangles meet at an edge.
+    /// `true` if more than two triangles share an edge.
     pub(super) many_at_an_edge: bool,
 }
 
-/// A triangle at an edge, and `true` if it runs from the lower vertex to the higher one.
+/// Triangle at an edge, and `true` if it traverses the edge from the lower vertex to the higher one.
 type Side = (usize, bool);
 
 fn edges(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], Vec<Side>> {
@@ -37,10 +37,10 @@ fn edges(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], Vec<Side>> {
     edges
 }
 
-/// Winds the triangles of each shell alike, and returns the shells.
+/// Winds the triangles of each shell consistently, and returns the shells.
 ///
 /// # Errors
-/// A sentence where a shell has one side only, or where triangles that meet at an edge have no two sides.
+/// If a shell is not orientable, or if triangles that share an edge do not bound a solid.
 pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
     const NONE: usize = usize::MAX;
     let edges = edges(triangles);
@@ -75,7 +75,7 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
                 }
             }
         }
-        // The winding of most triangles of the file.
+        // Keep the winding of most triangles of the file.
         let against = members.iter().filter(|&&n| turned[n]).count();
         if 2 * against > members.len() {
             members.iter().for_each(|&n| turned[n] = !turned[n]);
@@ -106,8 +106,8 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
     })
 }
 
-/// Turns the shells of a closed surface that are inside out: all of them where their volumes add up to less than
-/// nothing, and then those that do not lie in another one.
+/// Reverses the shells of a closed surface that are inside out: all of them if their total volume is negative, and
+/// then those that do not lie in another one.
 pub(super) fn turn_outward(shells: &Shells, vertices: &[Point], triangles: &mut [[u32; 3]]) {
     let volume = |triangles: &[[u32; 3]], shell: Option<usize>| -> f64 {
         let base = vertices[0];

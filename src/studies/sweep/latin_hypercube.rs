@@ -1,14 +1,14 @@
 //! Members drawn from the variations by a Latin hypercube instead of all their combinations.
 //!
-//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum holds
-//! exactly one member; the strata of different variations are paired at random. The mean over the members then has a
-//! smaller variance than with independent draws, most of all for outputs that are nearly sums of functions of one
+//! With n members, the range of each variation is cut into n strata of equal probability, and each stratum contains
+//! exactly one member; the strata of different variations are paired at random. The mean over the members then has
+//! a smaller variance than with independent draws, most of all for outputs that are nearly sums of functions of one
 //! variable each.
 //!
 //! Source: M. D. McKay, R. J. Beckman, W. J. Conover, "A comparison of three methods for selecting values of input
 //! variables in the analysis of output from a computer code", Technometrics 21 (1979) 239-245.
 //!
-//! A list of m values has m parts of equal probability: each value is drawn n/m times, rounded up or down. Drawn
+//! A list of m values has m strata of equal probability: each value is drawn n/m times, rounded up or down. Drawn
 //! numbers are rounded to four digits, so that tables, names and cases show them in full.
 
 #![allow(
@@ -74,7 +74,7 @@ pub enum Scale {
 }
 
 impl Range {
-    /// Returns the value below which a part `share` of all draws lies, to four digits.
+    /// Returns the quantile of the range for the probability `share`, rounded to four digits.
     #[must_use]
     pub fn quantile(&self, share: f64) -> f64 {
         let value = match self.scale {
@@ -115,14 +115,14 @@ impl LatinHypercube {
         !self.crossed.iter().any(|name| name == variation)
     }
 
-    /// Returns the place of every member in the range of variation number `variation`: from 0 to 1, one in each n-th
-    /// part.
+    /// Returns the position of every member in the range of variation number `variation`: from 0 to 1, one in each
+    /// stratum.
     #[must_use]
     pub fn places(&self, variation: usize) -> Vec<f64> {
         let mut random = Stream::new(self.seed, variation as u64, DRAWS);
         let count = self.members as usize;
         let mut strata: Vec<usize> = (0..count).collect();
-        // Fisher and Yates.
+        // Shuffle of Fisher and Yates.
         for last in (1..count).rev() {
             let other = whole(random.uniform() * real(last + 1)).min(last);
             strata.swap(last, other);
@@ -132,10 +132,10 @@ impl LatinHypercube {
     }
 }
 
-/// The use of the random numbers, as of the streams of a run.
+/// Identifier of this stream of random numbers, distinct from those of the streams of a run.
 const DRAWS: u32 = 0x4c48;
 
-/// Returns which of `count` equally probable values lies at a place from 0 to 1.
+/// Returns the index of the value at a position from 0 to 1 among `count` equally probable values.
 #[must_use]
 pub fn choice(place: f64, count: usize) -> usize {
     whole((place * real(count)).floor()).min(count.saturating_sub(1))
@@ -175,8 +175,8 @@ mod tests {
         assert_eq!(hypercube(9, 1).places(0), hypercube(9, 1).places(0));
     }
 
-    /// The point of the method: for a sum of functions of one variable each, the variance of the mean is far below that
-    /// of independent draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
+    /// For a sum of functions of one variable each, the variance of the mean is far below that of independent
+    /// draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
     #[test]
     fn the_mean_of_a_sum_varies_less_than_with_independent_draws() {
         let (count, repeats) = (16_u32, 200_u32);
@@ -256,7 +256,7 @@ mod tests {
             let all = all.iter().map(|m| m.labels[n].clone().unwrap());
             all.collect()
         };
-        // The tree has its keys in the order of the alphabet. Three draws of each operator, each at both spacings.
+        // The tree has its keys in alphabetical order. Three draws of each operator, each at both spacings.
         let bgk = column(3).iter().filter(|name| *name == "bgk").count();
         assert_eq!(bgk, 6);
         for pair in all.chunks(2) {
@@ -267,7 +267,7 @@ mod tests {
                 pair[1].number("domain.spacing")
             );
         }
-        // What the table says is what the case has.
+        // The table contains the values of the case.
         for member in &all {
             let said: f64 = member.labels[2].as_ref().unwrap().parse().unwrap();
             assert_eq!(

@@ -13,25 +13,25 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Fields of one member that formulas set, at most: each of them is looked for in all the others.
+/// Maximum number of fields of one member set by formulas: each of them is searched for in all the others.
 const MOST_FORMULAS: usize = 100;
-/// The field that lets a member beyond the limits run.
+/// Field that allows a member beyond the limits to run.
 const LIMITS: &str = "guards.limits";
 
 /// A member of a study.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Name and that of its folder.
+    /// Name of the member and of its folder.
     pub name: String,
-    /// Value of each varied field, in their order; none for listed members that do not have the field.
+    /// Value of each varied field, in the order of the variations; none if a listed member does not have the field.
     pub labels: Vec<Option<String>>,
-    /// Case as a tree.
+    /// Case as a JSON tree.
     pub case: Value,
     /// The verdict of the plan on the case.
     pub verdict: Verdict,
     /// The findings of the plan.
     pub problems: Vec<Problem>,
-    /// Case that is run; none if nothing can be.
+    /// Case to run; none if the case cannot be run.
     pub prepared: Option<Prepared>,
 }
 
@@ -49,13 +49,13 @@ pub struct Prepared {
 }
 
 impl Member {
-    /// Returns a number of its case by path.
+    /// Returns a number of the member's case by path.
     #[must_use]
     pub fn number(&self, path: &str) -> Option<f64> {
         set::lookup(&self.case, path).and_then(Value::as_f64)
     }
 
-    /// Returns its value of a varied thing as a number.
+    /// Returns the member's value of a varied field as a number.
     #[must_use]
     pub fn value(&self, varied: usize) -> Option<f64> {
         self.labels.get(varied)?.as_ref()?.parse().ok()
@@ -69,7 +69,7 @@ struct Draft {
     set: Vec<(String, Value)>,
 }
 
-/// Returns all members with their cases; paths in the study start at `beside`.
+/// Returns all members with their cases; relative paths in the study start at `beside`.
 ///
 /// # Errors
 /// All that is wrong with the study or any member.
@@ -78,7 +78,7 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     let drafts = drafts(study)?;
     let mut found = names(&drafts, study);
     let mut members = Vec::new();
-    // A sentence that applies to many members is printed once, with the first of them.
+    // A finding that applies to many members is printed once, with the first of them.
     let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
     for draft in drafts {
         if found.len() >= MOST_PROBLEMS {
@@ -111,7 +111,7 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
     }
 }
 
-/// Returns the tree of the base case and where its paths start.
+/// Returns the tree of the base case and the folder from which its paths start.
 fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
     let one =
         |value: &str, reason: String, remedy: &str| vec![problem("case", value, reason, remedy)];
@@ -181,7 +181,7 @@ fn varied(study: &Study) -> Vec<Draft> {
         let Sample::LatinHypercube(sample) = sample;
         sample
     });
-    // With the number of the draw.
+    // Each member with the number of its draw.
     let mut grid: Vec<(usize, Draft)> = match sample {
         None if study.vary.0.is_empty() => Vec::new(),
         None => vec![(0, draft(String::new()))],
@@ -223,7 +223,7 @@ fn varied(study: &Study) -> Vec<Draft> {
 }
 
 impl Variation {
-    /// Returns the fields that value number `n` sets; none of a range.
+    /// Returns the fields set by value number `n`; none for a range.
     fn set(&self, field: &str, n: usize) -> Vec<(String, Value)> {
         match self {
             Self::Values(values) => {
@@ -241,7 +241,7 @@ impl Variation {
         }
     }
 
-    /// Returns the label and fields of the value at a place from 0 to 1.
+    /// Returns the label and fields of the value at a position from 0 to 1.
     fn value_at(&self, field: &str, place: f64) -> (String, Vec<(String, Value)>) {
         if let Self::Range(range) = self {
             let value = Value::from(range.quantile(place));
@@ -267,7 +267,7 @@ fn short<'a>(field: &'a str, study: &Study) -> &'a str {
     if same.count() > 1 { field } else { last(field) }
 }
 
-/// Returns a text as part of a folder's name: what a shell would take for something else becomes one `-`.
+/// Returns a text as part of a folder's name, with each run of characters special to a shell replaced by one `-`.
 fn file_name(text: &str) -> String {
     let mut name = String::new();
     for c in text.chars() {
@@ -280,7 +280,7 @@ fn file_name(text: &str) -> String {
     name.trim_end_matches('-').to_owned()
 }
 
-/// Returns problems for names that are empty, duplicate, or referred to and missing.
+/// Returns problems for names that are empty, duplicate, or referred to without being defined.
 fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
@@ -315,7 +315,7 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     found
 }
 
-/// Returns a member, and what keeps the study from running because of it.
+/// Returns a member, and the problems that prevent the study from running.
 fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member, Vec<Problem>) {
     let mut case = base.clone();
     let common = study
@@ -325,7 +325,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     let mut found = set_fields(&mut case, common.chain(draft.set));
     let mut labels = draft.labels;
     for (known, (field, variation)) in labels.iter_mut().zip(&study.vary.0) {
-        // The name of choices is no field, though it may sound like one.
+        // The name of named choices is not a field, although it may resemble one.
         if known.is_none() && !matches!(variation, Variation::Choices(_)) {
             *known = set::lookup(&case, field).map(label);
         }
@@ -371,7 +371,7 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     (member, found)
 }
 
-/// Returns the formula to evaluate next: one that names no field that another is still to set; of a circle the first.
+/// Returns the formula to evaluate next: one that uses no field still to be set; in a cycle, the first.
 fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     let waits = |(own, formula): &(String, String)| {
         let others = formulas.iter().filter(|(path, _)| path != own);
@@ -381,7 +381,8 @@ fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     free.or_else(|| (!formulas.is_empty()).then_some(0))
 }
 
-/// Sets fields of a case; formulas after everything else, since they may name any number, also one that a formula sets.
+/// Sets fields of a case. Formulas are evaluated after everything else, because they may use any number, also one
+/// that another formula sets.
 fn set_fields(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -> Vec<Problem> {
     let mut found = Vec::new();
     let mut formulas = Vec::new();
@@ -455,7 +456,7 @@ mod tests {
         let last = &members[17];
         assert_eq!(last.name, "operator=trt_spacing=2.5e-5_relaxation_time=1.5");
         assert_eq!(last.number("domain.spacing"), Some(2.5e-5));
-        // Formulas use the varied values.
+        // Formulas use the values of the variations.
         assert_eq!(last.number("probes[0].at.plane.position"), Some(1.25e-5));
         assert_eq!(last.value(1), Some(2.5e-5));
         assert_eq!(last.value(0), None);
@@ -475,7 +476,7 @@ mod tests {
         .unwrap();
         let last = members.last().unwrap();
         assert_eq!((members.len(), last.name.as_str()), (19, "by-hand"));
-        // The tree has its keys in the order of the alphabet.
+        // The tree has its keys in alphabetical order.
         assert_eq!(last.labels[0].as_deref(), Some("1e-4"));
         assert_eq!(last.labels[2], None);
     }

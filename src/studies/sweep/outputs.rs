@@ -89,7 +89,7 @@ fn of_output(
         .collect()
 }
 
-/// Returns the formula of the columns that a reduction holds.
+/// Returns the formula of the columns in a reduction.
 fn of_take(take: &Take) -> Option<&String> {
     match take {
         Take::Cosine(formula)
@@ -101,7 +101,8 @@ fn of_take(take: &Take) -> Option<&String> {
     }
 }
 
-/// Returns the problem of a formula with a name that is neither a column nor known otherwise, or that cannot be read.
+/// Returns the problem of a formula that cannot be read, or that uses a name that is neither a column nor another
+/// known number.
 fn unknown(
     path: &str,
     formula: &str,

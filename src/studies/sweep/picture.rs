@@ -1,6 +1,6 @@
 //! `sweep.svg`: error against time and against memory, with the Pareto set connected and labelled; for a study without
-//! a reference, each output over the first field that is varied by numbers. `map.svg`: the outcome of the members over
-//! two varied fields, with the prediction of the plan.
+//! a reference, each output against the first numerical variation. `map.svg`: the outcome of the members over two
+//! varied fields, with the prediction of the plan.
 
 use super::members::Member;
 use super::record::Outcome;
@@ -14,17 +14,17 @@ use figures::plot::{
 use io::csv::push_line;
 use std::fmt::Write as _;
 
-/// Largest number of outputs in a picture of answers.
+/// Maximum number of outputs in a picture without reference.
 const ANSWERS: usize = 6;
 
-/// Returns each output over the first field that is varied by numbers, or over the number of the member.
+/// Returns a figure of each output against the first numerical variation, or against the number of the member.
 fn answers(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     let varied = study.vary.0.iter().position(|(_, v)| v.is_numeric());
     let x = varied.map_or_else(
         || PlotAxis::linear("member", ""),
         |n| PlotAxis::linear(&study.vary.0[n].0, ""),
     );
-    // Members that differ in another field are a line of their own.
+    // Members that differ in another field form a separate line.
     let group = |member: &Member| {
         let others = member.labels.iter().enumerate();
         let others = others.filter(|(n, _)| Some(*n) != varied);
@@ -74,7 +74,7 @@ fn answers(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     }
 }
 
-/// Returns error against cost, with a panel for each cost; the answers if no error is known.
+/// Returns a figure of error against cost, with a panel for each cost; without known errors, that of the outputs.
 #[must_use]
 pub fn front(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     if table.rows.iter().all(|row| row.error.is_none()) {
@@ -176,8 +176,8 @@ impl Front<'_> {
         }
     }
 
-    /// Returns the colour, label and members by the value of the first variation; without variations each listed member
-    /// is a group.
+    /// Returns the colour, label and members of each value of the first variation; without variations, each listed
+    /// member is a group.
     fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
         let labels: Vec<String> = match self.study.vary.0.first() {
             Some((_, variation)) => variation.labels(),
@@ -211,7 +211,7 @@ impl Front<'_> {
     }
 }
 
-/// The prediction of the plan and the outcome of a member.
+/// Prediction of the plan and outcome of a member.
 #[derive(Clone, Debug)]
 struct Place {
     name: String,
@@ -223,7 +223,7 @@ struct Place {
     outcome: Outcome,
 }
 
-/// Members that finish, over two varied fields.
+/// Outcomes of the members as a function of two variations.
 #[derive(Clone, Debug)]
 pub struct Map {
     axes: [String; 2],
@@ -271,7 +271,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
 ];
 
 impl Map {
-    /// Returns the members that have a number on both axes and have been looked at.
+    /// Returns the map of the members that have been run and have a number on both axes.
     #[must_use]
     pub fn from_table(
         axes: &[String; 2],
@@ -320,7 +320,7 @@ impl Map {
         }
     }
 
-    /// Returns a panel for every combination of what else is varied.
+    /// Returns a figure with a panel for every combination of the other variations.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let mut rests: Vec<&str> = Vec::new();
@@ -393,7 +393,7 @@ impl Map {
         text
     }
 
-    /// Returns the number of agreements of plan and runs as a table.
+    /// Returns a table of the numbers of agreements between plan and run.
     #[must_use]
     pub fn confusion(&self) -> String {
         let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");

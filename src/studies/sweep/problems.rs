@@ -3,7 +3,7 @@
 use base::error::{Problem, Severity};
 use case::check;
 
-/// Returns a name that stands for nothing.
+/// Returns the problem of an unknown name.
 pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
     let remedy = match check::nearest(name, known) {
         Some(near) => format!("did you mean `{near}`?"),

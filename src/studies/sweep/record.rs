@@ -9,23 +9,23 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Run that reached its end.
+    /// The run reached its end.
     Finished,
-    /// Run that reached its end with numbers that cannot be right: not what the study calls sound.
+    /// The run reached its end, but violates the condition `sound` of the study.
     Unsound,
     /// The plan, or the run itself, refused the case (exit code 3).
     Refused,
-    /// The numbers failed (exit code 4).
+    /// The run ended with a numerical failure (exit code 4).
     NumericalRefusal,
-    /// Anything else, such as a full disk or a signal.
+    /// The run failed for another reason, such as a full disk or a signal.
     Failed,
-    /// Run that was given up.
+    /// The run exceeded its time limit.
     TimeLimit,
-    /// Run that was stopped from outside and is to be continued.
+    /// The run was stopped from outside and can be continued.
     Stopped,
-    /// Run that is under way, or whose program was ended by force.
+    /// The run is in progress, or was killed.
     Running,
-    /// Member that has not been run.
+    /// The member has not been run.
     Missing,
 }
 
@@ -58,7 +58,7 @@ impl Outcome {
         }
     }
 
-    /// Returns `true` if another run would show nothing new.
+    /// Returns `true` if another run would give the same outcome.
     fn is_final(self) -> bool {
         matches!(
             self,
@@ -72,21 +72,21 @@ impl Outcome {
 pub struct Record {
     /// Outcome of the member.
     pub outcome: Outcome,
-    /// Last message, if it did not finish.
+    /// Last error message, if the run did not finish.
     pub message: String,
-    /// Hash of its case.
+    /// Hash of the member's case.
     pub case_hash: String,
     /// Version of the program.
     pub solver: String,
-    /// The limit it ran under \[s\].
+    /// Time limit of the run \[s\].
     pub time_limit: Option<f64>,
     /// Wall time of the steps \[s\].
     pub loop_seconds: f64,
-    /// Wall time in all \[s\].
+    /// Total wall time \[s\].
     pub wall_seconds: f64,
     /// Processor time of all ranks on this machine \[s\].
     pub processor_seconds: f64,
-    /// `true` if the times are those of all attempts; not if one was ended by force.
+    /// `true` if the times include all attempts; `false` if one was killed.
     pub timed: bool,
 }
 
@@ -107,14 +107,14 @@ impl Record {
         }
     }
 
-    /// Returns the record in a folder; none if there is none that can be read.
+    /// Returns the record in a folder; none if there is no readable record.
     #[must_use]
     pub fn read(folder: &Path) -> Option<Self> {
         let text = io::plain::text(&folder.join(FILE), io::plain::LONGEST_CASE).ok()?;
         serde_json::from_str(&text).ok()
     }
 
-    /// Puts the record into a folder.
+    /// Writes the record into a folder.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -122,7 +122,7 @@ impl Record {
         io::atomic::write_json(&folder.join(FILE), self).map_err(|e| Error::Io(e.to_string()))
     }
 
-    /// Returns `true` if it is about this case under this version of the program.
+    /// Returns `true` if the record belongs to this case and this version of the program.
     #[must_use]
     pub fn is_of(&self, member: &Member, solver: &str) -> bool {
         let prepared = member.prepared.as_ref();

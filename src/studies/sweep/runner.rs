@@ -22,16 +22,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time between two checks of the members that run; their times are taken by themselves.
+/// Interval between two checks of the running members; their times are measured separately.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Time that a member may take to write its checkpoint.
+/// Maximum time for a member to write its checkpoint.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Part of the wall time of a sweep reserved for the checkpoints of its members.
 const RESERVE: Duration = Duration::from_secs(5);
-/// Ticks of a second in `/proc/PID/stat`: USER_HZ, 100 on all machines that Linux runs on today.
+/// Clock ticks per second in `/proc/PID/stat`: USER_HZ, 100 on all current Linux machines.
 const TICKS: f64 = 100.0;
 
-/// Runs members into an output folder.
+/// Runner of members, with its output folder.
 pub struct Runner<'a> {
     run: &'a Run,
     allow_unstable: bool,
@@ -43,7 +43,7 @@ pub struct Runner<'a> {
     end: Option<Instant>,
 }
 
-/// A member that runs.
+/// Running member.
 struct Job<'a> {
     number: usize,
     member: &'a Member,
@@ -52,12 +52,12 @@ struct Job<'a> {
     begun: Instant,
     asked: Option<Instant>,
     given_up: bool,
-    /// Processor time so far \[s\].
+    /// Processor time used so far \[s\].
     processor: f64,
     record: Record,
 }
 
-/// Returns the program that runs members.
+/// Returns the path of the program that runs members.
 fn solver() -> Result<PathBuf, Error> {
     match std::env::var_os("SOLVER") {
         Some(path) => Ok(path.into()),
@@ -69,7 +69,7 @@ fn solver() -> Result<PathBuf, Error> {
 /// Returns the version that the program of the members prints.
 ///
 /// # Errors
-/// [`Error::Io`] where it cannot be started.
+/// [`Error::Io`] if it cannot be started.
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
     let done = alone(Command::new(&path).arg("-V"))
@@ -78,7 +78,7 @@ pub fn solver_version() -> Result<String, Error> {
     Ok(String::from_utf8_lossy(&done.stdout).trim().to_owned())
 }
 
-/// Takes out of the environment what would make the process a rank of a job that it is no part of.
+/// Removes the environment variables that would make the process a rank of another MPI job.
 fn alone(command: &mut Command) -> &mut Command {
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
@@ -92,7 +92,7 @@ fn alone(command: &mut Command) -> &mut Command {
 }
 
 impl<'a> Runner<'a> {
-    /// Makes the output folder and listens to signals. Members that are unstable run where that is allowed.
+    /// Creates the output folder and registers signal handlers. Unstable members run if this is allowed.
     ///
     /// # Errors
     /// [`Error::Io`] for the folder, [`Error::Internal`] where signals cannot be caught.
@@ -122,17 +122,17 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Returns `true` if a signal, the file STOP or the clock requests an end.
+    /// Returns `true` if a signal, the file STOP or the time limit requests an end.
     fn is_to_stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
             || self.end.is_some_and(|end| Instant::now() >= end)
             || self.output.join("STOP").exists()
     }
 
-    /// Runs the members that are not done, and waits for all of them.
+    /// Runs the unfinished members and waits for all of them.
     ///
     /// # Errors
-    /// [`Error::Stopped`] where not all came to an end, [`Error::Io`] for files and processes.
+    /// [`Error::Stopped`] if not all came to an end, [`Error::Io`] for files and processes.
     pub fn run(&self, members: &[Member]) -> Result<(), Error> {
         let mut queue: VecDeque<(usize, &Member)> = self.missing(members).collect();
         let mut planned: f64 = queue.iter().map(|(_, m)| seconds(m)).sum();
@@ -170,7 +170,7 @@ impl<'a> Runner<'a> {
             }
             std::thread::sleep(LOOK_EVERY);
         }
-        // The next call is not to stop at once.
+        // The next call must not stop at once.
         let _ = fs::remove_file(self.output.join("STOP"));
         if stopped + queue.len() == 0 {
             return Ok(());
@@ -230,7 +230,7 @@ impl<'a> Runner<'a> {
         record.message.clear();
         record.write(&folder)?;
         for old in ["STOP", "summary.json"] {
-            // What is not there need not be removed.
+            // A missing file need not be removed.
             let _ = fs::remove_file(folder.join(old));
         }
         // The run writes its own case.json.
@@ -275,7 +275,7 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Returns the program without the command that starts its ranks.
+    /// Returns the command that runs a member, without the launcher of its ranks.
     fn launcher(&self) -> Command {
         let launch = std::env::var("LAUNCH")
             .ok()
@@ -295,7 +295,8 @@ impl<'a> Runner<'a> {
         command
     }
 
-    /// Checks whether a member has ended, and stops it if required; true if it has ended and its record is written.
+    /// Checks if a member has ended, and stops it if required; returns `true` if it has ended and its record is
+    /// written.
     fn check(&self, job: &mut Job<'_>, stopping: bool) -> Result<bool, Error> {
         let fail = |e: std::io::Error| Error::Io(format!("{}: {e}", job.member.name));
         let (ended, processor) = processor_time(job.child.id());
@@ -332,7 +333,7 @@ impl<'a> Runner<'a> {
 }
 
 impl Job<'_> {
-    /// Adds what this attempt cost, as the run itself measured it.
+    /// Adds the cost of this attempt, as measured by the run.
     fn close(&mut self, outcome: Outcome, status: ExitStatus) {
         let text = io::plain::text(&self.folder.join("summary.json"), io::plain::LONGEST_CASE)
             .unwrap_or_default();
@@ -342,7 +343,7 @@ impl Job<'_> {
         let whole = seconds("wall_seconds").unwrap_or_else(|| self.begun.elapsed().as_secs_f64());
         record.wall_seconds += whole;
         record.loop_seconds += seconds("loop_seconds").unwrap_or(0.0);
-        // A run that was ended by force leaves no account of its steps.
+        // A killed run has no record of the time of its steps.
         record.timed &= seconds("loop_seconds").is_some();
         record.processor_seconds += self.processor;
         record.outcome = outcome;
@@ -366,7 +367,7 @@ fn has_checkpoint(folder: &Path) -> bool {
     fs::read_dir(folder.join("checkpoints")).is_ok_and(|mut entries| entries.next().is_some())
 }
 
-/// Removes the folder of a member; one that is none is left alone.
+/// Removes the folder of a member. A folder of another kind is not touched.
 fn empty(folder: &Path) -> Result<(), Error> {
     if !folder.exists() {
         return Ok(());
@@ -391,13 +392,13 @@ fn last_words(folder: &Path) -> String {
     line.chars().take(300).collect()
 }
 
-/// Returns `true` if a child has ended (it is kept until it is waited for), and the processor time of it and of those
-/// that it waited for, such as the ranks of mpirun \[s\].
+/// Returns `true` if a child process has ended (it remains a zombie until it is waited for), and the processor time
+/// \[s\] of the process and of the children it has waited for, such as the ranks of mpirun.
 fn processor_time(process: u32) -> (bool, f64) {
     let Ok(text) = fs::read_to_string(format!("/proc/{process}/stat")) else {
         return (true, 0.0);
     };
-    // The name of the program stands in brackets and may hold anything.
+    // The name of the program is in brackets and may contain any character.
     let fields = text.rsplit_once(')').map_or("", |(_, rest)| rest);
     let mut fields = fields.split_whitespace();
     let ended = matches!(fields.next(), Some("Z" | "X"));

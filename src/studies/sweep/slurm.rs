@@ -1,4 +1,4 @@
-//! A job array for Slurm: one task for each member, requeued from its checkpoint until it is done.
+//! A job array for Slurm: one task for each member, requeued from its checkpoint until it has finished.
 
 use super::study::Study;
 use std::path::Path;
@@ -65,7 +65,7 @@ exit "$status""#,
     )
 }
 
-/// Returns a text as one word of a shell.
+/// Returns a text quoted as one word of a shell.
 fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }

@@ -27,25 +27,25 @@ pub struct MemberRow {
     pub outcome: Outcome,
     /// Outputs, in the order of the study; none for profiles and values that could not be read.
     pub outputs: Vec<Option<f64>>,
-    /// Value and error by the names of the references. A member has no error against itself.
+    /// Value and error by the names of the references. A reference member has no error relative to itself.
     pub errors: BTreeMap<String, (Option<f64>, Option<f64>)>,
-    /// The error of the picture.
+    /// Error that the picture shows.
     pub error: Option<f64>,
     /// Core-seconds of the steps; none if they are not known.
     pub core_seconds: Option<f64>,
-    /// Core-seconds of the whole run.
+    /// Core-seconds of the whole run; none if they are unknown.
     pub run_core_seconds: Option<f64>,
     /// Processor time \[s\]: less than the core-seconds where the run shared its cores with others.
     pub processor_seconds: Option<f64>,
     /// Peak memory of all ranks together \[bytes\].
     pub memory: Option<f64>,
-    /// Steps.
+    /// Number of steps.
     pub steps: Option<u64>,
     /// Core-seconds or processor time, as selected by the study \[s\].
     pub cost: Option<f64>,
-    /// `true` if it is in the Pareto set of error against this cost.
+    /// `true` if the member is in the Pareto set of error against this cost.
     pub pareto_time: bool,
-    /// `true` if it is in the Pareto set of error against memory.
+    /// `true` if the member is in the Pareto set of error against memory.
     pub pareto_memory: bool,
     /// Hash of the last state.
     pub state_hash: String,
@@ -55,7 +55,7 @@ pub struct MemberRow {
     pub note: String,
 }
 
-/// An output of a member.
+/// Output of a member as read.
 #[derive(Clone, Debug)]
 enum Found {
     Number(f64),
@@ -63,7 +63,7 @@ enum Found {
 }
 
 impl SweepTable {
-    /// Reads what the members have written below `output`; tables of references lie `beside` the study.
+    /// Reads the results of the members below `output`; tables of references are in the folder `beside`.
     #[must_use]
     pub fn collect(study: &Study, members: &[Member], beside: &Path, output: &Path) -> Self {
         let mut rows = Vec::new();
@@ -369,8 +369,8 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    /// Returns the reference, where it is a number, and error of an output; none if the member has no such output or is
-    /// the reference.
+    /// Returns the reference, if it is a number, and the error of an output; none if the member has no such output
+    /// or is the reference.
     fn error(
         &self,
         name: &str,
@@ -430,8 +430,8 @@ impl Comparison<'_> {
         })
     }
 
-    /// Returns the member with the smallest value of a field among those that are as this one in all else that is
-    /// varied.
+    /// Returns the member with the smallest value of a field among those with the same values of all other
+    /// variations.
     fn finest(&self, field: &str) -> Option<usize> {
         let (varied, _) = self.study.vary.find(field)?;
         let mine = &self.members[self.at].labels;
@@ -446,11 +446,12 @@ impl Comparison<'_> {
     }
 }
 
-/// Errors that differ by less than this part of themselves count as equal: it is how far the run had come to rest that
-/// differs.
+/// Relative difference below which errors count as equal: such differences come from incomplete convergence of the
+/// runs to a steady state.
 const SAME_ERROR: f64 = 1e-3;
 
-/// Returns which points (cost, error) no other point beats in one without being worse in the other.
+/// Returns, for each point (cost, error), `true` if no other point is better in one of the two and at least as good
+/// in the other.
 #[must_use]
 pub fn pareto(points: &[Option<(f64, f64)>]) -> Vec<bool> {
     let beats = |a: (f64, f64), b: (f64, f64)| {

@@ -6,7 +6,7 @@
 //! | probe along a line | velocity and pressure at each point: last values, means over the second half of the run |
 //! | `summary.json` | flow through the openings, seepage, kinetic energy, blocks, erosion, collapse, element test |
 //!
-//! An answer has settled where its means over the last tenth of the run and over the tenth before are equal to 0.1 %.
+//! An answer has settled if its means over the last two tenths of the run differ by less than 0.1 %.
 
 use base::number::real;
 use io::csv::Reader;
@@ -16,9 +16,9 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Samples in the second half of a run from which on their mean is an answer.
+/// Minimum number of samples in the second half of a run for their mean to be an answer.
 const LEAST_SAMPLES: usize = 4;
-/// Entries of `summary.json` that answer questions about the problem, and not about the run.
+/// Entries of `summary.json` that describe the solution of the problem, and not the run.
 const SUMMARY: &[&str] = &[
     "inflow",
     "outflow",
@@ -29,7 +29,7 @@ const SUMMARY: &[&str] = &[
     "collapse",
     "element_test",
 ];
-/// Numbers below these entries that are about the solution, or given.
+/// Numbers below these entries that describe the solution method, or are given.
 const NO_ANSWERS: &[&str] = &[
     "iterations",
     "residual",
@@ -41,26 +41,27 @@ const NO_ANSWERS: &[&str] = &[
     "known",
     "difference",
 ];
-/// Columns of probes that are given.
+/// Columns of probes that are given by the case.
 const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];
-/// Numbers of a list in `summary.json`, at most.
+/// Maximum number of values of a list in `summary.json` that are answers.
 const LONGEST_LIST: usize = 20;
 
-/// A number that a run gives.
+/// Numerical result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Unit; empty if the file states none.
     pub unit: String,
     /// Value.
     pub value: f64,
-    /// The size that differences are compared with: that of the value, or of the vector that it is a component of.
+    /// Scale with which differences are compared: the magnitude of the value, or of the vector of which it is a
+    /// component.
     pub scale: f64,
-    /// Change of the mean from the last tenth of the run but one to the last one, over the larger of scale and mean;
-    /// none if it was not sampled often enough.
+    /// Change of the mean between the last two tenths of the run, divided by the larger of scale and mean; none if
+    /// there are too few samples.
     pub drift: Option<f64>,
 }
 
-/// The answers of a run by name.
+/// Answers of a run by name.
 pub type Answers = BTreeMap<String, Answer>;
 
 /// Reads the answers from the folder of a run.
@@ -98,7 +99,7 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
     Ok(found)
 }
 
-/// Collects numbers below an entry of the summary.
+/// Collects the numbers below an entry of the summary.
 fn walk(path: &str, value: &Value, found: &mut Answers) {
     match value {
         Value::Number(number) => {
@@ -119,7 +120,7 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
             for (n, child) in list.iter().enumerate() {
                 walk(&format!("{path}[{n}]"), child, found);
             }
-            // The openings of a seepage are no axes.
+            // The openings of a seepage are not axes.
             if list.len() <= 3 && !path.ends_with("patch_inflows") {
                 share_scale(path, found);
             }
@@ -128,7 +129,7 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
     }
 }
 
-/// Gives the components of a vector below a path one scale.
+/// Sets the scale of the components of a vector below a path to the magnitude of the vector.
 fn share_scale(path: &str, found: &mut Answers) {
     let ends = ["x", "y", "z"].map(|axis| format!("{path}.{axis}"));
     let places = (0..3).map(|n| format!("{path}[{n}]"));
@@ -156,10 +157,10 @@ impl Answer {
     }
 }
 
-/// A number of a series of values at their times.
+/// Reduction of a time series, given by times and values, to a number; none if there are too few samples.
 type OfSeries = fn(&[f64], &[f64]) -> Option<f64>;
 
-/// A table of numbers over time.
+/// Table of numbers as functions of time.
 struct Samples {
     names: Vec<String>,
     units: Vec<String>,
@@ -170,7 +171,7 @@ struct Samples {
 impl Samples {
     fn read(text: &str) -> Option<Self> {
         let mut reader = Reader::new(text)?;
-        // A unit may stand behind a name: `time [s]`.
+        // A unit may follow a name: `time [s]`.
         let split = |name: &&str| -> (String, String) {
             let (name, unit) = name.split_once(' ').unwrap_or((name, ""));
             (name.to_owned(), unit.trim_matches(['[', ']']).to_owned())
@@ -199,7 +200,7 @@ impl Samples {
         Some(&self.columns[at])
     }
 
-    /// Columns that are answers.
+    /// Returns the indices of the columns that are answers.
     fn answers<'a>(&'a self, given: &'a [&str]) -> impl Iterator<Item = usize> + 'a {
         let known = |n: &usize| {
             let name = self.names[*n].as_str();
@@ -208,7 +209,7 @@ impl Samples {
         (0..self.names.len()).filter(known)
     }
 
-    /// Adds each column at the last time and in the mean.
+    /// Adds the last value and the mean of each column.
     fn columns(&self, probe: &str, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
@@ -236,7 +237,7 @@ impl Samples {
         }
     }
 
-    /// Adds each point at the last time and in the mean.
+    /// Adds the last value and the mean of each point.
     fn line(&self, probe: &str, points: usize, found: &mut Answers) {
         let Some(times) = self.column("time") else {
             return;
@@ -285,8 +286,8 @@ impl Samples {
         }
     }
 
-    /// Returns the columns of the vector that a column is a component of; the column alone where it is none, or a
-    /// position.
+    /// Returns the columns of the vector of which a column is a component; only the column itself if it is a scalar
+    /// or a position.
     fn siblings(&self, n: usize) -> impl Iterator<Item = &[f64]> {
         let stem = |name: &str| {
             let (stem, axis) = name.rsplit_once('_')?;
@@ -300,15 +301,15 @@ impl Samples {
     }
 }
 
-/// Returns the mean of the samples after half of the time; none of few samples.
+/// Returns the mean of the samples after half of the time; none for too few samples.
 fn mean_of_second_half(times: &[f64], values: &[f64]) -> Option<f64> {
     mean_between(times, values, 0.5, 1.0, LEAST_SAMPLES)
 }
 
-/// Returns the mean of the samples between two parts of the time, the earlier end excluded.
+/// Returns the mean of the samples between two fractions of the time, the earlier end excluded.
 fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize) -> Option<f64> {
     let (first, last) = (times.first()?, times.last()?);
-    // A sample may differ from its time by half a step.
+    // A sample may deviate from its nominal time by half a step.
     let at = |part: f64| first + part * (last - first) + 1e-6 * (last - first);
     let inside = times
         .iter()
@@ -322,7 +323,7 @@ fn mean_between(times: &[f64], values: &[f64], from: f64, to: f64, least: usize)
     (number >= least.max(1)).then(|| sum / real(number))
 }
 
-/// Returns the change of the mean between the last two tenths of the time, over the larger of scale and mean.
+/// Returns the change of the mean between the last two tenths of the time, divided by the larger of scale and mean.
 fn drift(times: &[f64], values: &[f64], scale: f64) -> Option<f64> {
     let before = mean_between(times, values, 0.8, 0.9, 1)?;
     let last = mean_between(times, values, 0.9, 1.0, 1)?;
@@ -364,7 +365,7 @@ mod tests {
         approx::assert_relative_eq!(last.drift.unwrap(), 0.1, max_relative = 1e-9);
         let mean = &found["force: fluid_force_x, mean"];
         approx::assert_relative_eq!(mean.value, 0.775, max_relative = 1e-9);
-        // A component is compared with its vector.
+        // A component is compared with the magnitude of its vector.
         assert_eq!(
             found["force: fluid_force_y, last"].scale,
             (1.0_f64 + 9e-18).sqrt()

@@ -22,8 +22,8 @@
 //! | diverging | none |
 //! | equal to rounding | three times the largest difference |
 //!
-//! Least squares are the better fit of order 1 and 2; the uncertainty has 3 of its error, its standard deviation and
-//! its distance from the value.
+//! The least-squares fit is the better one of order 1 and 2; the uncertainty is 3 times its error, plus its
+//! standard deviation and its distance from the value.
 //!
 //! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,
 //! extrapolation); W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010,
@@ -37,19 +37,18 @@ use serde::Serialize;
 const SAFE: f64 = 1.25;
 /// Factor of safety for two grids and unclear orders.
 const CAUTIOUS: f64 = 3.0;
-/// Deviation of the apparent from the formal order, relative to the latter, up to which the grids are in the asymptotic
-/// range.
+/// Maximum relative deviation of the apparent order from the formal one in the asymptotic range.
 const ASYMPTOTIC: f64 = 0.1;
-/// Smallest order that is used.
+/// Minimum order used.
 const LEAST_ORDER: f64 = 0.5;
-/// Largest order that is looked for.
+/// Maximum order in the search for the apparent order.
 const MOST_ORDER: f64 = 60.0;
 
 /// Behaviour of a value from grid to grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Behaviour {
-    /// Equal on all grids to rounding.
+    /// The values are equal on all grids within rounding.
     Equal,
     /// The differences shrink and have one sign, with the formal order.
     Asymptotic,
@@ -61,9 +60,9 @@ pub enum Behaviour {
     Oscillating,
     /// The differences do not shrink.
     Diverging,
-    /// Series of two grids.
+    /// There are two grids only.
     TwoGrids,
-    /// Series of one grid, or with values missing on others.
+    /// There is one grid only, or values are missing on the others.
     OneGrid,
 }
 
@@ -83,7 +82,7 @@ impl Behaviour {
         }
     }
 
-    /// Returns the method used, and why.
+    /// Returns the method used and the reason for it.
     #[must_use]
     pub fn method(self) -> &'static str {
         match self {
@@ -114,11 +113,11 @@ impl Behaviour {
 pub struct Series {
     /// Spacing and value, from fine to coarse.
     pub values: Vec<(f64, f64)>,
-    /// Index of the value that the uncertainty belongs to.
+    /// Index of the value to which the uncertainty belongs.
     pub at: usize,
-    /// Order of the method.
+    /// Formal order of the method.
     pub formal: f64,
-    /// Differences up to this size are rounding.
+    /// Maximum difference that is attributed to rounding.
     pub rounding: f64,
 }
 
@@ -127,11 +126,11 @@ pub struct Series {
 pub struct Estimate {
     /// Behaviour of the series.
     pub behaviour: Behaviour,
-    /// Apparent order.
+    /// Apparent order from three grids.
     pub observed_order: Option<f64>,
-    /// Order that was used.
+    /// Order used in the extrapolation.
     pub order: Option<f64>,
-    /// Value on cells of no size.
+    /// Value extrapolated to zero spacing.
     pub extrapolated: Option<f64>,
     /// Factor of safety.
     pub factor: Option<f64>,
@@ -140,7 +139,7 @@ pub struct Estimate {
 }
 
 impl Series {
-    /// Judges the series.
+    /// Estimates the uncertainty of the series.
     #[must_use]
     pub fn estimate(&self) -> Estimate {
         let none = |behaviour| Estimate {
@@ -180,7 +179,7 @@ impl Series {
         };
         let Some(third) = rest.first() else {
             let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS);
-            // Errors of staircases may cancel in the one difference that there is.
+            // Errors of staircases may cancel in a single difference.
             let first_order = richardson([first.1, second.1], ratio, self.formal.min(1.0));
             found.uncertainty = Some(CAUTIOUS * (own - first_order).abs());
             return found;
@@ -203,7 +202,7 @@ impl Series {
         }
     }
 
-    /// Returns the better fit of order 1 and 2; the uncertainty is at least `least`.
+    /// Fits by least squares with order 1 or 2, whichever is better; the uncertainty is at least `least`.
     fn by_least_squares(
         &self,
         behaviour: Behaviour,
@@ -247,7 +246,7 @@ pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
         let [a, b] = ratios.map(|r| r.powf(p));
         a * (b - sign) / (a - sign) - quotient.abs()
     };
-    // The left side grows with p, from its limit at p = 0 on.
+    // The left side increases with p, from its limit at p = 0.
     let limit = if sign > 0.0 {
         ratios[1].ln() / ratios[0].ln()
     } else {
@@ -268,7 +267,7 @@ pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     Some(0.5 * (low + high))
 }
 
-/// Returns the value on cells of no size, from those on a fine and a coarse grid.
+/// Returns the value extrapolated to zero spacing from a fine and a coarse grid.
 #[must_use]
 pub fn richardson([fine, coarse]: [f64; 2], ratio: f64, order: f64) -> f64 {
     fine + (fine - coarse) / (ratio.powf(order) - 1.0)
@@ -279,7 +278,7 @@ struct Fit {
     order: f64,
     value: f64,
     slope: f64,
-    /// Standard deviation with the degrees of freedom.
+    /// Standard deviation with the degrees of freedom of the fit.
     deviation: f64,
 }
 
@@ -339,7 +338,7 @@ mod tests {
         for (cells, values, [order, extrapolated, index]) in CELIK {
             let ratios = [cells[0] / cells[1], cells[1] / cells[2]].map(f64::sqrt);
             let p = apparent_order(values, ratios).unwrap();
-            // All printed digits.
+            // All printed digits agree.
             assert!((p - order).abs() < 0.005, "{p} for {order}");
             let phi = richardson([values[0], values[1]], ratios[0], p);
             assert!(
@@ -396,7 +395,7 @@ mod tests {
         let first = series(&power(0.7, 1.0)).estimate();
         assert_eq!(first.behaviour, Behaviour::Monotone);
         assert_relative_eq!(first.uncertainty.unwrap(), 3.0 * 0.07, max_relative = 1e-9);
-        // Faster than the method can be: least squares, which give a larger error.
+        // The series converges faster than the method can: least squares give a larger error.
         let fast = series(&power(0.7, 5.0)).estimate();
         assert_eq!(fast.behaviour, Behaviour::Fast);
         assert_relative_eq!(fast.observed_order.unwrap(), 5.0, max_relative = 1e-9);
@@ -410,14 +409,14 @@ mod tests {
     fn an_oscillating_series_is_fitted_and_covers_half_its_range() {
         let found = series(&[(1.0, 6.0042), (2.0, 5.9624), (4.286, 6.0909)]).estimate();
         assert_eq!(found.behaviour, Behaviour::Oscillating);
-        // The normal equations by hand: order 2 leaves 0.0434, order 1 leaves 0.0543.
+        // Normal equations solved by hand: order 2 has the residual 0.0434, order 1 has 0.0543.
         assert_eq!(found.order, Some(2.0));
         assert_relative_eq!(found.extrapolated.unwrap(), 5.970_561, max_relative = 1e-5);
         assert!(found.uncertainty.unwrap() >= 0.5 * (6.0909 - 5.9624));
     }
 
-    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % off the
-    /// published 1.1159e-2.
+    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % from
+    /// the published 1.1159e-2.
     #[test]
     fn a_fine_difference_that_is_small_by_chance_is_not_taken_for_the_error() {
         let values = [
@@ -440,7 +439,8 @@ mod tests {
             assert_eq!(found.behaviour, Behaviour::Diverging, "{values:?}");
             assert_eq!((found.uncertainty, found.extrapolated), (None, None));
         }
-        // Growing ratios of the grids hide a divergence from who only compares differences: ln h has no limit.
+        // With growing grid ratios, a comparison of differences alone does not show a divergence: ln h has no
+        // limit.
         let log: Vec<_> = [1.0_f64, 1.5, 4.0].iter().map(|h| (*h, h.ln())).collect();
         assert_eq!(series(&log).estimate().behaviour, Behaviour::Diverging);
     }

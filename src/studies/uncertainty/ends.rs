@@ -1,4 +1,4 @@
-//! The case with the closed ends of its seepage further away.
+//! The case with the closed ends of its seepage moved outwards.
 //!
 //! The ends move to three leakage lengths from the imposed heads ([`plan::ends`]), and at least to twice
 //! their distance. Everything that has a position moves with the lower end: patches, zones, planes, structures
@@ -11,16 +11,16 @@ use plan::Plan;
 use plan::ends::FarEnds;
 use serde_json::{Value, json};
 
-/// Lists and objects below which every position is known.
+/// Lists and objects in which all positions are known to this module.
 const SECTIONS: [&str; 4] = [
     "/fluid/darcy/boundaries",
     "/fluid/darcy/zones",
     "/fluid/darcy/enclosure",
     "/structures",
 ];
-/// Fields that hold a point.
+/// Fields that contain a point.
 const POINTS: [&str; 6] = ["from", "to", "point", "position", "centre", "origin"];
-/// Fields that hold a vector or a list without a position.
+/// Fields that contain a vector or a list without a position.
 const FREE: [&str; 2] = ["normal", "cells"];
 
 /// Positions along an axis before and after the ends move.
@@ -35,7 +35,8 @@ struct Shift {
 }
 
 impl Shift {
-    /// Returns the new position of a coordinate; `stretches` if it belongs to an extent that may reach an end.
+    /// Returns the new position of a coordinate; `stretches` is `true` if it belongs to an extent that may reach an
+    /// end.
     fn position(&self, x: f64, stretches: bool) -> f64 {
         let near = 1e-9 * (self.old[1] - self.old[0]);
         if stretches && x <= self.old[0] + near {
@@ -47,12 +48,12 @@ impl Shift {
         }
     }
 
-    /// Moves the positions of an object or a list; `None` if it holds numbers that are not known.
+    /// Moves the positions of an object or a list; `None` if it contains numbers of unknown meaning.
     fn walk(&self, value: &mut Value) -> Option<()> {
         match value {
             Value::Object(map) => {
                 let extent = map.contains_key("from") && map.contains_key("to");
-                // Coordinates along one axis, of a layer, a plane or a prism.
+                // Coordinates along one axis: of a layer, a plane or a prism.
                 let own = match map.get("axis").and_then(Value::as_str) {
                     Some(name) => ["x", "y", "z"].iter().position(|axis| *axis == name),
                     None => Some(self.dimension - 1),
@@ -97,7 +98,7 @@ impl Shift {
     }
 }
 
-/// Returns `true` if a mesh in the tree has no `origin`, whose position is then not stated.
+/// Returns `true` if a mesh in the tree has no `origin`: its position is then unknown.
 fn has_a_fixed_mesh(value: &Value) -> bool {
     match value {
         Value::Object(map) => {
@@ -109,9 +110,8 @@ fn has_a_fixed_mesh(value: &Value) -> bool {
     }
 }
 
-/// Moves the ends in a case that is stated on cells of its own, and returns the change in words; `None` if the
-/// case has no closed ends beyond
-/// imposed heads, or cannot be moved.
+/// Moves the ends in a case with stated cells, and returns a description of the change; `None` if the case has no
+/// closed ends beyond imposed heads, or cannot be moved.
 pub(super) fn move_away(case: &mut Value, plan: &Plan) -> Option<String> {
     let scene = &plan.scene;
     let seepage = grids::refinable_seepage(scene)?;
@@ -136,7 +136,7 @@ pub(super) fn move_away(case: &mut Value, plan: &Plan) -> Option<String> {
     let grid = case.pointer("/fluid/darcy/grid")?.clone();
     let at = |field: &str| grid.get(field)?.get(axis)?.as_f64();
     let (low, high, cells) = (at("from")?, at("to")?, at("cells")?);
-    // Whole cells of both grids.
+    // The length is a whole number of cells of both grids.
     let unit = ((high - low) / cells).max(scene.grid.spacing);
     let added = far.added().map(|length| unit * (length / unit).ceil());
     let size = scene.grid.size[axis] + added[0] + added[1];

@@ -4,16 +4,18 @@
 //! A case on other cells keeps all models and parameters that the program chose for the case itself. Its time step
 //! changes by one of two rules, the same for all grids:
 //!
-//! - **diffusive**: the relaxation time stays, the time step goes with h² and the lattice velocity with h. All errors
-//!   of the method, that of compressibility included, then fall with h², and the estimate contains them.
-//! - **acoustic**: the lattice velocity stays and the time step goes with h. It is used where a coarser grid would
-//!   exceed the limits of the lattice velocity or of the compression. The error of compressibility is then the same on
-//!   all grids: the estimate does not contain it, and a run with half the lattice velocity measures it.
+//! - **diffusive**: the relaxation time is kept, the time step scales with h² and the lattice velocity with h. All
+//!   errors of the method, including that of compressibility, then decrease with h², and the estimate contains
+//!   them.
+//! - **acoustic**: the lattice velocity is kept and the time step scales with h. It is used where a coarser grid
+//!   would exceed the limits of the lattice velocity or of the compression. The error of compressibility is then
+//!   the same on all grids: the estimate does not contain it, and a run with half the lattice velocity measures it.
 //!
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
-//! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered, as far
-//! as its openings end between cells. A seepage through grains has cells of the size of grains and is not refined.
+//! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered,
+//! provided that the ends of its openings lie on cell faces. A seepage through grains has cells of the size of
+//! grains and is not refined.
 
 use base::error::{Error, Problem, Severity};
 use base::number::{common_divisor, real, to_u32, whole};
@@ -26,32 +28,32 @@ use plan::scene::seepage::Seepage;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Refinement ratios in 2-D and 3-D: the coarser grids then cost about a tenth of the case together, since the cost
-/// goes with the fourth or fifth power.
+/// Refinement ratios in 2-D and 3-D: the coarser grids together then cost about a tenth of the case, because the
+/// cost scales with h^-4 or h^-5.
 const RATIO: [f64; 2] = [1.8, 1.6];
 /// Refinement ratio of a finer grid.
 const FINER_RATIO: f64 = 1.5;
-/// Smallest ratio of neighbouring grids (Celik et al. 2008).
+/// Minimum ratio of neighbouring grids (Celik et al. 2008).
 const LEAST_RATIO: f64 = 1.3;
-/// Smallest ratio of a grid to one that failed.
+/// Minimum ratio of a grid to one that failed.
 const LEAST_STEP: f64 = 1.05;
-/// Cells across the smallest round body on the coarsest grid: fewer are refused by the plan.
+/// Minimum number of cells across the smallest round body on the coarsest grid; the plan refuses fewer.
 const LEAST_CELLS: f64 = 4.0;
 
 /// Scaling of the time step with the cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scaling {
-    /// Time step with h²: the relaxation time stays.
+    /// Time step proportional to h²: the relaxation time is kept.
     Diffusive,
-    /// Time step with h: the lattice velocity stays.
+    /// Time step proportional to h: the lattice velocity is kept.
     Acoustic,
     /// No time step: a steady seepage.
     Steady,
 }
 
 impl Scaling {
-    /// Returns the quantity that it keeps and the consequence.
+    /// Returns a description of the quantity that is kept and of the consequence.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
@@ -67,7 +69,7 @@ impl Scaling {
         }
     }
 
-    /// Returns the factor of the time step where cells are `ratio` times as large.
+    /// Returns the factor of the time step for cells that are `ratio` times as large.
     fn of_time(self, ratio: f64) -> f64 {
         match self {
             Self::Diffusive => ratio * ratio,
@@ -77,17 +79,17 @@ impl Scaling {
     }
 }
 
-/// The most cells of a seepage that an estimate makes.
+/// Maximum number of cells of a refined seepage in an estimate.
 const MOST_SEEPAGE_CELLS: usize = 8_000_000;
 
-/// Returns the seepage of a scene whose cells can be refined: one without grains.
+/// Returns the seepage of a scene if its cells can be refined, that is, if it has no grains.
 #[must_use]
 pub fn refinable_seepage(scene: &Scene) -> Option<&Seepage> {
     scene.seepage.as_ref().filter(|_| !scene.has_solids())
 }
 
-/// Spacings over those of the case, in growing order: twice and four times as large where openings and edges allow it,
-/// else half as large.
+/// Returns the spacings divided by that of the case, in ascending order: 2 and 4 if openings and edges allow it,
+/// otherwise 1/2.
 fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f64> {
     let divides = |number: usize| {
         let even = |cells: &usize| cells.is_multiple_of(number);
@@ -125,8 +127,8 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
     chosen
 }
 
-/// Returns the spacings of the other grids over that of the case, in growing order: coarser ones, and a finer one on
-/// request or if no coarser cells divide the edges.
+/// Returns the spacings of the other grids divided by that of the case, in ascending order: coarser ones, and a
+/// finer one on request or if no coarser cells divide the edges.
 #[must_use]
 pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let grid = &scene.grid;
@@ -141,7 +143,7 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
         smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
     let mut chosen = Vec::new();
     let coarser = pick(common, wanted, allowed, if finer { 1 } else { 2 });
-    // Where no coarser cells divide the edges, finer ones do.
+    // If no coarser cells divide the edges, a finer grid is used.
     if finer || coarser.is_empty() {
         let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
         chosen.push(real(common) / real(cells));
@@ -150,10 +152,10 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     chosen
 }
 
-/// Returns a grid in place of one that failed, by the ratios of those that ran, that of the case included, and of those
-/// that failed. Cells that are too coarse fail: it has finer cells than all coarser grids that failed, and is as near
-/// as possible to the middle between these and the next finer ones that ran. Where no coarser grid failed, it is
-/// coarser than all that ran. The last to try is finer than the case.
+/// Returns a grid in place of one that failed, given the ratios of the grids that ran, including the case, and of
+/// those that failed. Runs fail because cells are too coarse: the new grid has finer cells than all coarser grids
+/// that failed, and is as near as possible to the middle between these and the next finer ones that ran. If no
+/// coarser grid failed, it is coarser than all that ran. The last choice is a grid finer than that of the case.
 #[must_use]
 pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
@@ -169,7 +171,7 @@ pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     other(common, wanted, allowed, usable, failed)
 }
 
-/// Returns [`another`] of cells of `common` along the common divisor of the edges.
+/// Returns the result of [`another`] for edges with `common` cells in their common divisor.
 fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let apart = |a: f64, b: f64| (a / b).max(b / a);
     let new = |ratio: f64| {
@@ -201,8 +203,8 @@ fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64
     coarser.or_else(finer)
 }
 
-/// Returns up to `number` coarser grids, each as near as possible to the wanted ratio beyond the one before, of cells
-/// that are at most `allowed` times as large.
+/// Returns up to `number` coarser grids, each as near as possible to the wanted ratio to the previous one, with
+/// cells at most `allowed` times as large.
 fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
     let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
@@ -236,8 +238,8 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
     smallest.is_finite().then_some(2.0 * smallest)
 }
 
-/// Returns the order of the method: second, and first where surfaces of bodies are staircases or partly covered cells,
-/// and where water flows or seeps round edges of structures, at which its stress or velocity has no bound.
+/// Returns the formal order of the method: 2; or 1 if surfaces of bodies are staircases or partly covered cells, or
+/// if water flows or seeps round edges of structures, where stress or velocity is singular.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
     if let Some(seepage) = &scene.seepage {
@@ -256,10 +258,10 @@ pub fn formal_order(scene: &Scene) -> f64 {
     }
 }
 
-/// Returns the case with everything stated that the program chose for it, and without fields for ParaView.
+/// Returns the case with all automatic choices of the program stated, and without fields for ParaView.
 ///
 /// # Errors
-/// [`Error::Internal`] where the plan is not that of a case.
+/// [`Error::Internal`] if the plan is not that of a case.
 pub fn stated(plan: &Plan) -> Result<Value, Error> {
     let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
     let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
@@ -327,20 +329,20 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
     if let Some(change) = tree.pointer_mut("/time/warm_up/fluid_only/relative_change")
         && let Some(number) = change.as_f64()
     {
-        // It is a change in a hundred steps.
+        // The field is a relative change over a hundred steps.
         *change = (number * factor).min(0.5).into();
     }
     if let Some(steps) = tree.pointer_mut("/time/solid_steps_per_fluid_step")
         && steps.is_number()
     {
-        // The solid time step stays.
+        // The solid time step is kept.
         let number = f64::from(clock.solid_steps_per_step) * factor;
         *steps = whole(number.ceil().max(1.0)).into();
     }
     tree
 }
 
-/// Returns the grid of a seepage with cells that are `ratio` times as large, as a case has it.
+/// Returns the `cells` of a seepage in a case with cells `ratio` times as large.
 pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
     let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
     let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
@@ -350,7 +352,7 @@ pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> V
     json!({"from": numbers(&|a| seepage.origin[a]), "to": numbers(&to), "cells": cells})
 }
 
-/// Sets a time step that is about `factor` times that of the plan and divides the same end.
+/// Sets a time step that is about `factor` times that of the plan and divides the same end time.
 pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
     let clock = &plan.clock;
     let steps = real(clock.steps);
@@ -435,10 +437,12 @@ mod tests {
         let near = |found: Option<f64>, cells: f64, of: f64| {
             assert!((found.unwrap() - of / cells).abs() < 1e-12, "{found:?}");
         };
-        // 40, 22 and 12 cells of which 12 fail: 2.36 to 3.33 are free, their middle is 2.82, 14 cells are 2.86.
+        // Of 40, 22 and 12 cells, 12 fail: ratios from 2.36 to 3.33 are possible, their middle is 2.82, and 14
+        // cells give 2.86.
         let usable = [1.0, 40.0 / 22.0];
         near(other(40, 1.8, none, &usable, &[40.0 / 12.0]), 14.0, 40.0);
-        // Then 15 cells; 17 are within 1.3 of 22, and 29 are between those that ran. The finer grid is the last.
+        // Next 15 cells; 17 are within a ratio of 1.3 of 22, and 29 are between those that ran. The finer grid is
+        // the last choice.
         let mut failed = vec![40.0 / 14.0, 40.0 / 12.0];
         near(other(40, 1.8, none, &usable, &failed), 15.0, 40.0);
         failed[0] = 40.0 / 16.0;
@@ -447,13 +451,13 @@ mod tests {
         near(other(40, 1.8, none, &usable, &failed), 60.0, 40.0);
         let usable = [2.0 / 3.0, 1.0, 40.0 / 22.0];
         assert_eq!(other(40, 1.8, none, &usable, &failed), None);
-        // All coarser ones failed: between 1.3 and 1.82 are 26 cells.
+        // All coarser ones failed: 26 cells lie between the ratios 1.3 and 1.82.
         let failed = [40.0 / 22.0, 40.0 / 12.0];
         near(other(40, 1.8, none, &[1.0], &failed), 26.0, 40.0);
-        // The finer one failed: coarser than all.
+        // The finer one failed: the new one is coarser than all.
         let usable = [1.0, 40.0 / 22.0];
         near(other(40, 1.8, none, &usable, &[2.0 / 3.0]), 12.0, 40.0);
-        // Where a body needs its cells, one between.
+        // If a body requires its cells, one grid between the others.
         near(other(40, 1.8, 2.0, &usable, &[2.0 / 3.0]), 29.0, 40.0);
     }
 }

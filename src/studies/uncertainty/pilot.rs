@@ -1,4 +1,5 @@
-//! A pilot: the case on coarse cells, for the speed and the pressure of the water where formulas do not reach.
+//! A pilot: a run of the case on coarse cells, which measures speed and pressure of the water where formulas do
+//! not apply.
 //!
 //! Speeds and pressures of flow between structures, in turbulence and between openings of several kinds are not known
 //! before a run to better than a factor of two. The pilot runs the case on the coarsest cells of an estimate that can
@@ -19,15 +20,15 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// Largest cost of a pilot over that of its case.
+/// Maximum cost of a pilot divided by that of its case.
 pub const MOST_COST: f64 = 0.1;
-/// Name of the run, and of its folder.
+/// Name of the run and of its folder.
 const NAME: &str = "pilot";
 
-/// Runs a pilot in `output`; returns what it found, and the case with it.
+/// Runs a pilot in `output`; returns its result and the case that contains it.
 ///
 /// # Errors
-/// [`Error::Case`] where no coarser cells can run at this cost, and the failure of the run.
+/// [`Error::Case`] if no coarser cells can run at this cost, and the failure of the run.
 pub fn command(
     plan: &Plan,
     output: &Path,
@@ -68,14 +69,14 @@ fn wrong(e: serde_json::Error) -> Error {
     Error::Internal(format!("the case of a pilot: {e}"))
 }
 
-/// Returns the case on the coarsest cells that can run, and their size over that of the case.
+/// Returns the case on the coarsest cells that can run, and their spacing divided by that of the case.
 fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
     let stated = grids::stated(plan)?;
     let ratios = grids::ratios(&plan.scene, false);
     let most = MOST_COST * plan.estimate.seconds_on_one_core;
     let (mut problems, mut costly) = (Vec::new(), false);
     let coarser = || ratios.iter().rev().filter(|ratio| **ratio > 1.0);
-    // What is unstable by estimates may run: the pilot is there because they are rough.
+    // A case that is unstable by the estimates may run: the pilot exists because they are rough.
     for (unstable, ratio) in [false, true]
         .into_iter()
         .flat_map(|u| coarser().map(move |r| (u, *r)))
@@ -130,7 +131,7 @@ fn read(plan: &Plan, pilot: &Member, output: &Path) -> Result<Pilot, Error> {
     })
 }
 
-/// Returns what a pilot found in words.
+/// Returns a description of the result of a pilot.
 #[must_use]
 pub fn told(pilot: &Pilot) -> String {
     format!(
@@ -140,7 +141,7 @@ pub fn told(pilot: &Pilot) -> String {
     )
 }
 
-/// Writes the case with its pilot.
+/// Writes the case with the result of its pilot.
 ///
 /// # Errors
 /// [`Error::Io`] for the file.

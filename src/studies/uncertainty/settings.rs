@@ -1,13 +1,13 @@
-//! Settings of models that cells do not refine: each under the next better value, one run each.
+//! Settings of models that are independent of the cells: one run for each, with the next more accurate value.
 //!
-//! The change of an answer is a measure of its sensitivity to the model. It is no part of the uncertainty of the cells.
+//! The change of an answer measures its sensitivity to the model. It is not part of the uncertainty of the cells.
 //!
-//! | setting | where | next better |
+//! | setting | applies to | more accurate value |
 //! |---|---|---|
 //! | contact stiffness | springs as given or chosen, between moving bodies | four times |
 //! | solid time step | grains without a lattice | half |
 //! | coupling interval | seepage through grains | half |
-//! | cells of the seepage | seepage through grains | half, as long as they hold a mean grain |
+//! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
 //! | resistance | seepage through grains | the law of another source |
 //! | steps in time | seepage that changes with time | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
@@ -22,16 +22,16 @@ use plan::Plan;
 use plan::scene::seepage::Seepage;
 use serde_json::{Value, json};
 
-/// A setting and the case under its next better value.
+/// Setting with the case under its next more accurate value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
     /// Name in words.
     pub name: &'static str,
     /// Name as part of a folder's name.
     pub folder: &'static str,
-    /// Change in words: old value to new value.
+    /// Description of the change: old value to new value.
     pub change: String,
-    /// The case.
+    /// Changed case.
     pub case: Value,
 }
 
@@ -40,7 +40,8 @@ const STIFFER: f64 = 4.0;
 /// Constant of WALE in the comparison.
 const OTHER_WALE: f64 = 0.325;
 
-/// Change of a setting: of the case, stated on the cells of the comparison; `none` if the scene does not have it.
+/// Function that changes a setting of the case, stated on the cells of the comparison; `None` if the scene does not
+/// have the setting.
 type Change = fn(&mut Value, &Plan, Scaling) -> Option<String>;
 
 /// All settings.
@@ -55,7 +56,7 @@ const SETTINGS: &[(&str, &str, Change)] = &[
     ("lattice velocity", "velocity", velocity),
 ];
 
-/// Returns the settings that a scene has.
+/// Returns the settings of a scene.
 #[must_use]
 pub fn scene_settings(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
     let one = |(name, folder, change): &(&'static str, &'static str, Change)| {
@@ -78,7 +79,7 @@ fn stiffness(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     if stiffen(contact) == 0 {
         return None;
     }
-    // The critical time step goes with the root of the stiffness.
+    // The critical time step scales with the inverse square root of the stiffness.
     let steps = case.pointer_mut("/time/solid_steps_per_fluid_step");
     if let Some((steps, number)) = steps.and_then(|s| s.as_u64().map(|n| (s, n))) {
         *steps = (2 * number).into();
@@ -88,7 +89,7 @@ fn stiffness(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some(format!("x {STIFFER}"))
 }
 
-/// Multiplies all normal stiffnesses below a value; returns how many there are.
+/// Multiplies all normal stiffnesses below a value; returns their number.
 fn stiffen(value: &mut Value) -> usize {
     match value {
         Value::Object(map) => {
@@ -120,7 +121,7 @@ fn scale(value: &mut Value) -> usize {
     children.map(scale).sum()
 }
 
-/// Halves the solid time step of the plan; couplings happen at the same times.
+/// Halves the solid time step of the plan; the times of coupling are kept.
 fn halve_solid_step(case: &mut Value, plan: &Plan) {
     case["time"]["solid_time_step"] = (0.5 * plan.clock.solid_time_step).into();
     if let Some(interval) = case.pointer_mut("/fluid/darcy/coupling_interval")
@@ -139,7 +140,7 @@ fn solid_step(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some("x 0.5".into())
 }
 
-/// Returns the seepage through grains: without them nothing is coupled, and zones state the resistance.
+/// Returns the seepage through grains: without grains there is no coupling, and zones give the resistance.
 fn seepage_through_grains(plan: &Plan) -> Option<&Seepage> {
     let seepage = plan.scene.seepage.as_ref();
     seepage.filter(|_| plan.scene.has_solids())
@@ -155,7 +156,7 @@ fn interval(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some(format!("{steps} to {} solid steps", steps / 2))
 }
 
-/// A quarter of the error of the content, which halves the steps.
+/// Divides the permitted error of the content by four, which halves the time steps.
 fn content_error(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     let seepage = plan.scene.seepage.as_ref()?;
     let transient = seepage.written.unsaturated.as_ref()?.transient.as_ref()?;
@@ -169,7 +170,7 @@ fn cells(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     let dimension = plan.scene.grid.dimension;
     let (low, high) = plan.scene.grains.as_ref()?.radii?;
     let smallest = seepage.smallest_edge(dimension);
-    // A cell that holds no grain has no mean over grains.
+    // A cell that contains no grain has no mean over grains.
     if 0.5 * smallest < low + high {
         return None;
     }

@@ -10,24 +10,25 @@ use serde_json::{Value, json};
 
 /// Drift above which an answer has not settled.
 const SETTLED: f64 = 1e-3;
-/// Differences up to this part of the scale of an answer are rounding, for populations in f64 and f32.
+/// Maximum difference, relative to the scale of an answer, that is attributed to rounding, for populations in f64
+/// and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
-/// Rounding in units of the lattice for f64 and f32: of pressure, force and so on.
+/// Rounding in lattice units for f64 and f32, applied to pressure, force and other quantities.
 const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
-/// Components below this part of their vector are zero.
+/// Fraction of the magnitude of a vector below which a component counts as zero.
 const ZERO: f64 = 1e-9;
 
-/// Size of rounding.
+/// Rounding errors of the answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
-    /// The scales of the lattice, if there is one.
+    /// Units of the lattice, if there is one.
     pub units: Option<LatticeUnits>,
     /// `true` if populations are stored in f32.
     pub single: bool,
 }
 
 impl Noise {
-    /// Returns the rounding of a quantity by its unit, whatever its size.
+    /// Returns the absolute rounding error of a quantity by its unit.
     fn of_unit(self, unit: &str) -> f64 {
         let scale = self.units.map_or(0.0, |units| match unit {
             "Pa" => units.pressure_scale(),
@@ -42,13 +43,13 @@ impl Noise {
         scale * OF_UNIT[usize::from(self.single)]
     }
 
-    /// Returns `true` if values are zero but for rounding.
+    /// Returns `true` if values are zero within rounding.
     fn is_zero(self, mut values: impl Iterator<Item = f64>, answer: &Answer) -> bool {
         let limit = (ZERO * answer.scale).max(self.of_unit(&answer.unit));
         values.all(|value| value.abs() <= limit)
     }
 
-    /// Differences that are rounding.
+    /// Returns the maximum difference that is attributed to rounding.
     fn rounding(self, answer: &Answer) -> f64 {
         (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
     }
@@ -57,22 +58,22 @@ impl Noise {
 /// Data of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GridData {
-    /// Folder.
+    /// Folder of its run.
     pub folder: String,
     /// Spacing \[m\].
     pub spacing: f64,
-    /// Spacing over that of the case.
+    /// Spacing divided by that of the case.
     pub ratio: f64,
     /// Processor time of its run \[s\].
     pub core_seconds: f64,
-    /// Reason why it has no answers; none if it has.
+    /// Reason for missing answers; none if there are answers.
     pub failure: Option<String>,
     /// Answers of its run; none if it failed.
     #[serde(skip)]
     pub answers: Option<Answers>,
 }
 
-/// A row: an answer with its uncertainty.
+/// Row of the table: an answer with its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AnswerRow {
     /// The answer.
@@ -88,26 +89,26 @@ pub struct AnswerRow {
     pub estimate: Estimate,
     /// Change in time between the last two tenths of the run.
     pub drift: Option<f64>,
-    /// `true` if it has settled; none if that was not measured.
+    /// `true` if the answer has settled; none if the drift was not measured.
     pub settled: Option<bool>,
     #[serde(skip)]
     scale: f64,
 }
 
-/// Changes of the answers under another setting.
+/// Changes of the answers under another value of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
     /// The setting.
     pub setting: String,
-    /// Change in words: old value to new value.
+    /// Description of the change: old value to new value.
     pub change: String,
-    /// The folder of the run.
+    /// Folder of the run.
     pub folder: String,
-    /// The folder of the run that it is compared with.
+    /// Folder of the run with which it is compared.
     pub beside: String,
-    /// Reason why there are no changes; empty if there are.
+    /// Reason for missing changes; empty if there are changes.
     pub missing: String,
-    /// Answer, value before and after, relative change.
+    /// Changes of the answers.
     pub changes: Vec<Change>,
 }
 
@@ -118,32 +119,32 @@ pub struct Change {
     pub answer: String,
     /// Value under the setting of the case.
     pub before: f64,
-    /// Value under the next better setting.
+    /// Value under the next more accurate setting.
     pub after: f64,
-    /// Difference over the size of the answer.
+    /// Difference divided by the scale of the answer.
     pub relative: f64,
 }
 
-/// All that an estimate found.
+/// Results of an estimate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UncertaintyTable {
-    /// Scaling of the time step with the cells, and its meaning.
+    /// Scaling of the time step with the spacing, and its consequence.
     pub scaling: String,
-    /// Order of the method.
+    /// Formal order of the method.
     pub formal_order: f64,
-    /// Meaning of the number of grids with answers; empty if all have answers.
+    /// Consequence of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
     /// The grids, from fine to coarse.
     pub grids: Vec<GridData>,
     /// Answers with their uncertainties.
     pub answers: Vec<AnswerRow>,
-    /// Settings that cells do not refine.
+    /// Sensitivities to settings that are independent of the cells.
     pub settings: Vec<Sensitivity>,
     /// Version of the program.
     pub version: String,
 }
 
-/// Returns the meaning of the number of grids with answers, if not all have answers.
+/// Returns the consequence of the number of grids with answers, if not all have answers.
 #[must_use]
 pub fn conclusion(grids: &[GridData]) -> String {
     let Some((grid, why)) = grids.iter().find_map(|g| Some((g, g.failure.as_ref()?))) else {
@@ -164,7 +165,7 @@ pub fn conclusion(grids: &[GridData]) -> String {
     }
 }
 
-/// Returns the rows of the grids; `at` is the one of the case.
+/// Returns the rows of the answers; `at` is the index of the case's grid.
 #[must_use]
 pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<AnswerRow> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
@@ -177,7 +178,8 @@ pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<Ans
         });
         let (places, values): (Vec<usize>, Vec<(f64, f64)>) = known.unzip();
         let same = |v: &(f64, f64)| v.1.to_bits() == answer.value.to_bits();
-        // The same bits on all grids are given, not computed; what symmetry makes zero is rounding.
+        // Values with the same bits on all grids are given, not computed; values that are zero by symmetry are
+        // rounding.
         let given = values.len() > 1 && values.iter().all(same);
         let zero = noise.is_zero(values.iter().map(|v| v.1), answer);
         if given || zero {
@@ -203,7 +205,7 @@ pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<Ans
     own.iter().filter_map(row).collect()
 }
 
-/// Returns the changes of the answers by a setting.
+/// Returns the changes of the answers under a setting.
 #[must_use]
 pub fn sensitivity(
     setting: &Setting,
@@ -240,14 +242,14 @@ pub fn sensitivity(
 }
 
 impl AnswerRow {
-    /// Returns the uncertainty over the value.
+    /// Returns the uncertainty divided by the value.
     #[must_use]
     pub fn relative(&self) -> Option<f64> {
         let relative = self.estimate.uncertainty? / self.value.abs();
         Some(relative).filter(|r| r.is_finite())
     }
 
-    /// Returns the causes of a half width above a fifth of the value, the strongest first; none for a narrower
+    /// Returns the causes of a half width above a fifth of the value, the strongest first; `None` for a narrower
     /// interval.
     #[must_use]
     pub fn why_wide(&self) -> Option<String> {
@@ -293,7 +295,7 @@ impl AnswerRow {
         Some(causes.join("; "))
     }
 
-    /// Returns in words if it has settled.
+    /// Returns a description of the drift.
     #[must_use]
     pub fn rest(&self) -> String {
         match (self.settled, self.drift) {
@@ -313,8 +315,8 @@ fn percent(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{:.2} %", 100.0 * x))
 }
 
-/// Answers of a line of probes that the terminal shows: the one with the largest uncertainty over the scale of the
-/// line.
+/// Returns the answers that the terminal shows: of a line of probes, the one with the largest uncertainty relative
+/// to the scale of the line.
 fn shown(rows: &[AnswerRow]) -> Vec<(&AnswerRow, usize)> {
     let mut shown: Vec<(&AnswerRow, usize)> = Vec::new();
     let family = |row: &AnswerRow| {
@@ -578,16 +580,17 @@ impl UncertaintyTable {
     }
 }
 
-/// Changes of one setting that the terminal shows, the largest first.
+/// Maximum number of changes of one setting that the terminal shows, the largest first.
 const MOST_CHANGES: usize = 6;
 
-/// Smaller changes only stand in the files.
+/// Minimum change shown in the terminal; smaller ones are in the files only.
 const LEAST_CHANGE: f64 = 1e-4;
 
-/// Half width over the value above which an interval is called wide.
+/// Half width divided by the value above which an interval counts as wide.
 const WIDE: f64 = 0.2;
 
-/// Value over the scale of its kind below which rounding and staircases of larger terms decide its relative width.
+/// Value divided by its scale below which rounding and staircase errors of larger terms dominate its relative
+/// width.
 const SMALL: f64 = 0.1;
 
 /// Returns the rows with columns of equal width.

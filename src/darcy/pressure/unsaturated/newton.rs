@@ -6,15 +6,16 @@ use crate::pressure::Pressure;
 use crate::reproducible::{dot, power_above};
 use base::number::single;
 
-/// Halvings of a step.
+/// Maximum number of halvings of a step.
 const HALVINGS: u32 = 12;
-/// Part of the first-order decrease of the norm that a step has to reach (L. Armijo, Pac. J. Math. 16 (1966) 1).
+/// Fraction of the first-order decrease of the norm that a step must reach (L. Armijo, Pac. J. Math. 16 (1966) 1).
 const DECREASE: f64 = 1e-4;
-/// Relative imbalance at which the linear solver ends.
+/// Relative residual at which the linear solver stops.
 const FORCING: f64 = 1e-5;
-/// Part of the tolerance at which a step in time ends, so that the water of the pressure is that of the fluxes.
+/// Fraction of the tolerance at which a time step ends, so that the stored water of the pressure agrees with the
+/// fluxes.
 const CLOSURE: f64 = 1e-3;
-/// Imbalance over the largest term of a cell that is rounding.
+/// Ratio of imbalance to the largest term of a cell that is rounding.
 const ROUNDING: f64 = 1e-15;
 
 /// Vectors of the linear solver.
@@ -24,13 +25,13 @@ pub(super) struct Krylov {
     residual: Vec<f64>,
     shadow: Vec<f64>,
     direction: Vec<f64>,
-    /// Preconditioned direction, and its product.
+    /// Preconditioned direction, and its product with the matrix.
     ready: Vec<f64>,
     product: Vec<f64>,
-    /// Preconditioned direction of the second half of a step, and its product.
+    /// Preconditioned direction of the second half of a step, and its product with the matrix.
     second: Vec<f64>,
     second_product: Vec<f64>,
-    /// Reciprocal pivots of the columns along gravity, and what the columns leave over.
+    /// Reciprocal pivots of the columns along gravity, and the residual after the columns.
     pivot: Vec<f64>,
     rest: Vec<f64>,
 }
@@ -56,14 +57,14 @@ impl Krylov {
 /// Outcome of Newton's method.
 pub(super) struct Outcome {
     pub(super) converged: bool,
-    /// Iterations of the linear solver.
+    /// Number of iterations of the linear solver.
     pub(super) iterations: u32,
     /// Largest imbalance of a cell over the largest flow.
     pub(super) residual: f64,
 }
 
 impl Pressure {
-    /// Newton's method from the present pressure, in at most this number of steps. Collective.
+    /// Applies Newton's method from the present pressure, with at most this number of steps. Collective.
     pub(super) fn newton(
         &mut self,
         own: &mut Unsaturated,
@@ -128,8 +129,8 @@ impl Pressure {
         dot(here, residual, residual, &self.slab.communicator).sqrt()
     }
 
-    /// Returns the largest imbalance over the largest flow through the boundary, and `true` if it is within the
-    /// tolerance or is rounding.
+    /// Returns the largest imbalance divided by the largest flow through the boundary, and `true` if it is within
+    /// the tolerance or is rounding.
     fn imbalance(&self, own: &Unsaturated) -> (f64, bool) {
         let (mut most, mut term) = (0.0_f64, 0.0_f64);
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
@@ -160,7 +161,8 @@ impl Pressure {
         (most / scale, enough)
     }
 
-    /// Solves a step of Newton's method; returns the iterations. The line search judges what it found. Collective.
+    /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
+    /// result. Collective.
     fn solve_linear(&mut self, own: &mut Unsaturated) -> u32 {
         let (layout, part) = (self.slab.layout, self.slab.part.clone());
         let here = (&layout, &part);
@@ -243,7 +245,7 @@ impl Pressure {
         iterations
     }
 
-    /// Returns the largest number of a vector on any rank. Collective.
+    /// Returns the largest magnitude in a vector on any rank. Collective.
     fn largest(&self, vector: &[f64]) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.part);
         let most = rows
@@ -269,8 +271,8 @@ impl Pressure {
         }
     }
 
-    /// Multiplies by an approximate inverse: the columns along gravity exactly, where the water falls through
-    /// unsaturated cells, then one multigrid cycle on what they leave over; `out` with its halo. Collective.
+    /// Multiplies by an approximate inverse: the columns along gravity exactly, where water falls through
+    /// unsaturated cells, then one multigrid cycle for the remainder; sets `out` including its halo. Collective.
     fn precondition(
         &mut self,
         own: &Unsaturated,
@@ -303,7 +305,7 @@ impl Pressure {
             }
         });
         let largest = self.largest(rest);
-        // The cycle works in single precision: on a vector near 1.
+        // The cycle uses single precision, so that the vector is scaled to near 1.
         let unit = 1.0 / power_above(largest.max(f64::MIN_POSITIVE));
         layout.sweep(&part, self.system.multigrid.right_side(), |start, out| {
             for (b, r) in out.iter_mut().zip(&rest[start..]) {
@@ -312,7 +314,7 @@ impl Pressure {
         });
         self.system.multigrid.cycle();
         let found = self.system.multigrid.result();
-        // The cycle is on a vector and a matrix multiplied by powers of two.
+        // Vector and matrix of the cycle are scaled by powers of two.
         let back = own.matrix_scale / unit;
         layout.sweep(&part, out, |start, out| {
             for (i, (out, z)) in out.iter_mut().zip(&found[start..]).enumerate() {
@@ -322,7 +324,8 @@ impl Pressure {
         self.slab.halo.fill(out);
     }
 
-    /// Multiplies by the derivatives of the imbalances by minus the reduced pressures, of the cells of the part.
+    /// Multiplies by the derivatives of the imbalances with respect to minus the reduced pressures, for the cells
+    /// of the part.
     fn multiply(&self, own: &Unsaturated, x: &[f64], out: &mut [f64]) {
         let layout = self.slab.layout;
         let (faces, diagonal) = (&own.faces, &own.diagonal);

@@ -1,6 +1,7 @@
-//! State of ground that drains, cell by cell: saturation, and the gradient by which a value is extended from a centre.
+//! State of unsaturated ground, cell by cell: saturation, and the gradient by which values are extrapolated from a
+//! centre.
 //!
-//! Apart from the solver because outputs and probes read it.
+//! It is separate from the solver because outputs and probes read it.
 
 use super::Unsaturated;
 use crate::pressure::Pressure;
@@ -25,9 +26,9 @@ impl Pressure {
         (self.level + self.phi[at]) / own.weight - own.elevation[at]
     }
 
-    /// Returns the gradient of the reduced pressure inside a cell \[Pa/m\]: the mean of its two halves along each axis,
-    /// which share the differences to the next cells by their permeabilities at saturation. The same as
-    /// [`Self::reduced_gradient`] where all ground is saturated.
+    /// Returns the gradient of the reduced pressure inside a cell \[Pa/m\]: the mean of its two halves along each
+    /// axis, which divide the differences to the next cells by their permeabilities at saturation. It equals
+    /// [`Self::reduced_gradient`] if all ground is saturated.
     #[must_use]
     pub fn inner_gradient(&self, cell: usize) -> [f64; 3] {
         let Some(own) = &self.unsaturated else {

@@ -1,17 +1,18 @@
-//! Flow that changes with time in ground that drains: the mixed form of M. A. Celia, E. T. Bouloutas and R. L. Zarba
-//! (Water Resour. Res. 26 (1990) 1483) with adaptive steps.
+//! Transient flow in unsaturated ground: the mixed form of M. A. Celia, E. T. Bouloutas and R. L. Zarba (Water
+//! Resour. Res. 26 (1990) 1483) with adaptive steps.
 //!
 //! ```text
 //! M_1 = M_n + g dt F_1,     M_n+1 = M_n + dt [(1 - g) F_1 + g F_2],     g = 1 - 1/sqrt(2)
 //! ```
 //!
 //! `M` is the water of a cell, `F` the sum of the fluxes into it. The two implicit stages are those of R. Alexander
-//! (SIAM J. Numer. Anal. 14 (1977) 1006): second order, L-stable, and the second stage is the end of the step, so that
-//! faces in air and saturated ground without storage are solved at the end. The content of a step follows from the
-//! fluxes themselves: the imbalance that Newton's method leaves enters the next step and does not add up. The
-//! difference `g dt (F_2 - F_1)` of the step to one of first order is kept below the stated error of the content.
+//! (SIAM J. Numer. Anal. 14 (1977) 1006): second order, L-stable, and the second stage is the end of the step, so
+//! that faces in air and saturated ground without storage are solved at the end. The water content after a step is
+//! computed from the fluxes: the residual imbalance of Newton's method enters the next step and does not
+//! accumulate. The difference `g dt (F_2 - F_1)` of the step to one of first order is kept below the stated error
+//! of the content.
 //!
-//! Apart from the steady flow because only this one has a state beyond the pressure.
+//! It is separate from the steady flow because only a transient flow has a state in addition to the pressure.
 
 use super::{CellState, Unsaturated};
 use crate::SeepageError;
@@ -19,34 +20,35 @@ use crate::pressure::Pressure;
 use base::history::TimeTable;
 use decomposition::ExactSum;
 
-/// Part of a step in a stage: 1 - 1/sqrt(2).
+/// Fraction of a step in a stage: 1 - 1/sqrt(2).
 const STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// Steps of Newton's method in a stage.
+/// Maximum number of Newton steps in a stage.
 const NEWTON_STEPS: u32 = 20;
-/// First step over the interval.
+/// Ratio of the first step to the interval.
 const FIRST_STEP: f64 = 1e-3;
-/// Shortest step over the interval.
+/// Minimum ratio of a step to the interval.
 const SHORTEST_STEP: f64 = 1e-12;
-/// Factors of the next step: of the one that would have the stated error, least, most, after a failure.
+/// Factors of the next step: safety factor on the step with the stated error, minimum, maximum, and after a
+/// failure.
 const SAFETY: f64 = 0.9;
 const FALL: f64 = 0.2;
 const RISE: f64 = 2.0;
 const FAILED: f64 = 0.25;
-/// Numbers of a state in addition to the content of each cell.
+/// Number of values of a state in addition to the content of each cell.
 pub(crate) const EXTRA_NUMBERS: usize = 6;
 
-/// State at the start of a flow that changes with time.
+/// Initial state of a transient flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InitialWater {
     /// Steady flow under the conditions at time 0.
     Steady,
-    /// Water at rest below and above a head \[m\].
+    /// Stationary water below and above a head \[m\].
     Head(f64),
     /// One pressure head everywhere \[m\].
     PressureHead(f64),
 }
 
-/// Choices of a flow that changes with time.
+/// Settings of a transient flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransientSettings {
     /// State at the start.
@@ -55,11 +57,11 @@ pub struct TransientSettings {
     pub specific_storage: f64,
     /// Largest error of the content of a cell in a step \[1\].
     pub content_error: f64,
-    /// Time of a call of [`Pressure::solve`] \[s\].
+    /// Time advanced by a call of [`Pressure::solve`] \[s\].
     pub interval: f64,
 }
 
-/// Values of the condition of a patch in time.
+/// Values of the condition of a patch over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConditionHistory {
     /// The patch.
@@ -71,18 +73,18 @@ pub struct ConditionHistory {
 /// Volumes of water since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WaterBalance {
-    /// Water in the ground, by the pressure \[m3\].
+    /// Water in the ground, computed from the pressure \[m³\].
     pub stored: f64,
     /// Water in the ground at the start \[m3\].
     pub initial: f64,
-    /// Water that entered \[m3\].
+    /// Volume of water that entered \[m³\].
     pub entered: f64,
-    /// Water that left \[m3\].
+    /// Volume of water that left \[m³\].
     pub left: f64,
 }
 
 impl WaterBalance {
-    /// Returns the water that is missing over the larger of what entered and what left \[1\]; 0 where nothing moved.
+    /// Returns the missing volume divided by the larger of inflow and outflow \[1\]; 0 without flow.
     #[must_use]
     pub fn error(&self) -> f64 {
         let moved = self.entered.max(self.left);
@@ -94,7 +96,7 @@ impl WaterBalance {
     }
 }
 
-/// State and vectors of a flow that changes with time.
+/// State and vectors of a transient flow.
 pub(super) struct Transient {
     settings: TransientSettings,
     histories: Vec<ConditionHistory>,
@@ -102,14 +104,14 @@ pub(super) struct Transient {
     volume: Vec<f64>,
     /// Reciprocal time of a stage \[1/s\]; 0 in a steady flow.
     rate: f64,
-    /// Water that a stage starts from, at the present pressure, and by the fluxes of all steps \[m3\].
+    /// Volume at the start of a stage, at the present pressure, and from the fluxes of all steps \[m³\].
     known: Vec<f64>,
     content: Vec<f64>,
     stored: Vec<f64>,
-    /// Sum of the fluxes into each cell, and that of the first stage \[m3/s\].
+    /// Sum of the fluxes into each cell, and that of the first stage \[m³/s\].
     net: Vec<f64>,
     first: Vec<f64>,
-    /// Derivative of the water by the reduced pressure over the time of a stage.
+    /// Derivative of the stored water with respect to the reduced pressure, divided by the time of a stage.
     pub(super) capacity: Vec<f64>,
     begin: Vec<f64>,
     began: bool,
@@ -119,7 +121,7 @@ pub(super) struct Transient {
     entered: f64,
     left: f64,
     initial: f64,
-    /// Water that enters and leaves in the first stage \[m3/s\].
+    /// Inflow and outflow in the first stage \[m³/s\].
     crossed: (f64, f64),
 }
 
@@ -148,17 +150,17 @@ impl Transient {
         }
     }
 
-    /// `true` if the flow is between two steps in time.
+    /// Returns `true` during a time step.
     pub(super) fn advances(&self) -> bool {
         self.rate > 0.0
     }
 
-    /// `true` if the state at the start is known.
+    /// Returns `true` if the initial state is known.
     pub(super) fn began(&self) -> bool {
         self.began
     }
 
-    /// Returns the largest rate of the stored water of a cell \[m3/s\], whose rounding no imbalance is below.
+    /// Returns the largest storage rate of a cell \[m³/s\], whose rounding limits the imbalance.
     pub(super) fn largest_term(&self) -> f64 {
         let most = self
             .content
@@ -172,14 +174,14 @@ impl Transient {
         self.net.iter().fold(0.0, |most, net| net.abs().max(most))
     }
 
-    /// Starts a step of a length at a pressure.
+    /// Starts a step of a length from a pressure.
     fn start_step(&mut self, dt: f64, phi: &[f64]) {
         self.begin.copy_from_slice(phi);
         self.known.copy_from_slice(&self.stored);
         self.rate = 1.0 / (STAGE * dt);
     }
 
-    /// Starts the second stage; `crossed`: what enters and leaves in the first \[m3/s\].
+    /// Starts the second stage; `crossed` are inflow and outflow in the first \[m³/s\].
     fn start_second(&mut self, dt: f64, crossed: (f64, f64)) {
         self.first.copy_from_slice(&self.net);
         self.crossed = crossed;
@@ -188,7 +190,7 @@ impl Transient {
         }
     }
 
-    /// Takes over a step; `crossed`: what enters and leaves in the second stage \[m3/s\].
+    /// Accepts a step; `crossed` are inflow and outflow in the second stage \[m³/s\].
     fn accept(&mut self, dt: f64, crossed: (f64, f64)) {
         for at in 0..self.stored.len() {
             self.stored[at] = self.known[at] + STAGE * dt * self.net[at];
@@ -197,9 +199,9 @@ impl Transient {
         self.left += dt * ((1.0 - STAGE) * self.crossed.1 + STAGE * crossed.1);
     }
 
-    /// Returns the largest error of the content in a step of this length, over the stated one. In saturated cells the
-    /// stated one is that part of the water which specific storage takes up over `scale`, the difference of the heads
-    /// \[m\].
+    /// Returns the largest error of the water content in a step of this length, divided by the stated one. In
+    /// saturated cells the stated error refers to the water that specific storage takes up over `scale`, the
+    /// difference of the heads \[m\].
     fn error(&self, dt: f64, states: &[CellState], scale: f64) -> f64 {
         let elastic = (self.settings.specific_storage * scale).min(1.0);
         let mut most = 0.0_f64;
@@ -223,8 +225,8 @@ fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Pressure {
-    /// Lets the flow in ground that drains change with time: from here on [`Pressure::solve`] advances it by an
-    /// interval. `volume`: volume of each cell inside the walls \[m3\].
+    /// Makes the unsaturated flow transient: afterwards [`Pressure::solve`] advances it by an interval. `volume` is
+    /// the volume of each cell inside the walls \[m³\].
     #[must_use]
     pub fn with_transient(mut self, settings: TransientSettings, volume: &[f64]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
@@ -260,7 +262,7 @@ impl Pressure {
         self
     }
 
-    /// Lets conditions of a flow that changes with time follow tables.
+    /// Adds tables of condition values over time to a transient flow.
     #[must_use]
     pub fn with_histories(mut self, histories: Vec<ConditionHistory>) -> Self {
         let own = self.unsaturated.as_mut();
@@ -295,7 +297,7 @@ impl Pressure {
         })
     }
 
-    /// Returns the state of a flow that changes with time, in addition to [`Self::saved`]; nothing in a steady flow.
+    /// Returns the state of a transient flow in addition to [`Self::saved`]; empty in a steady flow.
     #[must_use]
     pub fn saved_water(&self) -> Vec<f64> {
         let transient = self
@@ -319,10 +321,10 @@ impl Pressure {
         cells.chain(own).collect()
     }
 
-    /// Takes over what [`Self::saved_water`] gave.
+    /// Restores the values of [`Self::saved_water`].
     ///
     /// # Errors
-    /// If it is not that of this grid.
+    /// If the values are not those of this grid.
     pub fn restore_water(&mut self, saved: &[f64]) -> Result<(), SeepageError> {
         let (grid, layout) = (self.slab.grid, self.slab.layout);
         let Some(mut own) = self.unsaturated.take() else {
@@ -355,7 +357,7 @@ impl Pressure {
         Ok(())
     }
 
-    /// Finds the state at the start.
+    /// Computes the initial state.
     fn begin(&mut self, own: &mut Unsaturated) -> Result<(), SeepageError> {
         let Some(settings) = own.transient.as_ref().map(|transient| transient.settings) else {
             return Ok(());
@@ -404,7 +406,7 @@ impl Pressure {
         let Some((start, interval)) = state else {
             return Ok((0, 0.0));
         };
-        // The end of an interval is a multiple of it, whatever rounding its steps had.
+        // The end of an interval is an exact multiple of it, independent of the rounding of its steps.
         let end = (start / interval).round().mul_add(interval, interval);
         let (mut iterations, mut residual) = (0, 0.0);
         let mut time = start;
@@ -453,7 +455,7 @@ impl Pressure {
         Ok((iterations, residual))
     }
 
-    /// Solves both stages of a step; returns the imbalance, none where Newton's method fails. Collective.
+    /// Solves both stages of a step; returns the imbalance, or none if Newton's method fails. Collective.
     fn try_step(
         &mut self,
         own: &mut Unsaturated,
@@ -479,7 +481,7 @@ impl Pressure {
         Ok(second.converged.then_some(second.residual))
     }
 
-    /// Returns what enters and leaves through the boundary at present \[m3/s\].
+    /// Returns the present inflow and outflow through the boundary \[m³/s\].
     fn crossed(&self) -> (f64, f64) {
         let rates = || self.boundary.iter().map(|face| face.rate);
         (

@@ -1,4 +1,4 @@
-//! The contact of one pair of bodies, of a block with a plane and of a block with a face: narrow phase, then force.
+//! Contact of one pair of bodies, of a block with a plane and of a block with a face: narrow phase, then force.
 
 use super::*;
 
@@ -12,19 +12,19 @@ pub(super) struct World<'a, S: Space> {
     pub(super) offsets: &'a [S::Vector],
     pub(super) periodic: bool,
     pub(super) time_step: f64,
-    /// The deepest contact before this step, over the smaller radius.
+    /// Deepest contact before this step: overlap over the smaller radius.
     pub(super) deepest: f64,
 }
 
-/// Counts of a piece of work.
+/// Counts in a piece of work.
 pub(super) struct Tally {
-    /// Calls of the narrow phase.
+    /// Number of calls of the narrow phase.
     pub(super) calls: u64,
     pub(super) deepest: Record,
 }
 
-/// A pair now: from the first's centre to the second's \[m\], its square, and whether the spheres and boxes round both
-/// meet.
+/// Geometry of a pair in this step: the vector from the first centre to the second \[m\], its square, and `true` if
+/// both the enclosing spheres and the boxes overlap.
 pub(super) struct Span<S: Space> {
     pub(super) between: S::Vector,
     pub(super) squared: f64,
@@ -52,7 +52,7 @@ impl<'a, S: Space> World<'a, S> {
     }
 
     /// Computes the contact of a block with a block or a sphere. Returns also `true` if the second body of the pair
-    /// comes first in it: a block comes before a sphere.
+    /// is the first one of the contact: a block precedes a sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -77,7 +77,7 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// Returns the action of one pair, or none if it does not touch; counts calls of the narrow phase.
+    /// Returns the action of one pair, or none if there is no contact; counts calls of the narrow phase.
     pub(super) fn act(
         &self,
         pair: &mut BlockPair,
@@ -137,7 +137,8 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Returns `true` if one of a pair is a sphere: the narrow phase then neither reads nor clears the history.
+    /// Returns `true` if one body of a pair is a sphere: the narrow phase then neither reads nor clears the
+    /// history.
     pub(super) fn rounded(&self, pair: &BlockPair) -> bool {
         let (i, j) = pair.ends();
         self.shape(i).is_none() || self.shape(j).is_none()
@@ -161,8 +162,9 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// Does [`Self::act`] on active pairs, by threads where there is more than one set of buffers; `active` counts from
-    /// `base` in `pairs`. Returns the calls of the narrow phase and the deepest contact.
+    /// Calls [`Self::act`] on active pairs, by threads if there is more than one set of buffers; `active` are
+    /// indices relative to `base` in `pairs`. Returns the number of calls of the narrow phase and the deepest
+    /// contact.
     pub(super) fn act_on_pieces(
         &self,
         (active, base): (&[u32], usize),
@@ -199,13 +201,13 @@ impl<'a, S: Space> World<'a, S> {
         tally
     }
 
-    /// Radius of a sphere; of a block from its centroid to the nearest face \[m\].
+    /// Returns the radius of a sphere, or for a block the distance from its centroid to the nearest face \[m\].
     fn inner(&self, k: usize) -> f64 {
         self.shape(k)
             .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
-    /// Returns a block at a plane, where it is one that touches.
+    /// Returns the contact of a block with a plane; none if there is none.
     pub(super) fn meet_plane(
         &self,
         pair: &BlockAtPlane,
@@ -229,7 +231,7 @@ impl<'a, S: Space> World<'a, S> {
         )
     }
 
-    /// Returns the force and moment of a plane on a block; none if it does not touch.
+    /// Returns the force and moment of a plane on a block; none if there is no contact.
     pub(super) fn act_at_plane(
         &self,
         pair: &mut BlockAtPlane,
@@ -282,12 +284,12 @@ impl<'a, S: Space> World<'a, S> {
         }
     }
 
-    /// Notes how deep block `k` is in a wall.
+    /// Records the depth of block `k` in a wall.
     pub(super) fn note_at_wall(&self, touch: &Geometry, k: u32, wall: u32, record: &mut Record) {
         record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
     }
 
-    /// Visits the contacts of block `k` with the faces of a wall, given by their facets that are near; returns the
+    /// Visits the contacts of block `k` with the faces of a wall, given by the nearby facets; returns the number of
     /// calls of the narrow phase.
     pub(super) fn meet_faces(
         &self,
@@ -312,7 +314,7 @@ impl<'a, S: Space> World<'a, S> {
         calls
     }
 
-    /// Returns the part of the dashpot with which a face acts on block `k`.
+    /// Returns the fraction of the dashpot with which a face acts on block `k`.
     pub(super) fn damped(
         &self,
         k: usize,
@@ -334,7 +336,7 @@ impl<'a, S: Space> World<'a, S> {
         })
     }
 
-    /// Computes the contact of block `k` with a face, given by those of its facets that are near.
+    /// Computes the contact of block `k` with a face, given by the nearby facets of the face.
     pub(super) fn meet_face(
         &self,
         k: usize,

@@ -6,7 +6,7 @@ use super::super::super::ParticlesView;
 use super::super::super::polyhedron::{Placed, Polyhedron};
 use super::super::super::space::Space;
 
-/// Rotation from the body frame into space, and the box about the centre \[m\].
+/// Rotation from the body frame into space, and the axis-parallel box about the centre \[m\].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
     pub(super) rotation: Matrix3<f64>,
@@ -46,7 +46,8 @@ impl Pose {
     }
 }
 
-/// Returns `true` if the boxes of two bodies, the second `between` \[m\] from the first, are at most `gap` \[m\] apart.
+/// Returns `true` if the boxes of two bodies, the second shifted by `between` \[m\] from the first, have a gap of
+/// at most `gap` \[m\].
 #[inline(always)]
 pub(super) fn boxes_meet([one, two]: [&Pose; 2], between: &Vector3<f64>, gap: f64) -> bool {
     (0..3).all(|axis| {

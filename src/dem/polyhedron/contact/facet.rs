@@ -1,7 +1,7 @@
 //! Contacts of a block with the facets of a surface.
 //!
-//! Each facet takes the points of the block that it hides from the block's centroid: the part of the block behind the
-//! plane of the facet, inside the cone of sight through the facet.
+//! A facet acts on the points of the block that it hides from the block's centroid: the part of the block behind
+//! the plane of the facet, inside the cone of sight through the facet.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,14 +9,15 @@ use super::super::HalfSpace;
 use super::overlap::{Overlap, add, cutters, spread};
 use super::{Geometry, Narrow, Placed};
 
-/// A depth below this over the height of the centroid is rounding: volumes behind facets are differences of cones.
+/// Depth, divided by the height of the centroid, below which an overlap is rounding: volumes behind facets are
+/// differences of cones.
 const ROUNDING: f64 = 1e-11;
 
-/// Parts of a block hidden by the facets of one plane, as sums over the facets in the block's frame: see
+/// Parts of a block hidden by the facets of one plane, as sums over the facets in the frame of the block: see
 /// [`Narrow::hide`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hidden {
-    /// m³, and its first moment [m⁴].
+    /// Volume [m³] and its first moment [m⁴].
     part: Overlap,
     /// Area [m²] of the facets inside the block, its first [m³] and second [m⁴] moments about the centroid.
     area: f64,
@@ -25,8 +26,8 @@ pub struct Hidden {
 }
 
 impl Narrow {
-    /// Adds to `sum` what a convex facet hides of a block from its centroid: the points of the block whose line of
-    /// sight to it the facet cuts. `corners` \[m\] are seen from the centroid, in the axes of space and
+    /// Adds to `sum` the part of a block that a convex facet hides from its centroid: the points whose line of
+    /// sight to the centroid the facet cuts. `corners` \[m\] are relative to the centroid, in the axes of space and
     /// counter-clockwise about `normal`, which points to the side of the centroid.
     pub fn hide(
         &mut self,
@@ -46,7 +47,7 @@ impl Narrow {
         if offset >= 0.0 {
             return;
         }
-        // The facet inside the block.
+        // Clip the facet to the inside of the block.
         let half_spaces = block.shape.half_spaces();
         cutters(half_spaces, &self.vertices, &mut self.cutting);
         self.polygon.clear();
@@ -65,8 +66,8 @@ impl Narrow {
             sum.first += (flat[0] + flat[1] + flat[2]) * (area / 3.0);
             sum.second += spread(&flat) * (area / 12.0);
         }
-        // The block's faces behind it, inside the cone of sight: its sides pass through the centroid and enclose no
-        // volume.
+        // Clip the faces of the block behind the facet to the cone of sight; the sides of the cone pass through the
+        // centroid and enclose no volume.
         self.grown.clear();
         self.grown.push(HalfSpace { normal, offset });
         for (k, a) in self.vertices.iter().enumerate() {
@@ -97,12 +98,12 @@ impl Narrow {
 }
 
 impl Hidden {
-    /// Returns the contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none if they
-    /// hide nothing but rounding.
+    /// Returns the contact of a block with the facets, whose plane is `height` \[m\] from its centroid; none if
+    /// they hide only rounding errors.
     #[must_use]
     pub fn contact(&self, block: &Placed, normal: &Vector3<f64>, height: f64) -> Option<Geometry> {
         let volume = self.part.volume;
-        // A negated comparison, so that NaN is none.
+        // A negated comparison, so that NaN gives none.
         if !(self.area > 0.0 && volume > ROUNDING * height * self.area) {
             return None;
         }

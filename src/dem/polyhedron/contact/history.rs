@@ -1,23 +1,23 @@
-//! The history of a contact of blocks: where the search starts, and the springs of shear and twist.
+//! History of a contact of blocks: start values of the search, and the springs of shear and twist.
 
 use nalgebra::Vector3;
 
 use super::super::linear_program::AFRESH;
 
-/// History of a pair: plain data, 17 numbers. Lengths in m, forces in N.
+/// History of a pair as plain data of 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockHistory {
-    /// The axis that separated the pair when it was last looked at, in the first's frame; zero where none did.
+    /// Axis that separated the pair at the last test, in the frame of the first block; zero if none did.
     pub(super) axis: Vector3<f64>,
-    /// The last contact point, in the first's frame.
+    /// Last contact point, in the frame of the first block.
     pub(super) point: Vector3<f64>,
-    /// The last basis of the linear program.
+    /// Last basis of the linear program.
     pub(super) basis: [u16; 4],
-    /// The last normal, in space; zero where there was no contact.
+    /// Last normal, in the axes of space; zero if there was no contact.
     pub(in crate::polyhedron) normal: Vector3<f64>,
-    /// Force of the shear spring on the second, in space.
+    /// Force of the shear spring on the second block, in the axes of space.
     pub(in crate::polyhedron) shear: Vector3<f64>,
-    /// Moment \[N m\] of the twist spring on the second about the normal.
+    /// Moment \[N m\] of the twist spring on the second block about the normal.
     pub(in crate::polyhedron) twist: f64,
 }
 
@@ -38,7 +38,7 @@ impl BlockHistory {
     /// Number of values.
     pub const NUMBERS: usize = 17;
 
-    /// Returns `true` if the pair touched when it was last tested.
+    /// Returns `true` if the pair was in contact at the last test.
     #[must_use]
     pub fn touching(&self) -> bool {
         self.normal != Vector3::zeros()
@@ -74,18 +74,18 @@ impl BlockHistory {
         }
     }
 
-    /// Returns the force \[N\] of the shear spring on the second, in space.
+    /// Returns the force \[N\] of the shear spring on the second block, in the axes of space.
     pub(crate) fn spring(&self) -> Vector3<f64> {
         self.shear
     }
 
-    /// Keeps normal and shear spring of a contact that another force law than [`super::BlockPairLaw`] has acted at.
+    /// Stores normal and shear spring of a contact whose force comes from another law than [`super::BlockPairLaw`].
     pub(crate) fn hold(&mut self, normal: &Vector3<f64>, shear: &Vector3<f64>) {
         self.normal = *normal;
         self.shear = *shear;
     }
 
-    /// Releases the contact: springs are dropped, data that accelerate the search stay.
+    /// Ends the contact: springs are reset, but start values of the search remain.
     pub(super) fn release(&mut self) {
         self.normal = Vector3::zeros();
         self.shear = Vector3::zeros();

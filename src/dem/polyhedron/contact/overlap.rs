@@ -1,7 +1,7 @@
-//! The overlap of two solids: volume, centroid, and the part of each surface inside the other.
+//! Overlap of two solids: volume, centroid, and the part of each surface inside the other.
 //!
 //! Every face of either block is clipped by the planes of the other. The tetrahedra between the clipped triangles and a
-//! common point add up to the volume; the triangles of the first's surface add up to the vector area.
+//! common point add up to the volume; the triangles of the first block's surface add up to the vector area.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,29 +11,29 @@ use super::super::shape::Polyhedron;
 use super::pressure::Wrench;
 use super::{BlockContactModel, Geometry, Narrow, Other};
 
-/// Relative enlargement of the second block where surfaces are cut (2^-36), so that faces of both in one plane are
-/// apart: of two rounded answers to "which is outside" one could be counted twice, or none.
+/// Relative enlargement of the second block where surfaces are cut (2^-36), which separates coplanar faces of both
+/// blocks: otherwise rounding could count both of them as inside, or neither.
 const GROWN: f64 = 1.0 / 68_719_476_736.0;
 
-/// A vector area smaller than this over the area has no direction to trust.
+/// Ratio of vector area to area below which the direction of the vector area is unreliable.
 const CANCELLED: f64 = 0.05;
 
-/// The overlap of two solids: m³, and relative to the first's centre m; the vector area [m²] of the first's surface
-/// in it.
+/// Overlap of two solids: volume [m³], position relative to the first centre [m], and the vector area [m²] of the
+/// first block's surface in it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Overlap {
     pub(super) volume: f64,
     pub(super) centroid: Vector3<f64>,
     pub(super) area: Vector3<f64>,
-    /// Areas [m²] of the first's surface inside the second, and of the second's inside the first.
+    /// Areas [m²] of the first surface inside the second block, and of the second surface inside the first.
     pub(super) surfaces: [f64; 2],
-    /// Force [m³] on the second over the stiffness per area, and its moment [m⁴] about the first's centre: see
-    /// [`super::pressure`].
+    /// Force on the second block divided by the stiffness per area [m³], and its moment [m⁴] about the first
+    /// centre: see [`super::pressure`].
     pub(super) pressure: Wrench,
 }
 
 impl Narrow {
-    /// Computes the overlap of both solids, its volume summed up about `near`.
+    /// Computes the overlap of two solids; its volume is summed about `near`.
     pub(super) fn overlap(
         &mut self,
         first: &Polyhedron,
@@ -64,7 +64,7 @@ impl Narrow {
         let mut sum = Overlap::default();
         let presses = *model == BlockContactModel::Pressure && matches!(other, Other::Block { .. });
         self.triangles.clear();
-        // The first's faces inside the second.
+        // Faces of the first block inside the second.
         cutters(&self.grown, first.vertices(), &mut self.cutting);
         for face in 0..first.half_spaces().len() {
             self.polygon.clear();
@@ -95,7 +95,7 @@ impl Narrow {
                 );
             }
         }
-        // The second's faces inside the first.
+        // Faces of the second block inside the first.
         match other {
             Other::Block { shape, .. } => {
                 cutters(first.half_spaces(), &self.vertices, &mut self.cutting);
@@ -124,7 +124,7 @@ impl Narrow {
         sum
     }
 
-    /// Adds what of the polygon is inside the first.
+    /// Adds the part of the polygon inside the first block.
     pub(super) fn rest(&mut self, first: &Polyhedron, near: &Vector3<f64>, sum: &mut Overlap) {
         for k in 0..self.cutting.len() {
             let plane = self.cutting[k].1;
@@ -157,7 +157,7 @@ impl Narrow {
                 self.spare.push(self.polygon[k]);
             }
             if (a > 0.0) != (b > 0.0) {
-                // The same bits whichever way the edge runs.
+                // The bits do not depend on the direction of the edge.
                 let (from, to, low, high) = if a > 0.0 {
                     (self.polygon[next], self.polygon[k], b, a)
                 } else {
@@ -174,11 +174,11 @@ impl Narrow {
     pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
         let area = overlap.area.norm();
         let normal = match other {
-            // The plane's own normal: no rounding.
+            // The normal of the plane itself, without rounding.
             Other::Plane(plane) => -plane.normal,
             Other::Block { .. } => overlap.area / area,
         };
-        // Where both surfaces nearly cancel, one block penetrates the other, and the vector is meaningless.
+        // If both surfaces nearly cancel, one block penetrates the other, and the vector area is meaningless.
         let [one, two] = overlap.surfaces;
         let sound = overlap.volume > 0.0
             && area > CANCELLED * one.min(two)
@@ -194,11 +194,11 @@ impl Narrow {
         })
     }
 
-    /// Returns the contact of two blocks that press on each other; none if rounding leaves nothing of the overlap.
+    /// Returns the contact of two blocks by pressure; none if only rounding errors are left of the overlap.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.push_at(&overlap.centroid)?;
-        // Where one block penetrates the other, the vectors of a surface nearly cancel: the force stays, over an area
-        // that does not vanish.
+        // If one block penetrates the other, the vectors of a surface nearly cancel: the force remains, with an
+        // area that does not vanish.
         let [one, two] = overlap.surfaces;
         let area = overlap.area.norm().max(CANCELLED * one.min(two));
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
@@ -213,7 +213,8 @@ impl Narrow {
         })
     }
 
-    /// Returns the second moments [m⁴] about an axis of the first's surface inside the second, seen along the axis.
+    /// Returns the second moments [m⁴] about an axis of the first surface inside the second block, projected along
+    /// the axis.
     pub(super) fn second_moments(
         &self,
         point: &Vector3<f64>,
@@ -231,7 +232,7 @@ impl Narrow {
         sum
     }
 
-    /// Computes area and second moments of the section of all half-spaces across `normal` at `point`.
+    /// Computes area and second moments of the section of all half-spaces normal to `normal` at `point`.
     pub(super) fn section(
         &mut self,
         point: &Vector3<f64>,
@@ -257,8 +258,8 @@ impl Narrow {
     }
 }
 
-/// Finds the planes that cut a set of vertices, those with most outside first, and the number of vertices that they
-/// have outside.
+/// Finds the planes that cut a set of vertices, those with most vertices outside first, with the number of vertices
+/// outside.
 pub(super) fn cutters(
     planes: &[HalfSpace],
     vertices: &[Vector3<f64>],
@@ -274,7 +275,7 @@ pub(super) fn cutters(
     found.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
 }
 
-/// Adds the tetrahedron between a triangle and the origin; returns the triangle's vector area.
+/// Adds the tetrahedron of a triangle and the origin; returns the vector area of the triangle.
 #[inline]
 pub(super) fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f64> {
     let [a, b, c] = triangle;
@@ -284,7 +285,7 @@ pub(super) fn add(sum: &mut Overlap, triangle: &[Vector3<f64>; 3]) -> Vector3<f6
     (b - a).cross(&(c - a)) * 0.5
 }
 
-/// Returns twelve times the mean of `r r^T` over a triangle of corners r.
+/// Returns twelve times the mean of `r r^T` over a triangle with corners r.
 #[inline]
 pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     let [a, b, c] = triangle;
@@ -292,7 +293,7 @@ pub(super) fn spread(triangle: &[Vector3<f64>; 3]) -> Matrix3<f64> {
     a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()
 }
 
-/// Makes a square across `normal`, counter-clockwise about it.
+/// Sets the polygon to a square normal to `normal`, counter-clockwise about it.
 pub(super) fn square(
     polygon: &mut Vec<Vector3<f64>>,
     middle: &Vector3<f64>,

@@ -1,4 +1,4 @@
-//! The pressure of two blocks on each other, which has a potential.
+//! Pressure of two blocks on each other, which derives from a potential.
 //!
 //! With d_i(x) the depth of a point x in block i, the distance to the plane of the nearest face, a stiffness k per area
 //! and the overlap O, the energy of a contact is
@@ -7,49 +7,49 @@
 //! W = k/2 ∫_O (d_1 + d_2) dV
 //! ```
 //!
-//! Each depth moves with its block. If the second block moves, the overlap grows where its surface S_2 moves outwards
-//! inside the first and loses nothing else of the integral of d_1; and the same for the first relative to the second.
-//! So the force on the second is
+//! Each depth moves with its block. If the second block moves, the overlap grows where its surface S_2 moves
+//! outwards inside the first block, which is the only change of the integral of d_1; the same holds for the first
+//! block relative to the second. The force on the second block is therefore
 //!
 //! ```text
 //! F = -∂W/∂x_2 = k/2 ( ∫_(S_1 in 2) d_2 n_1 dA - ∫_(S_2 in 1) d_1 n_2 dA )
 //! ```
 //!
-//! and its moment that of the same pressures: each surface feels half the pressure k d of the depth where it is.
-//! Energy, momentum and angular momentum are conserved for all shapes and positions, corners and crossing edges
-//! included, up to the error of the time integration. Faces on faces carry k depth per area, and their bed of springs
-//! resists tilting. The force is continuous in the pose, because the depth is zero where surfaces enter. Sources:
-//! contact from an energy of the overlap, Y. T. Feng, Comput. Methods Appl. Mech. Engrg. 373 (2021) 113454; change of
-//! an integral with its region, O. Reynolds' transport theorem.
+//! and its moment is that of the same pressures: each surface is subject to half the pressure k d of the local
+//! depth. Energy, momentum and angular momentum are conserved for all shapes and positions, corners and crossing
+//! edges included, up to the error of the time integration. Faces on faces carry k depth per area, and their bed of
+//! springs resists tilting. The force is continuous in the pose, because the depth is zero where surfaces enter.
+//! Sources: contact from an energy of the overlap, Y. T. Feng, Comput. Methods Appl. Mech. Engrg. 373 (2021)
+//! 113454; change of an integral with its region, O. Reynolds' transport theorem.
 //!
-//! The depth is linear where one face is nearest. A polygon of a surface is cut at the planes between faces of the
-//! other block that are equally near, and the integrals over its parts are exact.
+//! The depth is linear where one face is nearest. A polygon of a surface is cut at the planes where two faces of
+//! the other block are equally near, and the integrals over its parts are exact.
 
 use nalgebra::Vector3;
 
 use super::super::HalfSpace;
 use super::Narrow;
 
-/// A force [m³] over the stiffness per area and its moment [m⁴] about the origin.
+/// Force divided by the stiffness per area [m³] and its moment [m⁴] about the origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Wrench {
     pub(super) force: Vector3<f64>,
     pub(super) moment: Vector3<f64>,
 }
 
-/// A force at a point, with a moment.
+/// Force at a point, with a moment.
 pub(super) struct Push {
     pub(super) point: Vector3<f64>,
     /// Unit vector of the force.
     pub(super) direction: Vector3<f64>,
-    /// The force [m³].
+    /// Magnitude of the force [m³].
     pub(super) size: f64,
-    /// The moment about the point over the force \[m\].
+    /// Moment about the point divided by the force \[m\].
     pub(super) couple: Vector3<f64>,
 }
 
 impl Wrench {
-    /// Returns it as a force at a point; none without a force.
+    /// Returns the equivalent force at a point; none if the force is zero.
     pub(super) fn push_at(&self, point: &Vector3<f64>) -> Option<Push> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;
@@ -65,7 +65,7 @@ impl Wrench {
 }
 
 impl Narrow {
-    /// Adds half the pressure that the polygon feels along `normal` from the depth behind `count` planes of the other
+    /// Adds half the pressure on the polygon along `normal` from the depth behind `count` planes of the other
     /// block.
     pub(super) fn press(
         &mut self,
@@ -77,7 +77,8 @@ impl Narrow {
         if self.polygon.len() < 3 {
             return;
         }
-        // Faces that may be nearest somewhere: somewhere less deep than another is everywhere.
+        // Keep the faces that may be nearest at some point of the polygon; a face deeper than another at all points
+        // is dropped.
         self.nearest.clear();
         let mut least = f64::INFINITY;
         for k in 0..count {

@@ -6,8 +6,8 @@ use super::super::shape::Polyhedron;
 use super::{Geometry, Narrow, Placed};
 
 impl Narrow {
-    /// Returns a block (the first) and a sphere (the second) of `radius` \[m\] whose centre is at `separation` \[m\]
-    /// from the block's: the block's point closest to the centre.
+    /// Returns the contact of a block (first) and a sphere (second) of `radius` \[m\] with its centre at
+    /// `separation` \[m\] from the block's centre: at the point of the block closest to the centre of the sphere.
     #[must_use]
     pub fn sphere(
         &self,
@@ -25,11 +25,11 @@ impl Narrow {
         if depth <= 0.0 {
             return None;
         }
-        // The sphere's section in the middle of the overlap.
+        // Section of the sphere in the middle of the overlap.
         let half = (distance + 0.5 * depth).abs().min(radius);
         let area = std::f64::consts::PI * (radius * radius - half * half);
         let normal = block.rotation * normal;
-        // Of a disc: the same about all axes across the normal.
+        // Second moment of a disc, equal about all axes in its plane.
         let moment = area * area / (4.0 * std::f64::consts::PI);
         Some(Geometry {
             arm: block.rotation * foot - normal * (0.5 * depth),
@@ -43,8 +43,8 @@ impl Narrow {
     }
 }
 
-/// Returns the point of a block's surface closest to a point of its frame, the unit normal from there, and the signed
-/// distance \[m\].
+/// Returns the point of a block's surface closest to a point in its frame, the unit normal from there, and the
+/// signed distance \[m\].
 fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>, f64) {
     let mut highest = (f64::NEG_INFINITY, Vector3::z());
     for plane in shape.half_spaces() {
@@ -66,7 +66,7 @@ fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f
         let mut inside = true;
         for (k, &corner) in corners.iter().enumerate() {
             let (a, b) = (corner, corners[(k + 1) % corners.len()]);
-            // The same bits from both faces of the edge.
+            // The bits are the same from both faces of the edge.
             let [from, to] = [a.min(b), a.max(b)].map(|v| shape.vertices()[v as usize]);
             let edge = to - from;
             let out = edge.cross(&plane.normal) * if a < b { 1.0 } else { -1.0 };

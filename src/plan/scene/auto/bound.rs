@@ -1,50 +1,52 @@
-//! A bound of the error over the number of cells and the Reynolds number, from all measured rows of an obstacle.
+//! Bound of the error as a function of the number of cells and the Reynolds number, from all measured rows of an
+//! obstacle.
 //!
-//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the 95th
-//! percentile of ln e + p ln N - q ln(1 + Re) over the rows; p and q have the smallest loss of the quantile regression
-//! (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a grid. The bound holds from
-//! the fewest cells to the largest Reynolds number of the rows. Outside there is none. More cells than in any row keep
-//! the bound of the most.
+//! The bound is e = (1 + [`MARGIN`]/k) exp(a) N^-p (1 + Re)^q, for rows of k problems. At given p and q, a is the
+//! 95th percentile of ln e + p ln N - q ln(1 + Re) over the rows; p and q have the smallest loss of the quantile
+//! regression (R. Koenker and G. Bassett, Econometrica 46 (1978) 33-50), by trial of all values on a grid. The
+//! bound is defined from the smallest number of cells and up to the largest Reynolds number of the rows. More cells
+//! than in any row have the bound of the largest number in the rows.
 
 use super::measured::{MeasuredRow, rows};
 use base::number::{real, whole};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// Part of the rows that lie below the bound, before its margin.
+/// Fraction of the rows that lie below the bound, before its margin.
 const CONFIDENCE: f64 = 0.95;
-/// Other scenes differ from the problems of the rows, and the fewer these are the less is known of how much. With this
-/// margin, bounds without one of the problems hold for 95 % of its rows (`jobs/automatic/left_out.csv`).
+/// Margin for scenes that differ from the problems of the rows: the fewer problems, the less is known about the
+/// differences. With this margin, bounds computed without one of the problems hold for 95 % of its rows
+/// (`jobs/automatic/left_out.csv`).
 const MARGIN: f64 = 3.0;
-/// Reynolds number up to which inertia changes forces and flows by less than the rows differ: rows of creeping flow
-/// count.
+/// Reynolds number below which inertia changes forces and flows by less than the scatter of the rows, so that rows
+/// of creeping flow apply.
 const CREEPING: f64 = 1.0;
-/// Steps of p, from a fifth to 3.5, and of q, from 0 to 0.8.
+/// Step of p, which ranges from 0.2 to 3.5, and of q, which ranges from 0 to 0.8.
 const STEP: f64 = 0.1;
-/// Cells between the fewest and the most of the rows at which a target is looked for.
+/// Number of values, between the smallest and the largest number of cells of the rows, at which a target is sought.
 const TRIALS: usize = 400;
 
-/// The bound of an obstacle.
+/// Error bound of an obstacle.
 #[derive(Clone, Debug)]
 pub(crate) struct Bound {
-    /// a.
+    /// Coefficient a.
     constant: f64,
-    /// p.
+    /// Exponent p.
     order: f64,
-    /// q.
+    /// Exponent q.
     inertia: f64,
-    /// Fewest and most cells of a row.
+    /// Smallest and largest number of cells of a row.
     pub(crate) cells: [f64; 2],
     /// Largest Reynolds number of a row.
     most_reynolds: f64,
     /// Number of rows.
     pub(crate) rows: usize,
-    /// The problems, in words.
+    /// Names of the problems.
     pub(crate) problems: Vec<&'static str>,
 }
 
 impl Bound {
-    /// Returns the bound of an obstacle; none if it was not measured.
+    /// Returns the bound of an obstacle; none if the obstacle was not measured.
     pub(crate) fn for_obstacle(dimension: usize, obstacle: &str) -> Option<&'static Self> {
         static BOUNDS: LazyLock<BTreeMap<(usize, &'static str), Bound>> = LazyLock::new(all);
         let found = BOUNDS.range((dimension, "")..=(dimension, "~"));
@@ -88,14 +90,14 @@ impl Bound {
         }
     }
 
-    /// Returns the bound of the relative error; none outside the rows.
+    /// Returns the bound of the relative error; none outside the range of the rows.
     pub(crate) fn error(&self, cells: f64, reynolds: f64) -> Option<f64> {
         let enough = cells >= self.cells[0] * (1.0 - 1e-9);
         let covered = enough && reynolds <= self.largest_reynolds();
         covered.then(|| self.formula(cells.clamp(self.cells[0], self.cells[1]), reynolds))
     }
 
-    /// Returns the largest Reynolds number at which it holds.
+    /// Returns the largest Reynolds number for which the bound is defined.
     pub(crate) fn largest_reynolds(&self) -> f64 {
         self.most_reynolds.max(CREEPING)
     }
@@ -105,9 +107,9 @@ impl Bound {
         (1.0 + MARGIN / real(self.problems.len())) * log.exp()
     }
 
-    /// Returns the smallest number of cells with at most this error; the most of the rows where it is not reached.
-    /// Faster flow than that of the rows gets the cells of boundary layers, which thin as the square root of the
-    /// Reynolds number.
+    /// Returns the smallest number of cells with at most this error, or the largest number of the rows if the error
+    /// is not reached. For a Reynolds number above the rows the cells follow the thickness of boundary layers,
+    /// which decreases with its square root.
     pub(crate) fn cells_for(&self, target: f64, reynolds: f64) -> f64 {
         let [few, many] = self.cells;
         let slower = reynolds.min(self.most_reynolds);
@@ -125,10 +127,10 @@ impl Bound {
     }
 }
 
-/// Reynolds number beyond which the layers are turbulent, and eddies are modelled where they are too small.
+/// Reynolds number above which the layers are turbulent and an eddy viscosity represents unresolved eddies.
 const MOST_REYNOLDS: f64 = 1000.0;
 
-/// Returns the constant of a bound with this order and inertia, and the loss of the quantile regression.
+/// Returns the coefficient a of a bound with these exponents, and the loss of the quantile regression.
 fn at_quantile(rows: &[&MeasuredRow], order: f64, inertia: f64) -> (f64, f64) {
     let value = |row: &&MeasuredRow| {
         row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p()
@@ -193,7 +195,7 @@ mod tests {
         );
     }
 
-    /// A problem, and how the bound of the others of its obstacle holds for its rows.
+    /// Problem left out of a bound, and the agreement of its rows with the bound of the other problems.
     struct LeftOut {
         key: (usize, &'static str),
         problem: &'static str,
@@ -201,7 +203,7 @@ mod tests {
         rows: usize,
         judged: usize,
         kept: usize,
-        /// Largest error over the bound; 0 where nothing is judged.
+        /// Largest ratio of error to bound; 0 if nothing is judged.
         worst: f64,
     }
 
@@ -236,11 +238,11 @@ mod tests {
         list
     }
 
-    /// One other problem says nothing of how problems differ.
+    /// Minimum number of other problems: a single one shows no differences between problems.
     const ENOUGH: usize = 2;
 
-    /// Bounds made without a problem hold for it: for 95 % of its rows, and the largest excess is below twice the
-    /// bound.
+    /// Checks that bounds computed without a problem hold for it: for 95 % of its rows, with a largest excess below
+    /// twice the bound.
     #[test]
     fn a_problem_that_is_left_out_keeps_the_bound_of_the_others() {
         let (mut judged, mut kept) = (0, 0);
@@ -256,7 +258,7 @@ mod tests {
         );
     }
 
-    /// `jobs/automatic/left_out.csv` is what this prints.
+    /// Checks that `jobs/automatic/left_out.csv` is the output of this test.
     #[test]
     fn the_table_of_problems_left_out_is_that_of_the_rows() {
         let mut table = "dimension,obstacle,problem,other problems,rows,covered by the others,below their bound,\

@@ -1,7 +1,7 @@
-//! Changes of density in the lattice fluid, before the run: a pressure p is a change of density p/(ρ c²), c the speed
-//! of sound.
+//! Density changes in the lattice fluid, estimated before the run: a pressure p is a relative density change p/(ρ
+//! c²), c the speed of sound.
 //!
-//! In addition to the pressures that a case states there are those that its flow needs, estimated from above:
+//! In addition to the pressures stated in a case, the flow itself requires pressures, estimated from above:
 //!
 //! ```text
 //! start     ρ c U, at most 2 ρ U L/T      a velocity U, imposed at once or during the time T
@@ -32,43 +32,45 @@ use lbm::boundary::profile::VelocityProfile;
 use lbm::boundary::{Condition, Inflow, Strength, SurfaceKind};
 use serde::Serialize;
 
-/// Factor of the sound of a start behind a uniform profile between walls.
+/// Factor of the sound pressure of a sudden start behind a uniform profile between walls.
 const AT_A_RIM: f64 = 1.1;
-/// Velocity of the sound of a start behind a profile that vanishes at walls, over the mean of the profile.
+/// Velocity that determines the sound pressure of a start behind a profile that vanishes at walls, relative to the
+/// mean of the profile.
 const OVER_THE_MEAN: f64 = 1.2;
-/// Parts of the pressure at a rim: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
+/// Coefficients of the pressure at the rim of an inlet: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
 const RIM_OF_INERTIA: f64 = 0.2;
 const RIM_OF_FRICTION: [f64; 2] = [1.8, 3.9];
 
-/// Loss on a way that winds between structures over that of its sections: baffles lost 1.7 to 2 times as much.
+/// Loss along a winding passage between structures relative to that of its sections: for baffles it was 1.7 to 2
+/// times as large.
 const WINDING: f64 = 2.0;
-/// Parts of the pressure at the corner of a moving wall and a wall at rest.
+/// Coefficients of the pressure at the corner of a moving and a stationary wall.
 const LID_OF_INERTIA: f64 = 0.03;
 const LID_OF_FRICTION: [f64; 2] = [2.8, 3.15];
 
-/// Estimates over what runs found: behind inlets 1.2 to 1.5; in the corners of fast lids the change grows faster than
-/// the velocity.
+/// Ratio of the estimates to the results of runs: behind inlets 1.2 to 1.5; in the corners of fast lids the change
+/// grows faster than the velocity.
 const OVER: f64 = 1.3;
 const OVER_AT_A_LID: f64 = 0.9;
-/// The sound of a start is exact but for what spreads.
+/// Ratio for the sound of a start, which is exact except for spreading.
 const OVER_AT_A_START: f64 = 1.0;
 
-/// A cause of a change of density.
+/// Cause of a density change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cause {
     /// Name of the cause.
     pub what: &'static str,
-    /// JSON path of the field that decides it.
+    /// JSON path of the field that determines the cause.
     pub path: String,
     /// Pressure that does not depend on the time step \[Pa\].
     pub pressure: f64,
     /// Velocity whose sound or inertia changes the density: by `sound` times the lattice velocity.
     pub velocity: f64,
-    /// Change of density over the lattice velocity of `velocity`.
+    /// Relative density change divided by the lattice velocity of `velocity`.
     pub sound: f64,
-    /// Pressure that the sound does not exceed \[Pa\]: that of a slow change; infinite for a sudden one.
+    /// Upper bound of the sound pressure \[Pa\]: that of a slow change; infinite for a sudden one.
     pub most: f64,
-    /// The estimate over what runs found, at least.
+    /// Minimum ratio of the estimate to the results of runs.
     pub over: f64,
 }
 
@@ -85,12 +87,12 @@ impl Cause {
         }
     }
 
-    /// Returns `true` for a loss of pressure along the flow, whose change of density is an error of the flow.
+    /// Returns `true` for a pressure loss along the flow, whose density change is an error of the flow.
     pub(crate) fn is_loss(&self) -> bool {
         self.velocity == 0.0
     }
 
-    /// Returns the relative change of density at a time step \[s\] and a spacing \[m\].
+    /// Returns the relative density change at a time step \[s\] and a spacing \[m\].
     pub(crate) fn change(&self, time_step: f64, spacing: f64, density: f64) -> f64 {
         let of = |pressure: f64| 3.0 * pressure * (time_step / spacing).powi(2) / density;
         let sound = self.sound * self.velocity * time_step / spacing;
@@ -106,7 +108,7 @@ pub(crate) fn total(causes: &[Cause], time_step: f64, spacing: f64, density: f64
     changes.sum()
 }
 
-/// Returns the least change of density that a run will find at a time step.
+/// Returns the smallest density change that a run is expected to show at a time step.
 pub(crate) fn least(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
     let changes = causes
         .iter()
@@ -114,13 +116,13 @@ pub(crate) fn least(causes: &[Cause], time_step: f64, spacing: f64, density: f64
     changes.sum()
 }
 
-/// Returns the longest time step \[s\] at which all changes together stay within a bound, and the cause of most of it;
-/// none without causes.
+/// Returns the longest time step \[s\] for which the sum of all density changes stays within a bound, and the
+/// largest cause; none without causes.
 pub(crate) fn longest_step(
     causes: &[Cause],
     (bound, spacing, density): (f64, f64, f64),
 ) -> Option<(&Cause, f64)> {
-    // A lattice velocity of one is beyond every limit.
+    // A lattice velocity of one exceeds every limit.
     let fastest = causes
         .iter()
         .map(|cause| cause.velocity)
@@ -152,7 +154,7 @@ pub(crate) fn longest_step(
     deciding.map(|cause| (cause, low))
 }
 
-/// Returns the causes of changes of density by the flow of a scene, in addition to the pressures that are stated.
+/// Returns the causes of density changes by the flow of a scene, in addition to the pressures stated in the case.
 /// `ways` are the narrow gaps along axes.
 pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
@@ -170,7 +172,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
     }
     causes.extend(flow.patches().filter_map(|patch| lid(scene, flow, patch)));
     for (axis, sections) in sections.iter().enumerate() {
-        // The opening with the largest discharge through each axis.
+        // Use the opening with the largest discharge along each axis.
         let through = inlets.iter().filter(|inlet| inlet.axis == axis);
         let discharges = through.filter_map(|inlet| Some((inlet.discharge(scene)?, inlet)));
         let largest = discharges.fold(None, |known: Option<(f64, &Inlet)>, found| match known {
@@ -191,7 +193,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
     }
     causes.extend(force_against_walls(scene, flow));
     if let Some(pilot) = &flow.pilot {
-        // The measured loss stands in place of what formulas say of the losses.
+        // A loss measured in a pilot replaces the losses from formulas.
         causes.retain(|cause| !cause.is_loss());
         let pressure = PILOT_MARGIN * pilot.pressure;
         let path = format!("{PATH}.pilot.pressure");
@@ -205,13 +207,13 @@ fn imposes_a_velocity(patch: &ScenePatch) -> bool {
     nature.surface == SurfaceKind::Opening && nature.strength == Strength::Velocity
 }
 
-/// An opening that imposes a velocity.
+/// Opening that imposes a velocity.
 struct Inlet<'a> {
     patch: &'a ScenePatch,
     axis: usize,
-    /// Largest speed [m/s].
+    /// JSON path of the field that determines the speed.
     speed: f64,
-    /// JSON path of the field that decides the speed.
+    /// JSON path of the field that determines the speed.
     path: String,
 }
 
@@ -226,13 +228,13 @@ impl<'a> Inlet<'a> {
         })
     }
 
-    /// Returns the uniform profile if it ends at walls, where it makes a rim [m/s].
+    /// Returns the velocity [m/s] of a uniform profile that ends at walls, where pressure rises at the rim.
     fn uniform_at_walls(&self, flow: &Flow) -> Option<[f64; 3]> {
         uniform(self.patch).filter(|_| ends_at_walls(flow, self.patch))
     }
 
-    /// Returns the sound of the start; none if the fluid starts from a file or a flow of its own. `open` is the open
-    /// part of the narrowest section.
+    /// Returns the sound of the start; none if the fluid starts from a file or a given flow. `open` is the open
+    /// fraction of the narrowest section.
     fn start(&self, scene: &Scene, flow: &Flow, open: Option<f64>) -> Option<Cause> {
         let Initial::Uniform {
             velocity: start, ..
@@ -243,7 +245,7 @@ impl<'a> Inlet<'a> {
         let (axis, model) = (self.axis, self.patch.condition.model());
         let normal = match uniform(self.patch) {
             Some(velocity) => (velocity[axis] - start[axis]).abs(),
-            // Waves over the face even out within some steps.
+            // Waves across the face decay within some steps.
             None => {
                 let own = match model.inflow(&self.patch.imposed_at(&scene.grid, PATH)) {
                     Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(self.speed),
@@ -254,8 +256,8 @@ impl<'a> Inlet<'a> {
         };
         let rim = self.uniform_at_walls(flow).is_some();
         let ramp = model.ramp_time();
-        // Solids send a part of the sound back, which the opening sends back again: p (1 + 2 R), R = (1 - a)/(1 + a) of
-        // the open part a.
+        // Solids reflect part of the sound, which the opening reflects again: p (1 + 2 R), R = (1 - a)/(1 + a) for
+        // the open fraction a.
         let back = open.map_or(0.0, |open| (1.0 - open) / (1.0 + open));
         (normal > 0.0).then(|| Cause {
             what: "the sound of the start",
@@ -287,7 +289,7 @@ impl<'a> Inlet<'a> {
         })
     }
 
-    /// Returns the discharge [m2/s in 2-D, m3/s in 3-D]; none of a profile without a stated mean.
+    /// Returns the discharge [m²/s in 2-D, m³/s in 3-D]; none for a profile without a stated mean.
     fn discharge(&self, scene: &Scene) -> Option<f64> {
         let grid = &scene.grid;
         let place = self.patch.imposed_at(grid, PATH);
@@ -299,7 +301,7 @@ impl<'a> Inlet<'a> {
     }
 }
 
-/// Returns the pressure in the corner of a wall that moves along itself and ends at a wall at rest.
+/// Returns the pressure in the corner between a wall that moves in its plane and a stationary wall.
 fn lid(scene: &Scene, flow: &Flow, patch: &ScenePatch) -> Option<Cause> {
     let model = patch.condition.model();
     let moves = model.kind().surface == SurfaceKind::MovingWall;
@@ -319,8 +321,8 @@ fn lid(scene: &Scene, flow: &Flow, patch: &ScenePatch) -> Option<Cause> {
     })
 }
 
-/// Returns the loss of pressure along an axis at a discharge \[Pa\], and its name: the largest of the channel's, that
-/// between solids and those of narrow ways, each of which holds the loss of the whole way.
+/// Returns the pressure loss \[Pa\] along an axis at a discharge, and its name: the largest of the losses in the
+/// channel, between solids and in narrow gaps, each of which applies to the whole path.
 fn loss(
     scene: &Scene,
     flow: &Flow,
@@ -365,7 +367,7 @@ fn force_against_walls(scene: &Scene, flow: &Flow) -> Option<Cause> {
     (against > 0.0).then(|| Cause::steady("the body force against walls", path, against))
 }
 
-/// Returns what bounds the water along an axis.
+/// Returns the kinds of boundary at both ends of an axis.
 fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
     if scene.grid.periodic[axis] {
         return [End::Periodic; 2];
@@ -383,7 +385,7 @@ fn ends(scene: &Scene, flow: &Flow, axis: usize) -> [End; 2] {
     })
 }
 
-/// Returns the velocity of a uniform profile [m/s]; none of another condition.
+/// Returns the velocity of a uniform profile [m/s]; none for another condition.
 fn uniform(patch: &ScenePatch) -> Option<[f64; 3]> {
     match &patch.condition {
         Condition::Velocity(velocity) => match &velocity.profile {
@@ -409,7 +411,7 @@ fn opens(flow: &Flow, axis: usize) -> bool {
     surfaces(flow, axis).any(|surface| surface == SurfaceKind::Opening)
 }
 
-/// Returns `true` if the patch has walls next to it: at faces across, or on its own face.
+/// Returns `true` if the patch has adjacent walls, on perpendicular faces or on its own face.
 fn ends_at_walls(flow: &Flow, patch: &ScenePatch) -> bool {
     let axis = patch.face.axis();
     let across = (0..3).filter(|a| *a != axis);
@@ -419,14 +421,14 @@ fn ends_at_walls(flow: &Flow, patch: &ScenePatch) -> bool {
     beside || across.into_iter().any(|a| surfaces(flow, a).any(is_wall))
 }
 
-/// Returns `true` if a wall at rest stands across the moving wall.
+/// Returns `true` if a stationary wall is perpendicular to the moving wall.
 fn lid_meets_wall(flow: &Flow, lid: &ScenePatch) -> bool {
     (0..3)
         .filter(|a| *a != lid.face.axis())
         .any(|a| surfaces(flow, a).any(|surface| surface == SurfaceKind::Wall))
 }
 
-/// Returns the loss of pressure along the way through the domain along an axis \[Pa\]; none if nothing bounds it.
+/// Returns the pressure loss \[Pa\] along an axis through the whole domain; none if nothing bounds the channel.
 fn in_channel(scene: &Scene, flow: &Flow, axis: usize, discharge: f64) -> Option<f64> {
     let grid = &scene.grid;
     let (length, _) = passage(scene, axis);
@@ -440,7 +442,7 @@ fn in_channel(scene: &Scene, flow: &Flow, axis: usize, discharge: f64) -> Option
         match walls {
             _ if grid.periodic[a] => {}
             0 => {}
-            // A plane of symmetry stands for the other half.
+            // A plane of symmetry represents the other half.
             1 => heights.push(2.0 * grid.size[a]),
             _ => heights.push(grid.size[a]),
         }

@@ -1,4 +1,4 @@
-//! Features that the water of a case must resolve: bodies, grains, gaps between walls, openings, vortices.
+//! Features of a case that the lattice must resolve: bodies, grains, gaps between walls, openings, vortices.
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
@@ -17,31 +17,31 @@ use case::solids::{Body, Shape};
 use case::structures::Shape as Structure;
 use dem::polyhedron::{HalfSpace, Polyhedron};
 
-/// Spheres closer together than this many diameters have the rows of packed spheres. The cubic array of the other rows
-/// has 0.61.
+/// Distance of sphere centres, in diameters, below which the rows of packed spheres apply.
 const DENSE: f64 = 0.6;
 
-/// Rows of the table for layers that viscosity spreads in time.
+/// Name of the table rows for boundary layers that grow in time by viscosity.
 pub(crate) const LAYERS: &str = "layers in time";
 
-/// Rows of the table for ways between structures, or a structure and a wall.
+/// Name of the table rows for passages between structures, or between a structure and a wall.
 pub(crate) const STRUCTURES: &str = "ways between structures";
 
-/// Rows of the table for vortices away from walls.
+/// Name of the table rows for vortices away from walls.
 const VORTICES: &str = "vortices";
 
-/// Something that the water must resolve.
+/// Feature that the lattice must resolve.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Feature {
     /// Name of the feature: `diameter of `cylinder``.
     pub(crate) what: String,
     /// Smallest width \[m\].
     pub(crate) size: f64,
-    /// Obstacle of the water there, as in the table of measured errors.
+    /// Obstacle to the water, named as in the table of measured errors.
     pub(crate) obstacle: &'static str,
 }
 
-/// Returns the coupling as it stands in the table. Before the relaxation time is known flow counts as slow.
+/// Returns the name of the coupling in the table. Before the relaxation time is known the flow is assumed to be
+/// slow.
 fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static str {
     match coupling {
         Coupling::PartiallySaturated(cells) if !round => of_blocks(cells, flow),
@@ -79,7 +79,7 @@ fn in_narrow_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Returns the row of the table for gaps that water passes, by the row of the adjacent solids.
+/// Returns the table row for gaps through which water flows, from the row of the adjacent solids.
 fn in_gap(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps: half-way links",
@@ -89,7 +89,7 @@ fn in_gap(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Returns the row of the table for gaps next to bodies that move, by the row of the adjacent solids.
+/// Returns the table row for gaps next to moving bodies, from the row of the adjacent solids.
 fn beside_moving(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "gaps beside bodies that move: half-way links",
@@ -99,7 +99,7 @@ fn beside_moving(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Returns the rows of the table for spheres that are closer together than [`DENSE`] diameters.
+/// Returns the table rows for spheres that are closer together than [`DENSE`] diameters.
 fn packed(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "packed spheres: half-way links",
@@ -108,8 +108,7 @@ fn packed(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Returns everything that the case names, in its order; solids whose size is known only once they are made are left
-/// out.
+/// Returns all features of a case, in its order, except solids whose size is known only after they are generated.
 pub(crate) fn case_features(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -189,7 +188,7 @@ pub(crate) fn case_features(
     list
 }
 
-/// Diameters of bodies and grains.
+/// Returns the diameters of bodies and grains as features.
 fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Feature> {
     let Some(coupling) = coupling_of(case) else {
         return Vec::new();
@@ -236,14 +235,15 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     list
 }
 
-/// Returns the hydraulic diameter of the pores of spheres (four times the volume of the water over the surface) at this
-/// solid fraction, over their diameter; at most 1. Errors of packed spheres go with it: on simple, body-centred and
-/// face-centred cubic lattices from 0.216 to 0.65 they are one curve.
+/// Returns the hydraulic diameter of the pores between spheres (four times the water volume divided by the surface)
+/// at a solid fraction, divided by the sphere diameter; at most 1. Errors of packed spheres are a function of it:
+/// those of simple, body-centred and face-centred cubic lattices from 0.216 to 0.65 lie on one curve.
 fn pores(solid: f64) -> f64 {
     (2.0 / 3.0 * (1.0 - solid) / solid).min(1.0)
 }
 
-/// Returns the feature of a gap that water passes. Next to faces the rows hold the mean of width and gap.
+/// Returns the feature of a gap through which water flows. For gaps next to flat faces the table uses the mean of
+/// width and gap.
 fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     Feature {
         what: gap.what.clone(),
@@ -256,7 +256,7 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
     }
 }
 
-/// Returns the narrowest place of a way; none if other features stand for it.
+/// Returns the feature of a narrowest passage; none if other features cover it.
 fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     let coupling = coupling_of(case);
     let beside = |round| {
@@ -265,7 +265,7 @@ fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
             .map(|coupling| obstacle(coupling, Some(flow), round))
     };
     let obstacle = match way.beside {
-        // The plane has the gaps of all pairs, and pores stand for packed spheres.
+        // In the plane the gaps of all pairs are known, and for packed spheres the pores are used.
         Beside::Balls => return None,
         Beside::BallAndWall | Beside::Faces if case.domain.size.0.len() == 2 => return None,
         Beside::BallAndWall => beside_a_wall(beside(true)?),
@@ -279,7 +279,7 @@ fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     })
 }
 
-/// Returns the rows of the table for ways between a sphere and a wall.
+/// Returns the table rows for passages between a sphere and a wall.
 fn beside_a_wall(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "ways beside spheres: half-way links",
@@ -288,7 +288,7 @@ fn beside_a_wall(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Returns the rows of the table for ways between blocks, their periodic images and walls.
+/// Returns the table rows for passages between blocks, their periodic images and walls.
 fn between_faces(obstacle: &'static str) -> &'static str {
     match obstacle {
         "blocks: half-way links" => "ways between blocks: half-way links",
@@ -298,7 +298,7 @@ fn between_faces(obstacle: &'static str) -> &'static str {
     }
 }
 
-/// Diameters of round structures. Sheets and boxes hold water back however thin they are.
+/// Returns the diameters of round structures. Sheets and boxes block the water however thin they are.
 fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     let wet = case.structures.iter().filter(|s| s.stops.water());
     wet.filter_map(|structure| {
@@ -316,8 +316,9 @@ fn structures(case: &Case) -> impl Iterator<Item = Feature> + '_ {
     })
 }
 
-/// Returns the width of a block and of the water on each side of it, in the middle between walls that are closer than
-/// its width; by the sphere of its volume, as it may turn. None where it fills the way from wall to wall.
+/// Returns the width of a block, and of the water on each side of it in the middle between walls, if the gap is
+/// narrower than the block. The block counts as the sphere of its volume, as it may rotate. None if it fills the
+/// passage from wall to wall.
 fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, f64)> {
     let volume = match &body.shape {
         Shape::Cuboid { edges } => edges.iter().product(),
@@ -335,8 +336,8 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// Returns the smallest width of a shape; of a hull between a face and the corner farthest from it; none if it is
-/// not known yet.
+/// Returns the smallest width of a shape \[m\]; for a hull between a face and the corner farthest from it. None if
+/// it is not known yet.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),
@@ -354,7 +355,7 @@ pub(crate) fn width(shape: &Shape) -> Option<f64> {
     }
 }
 
-/// Diameters of the smallest and the largest grain that is there or will appear \[m\].
+/// Returns the diameters of the smallest and the largest grain of the start or of generating regions \[m\].
 pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
     let mut radii: Vec<f64> = Vec::new();
     match case.grains.as_ref().map(|grains| &grains.initial) {
@@ -373,7 +374,7 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             }
         }
         Some(GrainSource::File { path }) => {
-            // A file that cannot be read is a finding of the grains.
+            // A file that cannot be read is reported with the grains.
             let grains = sample::load(case, path);
             radii.extend(grains.unwrap_or_default().iter().map(|grain| grain.radius));
         }
@@ -384,16 +385,17 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
             radii.extend([low, high]);
         }
     }
-    // A radius that no grain can have is a finding of the grains.
+    // An impossible radius is reported with the grains.
     radii.retain(|radius| *radius > 0.0);
     let low = radii.iter().copied().fold(f64::INFINITY, f64::min);
     let high = radii.iter().copied().fold(0.0, f64::max);
     (low.is_finite() && high > 0.0).then_some((2.0 * low, 2.0 * high))
 }
 
-/// Layers at walls and bodies that are as thick as viscosity spreads in time: (2 nu/omega)^½ of a force that
-/// oscillates (Stokes), and (nu t)^½ of a flow that starts, at the end of a run that is shorter than the way of the
-/// flow along what it grows at (Rayleigh). Layers thicker than half of what they grow in are no layers.
+/// Returns the layers at walls and bodies with a thickness given by viscous diffusion: (2 nu/omega)^½ for an
+/// oscillating force (Stokes), and (nu t)^½ for a starting flow at the end of a run that is shorter than the
+/// passage of the flow along the wall (Rayleigh). A thickness above half of the width in which the layer grows is
+/// left out.
 fn layers(case: &Case, lbm: &LatticeBoltzmann, speed: Option<f64>) -> Vec<(String, f64)> {
     let nu = lbm.kinematic_viscosity;
     let widths = gaps(case, lbm).into_iter().map(|(_, length)| length);
@@ -428,7 +430,7 @@ fn smallest_grain(case: &Case) -> Option<f64> {
     grain_diameters(case).map(|(low, _)| low)
 }
 
-/// Returns the axes with walls at both ends, and their lengths.
+/// Returns the axes with walls at both ends, with their lengths \[m\].
 fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
     let open = |axis: usize| {
         lbm.boundaries.iter().any(|boundary| {
@@ -444,7 +446,7 @@ fn gaps(case: &Case, lbm: &LatticeBoltzmann) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// Returns the smaller side of an opening that is a part of a face.
+/// Returns the smaller side of an opening \[m\]; none if it covers the whole face.
 fn opening(case: &Case, boundary: &Boundary) -> Option<f64> {
     let patch = boundary
         .patch

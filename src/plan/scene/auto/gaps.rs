@@ -1,11 +1,11 @@
-//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with exact
-//! distances of discs and spheres. The distance of two polyhedra is the largest over their face normals, which is exact
-//! where a face is nearest and less elsewhere.
+//! Gaps of water at the start: between bodies, grains of a list, walls of the domain and periodic images, with
+//! exact distances of discs and spheres. The distance of two polyhedra is the largest over their face normals,
+//! which is exact if a face is nearest, and otherwise a lower bound.
 //!
-//! In the plane, water that flows along an axis takes its widest way. The narrowest place of that way decides the flow.
-//! By the duality of paths and cuts it is found without paths: solids and walls are joined in the order of their gaps,
-//! and the gap that completes a chain from wall to wall, or round a periodic axis, is the narrowest place of the widest
-//! way. Narrower gaps hold water that hardly moves.
+//! In the plane, water that flows along an axis takes its widest path, and the narrowest gap of that path
+//! determines the flow. By the duality of paths and cuts it is found without paths: solids and walls are joined in
+//! ascending order of their gaps, and the gap that completes a chain from wall to wall, or around a periodic axis,
+//! is the narrowest gap of the widest path. In narrower gaps the water hardly moves.
 
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample;
@@ -19,43 +19,43 @@ use nalgebra::{Rotation3, Unit, Vector3};
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
-/// The largest number of solids whose gaps are looked at.
+/// Maximum number of solids for which gaps are computed.
 const MOST_SOLIDS: usize = 200_000;
-/// Width of a gap over that of the adjacent solids above which it is open water.
+/// Width of a gap, relative to the adjacent solids, above which it is open water.
 const WIDE: f64 = 1.0;
 
-/// A gap between two solids, or between a solid and a wall.
+/// Gap between two solids, or between a solid and a wall.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Gap {
     /// Name of the gap: `gap between `rod` and its image`.
     pub(crate) what: String,
-    /// Width \[m\]; 0 or less where the solids touch.
+    /// Width \[m\]; zero or negative if the solids touch.
     pub(crate) width: f64,
     /// Smallest width of the adjacent solids \[m\].
     pub(crate) beside: f64,
     /// `true` if an adjacent solid is not round.
     pub(crate) faces: bool,
-    /// One over the sum of the curvatures of both sides \[m\]: the radius next to a flat wall, half of it between equal
-    /// discs.
+    /// Inverse of the sum of the curvatures of both sides \[m\]: the radius next to a flat wall, half the radius
+    /// between equal discs.
     pub(crate) radius: f64,
 }
 
-/// The gaps that matter to the flow.
+/// Gaps that are relevant to the flow.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Gaps {
-    /// The narrowest place of the widest way along each axis that water flows along; 2-D only.
+    /// Narrowest gap of the widest path along each axis of flow; 2-D only.
     pub(crate) ways: Vec<(usize, Gap)>,
-    /// Narrowest gap next to each body that moves.
+    /// Narrowest gap next to each moving body.
     pub(crate) moving: Vec<Gap>,
-    /// The narrowest gap of all; 3-D only.
+    /// Narrowest gap of all; 3-D only.
     pub(crate) narrowest: Option<Gap>,
-    /// Solid fraction of the box about all round solids, along periodic axes the period; 3-D only.
+    /// Solid fraction of the bounding box of all round solids, with the period along periodic axes; 3-D only.
     pub(crate) solid: f64,
 }
 
 enum Form {
     Ball(f64),
-    /// Corners from the centre, and face normals.
+    /// Polyhedron: corners relative to the centre, and face normals.
     Hull(Vec<Vector3<f64>>, Vec<Vector3<f64>>),
 }
 
@@ -78,7 +78,7 @@ impl Solid {
         }
     }
 
-    /// Returns one over the radius of a round solid; a hull is taken for flat [1/m].
+    /// Returns the curvature of a round solid, or zero for a hull [1/m].
     fn curvature(&self) -> f64 {
         match &self.form {
             Form::Ball(radius) => 1.0 / radius,
@@ -86,7 +86,7 @@ impl Solid {
         }
     }
 
-    /// Returns the farthest extent from the centre along a direction.
+    /// Returns the largest extent from the centre in a direction \[m\].
     fn extent(&self, along: &Vector3<f64>) -> f64 {
         match &self.form {
             Form::Ball(radius) => radius * along.norm(),
@@ -97,7 +97,7 @@ impl Solid {
         }
     }
 
-    /// Returns the gap to another solid that is shifted by whole periods.
+    /// Returns the gap to another solid shifted by whole periods.
     fn gap(&self, other: &Self, shift: &Vector3<f64>) -> f64 {
         let apart = other.at + shift - self.at;
         if let (Form::Ball(a), Form::Ball(b)) = (&self.form, &other.form) {
@@ -121,7 +121,7 @@ impl Solid {
     }
 }
 
-/// A wall of the domain: axis and whether it is the upper one.
+/// Wall of the domain: axis, and `true` for the upper one.
 type Side = (usize, bool);
 
 struct Places<'a> {
@@ -168,7 +168,7 @@ impl Places<'_> {
         format!("the {side} wall along {axis}")
     }
 
-    /// Shifts by whole periods that are looked at, one of each pair of opposite ones.
+    /// Returns the shifts by whole periods to check, one of each pair of opposite shifts.
     fn shifts(&self) -> Vec<[i32; 3]> {
         let steps = |axis: usize| {
             if self.period[axis].is_some() {
@@ -196,7 +196,7 @@ impl Places<'_> {
     }
 }
 
-/// Returns the gaps of a case; none if the solids are not known before they are made, or are too many.
+/// Returns the gaps of a case; none if the solids are not known before they are generated, or are too many.
 pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gaps {
     let places = Places::new(case, lbm);
     let Some(solids) = solids(case, factor) else {
@@ -226,7 +226,7 @@ pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gap
     gaps
 }
 
-/// Returns the volume of the spheres over that of the box about them.
+/// Returns the volume of the spheres divided by that of their bounding box.
 fn solid_fraction(places: &Places<'_>, solids: &[Solid]) -> f64 {
     let balls = solids.iter().filter_map(|solid| match &solid.form {
         Form::Ball(radius) => Some((solid.at, *radius)),
@@ -244,7 +244,7 @@ fn solid_fraction(places: &Places<'_>, solids: &[Solid]) -> f64 {
     (volume / (0..3).map(edge).product::<f64>()).min(1.0)
 }
 
-/// A pair of solids, or a solid and a wall, and its gap.
+/// Pair of solids, or a solid and a wall, with its gap.
 struct Link {
     width: f64,
     one: usize,
@@ -280,7 +280,7 @@ impl Link {
     }
 }
 
-/// Returns all gaps up to the width of the widest solid, in order.
+/// Returns all gaps up to the width of the widest solid, in ascending order.
 fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     let widest = solids
         .iter()
@@ -300,7 +300,7 @@ fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     let shifts = places.shifts();
     let mut pair = |one: usize, other: usize| {
         for by in &shifts {
-            // Of an image and its opposite one counts; a solid is no gap to itself.
+            // Only one of two opposite images is used, and a solid has no gap to itself.
             if one == other && *by <= [0, 0, 0] {
                 continue;
             }
@@ -321,7 +321,7 @@ fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
             reach: solid.reach() + 0.5 * widest,
         })
         .collect();
-    // Breaks never.
+    // The callback never ends the search.
     let _ = pairs::near(&balls, places.period, |one, other| {
         pair(one, other);
         ControlFlow::Continue(())
@@ -330,25 +330,25 @@ fn near(places: &Places<'_>, solids: &[Solid]) -> Vec<Link> {
     links
 }
 
-/// Returns the narrowest gap next to each body that moves.
+/// Returns the narrowest gap next to each moving body.
 fn moving(places: &Places<'_>, solids: &[Solid], near: &[Link]) -> Vec<Gap> {
     let all = solids.iter().enumerate().filter(|(_, solid)| solid.moves);
     let gap = |(k, solid): (usize, &Solid)| {
         let link = near.iter().find(|link| link.touches(k))?;
-        // From wall to wall nothing is left to move through.
+        // A body that reaches from wall to wall cannot move.
         let blocked = places.walls.len() > 1 && link.width <= 0.0;
         (!blocked && link.width < WIDE * solid.width).then(|| link.gap(solids))
     };
     all.filter_map(gap).collect()
 }
 
-/// Sets of solids that are joined, with the periods between a solid and the root of its set.
-pub(super) struct Sets {
+/// Disjoint sets of joined solids, with the periods between each solid and the root of its set.
+pub(super) struct JoinedSolids {
     parent: Vec<usize>,
     shift: Vec<[i32; 3]>,
 }
 
-impl Sets {
+impl JoinedSolids {
     pub(super) fn new(count: usize) -> Self {
         Self {
             parent: (0..count).collect(),
@@ -373,7 +373,7 @@ impl Sets {
         (k, by)
     }
 
-    /// Joins two; the periods round a ring that this closes, if it does.
+    /// Joins two solids; returns the periods around the ring if this closes one.
     pub(super) fn join(&mut self, one: usize, other: usize, by: [i32; 3]) -> Option<[i32; 3]> {
         let (a, of_one) = self.root(one);
         let (b, of_other) = self.root(other);
@@ -387,7 +387,7 @@ impl Sets {
     }
 }
 
-/// Returns the narrowest point of the widest path along an axis of the plane; none if it is wider than the adjacent
+/// Returns the narrowest gap of the widest path along an axis of the plane; none if it is wider than the adjacent
 /// solids.
 fn narrowest_of_the_widest_way(
     places: &Places<'_>,
@@ -397,7 +397,7 @@ fn narrowest_of_the_widest_way(
 ) -> Option<Gap> {
     let across = 1 - axis;
     let (lower, upper) = (solids.len(), solids.len() + 1);
-    let mut sets = Sets::new(solids.len() + 2);
+    let mut sets = JoinedSolids::new(solids.len() + 2);
     for link in near {
         let ring = match link.other {
             Other::Wall((of, is_upper)) if of == across => {
@@ -419,7 +419,7 @@ fn narrowest_of_the_widest_way(
     None
 }
 
-/// Bodies and grains of a list or a file; none if grains are made by the run.
+/// Returns the bodies, and the grains of a list or a file; none if the run generates its grains.
 fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     let dimension = case.domain.size.0.len();
     let at = |position: &[f64]| {
@@ -453,7 +453,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
             }
         }
         Some(GrainSource::File { path }) => {
-            // A file that cannot be read is a finding of the grains.
+            // A file that cannot be read is reported with the grains.
             let grains = sample::load(case, path).ok()?;
             for (n, each) in grains.iter().enumerate() {
                 grain(n, Vector3::from(each.position), each.radius);
@@ -465,7 +465,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     Some(list)
 }
 
-/// Returns a body; none for shapes that are known only once they are made.
+/// Returns a body; none for shapes that are known only after they are generated.
 fn of_body(body: &Body, at: Vector3<f64>, factor: f64) -> Option<Solid> {
     let form = match &body.shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Form::Ball(radius * factor),
@@ -581,10 +581,11 @@ mod tests {
 
     #[test]
     fn the_wide_side_of_an_obstacle_is_the_way() {
-        // Near the lower wall a slit of 0.05, above it 0.55: wider than the disc, so that nothing is narrow.
+        // The slit at the lower wall is 0.05, the upper one 0.55: wider than the disc, so that there is no narrow
+        // gap.
         let beside = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.25], 0.2)]);
         assert_eq!(found(&beside, 1.0).ways, Vec::new());
-        // Filling most of the channel the upper gap of 0.2 decides, not the lower of 0.1.
+        // In a nearly filled channel the upper gap of 0.2 decides, not the lower gap of 0.1.
         let filling = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.45], 0.35)]);
         let gaps = found(&filling, 1.0);
         assert_relative_eq!(gaps.ways[0].1.width, 0.2, epsilon = 1e-12);
@@ -601,7 +602,7 @@ mod tests {
         // Gaps 0.01, 0.04, 0.10, 0.07, 0.06.
         assert_relative_eq!(gaps.ways[0].1.width, 0.1, epsilon = 1e-12);
         assert_eq!(gaps.ways[0].1.what, "gap between `d1` and `d2`");
-        // A staggered second row: the way through both is that of the narrower one.
+        // With a staggered second row, the path through both has the width of the narrower one.
         let second = [0.15, 0.40, 0.62, 0.87].map(|y| fixed([1.5, y], 0.09));
         let both: Vec<_> = wires.into_iter().chain(second).collect();
         let gaps = found(&case([2.0, 1.0], &["x"], &both), 1.0);
@@ -632,7 +633,7 @@ mod tests {
 
     #[test]
     fn chains_close_round_a_periodic_axis_only_across_the_flow() {
-        // A column along x, periodic in x: it does not block the flow along x, above it is 0.7 of water.
+        // A column along x, periodic in x, does not block the flow along x: 0.7 above it is water.
         let column = [0.125, 0.375, 0.625, 0.875].map(|x| fixed([x, 0.15], 0.12));
         let gaps = found(&case([1.0, 1.0], &["x"], &column), 1.0);
         assert!(gaps.ways.iter().all(|(axis, _)| *axis != 0), "{gaps:?}");

@@ -1,11 +1,11 @@
-//! Measured errors of forces and flows over the number of cells, relative to published values.
+//! Measured errors of forces and flows relative to published values, as a function of the number of cells.
 //!
 //! A row of `measured.csv` is a problem with a known solution at one resolution. Its error is the largest over several
 //! positions of the body relative to the nodes, at this and at every finer resolution: the error on a staircase
-//! boundary does not decrease evenly, and a body is not at the best position in general. Its cost is that of the fluid
-//! in a box of one diameter (a wall problem: one width d) over the time d²/nu.
+//! boundary does not decrease evenly, and a body is generally not at the most favourable position. Its cost is that
+//! of the fluid in a box of one diameter (a wall problem: one width d) over the time d²/nu.
 //!
-//! [`bound`](super::bound) makes a bound of the error from all rows of an obstacle.
+//! [`bound`](super::bound) computes a bound of the error from all rows of an obstacle.
 
 use io::csv::Reader;
 use serde::{Deserialize, Serialize};
@@ -17,9 +17,9 @@ const TABLE: &str = include_str!("measured.csv");
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MeasuredRow {
-    /// The problem.
+    /// Problem with a known solution.
     pub problem: String,
-    /// 2 or 3.
+    /// Dimension: 2 or 3.
     pub dimension: usize,
     /// Obstacle in the fluid: `walls`, a coupling, or `blocks: ` with the solid collision operator.
     pub obstacle: String,
@@ -33,11 +33,11 @@ pub struct MeasuredRow {
     pub relaxation_time: f64,
     /// Lattice velocity U dt/h.
     pub lattice_velocity: f64,
-    /// Reynolds number with the diameter or width; 0 for creeping flow.
+    /// Reynolds number based on the diameter or width; 0 for creeping flow.
     pub reynolds: f64,
     /// Largest relative error.
     pub error: f64,
-    /// Core-seconds for one diameter cubed (2-D: squared) over d²/nu.
+    /// Cost of one diameter cubed (2-D: squared) over a time d²/nu \[core-seconds\].
     pub core_seconds: f64,
     /// Source of the measurement, and its reference.
     pub place: String,
@@ -49,7 +49,7 @@ pub(crate) fn rows() -> impl Iterator<Item = &'static MeasuredRow> {
         let mut reader = Reader::new(TABLE);
         let mut rows = Vec::new();
         while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test reads every row.
+            // A test checks that every row can be read.
             rows.extend(row.read());
         }
         rows

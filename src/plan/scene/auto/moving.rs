@@ -1,4 +1,4 @@
-//! Changes of density that bodies make which move through the lattice fluid.
+//! Density changes caused by bodies that move through the lattice fluid.
 //!
 //! ```text
 //! start     ρ c U                             a driven body moves from the first step on
@@ -11,10 +11,10 @@
 //!                                             of 10 on (P. Gondret, M. Lance, L. Petit, Phys. Fluids 14 (2002) 643)
 //! ```
 //!
-//! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with the
-//! discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is not more than
-//! what the weight and the momentum of the body allow: a force F is the pressure F/(2 π R δ) under a sphere and 2
-//! F/(π (2 R δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
+//! The third is Reynolds' equation for a parabolic film of thickness δ + r²/(2 R) (Batchelor, section 4.8): with
+//! the discharge U x of a disc and U r/2 of a sphere its pressure in the middle is 6 and 3 μ U R/δ². It is limited
+//! by the weight and the momentum of the body: a force F is the pressure F/(2 π R δ) under a sphere and 2 F/(π (2 R
+//! δ)^½) under a disc. Fluid leaves the film at up to U (R/(2 δ))^½.
 
 use super::density::Cause;
 use crate::scene::Scene;
@@ -23,26 +23,26 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
 
-/// Factors of the estimates over the values that runs found, at least: the sound of a start spreads, and guards check
-/// only at intervals.
+/// Minimum factors of the estimates over the results of runs: the sound of a start spreads, and guards check only
+/// at intervals.
 const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
 const OVER: f64 = 2.5;
 const OVER_IN_A_FILM: f64 = 2.0;
 
 /// Pressure coefficients of potential flow at a disc and a sphere.
 const SUCTION: [f64; 2] = [3.0, 1.25];
-/// Parts of ρ ν U/R in front of a disc between walls and a sphere in creeping flow.
+/// Coefficients of ρ ν U/R in front of a disc between walls and a sphere in creeping flow.
 const FRICTION: [f64; 2] = [3.0, 1.5];
-/// Parts of ρ ν U R/δ² in the film under a disc and a sphere.
+/// Coefficients of ρ ν U R/δ² in the film under a disc and a sphere.
 const FILM: [f64; 2] = [6.0, 3.0];
 
-/// Stokes number from which a sphere rebounds from a wall in a liquid.
+/// Minimum Stokes number at which a sphere rebounds from a wall in a liquid.
 const REBOUNDS: f64 = 10.0;
-/// Width of the thinnest film whose pressure the cells show, in cells: compared with runs (`jobs/automatic/openings`)
-/// the estimate is then 2 to 4 times the change that the guards saw.
+/// Thickness \[cells\] of the thinnest film whose pressure the cells represent: with it the estimate is 2 to 4
+/// times the change observed in runs (`jobs/automatic/openings`).
 const FILM_CELLS: f64 = 2.0;
 
-/// Returns the causes of changes of density of all bodies of a scene.
+/// Returns the causes of density changes by the moving bodies of a scene.
 pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
     let mut causes = Vec::new();
     for (n, body) in scene.bodies.iter().enumerate() {
@@ -65,7 +65,7 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
             }
         }
     }
-    // Bodies act at places of their own: the worst of each kind counts.
+    // Bodies act at different positions, so that only the largest cause of each kind counts.
     let mut worst: Vec<Cause> = Vec::new();
     for cause in causes {
         let weight = |cause: &Cause| (cause.sound * cause.velocity, cause.pressure);
@@ -162,7 +162,7 @@ fn squeeze(
     })
 }
 
-/// Returns `true` if the body meets a wall below it, or above it where it rises, before the run ends.
+/// Returns `true` if the body reaches a wall below it, or above it if it rises, before the run ends.
 fn reaches_a_wall(scene: &Scene, flow: &Flow, body: &NamedBody, speed: f64) -> bool {
     let gravity = scene.gravity;
     let heavy = scene.density(body.material) > flow.density;
@@ -190,7 +190,7 @@ mod tests {
     use serde_json::json;
     use std::path::Path;
 
-    /// Returns the causes of a disc of 5 mm in a box of water, by name, with their pressures and their sound.
+    /// Returns the causes for a disc of 5 mm in a box of water, by name, with their pressures and their sound.
     fn causes(motion: &serde_json::Value, end: f64) -> Vec<(&'static str, f64, f64)> {
         let case = json!({
             "domain": {"size": [0.04, 0.04], "spacing": 1e-3, "periodic": ["x"]},
@@ -212,8 +212,8 @@ mod tests {
             .collect()
     }
 
-    /// A cylinder that moves at U in an ideal fluid has p = -3/2 rho U² at its sides; the drive adds the sound of its
-    /// start.
+    /// A cylinder that moves at speed U in an ideal fluid has the pressure -3/2 rho U² at its sides; a driven one
+    /// also causes the sound of its start.
     #[test]
     fn a_driven_disc_sounds_once_and_sucks() {
         let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);

@@ -1,10 +1,10 @@
-//! The error that the plan promises: a bound that holds with a confidence of 95 %, from measured rows, for what the
-//! scene is made of.
+//! Error promised by the plan: a bound with a confidence of 95 %, from measured rows for the features of the scene.
 //!
-//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest decides, plus 3 (U
-//! dt/h)² for the compressibility of the lattice or, where it is larger, the change of density that the loss of
-//! pressure along the flow makes, and sound in a flow that oscillates. Where a feature, an operator or a motion lies
-//! outside what was measured, or sound of a sudden start has not died away, nothing is promised, and the plan says why.
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest bound counts,
+//! plus 3 (U dt/h)² for the compressibility of the lattice or, if larger, the density change by the pressure loss
+//! along the flow, plus the effect of sound in an oscillating flow. If a feature, an operator or a motion lies
+//! outside the measured range, or the sound of a sudden start has not decayed, nothing is promised, and the plan
+//! states why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};
@@ -18,17 +18,17 @@ use case::Case;
 use case::fluid::LatticeBoltzmann;
 use case::grains::GrainSource;
 
-/// Largest lattice velocity U dt/h of a promise.
+/// Maximum lattice velocity U dt/h for a promise.
 const MOST_LATTICE_VELOCITY: f64 = 0.1;
 
-/// A feature, its cells and its bound, or why it has none.
+/// Feature with its cells and its bound, or the reason why it has none.
 struct Judged<'a> {
     feature: &'a Feature,
     cells: f64,
     error: Result<(f64, &'static Bound), String>,
 }
 
-/// Computes the promise for the cells of a scene, chosen or stated.
+/// Computes the promised error for the cells of a scene, chosen or stated.
 pub(crate) fn judge(
     scene: &mut Scene,
     case: &Case,
@@ -64,7 +64,7 @@ pub(crate) fn judge(
         .cloned()
         .collect();
     let of_losses = density::total(&losses, flow.time_step, scene.grid.spacing, flow.density);
-    // Both are changes of density with the pressure.
+    // Both are density changes by the pressure, so that the larger one counts.
     let promised = error + compressibility.max(of_losses) + of_sound;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
@@ -166,7 +166,7 @@ fn qualify_bodies(scene: &mut Scene) {
 }
 
 impl Judged<'_> {
-    /// Returns the feature, its cells and its bound in a line.
+    /// Returns a line with the feature, its cells and its bound.
     fn line(&self) -> String {
         let Feature { what, size, .. } = self.feature;
         let found = match &self.error {
@@ -193,7 +193,7 @@ fn of_feature<'a>(
     speed: f64,
 ) -> Judged<'a> {
     let cells = feature.size / scene.grid.spacing;
-    // A layer in time does not know how fast the water is.
+    // Boundary layers in time do not depend on the speed of the water.
     let speed = if feature.obstacle == features::LAYERS {
         0.0
     } else {
@@ -226,7 +226,7 @@ fn of_feature<'a>(
     }
 }
 
-/// Models and numbers of the lattice that no row has.
+/// Returns the models and parameters of the lattice that no row covers.
 fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
@@ -253,11 +253,11 @@ fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     new
 }
 
-/// Relaxation times of the rows.
+/// Range of the relaxation times of the rows.
 const LEAST_TAU: f64 = 0.51;
 const MOST_TAU: f64 = 1.5 + 1e-9;
 
-/// Sound of a sudden start swings in the forces until it dies away.
+/// Reports the sound of a sudden start, which oscillates in the forces until it decays.
 fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
     (left > SOUND * target).then(|| {
@@ -271,10 +271,10 @@ fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     })
 }
 
-/// Part of the target that the sound of a sudden start may be.
+/// Largest fraction of the target that the sound of a sudden start may contribute.
 const SOUND: f64 = 0.25;
 
-/// Grains that come together leave gaps that no cells resolve.
+/// Reports free grains: grains that approach each other leave gaps that no cells resolve.
 fn of_motion(case: &Case) -> Option<String> {
     let grains = case.grains.as_ref()?;
     let many = match &grains.initial {

@@ -1,19 +1,20 @@
-//! Error of a law of resistance, compared with resolved flow through random beds of equal spheres.
+//! Error of a resistance law, by comparison with resolved flow through random beds of equal spheres.
 //!
 //! Lattice Boltzmann simulations of random arrays gave the drag on a sphere, F in 3 pi mu d U with the superficial
-//! velocity U, at the solid fraction s, porosity n = 1 - s and Reynolds number Re = rho U d/mu, without the part of the
-//! pressure gradient:
+//! velocity U, at the solid fraction s, porosity n = 1 - s and Reynolds number Re = rho U d/mu, without the
+//! contribution of the pressure gradient:
 //!
 //! ```text
 //! F = 10 s/n² + n² (1 + 1.5 s^½) + 0.413 Re/(24 n²) (1/n + 3 n s + 8.4 Re^-0.343)/(1 + 10^(3 s) Re^-((1 + 4 s)/2))
 //! loss of pressure = 18 s mu U F/(n d²)
 //! ```
 //!
-//! M. A. van der Hoef, R. Beetstra and J. A. M. Kuipers, J. Fluid Mech. 528 (2005) 233-254 (creeping flow: within 3 %);
-//! R. Beetstra, M. A. van der Hoef and J. A. M. Kuipers, AIChE J. 53 (2007) 489-501 (up to Re = 1000 and s = 0.6: 8 %
-//! in the mean). A law is as far off as its flow is from that of these beds under the same gradient, and theirs from
-//! the simulations. Grains that are given may stand in an array: there the slow flow through simple cubic arrays
-//! counts, too (A. A. Zick and G. M. Homsy, J. Fluid Mech. 115 (1982) 13-26; the study `darcy-or-resolved`).
+//! M. A. van der Hoef, R. Beetstra and J. A. M. Kuipers, J. Fluid Mech. 528 (2005) 233-254 (creeping flow: within 3
+//! %); R. Beetstra, M. A. van der Hoef and J. A. M. Kuipers, AIChE J. 53 (2007) 489-501 (up to Re = 1000 and s =
+//! 0.6: 8 % in the mean). The error of a law is the deviation of its flow from the flow through these beds under
+//! the same gradient, plus the error of the formula. Listed grains may form an array: for them the slow flow
+//! through simple cubic arrays is compared too (A. A. Zick and G. M. Homsy, J. Fluid Mech. 115 (1982) 13-26; the
+//! study `darcy-or-resolved`).
 
 use crate::scene::Scene;
 use crate::scene::findings::number;
@@ -23,11 +24,11 @@ use base::number::real;
 use darcy::{Liquid, MeanDiameter};
 use std::f64::consts::{FRAC_PI_6, PI};
 
-/// Solid fractions of random beds that stand: from the loosest (G. Y. Onoda and E. G. Liniger, Phys. Rev. Lett. 64
+/// Solid fractions of stable random beds: from the loosest (G. Y. Onoda and E. G. Liniger, Phys. Rev. Lett. 64
 /// (1990) 2727) to the densest of the simulations.
 const BED: (f64, f64) = (0.555, 0.6);
-/// Solid fractions of simple cubic arrays, and the drag on a sphere in 3 pi mu d U, with the part of the pressure
-/// gradient.
+/// Solid fractions of simple cubic arrays, and the drag on a sphere in 3 pi mu d U, with the contribution of the
+/// pressure gradient.
 const ARRAYS: [(f64, f64); 5] = [
     (0.125, 4.292),
     (0.216, 7.442),
@@ -35,20 +36,20 @@ const ARRAYS: [(f64, f64); 5] = [
     (0.45, 28.1),
     (FRAC_PI_6, 42.1),
 ];
-/// Solid fraction up to which the law is used: beyond the 0.6 of the simulations the first term, which is that of
-/// Kozeny and Carman, is 99 % of the drag.
+/// Maximum solid fraction for which the formula is used: above the 0.6 of the simulations its first term, which is
+/// that of Kozeny and Carman, is 99 % of the drag.
 const DENSEST: f64 = 0.65;
 /// Largest Reynolds number of the simulations.
 const MOST_REYNOLDS: f64 = 1000.0;
-/// Reynolds number up to which the flow creeps.
+/// Maximum Reynolds number of creeping flow.
 const CREEPING: f64 = 1.0;
-/// Errors of the formula: creeping, and with inertia.
+/// Relative errors of the formula: in creeping flow, and with inertia.
 const OF_FORMULA: (f64, f64) = (0.03, 0.08);
-/// Ratio of the largest to the smallest diameter up to which all means are the same.
+/// Maximum ratio of the largest to the smallest diameter for which all mean diameters are the same.
 const EQUAL: f64 = 1.02;
 const TRIALS: usize = 8;
 
-/// Returns the loss of pressure \[Pa/m\] of a random bed of spheres at a superficial velocity [m/s].
+/// Returns the pressure loss \[Pa/m\] of a random bed of spheres at a superficial velocity [m/s].
 fn loss(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> f64 {
     let pores = 1.0 - solid;
     let reynolds = liquid.density * velocity * diameter / liquid.viscosity;
@@ -64,10 +65,10 @@ fn loss(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> f64 {
     18.0 * solid * liquid.viscosity * velocity * drag / (pores * diameter * diameter)
 }
 
-/// Returns the velocity [m/s] at this loss \[Pa/m\]: the loss grows with the velocity.
+/// Returns the velocity [m/s] at a pressure loss \[Pa/m\], which increases with the velocity.
 fn velocity(solid: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
     let of = |velocity| loss(solid, diameter, liquid, velocity);
-    // Inertia makes the flow slower than the creeping one.
+    // Inertia makes the flow slower than creeping flow.
     let mut high = gradient / (of(1e-12) / 1e-12);
     let mut low = 0.0;
     for _ in 0..100 {
@@ -81,8 +82,7 @@ fn velocity(solid: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the loss of pressure \[Pa/m\] of a simple cubic array in slow flow; none outside the solid fractions that
-/// are known.
+/// Returns the pressure loss \[Pa/m\] of a simple cubic array in slow flow; none outside the known solid fractions.
 fn loss_of_array(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> Option<f64> {
     let pair = ARRAYS
         .windows(2)
@@ -93,7 +93,8 @@ fn loss_of_array(solid: f64, diameter: f64, liquid: Liquid, velocity: f64) -> Op
     Some(18.0 * solid * liquid.viscosity * velocity * drag / (diameter * diameter))
 }
 
-/// Returns the error of the flow through the bed as it is at the start, and what it is of; or why it is not known.
+/// Returns the relative error of the flow through the initial bed and a description of it, or the reason why it is
+/// not known.
 pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     let unknown = "the error of the law of resistance is not known";
     let (Some(seepage), Some(grains)) = (&scene.seepage, &scene.grains) else {
@@ -135,7 +136,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     let resistance = written.resistance();
     let law = resistance.model();
     let (mut worst, mut fastest) = (0.0_f64, 0.0_f64);
-    // Equal gradients give the coarsest grains the largest Reynolds number.
+    // For equal gradients the coarsest grains have the largest Reynolds number.
     for n in 0..=TRIALS {
         let solid = loosest + (densest - loosest) * real(n) / real(TRIALS);
         for diameter in [low, high] {
@@ -150,7 +151,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         }
     }
     if let Some(loss) = loss_of_array(loosest, high, liquid, 1.0) {
-        // A gradient at which water creeps.
+        // A gradient of creeping flow.
         let slow = 1e-6 * liquid.viscosity / (liquid.density * high);
         let permeability = law.permeability(1.0 - loosest, high, liquid, loss * slow);
         worst = worst.max((permeability * loss / liquid.viscosity - 1.0).abs());
@@ -179,8 +180,8 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     Ok((worst + formula, text))
 }
 
-/// Returns the loosest and the densest solid fraction: of grains that are given from that of the box about them, which
-/// a heap does not fill, on; else those of random beds.
+/// Returns the smallest and the largest solid fraction: for listed grains from the mean in their bounding box,
+/// which a heap does not fill, upwards; otherwise those of random beds.
 fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
     match &grains.source {
         GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
@@ -191,7 +192,7 @@ fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
     }
 }
 
-/// Returns the volume of spheres over that of the box about them.
+/// Returns the volume of spheres divided by that of their bounding box.
 fn filled(grains: &[ListedGrain], dimension: usize) -> f64 {
     let volume: f64 = grains
         .iter()
@@ -217,8 +218,8 @@ mod tests {
         viscosity: 1e-3,
     };
 
-    /// Kozeny and Carman's factor of 180 is the first term; at a solid fraction of 0.6 the second is 1 % of it, and
-    /// Ergun's 150 is a fifth less.
+    /// Checks the ratios of the laws: the first term has Kozeny and Carman's factor of 180, the second is 1 % of it
+    /// at a solid fraction of 0.6, and Ergun's factor of 150 is one fifth smaller.
     #[test]
     fn laws_of_dense_creeping_beds_differ_as_their_factors() {
         let gradient = 1e-3;
@@ -231,8 +232,8 @@ mod tests {
         assert!((flow(&Ergun) / exact / (1.2 * rest) - 1.0).abs() < 1e-4);
     }
 
-    /// The permeabilities by Kozeny and Carman's law in `benches/accuracy/darcy-or-resolved`: 130, 27.3 and 3.9 %
-    /// larger than those of the arrays.
+    /// Checks the permeabilities by Kozeny and Carman's law in `benches/accuracy/darcy-or-resolved`: 130, 27.3 and
+    /// 3.9 % larger than those of the arrays.
     #[test]
     fn the_error_in_arrays_is_that_of_the_study() {
         for (solid, error) in [(0.125, 1.300), (0.343, 0.273), (0.45, 0.039)] {
@@ -243,7 +244,8 @@ mod tests {
         assert_eq!(loss_of_array(0.6, 1e-3, WATER, 1e-9), None);
     }
 
-    /// Simple cubic arrays have other drags than random beds; at 0.45 both are near: 28.1 (Zick and Homsy 1982).
+    /// Checks that random beds and simple cubic arrays have nearly equal drag at a solid fraction of 0.45: 28.1
+    /// (Zick and Homsy 1982).
     #[test]
     fn random_beds_are_near_a_cubic_array_at_a_solid_fraction_of_0_45() {
         let creeping = loss(0.45, 1e-3, WATER, 1e-9);
@@ -255,8 +257,8 @@ mod tests {
         );
     }
 
-    /// At high Reynolds numbers the loss of the simulations is up to 30 % less than that of Ergun's experiments, which
-    /// had rougher beds.
+    /// Checks that at high Reynolds numbers the loss of the simulations is up to 30 % less than that of Ergun's
+    /// experiments, which had rougher beds.
     #[test]
     fn inertia_is_that_of_ergun_within_30_percent() {
         for reynolds in [10.0, 100.0, 900.0] {

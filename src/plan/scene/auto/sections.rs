@@ -1,16 +1,17 @@
-//! Open sections of a domain with solids, across an axis: their resistance to flow, before the run.
+//! Open cross-sections of a domain with solids: their resistance to flow along an axis, before the run.
 //!
-//! The domain is cut into slices across the axis. In 2-D the open runs g of a slice pass side by side what plates pass,
-//! in 3-D a slice passes what a pipe of its area A and hydraulic diameter D = 4 A/P passes:
+//! The domain is cut into slices across the axis. In 2-D the open runs of width g in a slice conduct in parallel
+//! like the flow between plates; in 3-D a slice conducts like a pipe of its area A and hydraulic diameter D = 4
+//! A/P:
 //!
 //! ```text
 //! loss of pressure     ∫ 12 ρ ν q/Σ g³ dx      ∫ 32 ρ ν Q/(A D²) dx
 //! behind the narrowest                0.75 ρ (q/Σ g)² (1 - Σ g/H)²      the same with A
 //! ```
 //!
-//! A wide slice next to a narrow one counts by itself, so that the way across between them is left out: walls that
-//! water winds round cost more than this. Solids are sampled at points ([`ALONG`], [`ACROSS`]); ways narrower than a
-//! sample are not seen.
+//! Every slice is treated by itself, so that cross flow between a wide and a narrow slice is neglected: the loss of
+//! water that winds around walls is larger. Solids are sampled at points ([`ALONG`], [`ACROSS`]); openings narrower
+//! than a sample are missed.
 
 use crate::scene::Scene;
 use crate::scene::flow::Flow;
@@ -18,20 +19,20 @@ use base::number::real;
 use dem::polyhedron::HalfSpace;
 use nalgebra::Vector3;
 
-/// Slices along the axis, and samples across it, in 2-D and 3-D.
+/// Number of slices along the axis in 2-D and 3-D.
 const ALONG: [usize; 2] = [240, 64];
 const ACROSS: [usize; 2] = [240, 40];
-/// Most pairs of a sample and a solid that are looked at.
+/// Maximum number of pairs of a sample and a solid.
 const MOST_LOOKS: usize = 30_000_000;
 
 /// Resistance of the sections along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sections {
-    /// Loss of pressure over ρ ν and the discharge: ∫ 12/Σ g³ dx \[1/m\], or ∫ 32/(A D²) dx [1/m3].
+    /// Pressure loss divided by ρ ν and the discharge: ∫ 12/Σ g³ dx \[1/m\], or ∫ 32/(A D²) dx [1/m³].
     pub(crate) friction: f64,
     /// The smallest open section: width \[m\] in 2-D, area \[m2\] in 3-D.
     pub(crate) smallest: f64,
-    /// The smallest open section over the whole one.
+    /// Smallest open section divided by the whole section.
     pub(crate) open: f64,
 }
 
@@ -48,7 +49,7 @@ struct Body {
 /// Boundary at an end of a line across the axis.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum End {
-    /// A wall that holds the water.
+    /// Wall with friction.
     Wall,
     /// A surface without friction.
     Slip,
@@ -56,7 +57,7 @@ pub(crate) enum End {
     Periodic,
 }
 
-/// Returns the sections along an axis; none without solids, where the solids are too many, or where a slice is closed.
+/// Returns the sections along an axis; none without solids, with too many solids, or if a slice is closed.
 pub(crate) fn along(
     scene: &Scene,
     flow: &Flow,
@@ -141,7 +142,7 @@ pub(crate) fn along(
 /// Returns Σ g³/12 and Σ g of the open runs of a line.
 fn runs(line: &[bool], step: f64, [first, last]: [End; 2]) -> (f64, f64) {
     let (mut conductance, mut area) = (0.0, 0.0);
-    // A line that closes on itself is read from behind a solid on.
+    // A periodic line is read from behind a solid on, so that no run crosses its end.
     let start = if first == End::Periodic {
         line.iter().position(|solid| *solid).unwrap_or(0)
     } else {
@@ -163,9 +164,9 @@ fn runs(line: &[bool], step: f64, [first, last]: [End; 2]) -> (f64, f64) {
             if k == count && last == End::Slip {
                 slips += 1;
             }
-            // Narrow runs are as wide as their samples, give or take one.
+            // A narrow run is as wide as its samples, plus or minus one.
             let width = real(run) * step;
-            // A plane of symmetry stands for the other half; between two there is no friction.
+            // A plane of symmetry represents the other half; between two planes of symmetry there is no friction.
             let factor = [1.0, 4.0, 1e6][slips.min(2)];
             conductance += factor * width.powi(3) / 12.0;
             area += width;
@@ -227,7 +228,7 @@ fn bodies(scene: &Scene) -> Vec<Body> {
     named.chain(blocks).collect()
 }
 
-/// Returns `true` if a body, or an image of it, holds a point.
+/// Returns `true` if a body, or a periodic image of it, contains a point.
 fn holds(body: &Body, at: [f64; 3], scene: &Scene) -> bool {
     let grid = &scene.grid;
     let mut at = Vector3::from(at);
@@ -259,17 +260,17 @@ mod tests {
         let walls = [End::Wall; 2];
         let (conductance, area) = runs(&line("..##...."), 0.5, walls);
         assert!((conductance - (1.0 + 8.0) / 12.0).abs() < 1e-12 && (area - 3.0).abs() < 1e-12);
-        // Round a period the ends are one run.
+        // On a periodic line the two ends form one run.
         let (conductance, _) = runs(&line("..##...."), 0.5, [End::Periodic; 2]);
         assert!((conductance - 27.0 / 12.0).abs() < 1e-12);
-        // Next to a plane of symmetry the run is half of one twice as wide.
+        // Next to a plane of symmetry the run is half of a run twice as wide.
         let (conductance, _) = runs(&line("..##...."), 0.5, [End::Slip, End::Wall]);
         assert!((conductance - (4.0 + 8.0) / 12.0).abs() < 1e-12);
         let (conductance, _) = runs(&line("...."), 0.5, [End::Wall, End::Slip]);
         assert!((conductance - 4.0 * 8.0 / 12.0).abs() < 1e-12);
     }
 
-    /// A square duct of width 1: D = 1, A D²/32; the exact conductance is 1/28.45.
+    /// Checks a square duct of width 1: D = 1, A D²/32; the exact conductance is 1/28.45.
     #[test]
     fn an_open_plane_passes_what_a_pipe_passes() {
         let (conductance, area) = pipe(&[false; 100], [10, 10], [0.1, 0.1], [[End::Wall; 2]; 2]);

@@ -1,6 +1,6 @@
 //! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two dimensionless numbers are transferred from the measured beds. The grains at the bottom of a bed bear at most the
+//! Two dimensionless numbers are taken from measured beds. The grains at the bottom of a bed bear at most the
 //! submerged weight of the bed and the pressure difference of the flow,
 //!
 //! ```text
@@ -11,14 +11,14 @@
 //! ```
 //!
 //! Softer contacts reduce the pore space. A longer coupling interval moves grains under an outdated load.
-//! `measured_seepage.csv` lists the resulting errors of the flow: the largest error of two beds, one near the critical
-//! gradient and one that the flow presses down, at this and every smaller overlap or interval. Both errors add up. The
-//! plan promises twice their sum and the error of the law of resistance ([`resistance`](super::resistance)); nothing
-//! where that is not known. Porosity is computed from exact overlaps, because other methods cost as much at equal
-//! error.
+//! `measured_seepage.csv` lists the resulting errors of the flow: the largest error of two beds, one near the
+//! critical gradient and one that the flow presses down, at this and every smaller overlap or interval. Both errors
+//! add up. The plan promises twice their sum plus the error of the resistance law
+//! ([`resistance`](super::resistance)), and nothing if that is not known. Porosity is computed from exact overlaps,
+//! because other methods cost as much at equal error.
 //!
 //! Within the limits of the plan the settlement of columns (consolidation in water, oil and glycerine, and silt)
-//! differs by at most 0.8 % from that of a coupling in each solid step, the mass that erodes from sand by 0.5 %
+//! differs by at most 0.8 % from that of a coupling in each solid step, the mass eroded from sand by 0.5 %
 //! (`jobs/verification/coupling-interval`).
 
 use super::{resistance, step};
@@ -31,22 +31,22 @@ use serde::Deserialize;
 use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_seepage.csv");
-/// Parts of the target that the error of the contacts and that of the interval may be; both are a half together, since
-/// another bed is another problem than that of the rows.
+/// Fractions of the target for the error of the contacts and for that of the interval. Together they are a half,
+/// because another bed may differ from the measured ones.
 const OF_CONTACTS: f64 = 0.3;
 const OF_INTERVAL: f64 = 0.2;
-/// Part of a bed that is solid, at most; of the order that spheres take in a random packing.
+/// Maximum solid fraction of a bed; of the order of random packings of spheres.
 const SOLID: f64 = 0.6;
-/// Deepest overlap of an impact, as a part of the diameter: what falls in comes to rest before the run.
+/// Maximum overlap of an impact in diameters: falling grains come to rest before the run.
 const IMPACT: f64 = 0.1;
 
-/// A measured row.
+/// Measured row.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Row {
-    /// `overlap` or `interval`.
+    /// Quantity: `overlap` or `interval`.
     what: String,
-    /// Number up to which the row is valid.
+    /// Largest value of the quantity for which the row is valid.
     value: f64,
     /// Largest relative error of the flow.
     error: f64,
@@ -71,7 +71,7 @@ fn all() -> &'static [Row] {
         let mut reader = Reader::new(TABLE);
         let mut rows = Vec::new();
         while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test reads every row.
+            // A test checks that every row can be read.
             rows.extend(row.read());
         }
         rows
@@ -79,29 +79,30 @@ fn all() -> &'static [Row] {
     &ROWS
 }
 
-/// Returns the largest number whose error is within a bound, which is the cheapest; where none is, the best.
+/// Returns the row with the largest value, which is cheapest, whose error is within a bound; if there is none, the
+/// row with the smallest error.
 fn needed(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
-/// Returns the row with the error of this number; none beyond all rows.
+/// Returns the row that covers a value; none above all rows.
 fn covering(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
         .min_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Load of a bed.
+/// Load on a bed.
 struct Bed {
     /// Smallest and largest diameter \[m\].
     diameters: (f64, f64),
-    /// Force on the largest grain, of the largest stress \[N\].
+    /// Force of the largest stress on the largest grain \[N\].
     force: f64,
     /// Largest stress on the grains \[Pa\].
     stress: f64,
-    /// Acceleration of a grain that nothing holds [m/s2].
+    /// Acceleration of an unsupported grain [m/s²].
     acceleration: f64,
 }
 
@@ -127,19 +128,19 @@ impl Bed {
         })
     }
 
-    /// Returns the spring [N/m] whose overlap is this part of the largest diameter.
+    /// Returns the spring stiffness [N/m] for which the overlap is this fraction of the largest diameter.
     fn stiffness(&self, overlap: f64) -> f64 {
         self.force / (overlap * self.diameters.1)
     }
 
-    /// Returns the unit of the time between two couplings \[s\].
+    /// Returns the unit in which coupling intervals are expressed \[s\].
     fn time(&self) -> f64 {
         (self.diameters.0 / self.acceleration).sqrt()
     }
 }
 
-/// Returns the spring [N/m] for the target, and why; none if the bed bears nothing. `impact` gives the spring that
-/// stops what falls within a part of its diameter.
+/// Returns the spring stiffness [N/m] for the target, and the reason; none if the bed has no load. `impact` gives
+/// the stiffness that stops falling grains within a fraction of their diameter.
 pub(super) fn stiffness(
     scene: &Scene,
     target: f64,
@@ -246,7 +247,7 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
     }
 }
 
-/// Returns the spring of the largest grain [N/m], from its time 2 (m/k)^½.
+/// Returns the spring stiffness of the largest grain [N/m], from its time 2 (m/k)^½.
 fn softest(scene: &Scene) -> Option<f64> {
     let (contact, grains) = (scene.contact.as_ref()?, scene.grains.as_ref()?);
     let radius = grains.radii?.1;
@@ -295,8 +296,8 @@ mod tests {
         assert!(covering("overlap", 1.01 * softest.value).is_none());
     }
 
-    /// A column of 0.1 m under 500 Pa: 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa on 4 mm at most, (1471.19
-    /// / 159) m/s2.
+    /// A column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains
+    /// of at most 4 mm and accelerates them by (1471.19 / 159) m/s².
     const COLUMN: &str = r#"{
         "accuracy": "draft",
         "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},
@@ -339,12 +340,12 @@ mod tests {
             number(100.0 * 2.0 * (0.0190 + 0.0160))
         );
         assert!(reasons.contains(&numerics), "{reasons}");
-        // Two grains are no bed, and no law was measured for them.
+        // Two grains are not a bed, and no law was measured for them.
         assert_eq!(scene.chosen.promised, None);
     }
 
-    /// A cubic array of 5 x 5 x 5 spheres that touch: Kozeny and Carman's law is 13 % off in the array and 1 to 2 % in
-    /// random beds, Ergun's 4 and 21 %.
+    /// Checks a cubic array of 5 x 5 x 5 touching spheres: Kozeny and Carman's law deviates by 13 % in the array
+    /// and by 1 to 2 % in random beds, Ergun's law by 4 and 21 %.
     #[test]
     fn the_promise_covers_the_law_of_resistance() {
         let mut grains = Vec::new();
@@ -366,7 +367,7 @@ mod tests {
         let (carman, ergun) = (of("kozeny_carman"), of("ergun"));
         assert!((0.15..0.17).contains(&carman), "{carman}");
         assert!((0.2..0.3).contains(&ergun), "{ergun}");
-        // In water it is too fast for Darcy's law.
+        // In water the flow is too fast for Darcy's law.
         assert!(of_water(&bed) > 1.0);
     }
 

@@ -15,7 +15,7 @@ use case::solids::Motion;
 use dem::contact::{Scaled, blocks, hertz_mindlin, linear};
 use serde_json::json;
 
-/// Deepest overlap of a chosen spring, as a part of the diameter.
+/// Maximum overlap for a chosen spring stiffness, in diameters.
 const OVERLAP: f64 = 0.01;
 /// Default friction angle and damping ratio.
 const FRICTION_DEGREES: f64 = 30.0;
@@ -46,7 +46,7 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
              interpolation loses mass",
         );
     }
-    // Five of eight neighbours are a narrow gap between discs; of 26 they are any surface.
+    // In 2-D five of eight neighbours indicate a narrow gap between discs; in 3-D five of 26 occur at any surface.
     let narrow = case.grains.is_some() && case.domain.size.0.len() == 2;
     let links = BounceBack {
         scheme: Scheme::Interpolated,
@@ -57,8 +57,8 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
     (Coupling::BounceBack(links), reason)
 }
 
-/// Returns `true` if spheres grow or fall into a packing. In 3-D water passes through it; in 2-D discs close their
-/// pores with any coupling.
+/// Returns `true` if spheres grow or settle into a packing. In 3-D water flows through the packing; in 2-D touching
+/// discs close the pores with any coupling.
 fn lie_packed(case: &Case) -> bool {
     /// Number of neighbours of a sphere in a loose packing.
     const NEIGHBOURS: u32 = 6;
@@ -82,7 +82,7 @@ pub(crate) fn move_without_law(case: &Case) -> bool {
     moving && !faces && !bonded
 }
 
-/// Warns that touching discs leave no path for the fluid in 2-D.
+/// Warns that touching discs in 2-D leave no path for the fluid.
 pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(
@@ -100,13 +100,13 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// Returns `true` if the linear law of a case has no stiffness.
+/// Returns `true` if the linear law of a case states no stiffness.
 pub(crate) fn without_stiffness(case: &Case) -> bool {
     matches!(&case.contact, Some(Contact::Linear(law)) if law.normal_stiffness.is_none())
 }
 
-/// Chooses the contact law of moving bodies, or the stiffness that a law leaves open; an unused law for polyhedra that
-/// do not move.
+/// Chooses the contact law of moving bodies, or the stiffness that a law leaves out; for polyhedra that do not move
+/// a law that is never used.
 pub(crate) fn choose_contact(
     scene: &mut Scene,
     case: &Case,
@@ -153,7 +153,7 @@ pub(crate) fn choose_contact(
     scene.contact = ContactTable::resolve(&with_law, scene.grains.as_ref(), findings);
 }
 
-/// Returns the law of discs and spheres, and why.
+/// Returns the law of discs and spheres, and the reason.
 fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
     let elastic =
         |m: &case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
@@ -184,8 +184,8 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
     }
 }
 
-/// Returns the spring [N/m] that stops what moves at the largest speed, and carries what lies above it, within the
-/// overlap; in seepage that of the rows measured. And why.
+/// Returns the spring stiffness [N/m] that stops bodies at the largest speed and supports the weight above them
+/// within the overlap, or in seepage that of the measured rows; and the reason.
 fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let in_water = scene
         .flow
@@ -227,7 +227,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     (stiffest, text)
 }
 
-/// Returns the diameter \[m\], mass \[kg\] and whether it is a body by itself, of everything that moves freely.
+/// Returns the diameter \[m\] and mass \[kg\] of every freely moving solid, and `true` if it is a named body.
 fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
     let mut list = Vec::new();
     let mut add = |material: usize, radius: f64, alone: bool| {

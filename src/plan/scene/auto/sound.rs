@@ -1,33 +1,34 @@
-//! The time that the pressure takes to settle: the lattice fluid is compressible, with the speed of sound c = h/(3^½
+//! Time for the pressure to settle in a lattice fluid, which is compressible with the speed of sound c = h/(3^½
 //! Δt).
 //!
-//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. Where the
-//! pressure absorbs it ([`lbm::boundary::Sound`]) the velocity is off by 5 % after three passages of the length
-//! L, by 1.3 % after four and by 0.6 % after eight; `lbm::boundary::sound` tests this. So c t ≥ n L with n = 4.
+//! *Openings.* A start between an imposed velocity and an imposed pressure sends sound through the domain. If the
+//! pressure opening absorbs it ([`lbm::boundary::Sound`]) the velocity error is 5 % after three passages of the
+//! length L, 1.3 % after four and 0.6 % after eight; `lbm::boundary::sound` tests this. Therefore c t ≥ n L with n
+//! = 4.
 //!
-//! *Narrow ways.* What flows through a narrow way must first raise the pressure before it. A way of resistance I per
-//! density and viscosity (flow per depth q = Δp/(12 μ I)) fills a volume V per depth, which stores V/(ρ c²), with
-//! the time constant
+//! *Narrow passages.* Before water flows steadily through a narrow passage, the pressure upstream must rise. A
+//! passage of resistance I per density and viscosity (flow per depth q = Δp/(12 μ I)) fills a volume V per depth,
+//! which stores V/(ρ c²), with the time constant
 //!
 //! T = 12 ν I V/c²
 //!
 //! A slot of width g and length b has I = b/g³. Between round solids, where the width is g + x²/(2r) at x along the
-//! way, lubrication gives I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the curvatures of the
-//! two sides. After m T the pressure is built up to exp(-m).
+//! passage, lubrication theory gives I = ∫ dx/(g + x²/(2r))³ = (3π/8) (2 r g)^½/g³; 1/r is the sum of the
+//! curvatures of the two sides. After m T the pressure is built up to exp(-m).
 //!
-//! *Sudden starts.* A body that is in motion at once sends sound through a domain without openings, where only friction
-//! at walls and bodies damps it. The slowest wave has the angular frequency ω = 2πc/L round a periodic length, πc/L
-//! between walls. At a surface S around a volume V its amplitude falls with the rate (G. Kirchhoff, Ann. Phys. 210
-//! (1868) 177-193, without conduction of heat)
+//! *Sudden starts.* A body that starts suddenly sends sound through a domain without openings, where only friction
+//! at walls and bodies damps it. The slowest wave has the angular frequency ω = 2πc/L with a period L, πc/L between
+//! walls. With a surface S around a volume V its amplitude decays at the rate (G. Kirchhoff, Ann. Phys. 210 (1868)
+//! 177-193, without heat conduction)
 //!
 //! γ = (S/2V) (ν ω/2)^½,
 //!
-//! in layers that fill the way, S/V = 2/H, with γ = 6ν/H². Where γ > ω nothing swings, and the pressure evens out
-//! with ω²/(2γ).
+//! or, if the layers fill the passage (S/V = 2/H), at γ = 6ν/H². For γ > ω there is no oscillation, and the
+//! pressure equalises at the rate ω²/(2γ).
 //!
-//! *Forces that oscillate.* Solids and walls against a force that oscillates with ω = 2π/T make standing waves of
-//! sound. Incompressible water follows at once; the slowest wave, ω₀ = 2πc/λ, follows as an oscillator with the
-//! rate γ above, off by
+//! *Oscillating forces.* Solids and walls under a force that oscillates with ω = 2π/T cause standing waves of
+//! sound. Incompressible water would respond at once; the slowest wave, ω₀ = 2πc/λ, responds like an oscillator
+//! with the damping rate γ above, with the relative error
 //!
 //! e = |x² - i d|/|1 - x² + i d|,  x = ω/ω₀ = λ/(cT),  d = 2γω/ω₀².
 
@@ -42,12 +43,12 @@ use base::number::real;
 use lbm::boundary::{Inflow, Strength};
 use std::f64::consts::PI;
 
-/// Passages of sound between openings until a start has settled to 1.3 %.
+/// Number of passages of sound between openings after which a start has settled to 1.3 %.
 const PASSAGES: f64 = 4.0;
-/// Time constants until the pressure before a narrow way is built up to a per cent.
+/// Number of time constants after which the pressure upstream of a narrow passage has risen to within one per cent.
 const TIME_CONSTANTS: f64 = 4.6;
 
-/// Returns the time from which on values matter \[s\]: averages begin, or the run ends.
+/// Returns the time from which values are used \[s\]: the start of averages, or the end of the run.
 fn when(scene: &Scene) -> f64 {
     let averages = scene.output.averages.iter().map(|averages| averages.from);
     averages
@@ -55,8 +56,8 @@ fn when(scene: &Scene) -> f64 {
         .fold(scene.time.end, f64::min)
 }
 
-/// Returns the longest time step \[s\] in which sound passes often enough between openings, and what it keeps; none if
-/// nothing starts it.
+/// Returns the longest time step \[s\] for which sound passes often enough between openings, with a description of
+/// the requirement; none if nothing causes sound.
 pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let mut axes = [false; 3];
     let mut driven = false;
@@ -84,7 +85,7 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     Some((what, step))
 }
 
-/// Returns the rate \[1/s\] with which sound of this angular frequency decays, for a surface over its volume \[1/m\].
+/// Returns the decay rate \[1/s\] of sound of this angular frequency, for a ratio of surface to volume \[1/m\].
 #[must_use]
 pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let swinging = damping_of(frequency, viscosity, surface_over_volume);
@@ -95,15 +96,15 @@ pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 
     }
 }
 
-/// Returns the rate [1/s] of friction in layers, or in layers that fill the way.
+/// Returns the rate [1/s] of friction in boundary layers, or in layers that fill the passage.
 fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
     let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
     layers.max(filled)
 }
 
-/// Returns a body that starts at once, and the part of its sound that is left when values matter; none where sound
-/// leaves through openings.
+/// Returns a body that starts suddenly, and the fraction of its sound that remains when values are used; none if
+/// sound leaves through openings.
 pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a NamedBody, f64)> {
     if flow.patches().any(|p| p.condition.model().passes_water()) {
         return None;
@@ -126,13 +127,13 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
     Some((body, (-rate * when(scene)).exp()))
 }
 
-/// Returns the longest standing wave along an axis \[m\]: a period, or twice the way between walls.
+/// Returns the longest standing wave along an axis \[m\]: a period, or twice the distance between walls.
 fn longest_wave(scene: &Scene, axis: usize) -> f64 {
     let waves = if scene.grid.periodic[axis] { 1.0 } else { 2.0 };
     waves * scene.grid.size[axis]
 }
 
-/// Returns the surface of walls and round bodies over the volume of the water [1/m].
+/// Returns the surface of walls and round bodies divided by the volume of the water [1/m].
 fn surface_over_volume(scene: &Scene) -> f64 {
     let grid = &scene.grid;
     let axes = 0..grid.dimension;
@@ -152,10 +153,10 @@ fn surface_over_volume(scene: &Scene) -> f64 {
     surface / open.max(0.1 * volume)
 }
 
-/// Standing waves of sound that a force which oscillates makes.
+/// Standing waves of sound caused by an oscillating force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Waves {
-    /// The longest wave \[m\].
+    /// Length of the longest wave \[m\].
     length: f64,
     /// Period of the force \[s\].
     period: f64,
@@ -163,7 +164,8 @@ pub(super) struct Waves {
     viscosity: f64,
 }
 
-/// Returns the waves of the body force; none if it does not oscillate, or drives nothing against walls and solids.
+/// Returns the waves of the body force; none if the force does not oscillate, or drives nothing against walls and
+/// solids.
 pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
     let BodyForce::Oscillating {
         amplitude, period, ..
@@ -180,7 +182,7 @@ pub(super) fn waves(scene: &Scene, flow: &Flow) -> Option<Waves> {
     let length = |axis: usize| {
         let driven = amplitude[axis].abs() > 0.0;
         if opens(axis) {
-            // A quarter of a wave stands between a velocity and a pressure.
+            // Between a velocity and a pressure opening the wave is four times as long as the domain.
             (driven || solid).then_some(4.0 * grid.size[axis])
         } else if grid.periodic[axis] {
             solid.then(|| longest_wave(scene, axis))
@@ -208,7 +210,7 @@ impl Waves {
         x.hypot(d) / (1.0 - x).hypot(d)
     }
 
-    /// Returns the longest time step \[s\] with at most this error, and what it keeps.
+    /// Returns the longest time step \[s\] with at most this error, and a description of the requirement.
     pub(super) fn longest_step(&self, spacing: f64, error: f64) -> (String, f64) {
         let mut time_step = spacing * self.period * error.sqrt() / (3.0_f64.sqrt() * self.length);
         while self.error(spacing, time_step) > error {
@@ -223,7 +225,7 @@ impl Waves {
     }
 }
 
-/// A narrow way of the water.
+/// Narrow passage of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
     /// Width \[m\].
@@ -233,7 +235,7 @@ pub struct Way {
 }
 
 impl Way {
-    /// Returns the way through a gap.
+    /// Returns the passage through a gap.
     pub(crate) fn through_gap(gap: &Gap) -> Self {
         let beside = if gap.faces {
             Beside::Flat(gap.beside)
@@ -247,16 +249,17 @@ impl Way {
     }
 }
 
-/// Kind of the solids next to a narrow gap.
+/// Kind of solids next to a narrow passage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beside {
-    /// Round solids: one over the sum of the curvatures of both sides \[m\], half the radius between equal discs.
+    /// Round solids: the inverse of the sum of the curvatures of both sides \[m\], half the radius between equal
+    /// discs.
     Round(f64),
-    /// Flat walls of this length along the way \[m\].
+    /// Flat walls of this length along the passage \[m\].
     Flat(f64),
 }
 
-/// Returns I of a way [1/m2].
+/// Returns the resistance I of a passage [1/m²].
 #[must_use]
 pub fn resistance(way: &Way) -> f64 {
     let Way { width, beside } = *way;
@@ -266,8 +269,8 @@ pub fn resistance(way: &Way) -> f64 {
     }
 }
 
-/// Returns the longest time step \[s\] with which the pressure before `rows` such ways in a row is built up after
-/// `time`. Each way fills a volume of `length` along the flow and `height` across it \[m\].
+/// Returns the longest time step \[s\] for which the pressure upstream of `rows` such passages in series has risen
+/// after `time`. Each passage fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
     way: &Way,
@@ -280,8 +283,8 @@ pub fn filling(
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
 }
 
-/// Returns the longest time step \[s\] with which the pressure before the narrowest point of a gap along `axis` is
-/// built up in time, and the requirement that it keeps. The gap is filled with the water next to its solids.
+/// Returns the longest time step \[s\] for which the pressure upstream of a narrow gap along `axis` rises in time,
+/// and a description of the requirement. The gap fills the volume of the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
     let way = Way::through_gap(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
@@ -303,8 +306,9 @@ pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap)
 mod tests {
     use super::*;
 
-    /// A chamber of 4.5 by 1.12 mm, less half a disc, behind a gap of 0.12 mm between discs of 1 mm, in cells of 0.02
-    /// mm at a relaxation time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T = 0.325 s between
+    /// Checks a chamber of 4.5 by 1.12 mm, minus half a disc, behind a gap of 0.12 mm between discs of 1 mm, in
+    /// cells of 0.02 mm at a relaxation time of one: in a run the pressure at its end followed 1 - exp(-t/T) with T
+    /// = 0.325 s between
     /// 0.57 and 1.17 s.
     #[test]
     fn a_chamber_fills_in_the_time_of_a_run() {
@@ -325,8 +329,8 @@ mod tests {
         approx::assert_relative_eq!(step, of_the_run, max_relative = 0.03);
     }
 
-    /// Slots one after another over the whole length are a channel, in which the pressure diffuses with c² k/ν, k =
-    /// g²/12: L²/D.
+    /// Checks the limit of slots in series over the whole length: they form a channel in which the pressure
+    /// diffuses with c² k/ν, k = g²/12, in a time L²/D.
     #[test]
     fn slots_over_the_whole_length_are_a_channel() {
         let (width, length) = (1e-4, 5e-3);
@@ -342,9 +346,9 @@ mod tests {
         approx::assert_relative_eq!(time, TIME_CONSTANTS * constant, max_relative = 1e-12);
     }
 
-    /// Water in a closed box of length L under a force that oscillates, without friction: the pressure at its ends is
-    /// that of incompressible water times tan(z)/z, z = ωL/(2c) (L. D. Landau and E. M. Lifshitz, Fluid Mechanics,
-    /// 1987, section 64).
+    /// Checks water in a closed box of length L under an oscillating force, without friction: the pressure at the
+    /// ends is that of incompressible water times tan(z)/z, z = ωL/(2c) (L. D. Landau and E. M. Lifshitz, Fluid
+    /// Mechanics, 1987, section 64).
     #[test]
     fn waves_under_a_force_are_as_large_as_in_a_closed_box() {
         let waves = Waves {
@@ -368,8 +372,9 @@ mod tests {
         assert!(waves.error(1.0, step) <= 0.01 && waves.error(1.0, 1.2 * step) > 0.01);
     }
 
-    /// Waves between plates H apart swing with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½ H/2 (C. Zwikker and C.
-    /// Kosten, Sound absorbing materials, 1949, without conduction of heat). The imaginary part of ω is the rate.
+    /// Checks waves between plates at a distance H: they oscillate with ω² = c² k² (1 - tanh(z)/z), z = (iω/ν)^½
+    /// H/2 (C. Zwikker and C. Kosten, Sound absorbing materials, 1949, without heat conduction). The imaginary part
+    /// of ω is the decay rate.
     #[test]
     fn sound_dies_away_as_between_plates() {
         type Complex = nalgebra::Complex<f64>;

@@ -1,5 +1,5 @@
-//! The spacing: as many cells across the smallest feature in the fluid as the accuracy requires, and a whole number of
-//! cells along every edge.
+//! Spacing of the lattice: as many cells across the smallest feature of the fluid as the accuracy requires, and a
+//! whole number of cells along every edge.
 
 use super::bound::Bound;
 use super::features::{self, Feature};
@@ -13,13 +13,13 @@ use case::fluid::{Fluid, Initial, LatticeBoltzmann};
 use case::grains::GrainSource;
 use lbm::boundary::Condition;
 
-/// A spacing and its reason; no reason if the case states it.
+/// Spacing and its reason; no reason if the case states it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spacing {
-    /// h \[m\].
+    /// Spacing h \[m\].
     pub(crate) value: f64,
     reason: Option<String>,
-    /// The edges of the domain \[m\], where those of the case are not all whole numbers of cells.
+    /// Edges of the domain \[m\], if those of the case are not all whole numbers of cells.
     pub(crate) rounded: Option<Vec<f64>>,
 }
 
@@ -33,7 +33,7 @@ impl Spacing {
         }
     }
 
-    /// Warns of each edge that is longer than written.
+    /// Warns of each edge that was lengthened.
     pub(crate) fn tell_of_rounding(&self, case: &Case, findings: &mut Findings) {
         let rounded = self.rounded.iter().flatten();
         for (axis, (written, size)) in case.domain.size.0.iter().zip(rounded).enumerate() {
@@ -61,20 +61,20 @@ impl Spacing {
     }
 }
 
-/// Cells of a grid without water on a lattice: it only cuts the domain into slabs.
+/// Spacing without a lattice, in largest grain diameters: the cells only divide the domain into slabs.
 const SLAB_DIAMETERS: f64 = 2.0;
-/// Seepage is averaged over cells of three grains, within the 1 to 4 of the paper on ground fissures.
+/// Spacing of seepage, in mean grain diameters; published models of ground fissures use 1 to 4.
 const SEEPAGE_DIAMETERS: f64 = 3.0;
-/// Cells of seepage without grains along the shortest edge, and in all at most.
+/// Maximum number of cells of seepage without grains: along the shortest edge, and in total.
 const SEEPAGE_LAYERS: f64 = 50.0;
 const SEEPAGE_CELLS: f64 = 1e6;
-/// Part of the target that the cells may use; the time step has the rest.
+/// Fraction of the target for the error of the spacing; the rest is for the time step.
 const SHARE: f64 = 0.75;
-/// Factor by which cells may be finer to put bodies aside from positions of symmetry.
+/// Maximum refinement factor to move bodies away from positions of symmetry.
 const ASIDE: f64 = 1.05;
-/// Distance from a centre, face or corner of a cell that counts as on it [half cells].
+/// Distance from a centre, face or corner of a cell that counts as zero [half cells].
 const ON_LATTICE: f64 = 0.1;
-/// Maximum factor by which finer cells keep a fast flow stable in the plane.
+/// Maximum refinement factor to keep a fast flow stable in 2-D.
 const MOST_FINER: f64 = 4.0;
 
 /// Returns the stated spacing, or that for the features of the case, before velocities are known.
@@ -135,13 +135,13 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
         wanted = finest(wanted, (h, reason));
     }
     let (wanted, reason) = wanted;
-    // Findings about the sizes were reported with the coarser cells.
+    // Findings about the sizes were already reported for the coarser cells.
     let mut unheard = Findings::new(case);
     let found = whole_cells(case, wanted, reason, &mut unheard)?;
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// Returns the spacing \[m\] that each feature requires, and a sentence.
+/// Returns the spacing \[m\] that each feature requires, with a sentence.
 fn needs(
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -166,7 +166,7 @@ fn needs(
         );
         Some((feature.size / cells, reason))
     };
-    // What grows in a short run asks for no cells: the plan says that it is not resolved.
+    // Layers that grow in a short run do not determine the cells: the plan reports that they are not resolved.
     let mut needs: Vec<(f64, String)> = features::case_features(case, lbm, scene, None)
         .iter()
         .filter_map(need)
@@ -181,7 +181,7 @@ fn needs(
     needs
 }
 
-/// Returns the length scales of the eddies that the case imposes \[m\]: on the initial flow and at inlets.
+/// Returns the length scales of imposed eddies \[m\]: in the initial flow and at inlets.
 fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
     let initial = match &lbm.initial {
         Initial::Channel { fluctuations, .. } => *fluctuations,
@@ -200,7 +200,7 @@ fn eddies(lbm: &LatticeBoltzmann) -> impl Iterator<Item = f64> + '_ {
         .map(|eddies| eddies.length_scale)
 }
 
-/// Grains decide where there is no lattice.
+/// Returns the spacing of a case without a lattice, which follows from the grains.
 fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)> {
     let bodies = case.bodies.iter();
     let bodies = bodies.filter_map(|body| features::width(&body.shape));
@@ -238,12 +238,12 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
     Some((size, reason.into()))
 }
 
-/// Returns the coarsest spacing, at most the wanted one and at least half of it, of which every edge is a whole number.
-/// Up to [`ASIDE`] finer, one is preferred that puts no round obstacle at a position of symmetry.
+/// Returns the coarsest spacing between half the wanted one and the wanted one that divides every edge. Up to
+/// [`ASIDE`] finer, a spacing is preferred that puts no round obstacle at a position of symmetry.
 ///
-/// If there is none, the shortest edge stays as written, since the flow is resolved across it, and the others grow
-/// to the next whole number of cells. Of the spacings in this range the one is taken that lengthens the domain least,
-/// relative to its edges. Edges grow and do not shrink, so that all that the case places in the domain stays in it.
+/// If there is none, the shortest edge stays as written, since the flow is resolved across it, and the others are
+/// lengthened to the next whole number of cells. Among the spacings in this range, the one with the smallest
+/// relative lengthening is taken. Edges are never shortened, so that everything placed in the domain stays in it.
 fn whole_cells(
     case: &Case,
     wanted: f64,
@@ -286,16 +286,16 @@ fn whole_cells(
     })
 }
 
-/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. There the
-/// staircases of opposite sides are equal, and their errors add up: such discs broke three times as many promises as
-/// others.
+/// Returns `true` if a round body has its centre on a cell centre, face or corner along every axis. The staircases
+/// of opposite sides are then equal, and their errors add up: such discs exceeded the promised error three times as
+/// often as others.
 fn symmetric(case: &Case, h: f64) -> bool {
     let on_lattice = |x: f64| (2.0 * x / h - (2.0 * x / h).round()).abs() < ON_LATTICE;
     let mut round = case.bodies.iter().filter(|body| body.shape.round());
     round.any(|body| body.position.0.iter().all(|x| on_lattice(*x)))
 }
 
-/// Returns the length of the fewest whole cells that are as long as an edge.
+/// Returns the length of the smallest number of whole cells that covers an edge.
 fn rounded_up(size: f64, h: f64) -> f64 {
     if fits_one(size, h) {
         size

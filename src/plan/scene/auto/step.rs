@@ -1,26 +1,27 @@
-//! The time step of the lattice and what it allows: operator, velocity set, eddy viscosity, number type.
+//! Time step of the lattice, and the choices that depend on it: operator, velocity set, eddy viscosity, storage
+//! precision.
 //!
-//! The step is the longest that keeps
+//! The step is the longest that satisfies these limits:
 //!
-//! - the error of compressibility, which goes as (U/c_s)² = 3 (U/C)², at a quarter of the target: U/C at most
-//!   (target/12)^½, and 0.1;
-//! - the relaxation time at 1.5, up to which the rows measured with two relaxation times do not change;
-//! - the change of density under imposed pressures, and that by the loss of pressure along the flow, at half the
+//! - the compressibility error, proportional to (U/c_s)² = 3 (U/C)², is at most a quarter of the target: U/C is at
+//!   most (target/12)^½, and 0.1;
+//! - the relaxation time is at most 1.5, up to which the rows measured with two relaxation times do not change;
+//! - the density change under imposed pressures, and that by the pressure loss along the flow, are at most half the
 //!   target, and 3 %;
-//! - all changes of density that the flow needs ([`super::density`]) together at three quarters of
+//! - the sum of all density changes that the flow needs ([`super::density`]) is at most three quarters of
 //!   `guards.max_compression`;
-//! - 200 steps in a period, 100 in the run, one in every interval of output;
-//! - four passages of sound between openings, and a pressure of narrow ways built up ([`super::sound`]), before the end
-//!   or before averages begin, unless the relaxation time would fall below the range of two relaxation times.
+//! - at least 200 steps in a period, 100 in the run, one in every output interval;
+//! - sound passes four times between openings, and pressures upstream of narrow passages have risen
+//!   ([`super::sound`]), before the end or before averages begin, unless the relaxation time would fall below the
+//!   range of two relaxation times.
 //!
-//! It is shortened so that the intervals of probes and outputs are whole numbers of steps.
+//! It is then shortened so that the intervals of probes and outputs are whole numbers of steps.
 //!
-//! Two relaxation times hold from tau = 0.51 on, with openings from 0.55, in 2-D and around what moves up to a cell
-//! Reynolds number of 7.
-//! Below, in 3-D, cumulants on D3Q27 take over; in 2-D the cells become finer, up to a factor, and beyond that the case
-//! is refused: neither TRT nor BGK, with Smagorinsky's eddies, ran to its end. Where the cells are larger than four
-//! Kolmogorov lengths eta = L Re^(-3/4) the eddies between are WALE's (Pope 2000, section 6.1, for eta; DNS needs about
-//! 2 eta).
+//! Two relaxation times are stable from tau = 0.51 on, with openings from 0.55, in 2-D and around moving bodies up
+//! to a cell Reynolds number of 7. Below this range the choice in 3-D is cumulants on D3Q27; in 2-D the cells
+//! become finer, up to a factor, and beyond that the case is refused: neither TRT nor BGK with the Smagorinsky
+//! model completed such runs. If the cells are larger than four Kolmogorov lengths eta = L Re^(-3/4), the WALE
+//! model represents the unresolved eddies (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
 use super::gaps::Gap;
 use super::{Limit, density, sound};
@@ -39,33 +40,34 @@ use case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbule
 use lbm::collision::cumulant;
 use lbm::turbulence::wale::Wale;
 
-/// Largest relaxation time.
+/// Maximum relaxation time.
 const MOST_TAU: f64 = 1.5;
-/// Smallest relaxation time of operators with two of them, without and with openings: behind the uniform inlet of a
-/// flume they failed at 0.5302 and held at 0.5491.
+/// Minimum relaxation time of operators with two relaxation times, without and with openings: behind the uniform
+/// inlet of a flume runs failed at 0.5302 and were stable at 0.5491.
 const LEAST_TAU: f64 = 0.51;
 const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
-/// Cell Reynolds number up to which two relaxation times are taken between openings in 2-D and around what moves, held
-/// by links: runs failed from 11 and from 12 on.
+/// Maximum cell Reynolds number for two relaxation times, between openings in 2-D and around moving bodies with
+/// links: runs failed from 11 and from 12 on.
 const MOST_CELL_REYNOLDS: f64 = 7.0;
-/// Usual upper bound of the lattice velocity: "typically lower than" it in Sibille, Lominé and Marot (2012).
+/// Usual upper bound of the lattice velocity, stated as "typically lower than" by Sibille, Lominé and Marot (2012).
 const USUAL_MACH: f64 = 0.1;
-/// Part of `guards.max_compression` that all changes of density together may take.
+/// Fraction of `guards.max_compression` that the sum of all density changes may reach.
 const OF_THE_GUARD: f64 = 0.75;
-/// Largest relative change of density.
+/// Maximum relative density change.
 const MOST_COMPRESSION: f64 = 0.03;
-/// Steps in a period of what oscillates, and in the run.
+/// Minimum number of steps in a period of an oscillation, and in the run.
 const STEPS_IN_A_PERIOD: f64 = 200.0;
 const STEPS_IN_A_RUN: f64 = 100.0;
-/// Reynolds number from which a flow may be turbulent, and Kolmogorov lengths that a cell may be wide.
+/// Reynolds number above which a flow may be turbulent, and maximum width of a cell in Kolmogorov lengths.
 const TURBULENT: f64 = 1000.0;
 const KOLMOGOROV_LENGTHS: f64 = 4.0;
 /// Constant of WALE (Nicoud and Ducros 1999).
 const WALE: f64 = 0.5;
-/// Target from which on f32 is accurate enough.
+/// Minimum target for which f32 is accurate enough.
 const DRAFT: f64 = 0.1;
 
-/// Returns the smallest relaxation time at which two of them are stable at a lattice velocity.
+/// Returns the smallest relaxation time at which operators with two relaxation times are stable at a lattice
+/// velocity.
 fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
     let opens = flow
         .patches()
@@ -86,14 +88,14 @@ fn mach(target: f64) -> f64 {
     (target / 12.0).sqrt().min(USUAL_MACH)
 }
 
-/// Returns the largest speed that water or solids will reach; none if nothing drives them.
+/// Returns the largest expected speed of water and solids; none if nothing drives them.
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let speeds = speed::all(scene, flow).into_iter();
     speeds.max_by(|a, b| a.value.total_cmp(&b.value))
 }
 
-/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none if any is. The time
-/// step is that at which the error of compressibility, or the sound of a start, allows no more.
+/// Returns the spacing \[m\] below which two relaxation times are stable at this speed; none if any spacing is. The
+/// time step is the longest allowed by the compressibility error or the sound of a start.
 pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64) -> Option<f64> {
     let sound: f64 = scene
         .density_causes
@@ -110,7 +112,7 @@ pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64
     h.is_finite().then_some(h)
 }
 
-/// Chooses what the case leaves out.
+/// Chooses the values that the case leaves out.
 pub(crate) fn choose(
     scene: &mut Scene,
     lbm: &LatticeBoltzmann,
@@ -132,19 +134,19 @@ pub(crate) fn choose(
     scene.flow = Some(flow);
 }
 
-/// Part of the target that the change of density along the flow may use.
+/// Fraction of the target for the density change along the flow.
 const OF_LOSSES: f64 = 0.25;
 
-/// Part of the target that sound in an oscillating flow may use.
+/// Fraction of the target for sound in an oscillating flow.
 const OF_SOUND: f64 = 0.125;
 
-/// Part of the longest time step below which it is not shortened for the sake of samples.
+/// Minimum fraction of the longest time step to which it may be shortened to match sampling intervals.
 const SHORTEST: f64 = 0.75;
 
 /// Relative difference of intervals that rounding explains.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns the longest interval of which two are multiples, to rounding; it falls towards 0 for intervals without one.
+/// Returns the longest interval of which both are multiples, to rounding; it approaches 0 if there is none.
 fn common(a: f64, b: f64) -> f64 {
     let (mut long, mut short) = (a.max(b), a.min(b));
     let least = ROUNDING * long;
@@ -155,8 +157,8 @@ fn common(a: f64, b: f64) -> f64 {
     long
 }
 
-/// Returns the longest time step, at most `longest` \[s\], of which the intervals of samples and outputs are multiples:
-/// of all of them, or else of those of probes, or else of the shortest.
+/// Returns the longest time step of at most `longest` \[s\] that divides the intervals of samples and outputs: all
+/// of them, or otherwise those of probes, or otherwise the shortest.
 fn dividing(scene: &Scene, longest: f64) -> f64 {
     let finite = |every: &f64| every.is_finite() && *every > 0.0;
     let all: Vec<f64> = intervals(scene).filter(finite).collect();
@@ -174,9 +176,8 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Returns an automatic time step of which the intervals of samples are whole numbers, at most `longest`
-/// \[s\]. It stays `longest`, with samples at the nearest steps, where it would become shorter than
-/// [`SHORTEST`] of that.
+/// Returns an automatic time step of at most `longest` \[s\] that divides the sampling intervals. If it would be
+/// shorter than [`SHORTEST`] times `longest`, it stays `longest`, with samples at the nearest steps.
 pub(crate) fn divided(scene: &Scene, longest: f64) -> f64 {
     let shorter = dividing(scene, longest);
     if shorter >= SHORTEST * longest {
@@ -186,9 +187,9 @@ pub(crate) fn divided(scene: &Scene, longest: f64) -> f64 {
     }
 }
 
-/// Shortens the time step so that the intervals of samples are whole numbers of steps. It stays as it is, with samples
-/// at the nearest steps, where it would become shorter than [`SHORTEST`] of itself or where two relaxation times would
-/// no longer hold.
+/// Shortens the time step so that it divides the sampling intervals. It stays unchanged, with samples at the
+/// nearest steps, if it would become shorter than [`SHORTEST`] times its value, or if two relaxation times would no
+/// longer be stable.
 fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
     let (h, nu, longest) = (scene.grid.spacing, flow.kinematic_viscosity, flow.time_step);
     let shorter = dividing(scene, longest);
@@ -196,7 +197,7 @@ fn shorten(scene: &Scene, flow: &mut Flow, speed: f64) {
         let tau = 0.5 + 3.0 * nu * time_step / (h * h);
         tau >= least_tau(scene, flow, speed * time_step / h) * (1.0 - ROUNDING)
     };
-    // Below the range of two relaxation times, cumulants hold in 3-D at every shorter step.
+    // Below the range of two relaxation times, cumulants are stable in 3-D at every shorter step.
     let other = scene.grid.dimension == 3 && !holds(longest);
     if shorter >= SHORTEST * longest && (other || holds(shorter)) {
         flow.time_step = shorter;
@@ -271,7 +272,7 @@ fn limits(
         porous::step_limit(&scene.porous_zones, speed.map_or(0.0, |speed| speed.value))
     {
         let what = format!("the resistance of the porous zone `{}`", limit.zone.name);
-        // Eddies are chosen later, where the water is fast.
+        // The eddy viscosity is chosen later, if the water is fast.
         let eddies = speed.is_some() && scene.grid.dimension == 3;
         add(
             what,
@@ -349,8 +350,9 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
     limits
 }
 
-/// Returns the largest relaxation time at which packed grains are heavy enough for the water between them, with a tenth
-/// to spare; none if they are at [`MOST_TAU`], and where they are at no relaxation time, which the plan then reports.
+/// Returns the largest relaxation time at which packed grains are heavy enough for stability in the water between
+/// them, with a margin of a tenth; none if they are at [`MOST_TAU`], or at no relaxation time, which the plan then
+/// reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
     let grains = scene.grains.as_ref()?;
@@ -371,12 +373,12 @@ fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
         .map(|material| scene.density(material) / flow.density)
         .fold(f64::INFINITY, f64::min);
     let holds = |tau: f64| 1.1 * in_a_bed(coupling, Some(operator), tau, flat, radius) <= lightest;
-    // In steps of 0.05 down to where the bound is as low as it gets.
+    // Search in steps of 0.05 down to where the bound is at its minimum.
     let mut times = (12..=whole(20.0 * MOST_TAU)).rev().map(|n| real(n) / 20.0);
     times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
 }
 
-/// Returns the largest pressure imposed, at the start, or of the water column \[Pa\].
+/// Returns the largest pressure \[Pa\]: imposed, initial, or of the water column.
 fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     let imposed = flow.patches().filter_map(|patch| {
         let pressure = patch.condition.model().pressure()?;
@@ -393,7 +395,7 @@ fn largest_pressure(scene: &Scene, flow: &Flow) -> f64 {
     imposed.chain([start, column]).fold(0.0, f64::max)
 }
 
-/// Times between samples and outputs \[s\].
+/// Returns the intervals of samples and outputs \[s\].
 pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     let output = &scene.output;
     let fields = output.fluid.iter().map(|output| output.every);
@@ -403,7 +405,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// Returns the smallest thing in the water \[m\], which makes its eddies.
+/// Returns the size of the smallest obstacle in the water \[m\], which sheds the eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);
@@ -419,7 +421,7 @@ fn smallest(scene: &Scene) -> f64 {
     }
 }
 
-/// Chooses a model for the eddies that the cells are too wide for, unless the case says otherwise.
+/// Chooses an eddy viscosity if eddies are smaller than the cells, unless the case states one.
 fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Option<f64>) {
     if lbm.turbulence.is_some() {
         return;
@@ -450,14 +452,14 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
     scene.chosen.note("turbulence", text);
 }
 
-/// Chooses the operator of lowest cost that is stable at the relaxation time, and the velocity set that it needs.
+/// Chooses the cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
 fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     let speed = fastest(scene, flow).map_or(0.0, |speed| speed.value);
     let tau = flow.relaxation_time;
     let least = least_tau(scene, flow, speed * flow.time_step / scene.grid.spacing);
     if lbm.collision.is_none() {
         let fast = tau < least || flow.turbulence.is_some();
-        // Neither a stated D3Q19 nor the operator that scales two times leaves a choice.
+        // A stated D3Q19, or an operator that scales two relaxation times, leaves no choice.
         let matched = matches!(
             &scene.coupling,
             Some(Coupling::PartiallySaturated(cells))
@@ -483,7 +485,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
              {least} on"
         );
         let path = format!("{PATH}.kinematic_viscosity");
-        // What is stated is taken, with a warning.
+        // A stated value is used, with a warning.
         if scene.grid.dimension == 2 && lbm.turbulence.is_none() && flow.fixed_by == "accuracy" {
             let finest = scene.grid.spacing * (tau - 0.5) / (least - 0.5);
             let remedy = format!(
@@ -498,7 +500,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
 }
 
-/// Chooses the storage: f32 halves the memory and the traffic of a draft in 3-D.
+/// Chooses the storage precision: f32 halves the memory and the memory traffic of a draft in 3-D.
 fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
     if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;
@@ -538,7 +540,7 @@ mod tests {
         Plan::prepare(document).unwrap()
     }
 
-    /// Dry grains and grains in seepage, whose step the contacts choose.
+    /// Checks dry grains and grains in seepage, whose time step follows from the contacts.
     #[test]
     fn automatic_solid_steps_divide_the_intervals_of_samples() {
         let plan = |every: f64, fluid: Value, step: Option<f64>| {

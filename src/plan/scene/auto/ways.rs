@@ -1,11 +1,11 @@
-//! The narrowest places of the widest ways of the water, by clearance.
+//! Narrowest places of the widest paths of the water, by clearance.
 //!
 //! The clearance of a point is its distance to the nearest solid: walls, bodies and their periodic images, blocks,
-//! structures. A way is as wide as twice the smallest clearance along it. Samples of a grid are joined in the order of
-//! their clearance; the sample that first joins two openings, or closes a ring round a periodic axis, is the narrowest
-//! place of the widest way. Near this place the same is done with finer samples.
+//! structures. The width of a path is twice the smallest clearance along it. Samples of a grid are joined in
+//! descending order of clearance; the sample that first joins two openings, or closes a ring around a periodic
+//! axis, is the narrowest place of the widest path. Near this place the search is repeated with finer samples.
 
-use super::gaps::Sets;
+use super::gaps::JoinedSolids;
 use crate::scene::Scene;
 use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::Flow;
@@ -15,29 +15,29 @@ use nalgebra::Vector3;
 use structure::Point;
 use structure::mesh::TriangleMesh;
 
-/// Samples in 2-D and 3-D.
+/// Number of samples in 2-D and 3-D.
 const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
-/// Samples over those wanted from which a thin box has fewer along its long axes.
+/// Ratio of samples to the intended number above which a thin box gets fewer samples along its long axes.
 const CROWDED: f64 = 4.0;
-/// Fewest samples along an axis.
+/// Minimum number of samples along an axis.
 const FEWEST: f64 = 8.0;
-/// Finer samples for each of a coarser grid about the narrowest place, in 2-D and 3-D; odd, so that those of the
-/// coarser grid are among them.
+/// Refinement of the samples about the narrowest place, in 2-D and 3-D; odd, so that the coarser samples are among
+/// the finer ones.
 const FINER: [usize; 2] = [15, 5];
-/// Samples on each side of the narrowest place that are looked at again.
+/// Number of samples on each side of the narrowest place that are refined.
 const ABOUT: usize = 2;
-/// Width of a gap over that of the adjacent bodies above which it is open water.
+/// Width of a gap, relative to the adjacent bodies, above which it is open water.
 const WIDE: f64 = 1.0;
-/// Most solids that are looked at.
+/// Maximum number of solids.
 const MOST_SOLIDS: usize = 20_000;
 
-/// Solids that are looked for about a point.
+/// Number of nearest solids that are sought for a point.
 const NEAREST: usize = 4;
 
 /// Kinds of solids next to a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beside {
-    /// Spheres or discs, and no wall.
+    /// Spheres or discs only, no wall.
     Balls,
     /// A sphere or a disc, and a wall.
     BallAndWall,
@@ -47,7 +47,7 @@ pub(crate) enum Beside {
     Structure,
 }
 
-/// The narrowest place of a way.
+/// Narrowest place of a path.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Way {
     /// Text that names the gap and the adjacent solids.
@@ -67,7 +67,7 @@ struct Body {
     name: String,
     at: Point,
     form: Form,
-    /// Radius about the centre that holds it \[m\].
+    /// Radius of the enclosing sphere about the centre \[m\].
     reach: f64,
     /// Smallest width \[m\].
     width: f64,
@@ -110,7 +110,7 @@ impl Body {
         })
     }
 
-    /// Returns a lower bound of the distance of a point that is given from the centre \[m\].
+    /// Returns a lower bound of the distance of a point given relative to the centre \[m\].
     fn at_least(&self, from: Point) -> f64 {
         let about = Vector3::from(from).norm() - self.reach;
         let Form::Hull(mesh) = &self.form else {
@@ -121,7 +121,7 @@ impl Body {
         (0..3).map(outside).fold(about, f64::max)
     }
 
-    /// Returns the distance of a point that is given from the centre \[m\], negative inside.
+    /// Returns the distance of a point given relative to the centre \[m\]; negative inside.
     fn distance(&self, from: Point) -> f64 {
         match &self.form {
             Form::Ball(radius) => Vector3::from(from).norm() - radius,
@@ -130,7 +130,7 @@ impl Body {
     }
 }
 
-/// A solid near a point.
+/// Solid near a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Neighbour {
     Body(usize),
@@ -143,7 +143,7 @@ struct Ground<'a> {
     dimension: usize,
     size: Point,
     bodies: Vec<Body>,
-    /// Faces that hold water, and the openings in them.
+    /// Faces that are walls, and the openings in them.
     walls: Vec<(usize, bool, Vec<[Point; 2]>)>,
     /// Openings: axis, side and rectangle \[m\].
     openings: Vec<(usize, bool, [Point; 2])>,
@@ -203,7 +203,7 @@ impl<'a> Ground<'a> {
         } else {
             at[*axis]
         };
-        // Before an opening the wall begins at its rim.
+        // In front of an opening the wall begins at the rim of the opening.
         let rim = openings.iter().filter_map(|[low, high]| {
             let across = (0..self.dimension).filter(|a| a != axis);
             let inside = across.map(|a| {
@@ -223,7 +223,7 @@ impl<'a> Ground<'a> {
         all.filter(|(_, structure)| structure.stops.water())
     }
 
-    /// Returns the nearest solids of a point, the nearest first, and their distances.
+    /// Returns the solids nearest to a point, nearest first, with their distances.
     fn nearest(&self, at: Point) -> [(f64, Option<Neighbour>); NEAREST] {
         let mut found = [(f64::INFINITY, None); NEAREST];
         type Found = [(f64, Option<Neighbour>); NEAREST];
@@ -252,7 +252,7 @@ impl<'a> Ground<'a> {
         found
     }
 
-    /// Calls `each` with the bodies, and the place of a point from the centre of each of their images.
+    /// Calls `each` with the bodies, and the position of a point relative to the centre of each of their images.
     fn each_image(&self, at: Point, mut each: impl FnMut(usize, &Body, Point)) {
         let turns = |a: usize| {
             let periodic = a < self.dimension && self.scene.grid.periodic[a];
@@ -307,7 +307,7 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Returns the way whose narrowest place is `at`, within `apart`; none if it is open water.
+    /// Returns the passage whose narrowest place is at `at`, within a distance `apart`; none if it is open water.
     fn way(&self, at: Point, apart: f64) -> Option<Way> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;
@@ -375,7 +375,7 @@ impl Samples {
         cell[0] + self.count[0] * (cell[1] + self.count[1] * cell[2])
     }
 
-    /// Returns the samples from the widest to the narrowest; of equal ones the one with more clearance, then the first.
+    /// Returns the samples in descending order of width; among equal ones by clearance, then by index.
     fn order(&self, widths: &[f64]) -> Vec<usize> {
         let mut order: Vec<usize> = (0..widths.len()).collect();
         order.sort_by(|a, b| {
@@ -388,8 +388,8 @@ impl Samples {
         order
     }
 
-    /// Returns the largest clearance of each sample of water and its neighbours: no sample is exactly in the middle of
-    /// a gap.
+    /// Returns for each water sample the largest clearance among it and its neighbours, since no sample lies
+    /// exactly in the middle of a gap.
     fn widened(&self, periodic: [bool; 3]) -> Vec<f64> {
         let one = |k: usize| {
             let mut widest = self.clearance[k];
@@ -425,11 +425,11 @@ impl Samples {
     }
 }
 
-/// Returns the narrowest places of the widest ways of the water between openings and round periodic axes.
+/// Returns the narrowest places of the widest paths between openings and around periodic axes.
 pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<Way> {
     let structures = scene.structures.iter().any(|s| s.stops.water());
     let bodies = scene.bodies.len() + scene.blocks.as_ref().map_or(0, |blocks| blocks.list.len());
-    // Gaps of discs are known exactly.
+    // Gaps between discs are known exactly.
     let bodies = if scene.grid.dimension == 2 { 0 } else { bodies };
     if !structures && bodies == 0 || bodies > MOST_SOLIDS {
         return Vec::new();
@@ -445,8 +445,8 @@ pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<Way> {
     ways
 }
 
-/// Returns the samples along each axis of a box: as even as they can be, and in all at most [`CROWDED`] times
-/// [`SAMPLES`], however long and thin the box is.
+/// Returns the number of samples along each axis of a box: as uniform as possible, and in total at most [`CROWDED`]
+/// times [`SAMPLES`], however long and thin the box is.
 fn counts(dimension: usize, size: [f64; 3]) -> [usize; 3] {
     let wanted = SAMPLES[dimension - 2];
     let volume: f64 = size[..dimension].iter().product();
@@ -456,7 +456,7 @@ fn counts(dimension: usize, size: [f64; 3]) -> [usize; 3] {
         *count = (size / step).round().max(FEWEST);
     }
     if counts.iter().product::<f64>() > CROWDED * wanted {
-        // Short axes first: the others share what these leave.
+        // Short axes first: the long axes divide the remaining samples.
         let mut axes: Vec<usize> = (0..dimension).collect();
         axes.sort_by(|a, b| size[*a].total_cmp(&size[*b]));
         let mut left = wanted;
@@ -518,7 +518,7 @@ fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
             return vec![(0, 0.0)];
         }
         let (step, count) = (samples.step[a], samples.count[a].cast_signed());
-        // Of a period the nearest images count.
+        // Of the periodic images the nearest count.
         let reach = (body.reach + cap).min(1.5 * ground.size[a]);
         let ends = [-1.0, 1.0].map(|sign| (body.at[a] + sign * reach) / step - 0.5);
         #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
@@ -550,12 +550,12 @@ struct Narrow {
     sides: [usize; 2],
 }
 
-/// Returns the narrowest places: where openings are joined, and where a ring closes round a periodic axis.
+/// Returns the narrowest places: where openings are joined, and where a ring closes around a periodic axis.
 fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     let count = samples.clearance.len();
     let (openings, periodic) = (&ground.openings, ground.scene.grid.periodic);
     let wanted = openings.len().saturating_sub(1) + periodic.iter().filter(|p| **p).count();
-    let mut sets = Sets::new(count + openings.len());
+    let mut sets = JoinedSolids::new(count + openings.len());
     let mut there = vec![false; count];
     let mut around = [false; 3];
     let mut has_opening: Vec<bool> = vec![false; count];
@@ -579,7 +579,7 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
                 beside.push((count + n, [0; 3]));
             }
         }
-        // The widest first: it stands for its side.
+        // The widest sample of each side represents it.
         let width = |other: usize| widths.get(other).copied().unwrap_or(f64::INFINITY);
         beside.sort_by(|a, b| width(b.0).total_cmp(&width(a.0)));
         let sample = |other: usize| if other < count { other } else { k };
@@ -611,11 +611,11 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     found
 }
 
-/// Returns the narrowest place, by finer samples about it.
+/// Returns the narrowest place from finer samples about it.
 fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
     let periodic = ground.scene.grid.periodic;
     let place = samples.point(narrow.place);
-    // Sides beyond a period are brought to this one.
+    // Sides beyond a period are shifted into this one.
     let sides = narrow.sides.map(|side| {
         let at = samples.point(side);
         std::array::from_fn(|a| {
@@ -656,7 +656,7 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
             }
         })
         .collect();
-    // The widest sample within half a coarser one of a side stands for it.
+    // The widest sample within half a coarse spacing of a side represents it.
     let widest = |side: Point| {
         let near = |k: &usize| {
             let at = inner.point(*k);
@@ -680,9 +680,9 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
     }
 }
 
-/// Returns the narrowest place of the widest way between two samples.
+/// Returns the narrowest place of the widest path between two samples.
 fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
-    let mut sets = Sets::new(samples.clearance.len());
+    let mut sets = JoinedSolids::new(samples.clearance.len());
     let mut there = vec![false; samples.clearance.len()];
     let mut beside = Vec::new();
     for k in samples.order(&samples.clearance) {
@@ -708,7 +708,7 @@ mod tests {
     use super::*;
     use serde_json::{Value, json};
 
-    /// Widths and kinds of the ways of a scene of water under a force along x.
+    /// Returns widths and kinds of the passages in water under a force along x.
     fn ways(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, Beside)> {
         let [bodies, structures] = solids;
         let force: Vec<f64> = (0..size.as_array().unwrap().len())
@@ -752,7 +752,7 @@ mod tests {
             assert!((8_000..=96_000).contains(&samples), "{size:?}: {samples}");
         }
         assert!(counts(2, [1e12, 1.0, 0.0]).iter().product::<usize>() <= 80_000);
-        // As before where no axis is short.
+        // Boxes without a short axis have the same counts as before.
         assert_eq!(counts(3, [2.0, 1.0, 1.0]), [46, 23, 23]);
     }
 
@@ -776,8 +776,8 @@ mod tests {
         assert!(found.len() == 1 && near(found[0].0, 1.3e-4), "{found:?}");
     }
 
-    /// Water passes a sphere that nearly fills a square duct in the corners: the largest sphere between the walls and
-    /// the ball has the radius (2^½ H/2 - R)/(1 + 2^½).
+    /// Checks a sphere that nearly fills a square duct: the water passes in the corners, where the largest sphere
+    /// between walls and ball has the radius (2^½ H/2 - R)/(1 + 2^½).
     #[test]
     fn the_way_past_a_sphere_in_a_duct_is_in_the_corners() {
         for radius in [4e-4, 4.5e-4] {
@@ -800,7 +800,7 @@ mod tests {
         );
     }
 
-    /// A slab that reaches from wall to wall leaves a slot above itself.
+    /// Checks a slab that reaches from wall to wall and leaves a slot above it.
     #[test]
     fn the_way_over_a_block_is_the_slot() {
         let block = body(

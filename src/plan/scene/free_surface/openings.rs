@@ -1,4 +1,4 @@
-//! Openings of water with a free surface: what stands outside, and what does not work.
+//! Openings of water with a free surface: conditions outside, and features that do not work.
 
 use super::FreeSurface;
 use crate::scene::boundaries::ScenePatch;
@@ -8,9 +8,9 @@ use base::error::Remedy;
 use lbm::boundary::{Condition, ImposedSpeed, Strength, SurfaceKind, WithSurface};
 use serde::Serialize;
 
-/// Cells over the depth of an inflow below which it is refused: the surface lies within a cell.
+/// Minimum number of cells over the depth of an inflow: with fewer, the surface lies within a cell.
 const LEAST_CELLS: f64 = 2.0;
-/// Cells over the depth of an inflow below which the plan warns.
+/// Number of cells over the depth of an inflow below which the plan warns.
 const FEW_CELLS: f64 = 8.0;
 
 /// Water or air outside an opening.
@@ -18,23 +18,24 @@ const FEW_CELLS: f64 = 8.0;
 pub struct Opening {
     /// Name of the boundary.
     pub name: String,
-    /// JSON path of the field that decides what is outside.
+    /// JSON path of the field that determines the condition outside.
     pub path: String,
-    /// Lower side of the opening above the lowest place of the domain \[m\].
+    /// Height of the lower side of the opening above the lowest point of the domain \[m\].
     pub floor: f64,
-    /// Lowest height above the lowest place of the domain to which water falls through it \[m\]; none where it enters.
+    /// Lowest height above the lowest point of the domain to which water falls through the opening \[m\]; none for
+    /// an inflow.
     pub lowest: Option<f64>,
-    /// Largest height of the energy line outside above the lowest place of the domain \[m\]; none without water.
+    /// Largest height of the energy line outside above the lowest point of the domain \[m\]; none without water.
     pub head: Option<f64>,
-    /// Depth of the water that enters \[m\]: that of a stream, the critical depth of a discharge, or the largest below
-    /// a level.
+    /// Depth of the inflow \[m\]: that of a stream, the critical depth of a discharge, or the largest depth below a
+    /// level.
     pub depth: Option<f64>,
-    /// Froude number U/(g depth)^½ of what enters; none where it follows from the flow.
+    /// Froude number U/(g depth)^½ of the inflow; none if it follows from the flow.
     pub froude: Option<f64>,
 }
 
 impl Opening {
-    /// Returns a sentence about the opening, with the depth in cells of this size.
+    /// Returns a sentence about the opening, with the depth in cells of this spacing \[m\].
     #[must_use]
     pub fn describe(&self, spacing: f64) -> String {
         let mut text = format!("`{}`: ", self.name);
@@ -52,7 +53,7 @@ impl Opening {
     }
 }
 
-/// Refuses openings that need a free surface where there is none.
+/// Refuses openings that need a free surface in a case without one.
 pub(super) fn refuse_without_surface(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings) {
     for patch in patches.iter().flatten() {
         let only = patch.condition.model().with_surface() == WithSurface::Only;
@@ -69,7 +70,7 @@ pub(super) fn refuse_without_surface(patches: &[Vec<ScenePatch>; 6], findings: &
     }
 }
 
-/// Refuses boundaries that do not work with a surface.
+/// Refuses boundaries that do not work with a free surface.
 pub(super) fn refuse(
     patches: &[Vec<ScenePatch>; 6],
     is_whole: impl Fn(usize) -> bool,
@@ -112,7 +113,7 @@ pub(super) fn refuse(
     }
 }
 
-/// Refuses a face of free slip with another condition on a part of it.
+/// Refuses a free-slip face with another condition on a part of it.
 fn refuse_parts_of_slip(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings) {
     for face in patches {
         let [whole, parts @ ..] = face.as_slice() else {
@@ -134,7 +135,7 @@ fn refuse_parts_of_slip(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings)
     }
 }
 
-/// Returns the openings of a surface; what does not work goes to the findings.
+/// Returns the openings of a surface; reports those that do not work.
 pub(super) fn resolve(
     surface: &FreeSurface,
     grid: &Grid,
@@ -231,7 +232,7 @@ fn one(
     opening
 }
 
-/// Checks that an opening with a level of its own is on a side, and that there is gravity.
+/// Checks that an opening with a level lies on a vertical side, and that there is gravity.
 fn check_side(surface: &FreeSurface, patch: &ScenePatch, path: &str, findings: &mut Findings) {
     if surface.gravity <= 0.0 {
         findings.error(
@@ -286,7 +287,7 @@ fn check_level(
     }
 }
 
-/// Refuses an inflow of too few cells, and warns of one of few.
+/// Refuses an inflow with too few cells over its depth, and warns of one with few.
 fn check_depth(grid: &Grid, (opening, depth): (&Opening, f64), findings: &mut Findings) {
     let cells = depth / grid.spacing;
     let reason = format!(

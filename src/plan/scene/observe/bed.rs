@@ -1,4 +1,4 @@
-//! A bed of grains that a probe measures.
+//! Resolution of a bed of grains that a probe measures.
 
 use crate::scene::block::AlignedBox;
 use crate::scene::findings::{Findings, number};
@@ -10,31 +10,30 @@ use case::geometry::Extent;
 use case::observe;
 use serde::Serialize;
 
-/// A bed of grains: see [`case::observe::Bed`].
+/// Bed of grains of a probe: see [`case::observe::Bed`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ObservedBed {
-    /// Axis of the stream, axis across the bed, and the third: along the bed and across the stream, without extent in
-    /// 2-D.
+    /// Axis of the stream, axis normal to the bed, and the transverse axis, which has no extent in 2-D.
     pub axes: [usize; 3],
-    /// Gravity across the bed, positive [m/s2].
+    /// Magnitude of gravity normal to the bed [m/s²].
     pub gravity: f64,
-    /// Cells of the part along each axis: first, one past the last.
+    /// Cells of the measured part along each axis: first cell, and one past the last.
     pub cells: [[usize; 2]; 3],
-    /// Solid fraction at the surface.
+    /// Solid fraction that defines the surface.
     pub threshold: f64,
-    /// Diameter of the dimensionless numbers \[m\]; the median of the grains without it.
+    /// Diameter for the dimensionless numbers \[m\]; none for the median of the grains.
     pub diameter: Option<f64>,
-    /// Height from which scour is measured \[m\]; that of the first sample without it.
+    /// Height from which scour is measured \[m\]; none for that of the first sample.
     pub level: Option<f64>,
-    /// Start of the means over time \[s\].
+    /// Start of the time means \[s\].
     pub mean_from: f64,
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// End of the remedies of findings about a bed.
+/// Last alternative in the remedies of findings about a bed.
 const REMOVE: &str = "or remove the probe";
 
-/// Resolves the bed of a probe; none if there is none to measure.
+/// Resolves the bed of a probe; reports a finding if there is none to measure.
 pub(super) fn resolve(
     case: &Case,
     grid: &Grid,
@@ -102,7 +101,7 @@ pub(super) fn resolve(
     })
 }
 
-/// Returns `true` if gravity points to the lower face, and refuses other directions.
+/// Returns `true` if gravity points to the lower face; otherwise reports a finding.
 fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Findings) -> bool {
     let upward = pull >= 0.0;
     if upward {
@@ -146,7 +145,8 @@ fn check_weight(case: &Case, grains: &str, path: &str, findings: &mut Findings) 
     }
 }
 
-/// Returns the cells of a part along each axis: first, one past the last; none for fewer than two.
+/// Returns the cells of a part along each axis, first cell and one past the last; reports a finding for fewer than
+/// two.
 fn cells(
     part: Option<&Extent>,
     grid: &Grid,

@@ -1,4 +1,4 @@
-//! The probes of a scene.
+//! Resolution of the probes of a scene.
 
 use super::{Probe, ProbeAt, bed, due, means, seepage};
 use crate::scene::block::AlignedBox;
@@ -16,7 +16,7 @@ use case::geometry::{Axis, Extent, Face, Vector};
 use case::observe::{Fabric, ProbeAt as Written};
 use dem::contact::Contact;
 
-/// Parts of a problem that probes measure.
+/// Parts of a problem that probes refer to.
 pub(crate) struct Measured<'a> {
     pub case: &'a Case,
     pub grid: &'a Grid,
@@ -107,7 +107,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
 }
 
 impl Measured<'_> {
-    /// Returns the place of a probe; none if there is no bed to measure.
+    /// Returns the location of a probe; none if there is nothing to measure, which is reported.
     fn resolve(&self, at: &Written, path: &str, findings: &mut Findings) -> Option<ProbeAt> {
         Some(match at {
             Written::Point { position } => {
@@ -208,14 +208,14 @@ impl Measured<'_> {
         })
     }
 
-    /// Returns the point of a torque.
+    /// Returns the reference point of a torque \[m\].
     fn about(&self, about: Option<&Vector>, path: &str, findings: &mut Findings) -> [f64; 3] {
         about.map_or([0.0; 3], |about| {
             AlignedBox::vector(self.grid, about, &format!("{path}.about"), findings)
         })
     }
 
-    /// Returns a point, and refuses one outside the domain.
+    /// Returns a point; reports a finding if it lies outside the domain or in a structure.
     fn inside(&self, point: [f64; 3], path: &str, findings: &mut Findings) -> [f64; 3] {
         seepage::inside(self.grid, point, path, findings)
     }
@@ -289,7 +289,8 @@ impl Measured<'_> {
         ProbeAt::Gauge([cell(0), cell(1), cell(2)])
     }
 
-    /// Returns the columns of a water table, and refuses one without ground that drains or without an axis of gravity.
+    /// Returns the columns of a water table; reports a finding without unsaturated ground or without an axis of
+    /// gravity.
     fn water_table(&self, path: &str, findings: &mut Findings) -> ProbeAt {
         let written = match &self.case.fluid {
             Some(Fluid::Darcy(written)) => written.unsaturated.as_ref().map(|_| written),
@@ -423,7 +424,7 @@ impl Measured<'_> {
         ProbeAt::Mouth(index.unwrap_or(0))
     }
 
-    /// Returns the block that holds a point.
+    /// Returns the block that contains a point.
     fn block(&self, position: &Vector, path: &str, findings: &mut Findings) -> ProbeAt {
         let point = AlignedBox::vector(self.grid, position, path, findings);
         let holds = |solid: &dem::polyhedron::PlacedPolyhedron| {

@@ -1,6 +1,6 @@
-//! Probes of seepage that answer a question of design: discharge between two points, heave of prisms.
+//! Design probes of seepage: discharge between two points, heave of prisms.
 //!
-//! Apart from the other probes because they are resolved on the coarse grid.
+//! They are separate from the other probes because they are resolved on the coarse grid.
 
 use super::ProbeAt;
 use crate::scene::block::AlignedBox;
@@ -12,7 +12,7 @@ use case::fluid::Fluid;
 use case::geometry::{Extent, Face, Vector};
 use darcy::Prisms;
 
-/// Returns a point, and refuses one outside the domain.
+/// Returns a point; reports a finding if it lies outside the domain.
 pub(super) fn inside(
     grid: &Grid,
     point: [f64; 3],
@@ -25,7 +25,7 @@ pub(super) fn inside(
     point
 }
 
-/// Returns the discharge between two points; findings in 3-D, without seepage or where the points are one.
+/// Returns the discharge between two points; reports a finding in 3-D, without seepage or if the points coincide.
 pub(super) fn crossing(
     (case, grid): (&Case, &Grid),
     ends: [&Vector; 2],
@@ -61,7 +61,7 @@ pub(super) fn crossing(
     ProbeAt::Crossing { from, to }
 }
 
-/// Returns the prisms of a heave; none where they have no place in the ground, which is a finding.
+/// Returns the prisms of a heave probe; reports a finding if they do not lie in the ground.
 pub(super) fn heave(
     (case, grid): (&Case, &Grid),
     prism: &Extent,
@@ -115,7 +115,8 @@ pub(super) fn heave(
             }
             None => (0.0, grid.spacing, grid.cells[a]),
         };
-        // Planes between cells: the nearest ones along gravity, else the cells whose centres lie in the box.
+        // Use planes between cells: the nearest ones along gravity, otherwise those that enclose the cells with
+        // centres in the box.
         let shift = if a == vertical { 0.0 } else { 0.5 };
         let place = |x: f64| {
             let place = (x - origin) / spacing - shift;

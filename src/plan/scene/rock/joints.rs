@@ -1,8 +1,8 @@
-//! A joint set: parallel planes with an orientation and a distribution of their spacing.
+//! Joint sets: parallel planes with an orientation and a distribution of their spacing.
 //!
-//! The orientation is that of geology, with x to the east, y to the north and z up. The dip is the angle of the plane's
-//! steepest line below the horizontal, 0 … 90°. The dip direction is the bearing of that line, clockwise from north,
-//! 0 … 360°.
+//! The orientation follows geological convention, with x to the east, y to the north and z up. The dip is the angle
+//! of the plane's steepest line below the horizontal, 0 … 90°. The dip direction is the bearing of that line,
+//! clockwise from north, 0 … 360°.
 //!
 //! ```text
 //! n = (sin dip sin direction, sin dip cos direction, cos dip)       upward normal
@@ -16,40 +16,40 @@ use nalgebra::Vector3;
 
 use base::random::Stream;
 
-/// Purpose of the random numbers for gaps.
+/// Purpose number of the random numbers for gaps.
 const GAPS: u32 = 21;
 
-/// Parallel joints.
+/// Set of parallel joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointSet {
     /// Upward unit normal.
     pub normal: Vector3<f64>,
-    /// A point of one plane (m).
+    /// Point on one of the planes \[m\].
     pub origin: Vector3<f64>,
-    /// Distance between planes.
+    /// Distribution of the distance between planes.
     pub spacing: Spacing,
-    /// Probability that a joint cuts a block in its way.
+    /// Probability that a joint cuts a block that it crosses.
     pub persistence: f64,
 }
 
-/// Distribution of the distance (m) between neighbouring planes.
+/// Distribution of the distance \[m\] between neighbouring planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Spacing {
-    /// Always this one.
+    /// Constant distance.
     Constant(f64),
     /// Uniform distribution between two bounds.
     Uniform {
-        /// The smallest.
+        /// Lower bound.
         min: f64,
-        /// The largest.
+        /// Upper bound.
         max: f64,
     },
-    /// Negative exponential.
+    /// Negative exponential distribution.
     Exponential {
         /// Mean.
         mean: f64,
     },
-    /// Normal; values that are not above zero are drawn again.
+    /// Normal distribution; values that are not positive are drawn again.
     Normal {
         /// Mean.
         mean: f64,
@@ -59,7 +59,7 @@ pub enum Spacing {
 }
 
 impl Spacing {
-    /// Returns the mean (m).
+    /// Returns the mean distance \[m\].
     #[must_use]
     pub fn mean(&self) -> f64 {
         match *self {
@@ -68,7 +68,7 @@ impl Spacing {
         }
     }
 
-    /// Returns a gap (m).
+    /// Returns a random distance \[m\].
     fn draw(&self, draws: &mut Stream) -> f64 {
         match *self {
             Self::Constant(gap) => gap,
@@ -87,26 +87,26 @@ impl Spacing {
     }
 }
 
-/// Returns a standard normal number by Box and Muller's transform.
+/// Returns a standard normal number by the Box-Muller transform.
 fn standard_normal(draws: &mut Stream) -> f64 {
     let length = (-2.0 * (1.0 - draws.uniform()).ln()).sqrt();
     length * (std::f64::consts::TAU * draws.uniform()).cos()
 }
 
-/// Returns the upward unit normal of a plane of this dip and dip direction (degrees).
+/// Returns the upward unit normal of a plane with this dip and dip direction \[deg\].
 #[must_use]
 pub fn upward_normal(dip: f64, direction: f64) -> Vector3<f64> {
     let (sin, cos) = dip.to_radians().sin_cos();
     let (east, north) = direction.to_radians().sin_cos();
-    // Right angles make no rounding: three sets of them cut bricks.
+    // Right angles must give exact zeros: three perpendicular sets then cut bricks.
     Vector3::new(sin * east, sin * north, cos)
         .map(|c| if c.abs() < 1e-15 { 0.0 } else { c })
         .normalize()
 }
 
 impl JointSet {
-    /// Distances (m) from the origin of the coordinates, along the normal, of the planes between two bounds, in rising
-    /// order. `place` is the set's number: sets with one seed differ.
+    /// Returns the distances \[m\] from the origin of coordinates, along the normal, of the planes between two
+    /// bounds, in ascending order. `place` is the index of the set: sets with equal seeds differ by it.
     #[must_use]
     pub fn offsets(&self, seed: u64, place: u32, low: f64, high: f64) -> Vec<f64> {
         let first = self.normal.dot(&self.origin);
@@ -118,7 +118,7 @@ impl JointSet {
             std::iter::from_fn(move || {
                 k += 1.0;
                 far = match spacing {
-                    // A product, so that the rounding does not add up.
+                    // A product, so that rounding errors do not accumulate.
                     Spacing::Constant(gap) => k * gap,
                     _ => far + spacing.draw(&mut draws),
                 };

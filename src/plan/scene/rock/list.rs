@@ -8,9 +8,10 @@
 //! {"blocks": [{"id": 0, "half_spaces": [[1, 0, 0, 2.5]], "material": "granite", "fixed": true}]}
 //! ```
 //!
-//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, in lines or
-//! in an array: `centerX`, `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's distance
-//! from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines friction.
+//! The format of `SparkRocks` (github.com/cb-geo/spark-rocks, `Json.scala`) is one object for each block, one per
+//! line or in an array: `centerX`, `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's
+//! distance from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines
+//! friction.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -18,21 +19,21 @@ use serde_json::Value;
 
 use dem::polyhedron::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 
-/// Maximum number of sentences about one file.
+/// Maximum number of errors listed for one file.
 const MOST: usize = 20;
 
-/// A block of a file.
+/// Block of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
-    /// Shape and place.
+    /// Shape and position.
     pub solid: PlacedPolyhedron,
-    /// Name of its material, if it is not that of the others.
+    /// Name of its material; none for the default material.
     pub material: Option<String>,
     /// `true` if it never moves.
     pub fixed: bool,
 }
 
-/// Our own file.
+/// Block list in the format of this program.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -53,7 +54,7 @@ struct Entry {
     fixed: bool,
 }
 
-/// A block of `SparkRocks`; what else it writes is not needed.
+/// Block in the format of `SparkRocks`; other fields are ignored.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Slice {
@@ -71,10 +72,10 @@ struct Face {
     d: f64,
 }
 
-/// Returns the blocks of a file in either form.
+/// Returns the blocks of a file in either format.
 ///
 /// # Errors
-/// Sentences about the errors, each with its block.
+/// If blocks are invalid; each text names its block.
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
@@ -89,7 +90,7 @@ pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     collected(made)
 }
 
-/// Reads the program's own form.
+/// Reads the format of this program.
 fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<String>> {
     let whole = values.into_iter().next().unwrap_or_default();
     let mut file: File = serde_path_to_error::deserialize(whole)
@@ -127,7 +128,7 @@ impl Entry {
     }
 }
 
-/// Returns the form of `SparkRocks`.
+/// Reads the format of `SparkRocks`.
 fn sliced(values: Vec<Value>) -> Vec<Result<Listed, String>> {
     let blocks = values.into_iter().flat_map(|value| match value {
         Value::Array(list) => list,
@@ -145,7 +146,7 @@ impl Slice {
     fn listed(&self) -> Result<Listed, ShapeError> {
         let centre = Vector3::new(self.center_x, self.center_y, self.center_z);
         let plane = |face: &Face| {
-            // The centre is inside: a negative distance is a normal that points inwards.
+            // The centre lies inside: a negative distance means a normal that points inwards.
             let sign = 1_f64.copysign(face.d);
             let normal = Vector3::new(face.a, face.b, face.c) * sign;
             HalfSpace {
@@ -162,7 +163,7 @@ impl Slice {
     }
 }
 
-/// Returns all blocks, or the first sentences about those that cannot be made, and how many more there are.
+/// Returns all blocks, or the first errors and the number of the others.
 fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<String>> {
     let mut blocks = Vec::with_capacity(made.len());
     let mut problems = Vec::new();
@@ -184,7 +185,7 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
     }
 }
 
-/// Returns `[a, b, c, d]` as written.
+/// Returns the half-space of a row `[a, b, c, d]`.
 pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     HalfSpace {
         normal: Vector3::new(row[0], row[1], row[2]),
@@ -192,7 +193,7 @@ pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     }
 }
 
-/// Returns the text of a file in our own form, blocks numbered in order.
+/// Returns the text of a file in the format of this program, with blocks numbered in order.
 #[must_use]
 pub fn write<'a>(blocks: impl Iterator<Item = (&'a PlacedPolyhedron, &'a str, bool)>) -> String {
     let row = |plane: &HalfSpace| {

@@ -1,4 +1,4 @@
-//! Lists of grains that other programs write, converted to a table with a line of names. Lines keep their numbers.
+//! Grain lists of other programs, converted to a table with a header. Rows keep their line numbers.
 //!
 //! | program | form |
 //! |---|---|
@@ -9,15 +9,15 @@
 //! | PFC | `ball create`, `ball generate`, `ball id 1 ...`: `id`, `radius`, `position`, `x`, `y`, `z` and velocities |
 //!
 //! Text files of YADE (`#format x_y_z_r`, `# x y z r`) are tables with the names in a comment, which
-//! [`io::sheet`] reads. `attrs` in a format stands for any number of columns at the end, which are left out.
+//! [`io::sheet`] reads. `attrs` in a format stands for any number of trailing columns, which are ignored.
 
 use io::sheet::{Column, Header};
 use std::fmt::Write;
 
-/// Returns the names and rows of a text of another program; none for a table.
+/// Returns header and rows of a text written by another program; none for a table.
 ///
 /// # Errors
-/// A sentence about a text that begins like one of the forms and cannot be read.
+/// If a text begins like one of the formats but cannot be read.
 pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Header<'t>>, String> {
     let text = text.trim_start_matches('\u{feff}');
     let mut lines = text.lines().map(str::trim);
@@ -59,12 +59,12 @@ pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Hea
     Ok(None)
 }
 
-/// Words with which a list of commands of PFC begins.
+/// First words of PFC command lists.
 const COMMANDS: [&str; 10] = [
     "model", "new", "domain", "ball", "program", "fish", "def", "define", "set", "restore",
 ];
 
-/// Returns a table without the attributes at the end of its rows, of which a format may have any number.
+/// Returns a table without the trailing attributes of its rows, of which a format may have any number.
 fn without_attributes<'t>(mut found: Header<'t>, format: &str) -> Header<'t> {
     let Some(names) = format.trim().strip_suffix("_attrs") else {
         return found;
@@ -83,7 +83,7 @@ fn without_attributes<'t>(mut found: Header<'t>, format: &str) -> Header<'t> {
 /// First word of a sphere pack.
 const PERIODIC: &str = "##PERIODIC::";
 
-/// Converts a sphere pack, whose rows have no names: a number of the shape and its kind may stand first.
+/// Converts a sphere pack, whose rows have no names: the number of a shape and its kind may come first.
 fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     let above = text[..at].lines().count() + 1;
     let rows = text[at..].split_once('\n').map_or("", |(_, rows)| rows);
@@ -117,7 +117,7 @@ fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     })
 }
 
-/// Returns the position of the line `Atoms` of a LAMMPS data file; none for another text.
+/// Returns the line number of `Atoms` in a LAMMPS data file; none for another text.
 fn atoms_section(text: &str) -> Option<usize> {
     let head: String = text.lines().take(40).collect::<Vec<_>>().join("\n");
     let stated = |words: &str| head.lines().any(|line| line.trim().ends_with(words));
@@ -134,7 +134,8 @@ fn atoms_section(text: &str) -> Option<usize> {
     None
 }
 
-/// Returns the rows of a section, which end with a line that begins with a letter, as words with their lines.
+/// Returns the rows of a section as words with their line numbers; a section ends at a line that begins with a
+/// letter.
 fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
     let above = text[..at].lines().count();
     let lines = (above + 1..).zip(text[at..].lines()).skip(1);
@@ -183,7 +184,7 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
                 "line {n}: an atom of the style `sphere` is `id type diameter density x y z`"
             ));
         };
-        // Lines keep their numbers.
+        // Empty lines preserve the line numbers.
         rows.extend(std::iter::repeat_n('\n', n - below - 1));
         below = *n;
         let _ = write!(rows, "{id}\t{diameter}\t{x}\t{y}\t{z}");
@@ -237,7 +238,7 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
             above + 1
         ));
     }
-    // Of two forms of one quantity the first is read.
+    // If a quantity is given in two forms, the first is read.
     for [first, second] in [
         ["x", "xu"],
         ["y", "yu"],
@@ -267,13 +268,13 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     })
 }
 
-/// Returns the number of atoms that the last snapshot states.
+/// Returns the number of atoms stated for the last snapshot.
 fn number_of_atoms(above: &str) -> Option<usize> {
     let (_, below) = above.rsplit_once("ITEM: NUMBER OF ATOMS")?;
     below.lines().nth(1)?.trim().parse().ok()
 }
 
-/// Returns the words behind `ball create` and similar commands; none for another command.
+/// Returns the words after `ball create` and similar commands; none for another command.
 fn ball(line: &str) -> Option<String> {
     let line = line.split(';').next().unwrap_or_default().to_lowercase();
     let spaced: String = line
@@ -299,7 +300,7 @@ fn ball(line: &str) -> Option<String> {
     }
 }
 
-/// Words of a command that places balls at random or on a lattice.
+/// Keywords of commands that place balls at random or on a lattice.
 const GENERATED: [&str; 7] = [
     "number",
     "num",
@@ -310,7 +311,7 @@ const GENERATED: [&str; 7] = [
     "tries",
 ];
 
-/// Names of the columns of a converted list of commands.
+/// Column names of a converted command list.
 const NAMES: [&str; 8] = [
     "x",
     "y",
@@ -323,7 +324,7 @@ const NAMES: [&str; 8] = [
 ];
 const ID: usize = 4;
 
-/// Converts commands that create balls: one row for each line of the text, empty where it creates none.
+/// Converts commands that create balls to one row per line of the text, empty for lines that create none.
 fn balls(text: &str) -> Result<Header<'_>, String> {
     let all: Vec<Option<[Option<f64>; 8]>> = text
         .lines()
@@ -358,7 +359,7 @@ fn balls(text: &str) -> Result<Header<'_>, String> {
     })
 }
 
-/// Returns the values of a command by the columns of [`NAMES`].
+/// Returns the values of a command in the columns of [`NAMES`].
 fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
     let mut ball = [None; 8];
     if words
@@ -381,7 +382,7 @@ fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
             "velocity" | "vel" | "velocity-x" | "xvel" => 5,
             "velocity-y" | "yvel" => 6,
             "velocity-z" | "zvel" => 7,
-            // Groups, properties and other keywords with their values.
+            // Groups, properties and other keywords are skipped with their values.
             _ => continue,
         };
         let many = matches!(word, "position" | "pos" | "velocity" | "vel");

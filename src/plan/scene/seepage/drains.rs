@@ -9,7 +9,7 @@ use base::number::{real, whole};
 use darcy::{Condition, DrainCells};
 use serde::Serialize;
 
-/// A drain inside the ground.
+/// Drain inside the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drain {
     /// Name.
@@ -17,14 +17,14 @@ pub struct Drain {
     /// Its cells, or its plane between cells.
     #[serde(skip)]
     pub cells: DrainCells,
-    /// The condition, at time 0.
+    /// Condition at time 0.
     pub condition: Condition,
-    /// Times \[s\] and values of the condition; empty where it stays.
+    /// Times \[s\] and values of the condition; empty if it is constant.
     pub history: Vec<[f64; 2]>,
 }
 
 impl Seepage {
-    /// Returns the drains of the case; findings where one has no place in the ground.
+    /// Returns the drains of the case; reports a finding for one that does not lie in the ground.
     pub(super) fn drains_of(&self, grid: &Grid, findings: &mut Findings) -> Vec<Drain> {
         let mut known: Vec<&str> = self
             .patches
@@ -101,7 +101,7 @@ impl Seepage {
                 from[a] = whole(plane);
                 to[a] = from[a];
             }
-            // A line or a point is the cells that hold it.
+            // A line or a point becomes the cells that contain it.
             _ => {
                 for a in thin {
                     let at = whole(middle(a).floor().clamp(0.0, real(self.cells[a] - 1)));
@@ -120,7 +120,7 @@ impl Seepage {
     pub(super) fn drain_pressure(&self, drain: &Drain, gravity: [f64; 3]) -> Option<f64> {
         let density = self.written.density;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        // Half way between the ends; the lowest point for air.
+        // The reference point is half way between the ends; for air the lowest point.
         let place = |part: f64| -> f64 {
             let at = |a: usize| {
                 let (low, high) = (real(drain.cells.from[a]), real(drain.cells.to[a]));

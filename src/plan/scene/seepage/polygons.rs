@@ -5,10 +5,11 @@ use case::Case;
 use case::darcy::{Zone, ZonePolygon};
 use io::sheet::{Column, Refusal, Sheet, Unit};
 
-/// Largest number of corners.
+/// Maximum number of corners.
 const MOST_CORNERS: usize = 10_000;
 
-/// Returns the corners of the polygon of a zone \[m\], nothing where it has none; findings where it bounds nothing.
+/// Returns the corners of the polygon of a zone \[m\], empty if it has none; reports a finding if the polygon
+/// encloses no area.
 pub(super) fn polygon(
     case: &Case,
     zone: &Zone,
@@ -88,7 +89,7 @@ fn corners(text: &str) -> Result<Vec<[f64; 2]>, String> {
     Ok(points)
 }
 
-/// Returns the area of a polygon \[m2\], negative where it runs clockwise.
+/// Returns the area of a polygon \[m²\], negative if it runs clockwise.
 fn area(points: &[[f64; 2]]) -> f64 {
     let next = points.iter().cycle().skip(1);
     let twice = points

@@ -1,4 +1,4 @@
-//! Ground that drains: parameters of the soil, and what does not go with it.
+//! Unsaturated ground: parameters of the soil, and features that do not work with it.
 
 use super::polygons::polygon;
 use super::{PATH, Seepage};
@@ -12,17 +12,17 @@ use case::darcy::{TransientFlow, ZonePermeability};
 use darcy::zones::is_inside;
 use darcy::{Condition, Equations, Retention};
 
-/// Height of a cell over the capillary length above which the plan warns: the relative permeability falls by e^-20
-/// from one cell to the next.
+/// Maximum height of a cell in capillary lengths, above which the plan warns: the relative permeability then falls
+/// by e^-20 from one cell to the next.
 const COARSE: f64 = 20.0;
 
-/// Largest number of zones with a retention.
+/// Maximum number of zones with a retention.
 const MOST_SOILS: usize = 255;
-/// Thickness of the surface of ground without suction over the height of a cell.
+/// Thickness of the phreatic surface in ground without suction, in cell heights.
 const SURFACE: f64 = 0.1;
 
 impl Seepage {
-    /// Sets the thickness of the phreatic surface by the cells where the case states none.
+    /// Sets the thickness of the phreatic surface from the height of the cells if the case states none.
     pub(super) fn resolve_surface(&mut self, gravity: [f64; 3]) {
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let rise = (0..3)
@@ -44,7 +44,7 @@ impl Seepage {
         }
     }
 
-    /// Returns the number of the soil of each cell; nothing where no zone states one.
+    /// Returns the index of the soil of each cell; empty if no zone states one.
     pub(super) fn soils(&self, case: &Case, grid: &Grid) -> Vec<u8> {
         let stated = self
             .written
@@ -56,7 +56,7 @@ impl Seepage {
         }
         let coarse = self.coarse_grid(grid.dimension);
         let mut regions = Vec::new();
-        // What is wrong with a region has been said.
+        // Errors of a region were already reported.
         let mut silent = Findings::new(case);
         for zone in self
             .written
@@ -81,7 +81,7 @@ impl Seepage {
         (0..self.cell_count()).map(soil).collect()
     }
 
-    /// Checks the retention of zones, and that nothing states one where no ground drains.
+    /// Checks the retentions of zones, and refuses them in saturated ground.
     fn check_layers(&self, findings: &mut Findings) {
         let drains = self.written.unsaturated.as_ref();
         let stated = self.written.zones.iter().enumerate();
@@ -117,7 +117,7 @@ impl Seepage {
         }
     }
 
-    /// Checks the tables of conditions.
+    /// Checks the time tables of conditions.
     fn check_histories(&self, findings: &mut Findings) {
         let boundaries = self.written.boundaries.iter().enumerate();
         let boundaries =
@@ -144,7 +144,7 @@ impl Seepage {
         }
     }
 
-    /// Checks the soil that drains, and that nothing needs one where there is none.
+    /// Checks the soil of unsaturated ground, and refuses features that need it in saturated ground.
     pub(super) fn check_unsaturated(&self, case: &Case, grid: &Grid, findings: &mut Findings) {
         self.check_layers(findings);
         self.check_histories(findings);
@@ -214,7 +214,7 @@ impl Seepage {
         }
     }
 
-    /// Checks a flow that changes with time.
+    /// Checks the settings of a transient flow.
     fn check_transient(&self, transient: &TransientFlow, stores: bool, findings: &mut Findings) {
         let path = format!("{PATH}.unsaturated");
         if !stores {
@@ -251,7 +251,7 @@ impl Seepage {
         }
     }
 
-    /// Refuses seepage faces and evaporation of saturated ground.
+    /// Refuses seepage faces and evaporation in saturated ground.
     fn refuse_seepage_faces(&self, findings: &mut Findings) {
         let boundaries = self.patches.iter().enumerate();
         let boundaries = boundaries.map(|(n, patch)| (format!("boundaries[{n}]"), patch.condition));

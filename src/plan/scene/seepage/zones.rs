@@ -1,4 +1,4 @@
-//! Zones of the seepage: regions with their own permeability or porosity, resolved on the coarse grid.
+//! Zones of the seepage: regions with their own permeability or porosity, on the coarse grid.
 
 use super::polygons::polygon;
 use super::{PATH, Seepage};
@@ -14,7 +14,7 @@ use darcy::zones::{Raster, Rule, SoilZone as Resolved};
 use io::sheet::{Column, Refusal, Sheet, Unit};
 use std::sync::Arc;
 
-/// Columns of a raster that hold a permeability.
+/// Columns of a raster that give a permeability.
 const PERMEABILITIES: [&str; 3] = ["permeability", "hydraulic_conductivity", "factor"];
 
 impl Seepage {
@@ -32,9 +32,9 @@ impl Seepage {
         let strength = case.gravity.as_ref().map_or(0.0, |gravity| {
             gravity.to_array().iter().map(|g| g * g).sum::<f64>().sqrt()
         });
-        // Hydraulic conductivity to permeability: k mu/(rho g).
+        // Factor from hydraulic conductivity to permeability: mu/(rho g).
         let permeable = written.viscosity / (written.density * strength);
-        // Where there are no grains at all, zones are the ground.
+        // Without grains and bodies the zones are the ground.
         let alone = case.grains.is_none() && case.bodies.is_empty();
         let mut known = Vec::new();
         let mut zones = Vec::new();
@@ -120,7 +120,7 @@ impl Seepage {
         Some(Arc::new(all))
     }
 
-    /// Checks what a dip needs.
+    /// Checks the requirements of dipping beds.
     fn check_dip(&self, case: &Case, zone: &Zone, path: &str, findings: &mut Findings) {
         let path = format!("{path}.dip");
         let gravity = (case.gravity.as_ref()).map_or([0.0; 3], |gravity| gravity.to_array());
@@ -166,7 +166,7 @@ impl Seepage {
         findings.error(&path, reason, remedy);
     }
 
-    /// Returns the name, property and place of every zone, as `plan` prints them.
+    /// Returns the name, property and extent of every zone, as printed in a plan.
     #[must_use]
     pub fn describe_zones(&self, alone: bool) -> Vec<[String; 3]> {
         let reached = self.zones.iter().flat_map(|zones| zones.reached());
@@ -217,7 +217,8 @@ impl Seepage {
     }
 }
 
-/// Returns the permeability of a zone along each axis over the stated one; findings where gravity gives no bedding.
+/// Returns the permeability of a zone along each axis divided by the stated one; reports a finding if gravity
+/// defines no bedding.
 fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f64; 3] {
     let Some(ratio) = zone.anisotropy else {
         return [1.0; 3];
@@ -246,8 +247,8 @@ fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f6
     directions
 }
 
-/// Returns permeabilities along x and y and the cross term, over the permeability along the bedding, of beds at an
-/// angle \[deg\].
+/// Returns permeabilities along x and y and the cross term, divided by the permeability along the bedding, of beds
+/// at an angle \[deg\].
 fn dipping(ratio: f64, dip: f64) -> ([f64; 3], f64) {
     let (s, c) = dip.to_radians().sin_cos();
     let across = 1.0 / ratio;
@@ -265,7 +266,7 @@ fn weightless(path: &str, findings: &mut Findings) {
     );
 }
 
-/// Returns the raster of a zone; findings where it cannot be had.
+/// Returns the raster of a zone; reports a finding if it cannot be read.
 fn raster(
     case: &Case,
     zone: &Zone,
@@ -342,11 +343,11 @@ fn columns(axes: &[&'static str]) -> Vec<Column> {
         .collect()
 }
 
-/// Reads a raster, and the column that its permeabilities come from; `permeable`: permeability over hydraulic
-/// conductivity [m s].
+/// Reads a raster; returns it with the name of its permeability column. `permeable` is the ratio of permeability to
+/// hydraulic conductivity [m s].
 ///
 /// # Errors
-/// A sentence that names the line or the column.
+/// If the text is not a valid raster; the error names the line or the column.
 fn read(
     text: &str,
     dimension: usize,
@@ -384,7 +385,7 @@ fn read(
         let line = row.line();
         let mut at = [0.0; 3];
         for (column, x) in at.iter_mut().take(axes.len()).enumerate() {
-            // Minus zero is zero.
+            // Adding 0 turns minus zero into zero.
             *x = row.number(column)? + 0.0;
         }
         let mut rule = None;
@@ -432,7 +433,7 @@ fn read(
         all
     });
     let counts: Vec<usize> = along[..dimension.min(3)].iter().map(Vec::len).collect();
-    // Nodes that differ and fill every place: all of them.
+    // If the nodes differ and fill every combination of coordinates, they are complete.
     if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
         return Err(format!(
             "{} nodes do not form a raster: their coordinates have {} different values along {}, and every \

@@ -1,6 +1,7 @@
-//! The terminal velocity of a single body in the fluid.
+//! Terminal velocity of a single body in the fluid.
 //!
-//! The weight less the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1 +
+//! The weight minus the buoyancy balances the drag C_d(Re) rho v²/2 on the cross section. For a sphere C_d = 24 (1
+//! +
 //! 0.15 Re^0.687)/Re, and 0.44 from Re = 1000 on (Schiller and Naumann 1933). For a disc in 2-D, which is a long
 //! cylinder, C_d = 1.18 + 6.8/Re^0.89 + 1.96/Re^½ - 0.0004 Re/(1 + 3.64e-7 Re²) (Sucker and Brauer 1975). Walls and
 //! neighbours reduce the velocity.
@@ -11,7 +12,7 @@ use super::super::flow::Flow;
 use super::super::grains::GrainSource;
 use std::f64::consts::PI;
 
-/// Returns the drag coefficient of a sphere (3-D) or a long cylinder (2-D), without unit.
+/// Returns the dimensionless drag coefficient of a sphere (3-D) or a long cylinder (2-D).
 fn drag_coefficient(dimension: usize, reynolds: f64) -> f64 {
     if dimension == 2 {
         1.18 + 6.8 / reynolds.powf(0.89) + 1.96 / reynolds.sqrt()
@@ -37,7 +38,7 @@ pub(crate) fn terminal_speed(dimension: usize, force: f64, diameter: f64, flow: 
         let speed = unit * reynolds;
         0.5 * flow.density * speed * speed * area * drag_coefficient(dimension, reynolds)
     };
-    // The drag grows with the Reynolds number: halve the interval of its logarithm.
+    // The drag increases with the Reynolds number: bisect its logarithm.
     let (mut low, mut high) = (1e-12_f64, 1e9_f64);
     for _ in 0..60 {
         let middle = (low * high).sqrt();
@@ -54,14 +55,14 @@ fn of_volume(volume: f64) -> f64 {
     (6.0 * volume / PI).cbrt()
 }
 
-/// Returns the diameter of a body \[m\]; of a polyhedron that of the sphere of its volume.
+/// Returns the diameter of a body \[m\]; for a polyhedron that of the sphere of equal volume.
 pub(crate) fn diameter(body: &NamedBody) -> f64 {
     let volume = body.solid.as_ref().map(|solid| solid.shape.volume());
     volume.map_or(2.0 * body.radius, of_volume)
 }
 
-/// Returns the bodies that move freely: JSON path, diameter \[m\] (of a polyhedron that of the sphere of its volume),
-/// material.
+/// Returns JSON path, diameter \[m\] (for a polyhedron that of the sphere of equal volume) and material of each
+/// freely moving body.
 fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
     for (n, body) in scene.bodies.iter().enumerate() {
@@ -92,8 +93,8 @@ fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
     list
 }
 
-/// Returns the speed [m/s] at which a sphere (2-D: a disc) of a diameter \[m\] and a material settles or rises: no
-/// faster than in a free fall through the domain, or as long as the run.
+/// Returns the settling or rising speed [m/s] of a sphere (2-D: a disc) of a diameter \[m\] and a material, limited
+/// by a free fall through the domain or over the duration of the run.
 pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize) -> f64 {
     let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
@@ -103,7 +104,7 @@ pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize
         .min(lighter * scene.time.end)
 }
 
-/// Returns the speed of the fastest of what settles or rises under gravity [m/s], and its JSON path.
+/// Returns the largest settling or rising speed under gravity [m/s], and the JSON path of the body.
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     free(scene)
         .into_iter()
@@ -112,8 +113,8 @@ pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Returns the speed of the water that a force per volume [N/m3] drives through bodies in a box without walls [m/s]:
-/// what it pushes is held by the bodies, each at least as hard as if it stood alone.
+/// Returns the speed of the water [m/s] that a force per volume [N/m³] drives through bodies in a box without
+/// walls: their drag, each at least that of an isolated body, balances the force.
 pub(crate) fn held_by_bodies(scene: &Scene, flow: &Flow, force: f64) -> Option<f64> {
     let dimension = scene.grid.dimension;
     let volume: f64 = scene.grid.size[..dimension].iter().product();
@@ -145,7 +146,7 @@ mod tests {
     fn a_small_sphere_settles_as_stokes_says() {
         let mut water = water();
         (water.density, water.kinematic_viscosity) = (1000.0, 1e-6);
-        // Silt of 10 micrometres and 2650 kg/m3: v = (rho_s - rho) g d²/(18 mu) = 8.99e-5 m/s, Re = 9e-4.
+        // Silt of 10 micrometres and 2650 kg/m³: v = (rho_s - rho) g d²/(18 mu) = 8.99e-5 m/s, Re = 9e-4.
         let diameter = 1e-5_f64;
         let weight = 1650.0 * 9.81 * PI / 6.0 * diameter.powi(3);
         let stokes = 1650.0 * 9.81 * diameter * diameter / (18.0 * 1e-3);

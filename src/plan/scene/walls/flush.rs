@@ -1,11 +1,11 @@
-//! Checks for walls that lie in one plane: a plane wall acts there alone.
+//! Checks for walls in one plane, where only the plane wall acts.
 
 use super::super::findings::Findings;
 use super::SceneWall;
 use case::Case;
 use nalgebra::Vector3;
 
-/// Distance over the size of a facet up to which its corners lie in a plane.
+/// Maximum distance of a corner from a plane, in facet sizes, at which it lies in the plane.
 const IN_PLANE: f64 = 1e-6;
 
 /// Returns `true` if a facet of `wall` that faces the grains lies in a plane.
@@ -14,7 +14,7 @@ fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
         return false;
     };
     let (point, normal) = (Vector3::from(plane.point), Vector3::from(plane.normal));
-    // Both sides of a single facet face the grains, and the outer sides of a solid.
+    // Both sides of a single facet face the grains; of a solid only the outer sides do.
     let two_sided = surface.len() == 1;
     (0..surface.len()).any(|facet| {
         let reach = IN_PLANE * surface.size(facet);
@@ -24,7 +24,7 @@ fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
     })
 }
 
-/// Returns `true` if two walls are one plane.
+/// Returns `true` if two walls are the same plane.
 fn are_one_plane(one: &SceneWall, other: &SceneWall) -> bool {
     let between: f64 = (0..3)
         .map(|a| one.normal[a] * (other.point[a] - one.point[a]))
@@ -39,7 +39,7 @@ fn moves_otherwise(one: &SceneWall, other: &SceneWall) -> bool {
         || (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
 }
 
-/// Warns of walls that have no effect, since a plane wall of another material or velocity lies in the same plane.
+/// Warns of walls without effect, because a plane wall of another material or velocity lies in their plane.
 pub(super) fn check(case: &Case, walls: &[SceneWall], findings: &mut Findings) {
     for (n, plane) in walls.iter().enumerate() {
         if plane.surface.is_some() {

@@ -1,4 +1,4 @@
-//! The walls that grains meet at structures, and the walls that the water does not meet.
+//! Walls for grains at the surfaces of structures, and a check for walls that do not stop water.
 
 use super::{SceneWall, across_periodic, periods, reaches};
 use crate::scene::auto::features::grain_diameters;
@@ -16,10 +16,11 @@ use dem::polyhedron::PlacedPolyhedron;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// A facet leaves a round surface by no more than this part of the radius of the smallest grain.
+/// Maximum distance between a facet and the round surface that it approximates, as a fraction of the smallest grain
+/// radius.
 const SAGITTA: f64 = 0.01;
 
-/// Returns the walls that structures are for grains.
+/// Returns the walls of structures for grains.
 pub(super) fn of_structures(
     case: &Case,
     grid: &Grid,
@@ -92,7 +93,7 @@ pub(super) fn of_structures(
                 "end it at the length of the domain",
             );
         }
-        // In 2-D the facets are strips across the plane.
+        // In 2-D the facets are strips normal to the plane.
         let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
         let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
         let made = FacetSurface::new(vertices.collect(), &facets.faces)
@@ -114,19 +115,19 @@ pub(super) fn of_structures(
     walls
 }
 
-/// A layer of water up to this many cells deep behind a wall is a joint under blocks.
+/// Maximum thickness \[cells\] of a water layer behind a wall that counts as a joint under blocks.
 const JOINT: f64 = 3.0;
-/// Points along an axis at which it is looked for water behind a wall.
+/// Number of points along an axis at which water behind a wall is sought.
 const LOOKS: usize = 10;
 
-/// A half-space `normal . x <= offset` that the water fills, or a part of it \[m\].
+/// Half-space `normal . x <= offset` \[m\] that is filled with water, at least in part.
 type Bound = ([f64; 3], f64);
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns the faces that bound the water of a case.
+/// Returns the half-spaces that bound the water of a case.
 fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     let (mut low, mut high) = ([0.0; 3], grid.size);
     let mut all = Vec::new();
@@ -152,7 +153,7 @@ fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     all
 }
 
-/// Checks walls in water, which are for grains only. Those with water on both sides are named.
+/// Checks walls in water, which act on grains only. Walls with water on both sides are reported.
 pub(crate) fn walls_in_water(
     case: &Case,
     grid: &Grid,
@@ -169,7 +170,7 @@ pub(crate) fn walls_in_water(
             .iter()
             .copied()
             .fold(0.0, f64::max);
-    // A surface that lies in a face of the water, or beyond it, bounds the water.
+    // A surface in a face of the water, or beyond it, bounds the water.
     let outside = |surface: &FacetSurface| {
         bounds.iter().any(|(normal, offset)| {
             (0..surface.len())
