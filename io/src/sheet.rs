@@ -1,4 +1,4 @@
-//! Tables that users write or export: samples, profiles, rasters, sieve curves.
+//! Tables that users write or export: samples, profiles, rasters, polygons.
 //!
 //! The first line names the columns, in any order and independent of upper and lower case. Cells are separated by
 //! commas, semicolons, tabs or spaces. A unit in brackets after a name, or in a line of units below the names, is
@@ -152,6 +152,13 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// Returns `true` if a cell names one of these columns.
+fn is_known(columns: &[Column], cell: &str) -> bool {
+    let name = plain(split_unit(cell).0);
+    let other = |c: &Column| c.others.iter().any(|(other, _)| *other == name);
+    columns.iter().any(|c| c.name == name || other(c))
+}
+
 /// Returns the separator of the cells of a line.
 fn separator(line: &str) -> u8 {
     match line.trim() {
@@ -220,6 +227,28 @@ fn quotable(name: &str, at: usize) -> String {
     } else {
         format!("number {}", at + 1)
     }
+}
+
+/// First words of grids of maps: of ESRI, GRASS and Surfer.
+const GRID: [&str; 7] = [
+    "ncols",
+    "nrows",
+    "xllcorner",
+    "xllcenter",
+    "cellsize",
+    "north:",
+    "dsaa",
+];
+
+/// Returns a line of names for cells that are separated by this sign.
+fn example(columns: &[Column], separator: u8) -> String {
+    let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
+    let between = match separator {
+        b';' => ";",
+        b',' => ",",
+        _ => " ",
+    };
+    needed.collect::<Vec<_>>().join(between)
 }
 
 /// Returns `true` if the line is blank or a comment.
@@ -292,12 +321,15 @@ impl<'t> Header<'t> {
         Self::find_in(text, columns)
     }
 
+    /// Returns `true` if one of the names, in small letters with `_` between words, begins in this way.
+    #[must_use]
+    pub fn has_name_that_begins(&self, begin: &str) -> bool {
+        let mut names = self.names.iter().map(|name| plain(split_unit(name).0));
+        names.any(|name| name.starts_with(begin))
+    }
+
     fn find_in(text: &'t str, columns: &[Column]) -> Result<Self, String> {
-        let known = |name: &str| {
-            let name = plain(name);
-            let other = |c: &Column| c.others.iter().any(|(other, _)| *other == name);
-            columns.iter().any(|c| c.name == name || other(c))
-        };
+        let known = |name: &str| is_known(columns, name);
         let mut comment = None;
         let (mut rows, mut above, mut stated) = (text, 0, None);
         while !rows.is_empty() {
@@ -309,6 +341,16 @@ impl<'t> Header<'t> {
             } else {
                 let separator = stated.unwrap_or_else(|| separator(line));
                 let names = cells(line, separator);
+                if let [first, ..] = &names[..]
+                    && GRID.contains(&first.to_lowercase().as_str())
+                {
+                    return Err(format!(
+                        "line {}: this is a grid of a map (ESRI, GRASS, Surfer), whose numbers have no coordinates: \
+                         write a table with a row for each node and a first line such as `{}`",
+                        above + 1,
+                        example(columns, b',')
+                    ));
+                }
                 if !numeric(&names) {
                     let header = Self {
                         names,
@@ -328,12 +370,10 @@ impl<'t> Header<'t> {
                         separator,
                     });
                 }
-                let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
-                let example = needed.collect::<Vec<_>>().join(",");
                 return Err(format!(
-                    "line {} holds numbers where the names of the columns are expected: add a first line such as \
-                     `{example}`",
-                    above + 1
+                    "line {} holds numbers where the names of the columns are expected: add a first line such as `{}`",
+                    above + 1,
+                    example(columns, separator)
                 ));
             }
             (rows, above) = (below, above + 1);
@@ -434,6 +474,13 @@ impl<'t> Sheet<'t> {
                 .enumerate()
                 .find_map(|(k, column)| Some((k, divisor(column)?)));
             let Some((k, (_, over))) = matched else {
+                if all && !header.names.iter().any(|cell| is_known(known, cell)) {
+                    return Err(Refusal::Sentence(format!(
+                        "line {} names none of the columns: the first line of a table is such as `{}`",
+                        header.above,
+                        example(known, header.separator)
+                    )));
+                }
                 if all {
                     return Err(Refusal::Unknown(quotable(name, at)));
                 }

@@ -63,18 +63,35 @@ pub enum GrainSource {
     /// A loose random cloud that falls onto the walls and settles (dry pluviation).
     Deposition(Deposition),
     /// A saved sample.
-    File {
-        /// Table, relative to the case, whose first line names the columns: `x`, `y`, `z` and `radius` or `diameter`
-        /// [m]; optionally `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`,
-        /// `angular_velocity_y`, `angular_velocity_z` [rad/s] and `id`, which gives the order of the grains. In 2-D
-        /// without `z`, `velocity_z` and the rotations about x and y. Cells are separated by commas, semicolons, tabs
-        /// or spaces, and numbers have decimal points. Other units are written in brackets: `x [mm]`. Dumps of
-        /// LAMMPS and LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands
-        /// of PFC are read as well, without types, groups and forces.
-        path: PathBuf,
-    },
+    File(SampleFile),
     /// A list of grains.
     List(Vec<Grain>),
+}
+
+/// A sample in a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SampleFile {
+    /// Table, relative to the case, whose first line names the columns: `x`, `y`, `z` and `radius` or `diameter`
+    /// [m]; optionally `material`, `velocity_x`, `velocity_y`, `velocity_z` [m/s], `angular_velocity_x`,
+    /// `angular_velocity_y`, `angular_velocity_z` [rad/s] and `id`, which gives the order of the grains. In 2-D
+    /// without `z`, `velocity_z` and the rotations about x and y. Cells are separated by commas, semicolons, tabs
+    /// or spaces, and numbers have decimal points. Other units are written in brackets: `x [mm]`. Dumps of LAMMPS and
+    /// LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
+    /// as well, without types, groups and forces.
+    pub path: PathBuf,
+    /// Length of the file's unit [m]: 0.001 for a file in mm. Centres, radii and velocities are multiplied by it.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub scale: f64,
+    /// Position of the file's origin [m], for samples that were made round the origin. Default: the origin of the
+    /// domain.
+    #[serde(default)]
+    pub origin: Option<Vector>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// Preparation by radius growth, without cohesion and fluid. During the growth all faces of the box are frictional

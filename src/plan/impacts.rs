@@ -471,10 +471,17 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         "use {} times the normal stiffness, or slower bodies",
         number(at_least(harder))
     ));
+    let guard = scene.guards.max_overlap;
     if impact.part >= THROUGH {
         findings.unstable(
             "contact",
             format!("{reason}; from {THROUGH} on bodies go through thin walls and each other"),
+            remedy,
+        );
+    } else if impact.part >= guard {
+        findings.unstable(
+            "contact",
+            format!("{reason}; above `guards.max_overlap` = {guard} the run ends"),
             remedy,
         );
     } else {

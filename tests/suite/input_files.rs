@@ -307,6 +307,49 @@ fn a_sample_is_read_in_full_or_refused() {
     );
 }
 
+/// A sample that was made in cm round the origin, as a dump or a table.
+#[test]
+fn a_sample_is_moved_and_scaled_into_the_domain() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let mut case = example("collision");
+    let text = "x,y,radius,velocity_x,angular_velocity_z,id\n2,0,1,-100,5,1\n-2,0,1,0,0,2\n";
+    std::fs::write(here.join("sample.csv"), text).unwrap();
+    let file = json!({"path": "sample.csv", "scale": 0.01, "origin": [0.1, 0.05]});
+    case["grains"]["initial"] = json!({"file": file});
+    let document = Document::read(&case.to_string(), &[], here).unwrap();
+    let plan = Plan::prepare(document).unwrap();
+    let Some(GrainSource::File { grains, .. }) = plan.scene.grains.map(|grains| grains.source)
+    else {
+        panic!("the grains are those of the file");
+    };
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-15;
+    let [right, left] = &grains[..] else {
+        panic!("two grains");
+    };
+    assert!(near(right.position[0], 0.12) && near(right.position[1], 0.05));
+    assert!(near(left.position[0], 0.08) && near(left.radius, 0.01));
+    assert_eq!(right.velocity, [-1.0, 0.0, 0.0]);
+    assert_eq!(right.angular_velocity, [0.0, 0.0, 5.0]);
+    case["grains"]["initial"] = json!({"file": {"path": "sample.csv", "scale": 0.01}});
+    let found = problems(&case, here);
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(found[0].reason.contains("x -0.02 … 0.02 m"), "{found:#?}");
+    let remedy = found[0].remedy.to_string();
+    assert!(remedy.contains("the domain is 0 … 0.2, 0.1 m"), "{remedy}");
+    assert!(remedy.contains("`origin` next to `path`"), "{remedy}");
+    let long = json!({"path": "sample.csv", "scale": 0.01, "origin": [0.1, 0.05, 0.0]});
+    case["grains"]["initial"] = json!({"file": long});
+    says(&case, here, "grains.initial.file.origin", "");
+    let none = json!({"path": "sample.csv", "scale": 0.0, "origin": [0.1, 0.05]});
+    case["grains"]["initial"] = json!({"file": none});
+    says(&case, here, "grains.initial.file.scale", "");
+    let small = json!({"path": "sample.csv", "scale": 1e-323, "origin": [0.1, 0.05]});
+    std::fs::write(here.join("sample.csv"), "x,y,radius\n0,0,0.1\n").unwrap();
+    case["grains"]["initial"] = json!({"file": small});
+    says(&case, here, "grains.initial.file.path", "a radius of");
+}
+
 /// Returns a channel with an inlet velocity from a table.
 fn with_profile(text: &str, folder: &Path) -> Value {
     std::fs::write(folder.join("inlet.csv"), text).unwrap();

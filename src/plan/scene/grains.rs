@@ -14,12 +14,12 @@ use case::Case;
 use case::geometry::Extent;
 use case::grains::{
     Amount, Deposition as WrittenDeposition, Grading, Grain as WrittenGrain,
-    GrainSource as Written, GrainZone, Growth, Radii, SizeClass,
+    GrainSource as Written, GrainZone, Growth, Radii, SampleFile, SizeClass,
 };
 use case::sieve::{self, Percentiles};
 use serde::Serialize;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use structure::Images;
 
@@ -310,7 +310,7 @@ pub(crate) fn grains(
     let (mut source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
         Written::Deposition(written) => falls(case, written, grid, materials, findings)?,
-        Written::File { path } => sample(case, path, grid, materials, findings),
+        Written::File(file) => sample(case, file, grid, materials, findings),
         Written::List(list) => listed(case, list, grid, materials, findings),
     };
     count(&mut zones, grains.zones.len(), &mut source, findings);
@@ -470,7 +470,7 @@ fn span(grid: &Grid, grains: &[ListedGrain]) -> String {
 /// Checks a saved sample and reports findings.
 fn sample(
     case: &Case,
-    written: &Path,
+    written: &SampleFile,
     grid: &Grid,
     Materials {
         names,
@@ -479,7 +479,10 @@ fn sample(
     findings: &mut Findings,
 ) -> Source {
     let path = sample::PATH;
-    let file = case.directory.join(written);
+    let file = case.directory.join(&written.path);
+    if let Some(origin) = &written.origin {
+        origin.resolve(grid.dimension, "grains.initial.file.origin", findings);
+    }
     let grains = sample::load(case, written).unwrap_or_else(|reason| {
         findings.error(path, reason, sample::REMEDY);
         Vec::new()
@@ -492,7 +495,15 @@ fn sample(
                 n + 1,
                 span(grid, &grains)
             ),
-            "use the domain the sample was made for, with its lower corner at 0, and lengths in m",
+            format!(
+                "the domain is 0 … {} m along its axes: move the sample into it with `origin` next to `path`, or \
+                 convert its lengths with `scale`",
+                grid.size[..grid.dimension]
+                    .iter()
+                    .map(|x| number(*x))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
         );
     }
     if let Some((finest, widest)) = bounds(&grains) {

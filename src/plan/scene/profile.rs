@@ -3,9 +3,10 @@
 //!
 //! On a face across x the columns are `y`, `z` (3-D only), `u`, `v` and `w` (3-D only); on a face across y `x` and `z`,
 //! across z `x` and `y`. Velocities may be called `velocity_x` or `vx` as well. [`io::sheet`] states which separators
-//! and units are read. [`VelocityTable`] interpolates between the rows.
+//! and units are read. Of tables of points that ParaView exports (`U:0`, `Points:1`) other columns are not read.
+//! [`VelocityTable`] interpolates between the rows.
 
-use io::sheet::{Column, Refusal, Sheet, Unit};
+use io::sheet::{Column, Header, Refusal, Sheet, Unit};
 use lbm::boundary::profile::VelocityTable;
 use std::path::Path;
 
@@ -14,20 +15,47 @@ pub const MOST_ROWS: usize = 1_000_000;
 /// Maximum length of a file \[bytes\]: that of [`MOST_ROWS`] rows of five numbers with all digits.
 const LONGEST: u64 = 256 << 20;
 /// Names of the coordinate columns, by axis.
-const COORDINATES: [(&str, &[(&str, f64)]); 3] = [("x", &[]), ("y", &[]), ("z", &[])];
+const COORDINATES: [(&str, &[(&str, f64)]); 3] = [
+    ("x", &[("points_0", 1.0)]),
+    ("y", &[("points_1", 1.0)]),
+    ("z", &[("points_2", 1.0)]),
+];
+/// Begin of the names by which tables of points of ParaView are known.
+const POINTS: &str = "points_";
 /// Names of the velocity columns, by axis.
 const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
     (
         "u",
-        &[("velocity_x", 1.0), ("vx", 1.0), ("u_x", 1.0), ("ux", 1.0)],
+        &[
+            ("velocity_x", 1.0),
+            ("vx", 1.0),
+            ("u_x", 1.0),
+            ("ux", 1.0),
+            ("u_0", 1.0),
+            ("velocity_0", 1.0),
+        ],
     ),
     (
         "v",
-        &[("velocity_y", 1.0), ("vy", 1.0), ("u_y", 1.0), ("uy", 1.0)],
+        &[
+            ("velocity_y", 1.0),
+            ("vy", 1.0),
+            ("u_y", 1.0),
+            ("uy", 1.0),
+            ("u_1", 1.0),
+            ("velocity_1", 1.0),
+        ],
     ),
     (
         "w",
-        &[("velocity_z", 1.0), ("vz", 1.0), ("u_z", 1.0), ("uz", 1.0)],
+        &[
+            ("velocity_z", 1.0),
+            ("vz", 1.0),
+            ("u_z", 1.0),
+            ("uz", 1.0),
+            ("u_2", 1.0),
+            ("velocity_2", 1.0),
+        ],
     ),
 ];
 
@@ -62,7 +90,10 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     let columns = columns(dimension, axis);
     let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
     let names = names.join(", ");
-    let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
+    let header = Header::find(text, &columns)
+        .map_err(|sentence| format!("{sentence}; a profile of this face has {names}"))?;
+    let of_points = header.has_name_that_begins(POINTS);
+    let sheet = Sheet::below(header, &columns, !of_points).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => format!("{sentence}; a profile of this face has {names}"),
         Refusal::Unknown(name) => {
             format!("the header has a column `{name}`; a profile of this face has {names}")
@@ -120,6 +151,9 @@ mod tests {
         ] {
             assert_eq!(rows(text, 2, 0).unwrap(), usual, "{text}");
         }
+        let points = "\"U:0\",\"U:1\",\"U:2\",\"p\",\"arc_length\",\"Points:0\",\"Points:1\",\"Points:2\"\n\
+            1,0,0,5,0,0.2,0,0.5\n3,-1,0,6,0.01,0.2,0.01,0.5\n";
+        assert_eq!(rows(points, 2, 0).unwrap(), usual);
         let top = rows("x,u,v\n0,1,0\n0.01,3,-1\n", 2, 1).unwrap();
         assert_eq!(top, usual);
         let refused = rows("y,u,v\n0,1,0\n", 2, 1).unwrap_err();

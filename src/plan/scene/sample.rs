@@ -17,12 +17,13 @@
 
 mod foreign;
 
+use base::geometry::Vector;
 use case::Case;
 use case::check::nearest;
+use case::grains::SampleFile;
 use io::sheet::{Column, Refusal, Sheet, SheetRow, Unit};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Grain with its state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -44,23 +45,47 @@ pub(crate) const PATH: &str = "grains.initial.file.path";
 /// Remedy for a file that cannot be read.
 pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the file";
 
-/// Reads the sample of a case.
+/// Reads the sample of a case, in m and where the case puts it.
 ///
 /// # Errors
 /// If the file is not a valid sample; the text names the file, the line or the column.
-pub(crate) fn load(case: &Case, written: &Path) -> Result<Vec<ListedGrain>, String> {
-    let text = io::plain::text(&case.directory.join(written), io::plain::LONGEST_INPUT);
+pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>, String> {
+    let text = io::plain::text(
+        &case.directory.join(&written.path),
+        io::plain::LONGEST_INPUT,
+    );
     let text = text.map_err(|e| e.to_string())?;
     let names: Vec<String> = case.materials.keys().cloned().collect();
     let usual = case.grains.as_ref().map(|grains| &grains.material);
     let material = names.iter().position(|name| Some(name) == usual);
-    read(
-        &text,
-        case.domain.size.0.len(),
-        &names,
-        material.unwrap_or(0),
-    )
-    .map_err(|e| format!("{}: {e}", written.display()))
+    let dimension = case.domain.size.0.len();
+    let mut grains = read(&text, dimension, &names, material.unwrap_or(0))
+        .map_err(|e| format!("{}: {e}", written.path.display()))?;
+    let origin = written.origin.as_ref().map(Vector::to_array);
+    for (n, grain) in grains.iter_mut().enumerate() {
+        grain.place(written.scale, origin);
+        if !(grain.radius > 0.0 && grain.radius.is_finite()) {
+            return Err(format!(
+                "grain {} has a radius of {} m with the scale {}",
+                n + 1,
+                grain.radius,
+                written.scale
+            ));
+        }
+    }
+    Ok(grains)
+}
+
+impl ListedGrain {
+    /// Converts lengths of a file whose unit is `scale` m, and moves the grain by `origin` \[m\].
+    fn place(&mut self, scale: f64, origin: Option<[f64; 3]>) {
+        self.radius *= scale;
+        self.position = self.position.map(|x| x * scale);
+        self.velocity = self.velocity.map(|v| v * scale);
+        for (x, by) in self.position.iter_mut().zip(origin.iter().flatten()) {
+            *x += by;
+        }
+    }
 }
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
@@ -127,18 +152,21 @@ const OTHERS: [&[(&str, f64)]; 9] = [
         ("position_x", 1.0),
         ("xu", 1.0),
         ("points_0", 1.0),
+        ("position_0", 1.0),
     ],
     &[
         ("pos_y", 1.0),
         ("position_y", 1.0),
         ("yu", 1.0),
         ("points_1", 1.0),
+        ("position_1", 1.0),
     ],
     &[
         ("pos_z", 1.0),
         ("position_z", 1.0),
         ("zu", 1.0),
         ("points_2", 1.0),
+        ("position_2", 1.0),
     ],
     &[
         ("vx", 1.0),
@@ -444,6 +472,52 @@ mod tests {
             "x/m,y/mm,r/m,vx\n1,20,0.5,3",
         ] {
             assert_eq!(read(text, 2, &[], 0).unwrap(), usual, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_grid_of_a_map_is_called_one() {
+        let text = "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 5\nNODATA_value -9999\n1 2\n3 4\n";
+        let grass = "north: 9\nsouth: 0\neast: 9\nwest: 0\nrows: 2\ncols: 2\n1 2\n3 4\n".to_owned();
+        let surfer = "DSAA\n2 2\n0 9\n0 9\n1 4\n1 2\n3 4\n".to_owned();
+        for text in [text.to_owned(), text.to_uppercase(), grass, surfer] {
+            let said = read(&text, 3, &[], 0).unwrap_err();
+            assert!(said.contains("line 1: this is a grid of a map"), "{said}");
+            assert!(said.contains("`x,y,z,radius`"), "{said}");
+        }
+    }
+
+    /// Files of other programs that begin with a title.
+    #[test]
+    fn a_first_line_that_names_no_column_is_called_so() {
+        for (text, example) in [
+            (
+                "\"Y(X), created by a digitizer\"\n\n1\t2\n",
+                "`x,y,z,radius`",
+            ),
+            ("name=Example\nd0=1.00\n4\n1 2 3\n", "`x,y,z,radius`"),
+            ("A packing of 2 spheres\n1 2 3 0.1\n", "`x y z radius`"),
+        ] {
+            let said = read(text, 3, &[], 0).unwrap_err();
+            let expected = format!(
+                "line 1 names none of the columns: the first line of a table is such as {example}"
+            );
+            assert_eq!(said, expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_line_of_names_that_is_proposed_has_the_separator_of_the_rows() {
+        for (rows, names) in [
+            ("1 2 3 4\n", "`x y z radius`"),
+            ("1\t2\t3\t4\n", "`x y z radius`"),
+            ("1;2;3;4\n", "`x;y;z;radius`"),
+            ("1,2,3,4\n", "`x,y,z,radius`"),
+        ] {
+            let said = read(rows, 3, &[], 0).unwrap_err();
+            assert!(said.contains(names), "{said}");
+            let with_names = format!("{}\n{rows}", names.trim_matches('`'));
+            assert_eq!(read(&with_names, 3, &[], 0).unwrap()[0].radius, 4.0);
         }
     }
 

@@ -77,11 +77,14 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
+/// Length of what stands above the triangles of a binary file: a text of 80 bytes and their number.
+const HEADER: usize = 84;
+
 /// Returns the corners of a binary file, which is at least as long as its number of triangles requires, whatever
 /// its first word; none for another file.
 fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
     let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
-    let end = 84 + 50 * count;
+    let end = HEADER + 50 * count;
     let padding = bytes.get(end..)?;
     if count == 0
         || padding
@@ -94,7 +97,7 @@ fn binary(bytes: &[u8]) -> Option<Vec<[f64; 3]>> {
         at.try_into()
             .map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(b)))
     };
-    let corners = bytes[84..end].chunks_exact(50).flat_map(|triangle| {
+    let corners = bytes[HEADER..end].chunks_exact(50).flat_map(|triangle| {
         // The three numbers of the normal come first.
         (1..4).map(|corner| {
             std::array::from_fn(|axis| {
@@ -117,9 +120,15 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
 }
 
+/// Sentence about a file of a surface without triangles.
+const EMPTY: &str = "the surface holds no triangle";
+
 /// Returns the corners of a text file as a sequence of words, however divided into lines. The name of a solid may
 /// contain characters of any encoding.
 fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
+    if bytes.len() == HEADER && bytes.ends_with(&[0; 4]) {
+        return Err(EMPTY.into());
+    }
     let padding = |byte: &u8| *byte == 0;
     let end = bytes
         .iter()
@@ -156,7 +165,14 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
             _ => {}
         }
     }
-    if corners.is_empty() || corners.len() % 3 != 0 {
+    if corners.is_empty() {
+        let first = text.split_whitespace().next();
+        return Err(match first.map(str::to_ascii_lowercase).as_deref() {
+            Some("solid") => EMPTY.into(),
+            _ => no_text(bytes),
+        });
+    }
+    if corners.len() % 3 != 0 {
         return Err(format!("{} vertices do not make triangles", corners.len()));
     }
     Ok(corners)
@@ -346,7 +362,18 @@ mod tests {
     #[test]
     fn files_that_are_no_surface_are_refused() {
         let refused = |bytes: &[u8]| read(bytes, 1.0, &Vector3::zeros()).unwrap_err();
-        assert!(refused(b"").contains("do not make triangles"));
+        assert!(refused(b"").contains("neither text nor binary"));
+        assert!(
+            refused(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").contains("neither text nor binary")
+        );
+        // Surfaces without triangles, as Blender, OpenSCAD and Slic3r write them.
+        for text in ["solid Model\nendsolid Model\n", "solid\n"] {
+            assert!(refused(text.as_bytes()).contains("the surface holds no triangle"));
+        }
+        let mut named = [0; 84];
+        named[..7].copy_from_slice(b"Blender");
+        assert!(refused(&named).contains("the surface holds no triangle"));
+        assert!(refused(&[0; 84]).contains("the surface holds no triangle"));
         assert!(refused(b"vertex 1 2\n").contains("line 1"));
         assert!(refused(&[0xff; 90]).contains("neither"));
         assert!(refused(&as_binary()[..150]).contains("neither"));

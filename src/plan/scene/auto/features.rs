@@ -373,9 +373,9 @@ pub(crate) fn grain_diameters(case: &Case) -> Option<(f64, f64)> {
                 radii.extend([low, high]);
             }
         }
-        Some(GrainSource::File { path }) => {
+        Some(GrainSource::File(file)) => {
             // A file that cannot be read is reported with the grains.
-            let grains = sample::load(case, path);
+            let grains = sample::load(case, file);
             radii.extend(grains.unwrap_or_default().iter().map(|grain| grain.radius));
         }
     }

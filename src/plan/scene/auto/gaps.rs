@@ -452,9 +452,9 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
                 grain(n, at(&each.position.0), each.radius);
             }
         }
-        Some(GrainSource::File { path }) => {
+        Some(GrainSource::File(file)) => {
             // A file that cannot be read is reported with the grains.
-            let grains = sample::load(case, path).ok()?;
+            let grains = sample::load(case, file).ok()?;
             for (n, each) in grains.iter().enumerate() {
                 grain(n, Vector3::from(each.position), each.radius);
             }

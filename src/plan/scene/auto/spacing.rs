@@ -86,8 +86,8 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
             rounded: None,
         });
     }
-    if let Some(GrainSource::File { path }) = case.grains.as_ref().map(|grains| &grains.initial)
-        && let Err(reason) = sample::load(case, path)
+    if let Some(GrainSource::File(file)) = case.grains.as_ref().map(|grains| &grains.initial)
+        && let Err(reason) = sample::load(case, file)
     {
         findings.error(sample::PATH, reason, sample::REMEDY);
         return None;

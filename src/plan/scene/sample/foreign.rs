@@ -117,16 +117,23 @@ fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     })
 }
 
+/// Returns the words of a line without its comment.
+fn words(line: &str) -> Vec<&str> {
+    let line = line.split('#').next().unwrap_or_default();
+    line.split_whitespace().collect()
+}
+
 /// Returns the line number of `Atoms` in a LAMMPS data file; none for another text.
 fn atoms_section(text: &str) -> Option<usize> {
-    let head: String = text.lines().take(40).collect::<Vec<_>>().join("\n");
-    let stated = |words: &str| head.lines().any(|line| line.trim().ends_with(words));
-    if !(stated(" atoms") && head.contains("xlo xhi")) {
+    let head = || text.lines().take(40).map(words);
+    if !(head().any(|words| matches!(words[..], [_, "atoms"]))
+        && head().any(|words| words.ends_with(&["xlo", "xhi"])))
+    {
         return None;
     }
     let mut from = 0;
     for line in text.split_inclusive('\n') {
-        if line.trim_start().starts_with("Atoms") {
+        if words(line).first() == Some(&"Atoms") {
             return Some(from);
         }
         from += line.len();
@@ -139,10 +146,7 @@ fn atoms_section(text: &str) -> Option<usize> {
 fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
     let above = text[..at].lines().count();
     let lines = (above + 1..).zip(text[at..].lines()).skip(1);
-    let words = lines.map(|(n, line)| {
-        let line = line.split('#').next().unwrap_or_default();
-        (n, line.split_whitespace().collect::<Vec<_>>())
-    });
+    let words = lines.map(|(n, line)| (n, words(line)));
     let name = |words: &[&str]| {
         let first = words.first().and_then(|word| word.chars().next());
         first.is_some_and(char::is_alphabetic)
@@ -153,19 +157,69 @@ fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
         .collect()
 }
 
+/// Row of an atom of the style `sphere`.
+const SPHERE: &str = "`id type diameter density x y z`";
+/// Advice for a data file whose atoms are no spheres.
+const DUMP: &str = "dump `id x y z radius`";
+
+/// Returns the style that is written behind `Atoms`; none for another comment.
+fn style_of(line: &str) -> Option<&str> {
+    let comment = line.split_once('#')?.1.trim();
+    let name = |word: &str| {
+        word.chars()
+            .all(|c| c.is_ascii_alphanumeric() || "/_".contains(c))
+    };
+    let one = comment.split_whitespace().count() == 1 || comment.starts_with("hybrid ");
+    (one && comment.len() <= 40 && comment.split_whitespace().all(name)).then_some(comment)
+}
+
+/// Checks that the atoms of a data file that names no style can be spheres. Other styles have as many columns, with
+/// other content: those of `full` are a molecule, a type and a charge.
+fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), String> {
+    let mut lines = (1..).zip(text.lines());
+    if let Some((n, _)) = lines.find(|(_, line)| words(line) == ["Masses"]) {
+        return Err(format!(
+            "line {n}: this data file has a mass for each type, and no diameters as the atoms of the style `sphere`, \
+             {SPHERE}: {DUMP}"
+        ));
+    }
+    for (n, words) in atoms {
+        let columns = words.len();
+        if !matches!(columns, 7 | 10) {
+            return Err(format!(
+                "line {n}: an atom of {columns} columns, and `Atoms` names no style: only atoms of the style \
+                 `sphere`, {SPHERE}, state their diameters: {DUMP}"
+            ));
+        }
+        let above_0 = |word: &str| word.parse::<f64>().is_ok_and(|number| number > 0.0);
+        if let Some((name, word)) = [("diameter", words[2]), ("density", words[3])]
+            .into_iter()
+            .find(|(_, word)| !above_0(word))
+        {
+            return Err(format!(
+                "line {n}: `Atoms` names no style, and an atom of the style `sphere`, {SPHERE}, has no {name} of \
+                 {word}: {DUMP}"
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// Converts a LAMMPS data file of spheres: `id type diameter density x y z` and, in the section of velocities,
 /// `id vx vy vz wx wy wz`.
 fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
     let line = text[at..].lines().next().unwrap_or_default();
-    let style = line.split_once('#').map_or("", |(_, style)| style.trim());
     let number = text[..at].lines().count() + 1;
     let atoms = section(text, at);
-    let usual = atoms.iter().all(|(_, words)| matches!(words.len(), 7 | 10));
-    if !(style == "sphere" || style.is_empty() && usual) {
-        return Err(format!(
-            "line {number}: atoms of the style `{style}` of this data file state no diameters as `sphere` does: \
-             dump `id x y z radius`"
-        ));
+    match style_of(line) {
+        Some("sphere" | "granular") => {}
+        Some(style) => {
+            return Err(format!(
+                "line {number}: atoms of the style `{style}` of this data file state no diameters as `sphere` does: \
+                 {DUMP}"
+            ));
+        }
+        None => check_spheres(text, &atoms)?,
     }
     let velocities = text
         .match_indices("\nVelocities")
@@ -181,7 +235,7 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
     for (n, words) in &atoms {
         let [id, _, diameter, _, x, y, z, ..] = words[..] else {
             return Err(format!(
-                "line {n}: an atom of the style `sphere` is `id type diameter density x y z`"
+                "line {n}: an atom of the style `sphere` is {SPHERE}"
             ));
         };
         // Empty lines preserve the line numbers.
@@ -300,7 +354,7 @@ fn ball(line: &str) -> Option<String> {
     }
 }
 
-/// Keywords of commands that place balls at random or on a lattice.
+/// Keywords of commands that place balls at random or on a lattice, whose positions are not stated.
 const GENERATED: [&str; 7] = [
     "number",
     "num",
@@ -367,7 +421,7 @@ fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
         .any(|word| GENERATED.contains(&word))
     {
         return Err(format!(
-            "line {line}: this command places balls at random: export the balls with their positions"
+            "line {line}: this command leaves the positions of its balls to PFC: export the balls with their positions"
         ));
     }
     let mut words = words.split_whitespace().peekable();

@@ -56,7 +56,7 @@ fn text_files_of_yade_name_their_columns_in_a_comment() {
         assert_eq!(read(text, 3, &[], 0).unwrap(), expected(false), "{text}");
     }
     let bare = read("1 2 3 0.5\n4 5 6 0.25\n", 3, &[], 0).unwrap_err();
-    assert!(bare.contains("`x,y,z,radius`"), "{bare}");
+    assert!(bare.contains("`x y z radius`"), "{bare}");
 }
 
 #[test]
@@ -156,6 +156,47 @@ fn data_files_of_spheres_are_read() {
     assert!(error.contains("line 12"), "{error}");
 }
 
+/// The header of a data file may have comments and any white space.
+#[test]
+fn headers_of_data_files_are_read_as_they_are_found() {
+    let text = "# made from a table\n\n\t\t#### HEADER\n2 atoms \t # rows of the table\n1\tatom types\n\
+        0 9  xlo   xhi\t# bounds\n0 9 ylo yhi\n0 9 zlo zhi\n\t\t#### BODY\nAtoms\n\
+        1\t1\t1\t2700\t1\t2\t3\n2\t1\t0.5\t2700\t4\t5\t6\n";
+    assert_eq!(read(text, 3, &[], 0).unwrap(), expected(false));
+}
+
+/// Styles with as many columns as `sphere`, whose third column is no diameter.
+#[test]
+fn atoms_without_a_style_are_spheres_only_where_they_can_be() {
+    let head = "LAMMPS Description\n\n2 atoms\n1 bonds\n1 atom types\n\n\
+        0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\n";
+    let error = |below: &str| read(&format!("{head}{below}"), 3, &[], 0).unwrap_err();
+    for (below, reason) in [
+        (
+            "Masses\n\n1 12.01\n\nAtoms\n\n1 1 1 0.5 1 2 3\n2 1 1 0.5 4 5 6\n",
+            "line 11: this data file has a mass for each type",
+        ),
+        (
+            "Atoms # by hand, and long\n\n1 1 1 0.5 1 2 3\n2 1 1 -0.5 4 5 6\n",
+            "line 14: `Atoms` names no style, and an atom of the style `sphere`, `id type diameter density x y z`, \
+             has no density of -0.5",
+        ),
+        (
+            "Atoms\n\n1 1 1 2 3 1 2600 1\n2 1 4 5 6 0.5 2600 1\n",
+            "line 13: an atom of 8 columns",
+        ),
+    ] {
+        let said = error(below);
+        assert!(said.contains(reason), "{below}: {said}");
+        assert!(said.contains("dump `id x y z radius`"), "{said}");
+    }
+    let hybrid = error("Atoms # hybrid sphere bond\n\n1 1 1 2 3 1 2600 1\n");
+    assert!(
+        hybrid.contains("the style `hybrid sphere bond`"),
+        "{hybrid}"
+    );
+}
+
 /// Packs of YADE and Woo, and texts with attributes or numbers of clumps.
 #[test]
 fn packs_and_attributes_are_read() {
@@ -195,8 +236,13 @@ fn tables_of_points_are_read() {
     ] {
         assert_eq!(read(text, 3, &[], 0).unwrap(), expected(moving), "{text}");
     }
-    let error = read("\"Points:0\",\"Points:1\",\"Points:2\"\n1,2,3\n", 3, &[], 0).unwrap_err();
-    assert!(error.contains("no column `radius`"), "{error}");
+    for names in [
+        "\"Points:0\",\"Points:1\",\"Points:2\"",
+        "position_0,position_1,position_2",
+    ] {
+        let error = read(&format!("{names}\n1,2,3\n"), 3, &[], 0).unwrap_err();
+        assert!(error.contains("no column `radius`"), "{error}");
+    }
 }
 
 #[test]
@@ -214,7 +260,7 @@ fn other_forms_of_ball_commands_are_read_or_refused() {
     let random = "model new\nball generate number 100 radius 0.1 0.2 box -1 1\n";
     let error = read(random, 3, &[], 0).unwrap_err();
     assert!(
-        error.contains("line 2: this command places balls at random"),
+        error.contains("line 2: this command leaves the positions of its balls to PFC"),
         "{error}"
     );
 }
