@@ -331,7 +331,7 @@ impl Removal {
     /// was, or none for a new region. It is not needed if the regions are the same.
     ///
     /// # Errors
-    /// [`Error::Io`] if the number of saved regions differs.
+    /// If the number of saved regions differs, [`Error::Io`].
     pub fn restore(
         &mut self,
         state: &RemovalState,

@@ -197,7 +197,8 @@ pub(super) fn heave<S: Space>(seepage: &Seepage<S>, prisms: &Prisms) -> Vec<[f64
         .collect()
 }
 
-/// Returns the water in the ground, what entered and left since the start, and the present inflow and outflow.
+/// Returns the volume of water in the ground, the volumes that entered and left since the start, and the present
+/// inflow and outflow.
 pub(super) fn balance<S: Space>(seepage: &Seepage<S>) -> [f64; 5] {
     let report = seepage.report();
     let water = seepage.pressure().water_balance().unwrap_or_default();
