@@ -47,7 +47,9 @@ impl SplitAxis {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SlabError {
     /// The list of bounds does not start at 0, decreases, or contains no slab.
-    #[error("slab bounds must start at 0, never fall and name at least one slab, not {bounds:?}")]
+    #[error(
+        "slab bounds must start at 0, not decrease and contain at least one slab, not {bounds:?}"
+    )]
     Bounds {
         /// Given bounds.
         bounds: Vec<usize>,

@@ -347,7 +347,7 @@ impl Removal {
             || state.next_id.is_some_and(|id| id > 1 << 32)
         {
             return Err(Error::Io(format!(
-                "counts of {known} regions saved, {regions} here"
+                "the checkpoint contains counts of {known} regions, the case has {regions}"
             )));
         }
         for (region, origin) in origins.iter().enumerate() {
