@@ -253,7 +253,7 @@ impl<'a> Walk<'a> {
         for key in required.into_iter().flatten().filter_map(Value::as_str) {
             if !map.contains_key(key) && !self.only_counted() {
                 let property = properties.and_then(|p| p.get(key));
-                let help = property.map(about).unwrap_or_default();
+                let help = property.map(summary_in_brackets).unwrap_or_default();
                 self.problems.push(Problem {
                     path: join(path, key),
                     value: "missing".into(),
