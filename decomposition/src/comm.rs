@@ -80,7 +80,7 @@ impl World {
     /// messages. The hook acts on every panic, including one that would be caught.
     ///
     /// # Errors
-    /// [`StartError`] if MPI was started before or cannot bear threads.
+    /// If MPI was started before or does not support threads, [`StartError`].
     pub fn start() -> Result<Self, StartError> {
         let (universe, granted) = environment::initialize_with_threading(Threading::Funneled)
             .ok_or(StartError::AlreadyStarted)?;
@@ -586,7 +586,7 @@ impl Communicator {
     /// A rank that returned its error alone would leave the others waiting for its messages.
     ///
     /// # Errors
-    /// [`Disagreement`] on all ranks if any rank passes `Err`.
+    /// If any rank passes `Err`, [`Disagreement`] on all ranks.
     pub fn agree<T, E: Display>(&self, outcome: Result<T, E>) -> Result<T, Disagreement> {
         let (mine, value, message) = match outcome {
             Ok(value) => (u64::MAX, Some(value), String::new()),

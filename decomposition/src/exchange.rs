@@ -52,7 +52,7 @@ impl FixedExchange {
     /// `tag`s.
     ///
     /// # Errors
-    /// [`PatternError`] if a rank does not exist or the messages to the own rank do not match.
+    /// If a rank does not exist or the messages to the own rank do not match, [`PatternError`].
     pub fn new(
         communicator: &Communicator,
         tag: u8,
@@ -78,8 +78,8 @@ impl FixedExchange {
     /// returns the receives, `(rank, bytes)` in order of the source rank.
     ///
     /// # Errors
-    /// [`PatternError`] if a rank does not exist. That rank alone fails, before anything is sent:
-    /// check ranks beforehand or agree on the outcome.
+    /// If a rank does not exist, [`PatternError`]. Only that rank fails, before anything is sent: the caller checks
+    /// ranks beforehand, or all ranks agree on the outcome.
     pub fn discover(
         communicator: &Communicator,
         tag: u8,

@@ -67,7 +67,7 @@ impl HaloExchange {
     /// Simultaneous exchanges need different `tag`s. The communication buffers are initially zero.
     ///
     /// # Errors
-    /// [`Disagreement`] on all ranks if the sizes of two neighbours do not fit together.
+    /// If the sizes of two neighbours do not fit together, [`Disagreement`] on all ranks.
     pub fn new(domain: &Domain, tag: u8, sizes: HaloBytes) -> Result<Self, Disagreement> {
         let communicator = domain.communicator();
         // Tags depend on the direction of the message; remainders 2 and 3 modulo 4 belong to other exchanges.

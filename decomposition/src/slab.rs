@@ -47,7 +47,9 @@ impl SplitAxis {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SlabError {
     /// The list of bounds does not start at 0, decreases, or contains no slab.
-    #[error("slab bounds must start at 0, never fall and name at least one slab, not {bounds:?}")]
+    #[error(
+        "slab bounds must start at 0, not decrease and contain at least one slab, not {bounds:?}"
+    )]
     Bounds {
         /// Given bounds.
         bounds: Vec<usize>,
@@ -91,7 +93,7 @@ impl Slabs {
     /// Returns the slabs `bounds[r]..bounds[r + 1]`; two equal bounds in the list give an empty slab.
     ///
     /// # Errors
-    /// [`SlabError::Bounds`] if the list does not start at 0, falls, or is shorter than two.
+    /// If the list does not start at 0, falls, or is shorter than two, [`SlabError::Bounds`].
     pub fn from_bounds(
         axis: SplitAxis,
         bounds: Vec<usize>,
@@ -204,7 +206,7 @@ impl Domain {
     /// Returns the domain in which each rank of the communicator has its slab.
     ///
     /// # Errors
-    /// [`SlabError::Ranks`] if there are not as many slabs as ranks.
+    /// If there are not as many slabs as ranks, [`SlabError::Ranks`].
     pub fn new(communicator: Communicator, slabs: Slabs) -> Result<Self, SlabError> {
         if slabs.size() != communicator.size() {
             return Err(SlabError::Ranks {

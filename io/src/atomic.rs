@@ -45,7 +45,7 @@ fn create_part(part: &Path) -> Result<File> {
 /// Opens a file to append to it; a link is refused.
 ///
 /// # Errors
-/// The system's error.
+/// If the system refuses an operation.
 pub fn append(path: &Path) -> Result<File> {
     OpenOptions::new()
         .append(true)
@@ -58,7 +58,7 @@ pub fn append(path: &Path) -> Result<File> {
 /// failure.
 ///
 /// # Errors
-/// The system's error; `path` is then untouched and no `.part` is left.
+/// If the system refuses an operation; `path` is then unchanged and no `.part` file remains.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let part = part_of(path);
     let written = create_part(&part)
@@ -77,7 +77,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Writes a value as indented JSON with a final newline, like [`write()`].
 ///
 /// # Errors
-/// The system's error, or [`Error::Invalid`] where the value has no JSON form.
+/// If the system refuses an operation, or if the value has no JSON form ([`Error::Invalid`]).
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     let mut text = serde_json::to_string_pretty(value)
         .map_err(|e| Error::invalid(&path.display().to_string(), e.to_string()))?;
@@ -88,7 +88,7 @@ pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
 /// Flushes a complete, closed `.part` file to the disk and gives it its final name.
 ///
 /// # Errors
-/// The system's error.
+/// If the system refuses an operation.
 pub fn publish(part: &Path, path: &Path) -> Result<()> {
     File::open(part)
         .and_then(|file| file.sync_all())
@@ -104,7 +104,7 @@ pub fn publish(part: &Path, path: &Path) -> Result<()> {
 /// Flushes the folder that contains `path`, so that a rename or removal in it is on the disk.
 ///
 /// # Errors
-/// The system's error.
+/// If the system refuses an operation.
 pub fn sync_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     match File::open(folder).and_then(|file| file.sync_all()) {
@@ -177,7 +177,7 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<()> {
 /// folder).
 ///
 /// # Errors
-/// The system's error.
+/// If the system refuses an operation.
 pub fn free_bytes(path: &Path) -> Result<u64> {
     let name = CString::new(path.as_os_str().as_bytes())
         .map_err(|e| Error::invalid(&path.display().to_string(), e.to_string()))?;
@@ -213,7 +213,7 @@ pub(crate) fn require_space(path: &Path, needed: u64) -> Result<()> {
 /// Removes the files of interrupted writes in a folder, whose names end in `.part`. Returns their paths.
 ///
 /// # Errors
-/// The system's error.
+/// If the system refuses an operation.
 pub fn remove_parts(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for path in files(folder)? {

@@ -279,9 +279,9 @@ fn manifest_path(folder: &Path, step: u64) -> PathBuf {
 /// Writes a checkpoint and keeps the last `keep` (at least 2). Called by all ranks; returns the manifest's path.
 ///
 /// # Errors
-/// The same on all ranks, and the checkpoints there were before are untouched: [`Error::Space`] before anything is
-/// written (the caller may continue without), [`Error::Broken`] where the caller must abort, else with nothing left
-/// open.
+/// If a write fails; the error is the same on all ranks, and earlier checkpoints are unchanged: [`Error::Space`]
+/// before anything is written (the caller may continue without a checkpoint), [`Error::Broken`] if the caller must
+/// abort, otherwise with all files closed.
 #[expect(
     clippy::too_many_arguments,
     reason = "each is a different thing that a checkpoint is made of"
@@ -565,7 +565,8 @@ pub struct Found {
 /// Returns the newest checkpoint of a folder that verifies bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
-/// [`Error::NoCheckpoint`], with what was wrong with each, or the system's error for the folder.
+/// If there is no valid checkpoint ([`Error::NoCheckpoint`], with the fault of each), or the system cannot read the
+/// folder.
 pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
     newest_that(folder, group, |_| Ok(()))
 }
@@ -574,7 +575,8 @@ pub fn newest(folder: &Path, group: &dyn Group) -> Result<Found> {
 /// before any byte of the file is read.
 ///
 /// # Errors
-/// Those of [`newest`]; [`Error::Invalid`] with the words of `fits` for the newest whose manifest is whole.
+/// If [`newest`] fails, or if `fits` refuses the newest checkpoint with a valid manifest ([`Error::Invalid`], with
+/// the text from `fits`).
 pub fn newest_that(
     folder: &Path,
     group: &dyn Group,
@@ -624,7 +626,7 @@ pub fn newest_that(
 /// Returns one named checkpoint, verified bit by bit. Called by all ranks; rank 0 reads.
 ///
 /// # Errors
-/// [`Error::Corrupt`] with what does not fit, or the system's error.
+/// If the checkpoint is damaged ([`Error::Corrupt`], with the difference), or the system refuses an operation.
 pub fn verify(manifest: &Path, group: &dyn Group) -> Result<Found> {
     on_root(group, || {
         let link = |known: fs::Metadata| known.is_symlink();
@@ -739,7 +741,7 @@ impl<'g> Reader<'g> {
     /// communicator.
     ///
     /// # Errors
-    /// [`Error::Hdf`] or [`Error::Broken`], on all ranks.
+    /// If the file cannot be opened, [`Error::Hdf`] or [`Error::Broken`] on all ranks.
     pub fn open_together(found: &Found, group: &'g dyn Group, mode: Mode) -> Result<Self> {
         let Some(communicator) = hdf::communicator(group, mode) else {
             let alone = agree(group, Self::open(found))?;
@@ -776,7 +778,7 @@ impl<'g> Reader<'g> {
     /// Returns an array's shape.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if there is no such array.
+    /// If there is no such array, [`Error::Invalid`].
     pub fn shape(&self, name: &str) -> Result<&[usize]> {
         Ok(&self.info(name)?.shape)
     }
@@ -794,8 +796,8 @@ impl<'g> Reader<'g> {
     /// Reads a box into a slice of the array's own number type.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the array is missing, has another number type, or the box or the slice does not
-    /// fit; [`Error::Hdf`] where the file cannot be read. The same on all ranks where they read together.
+    /// If the array is missing, has another number type, or the box or the slice does not fit ([`Error::Invalid`]),
+    /// or if the file cannot be read ([`Error::Hdf`]). The error is the same on all ranks if they read together.
     pub fn read_into<T: Element>(
         &self,
         name: &str,
@@ -875,7 +877,7 @@ impl<'g> Reader<'g> {
     /// its numbers.
     ///
     /// # Errors
-    /// Those of [`Reader::read_into`], or the error of `take`, the same on all ranks where they read together.
+    /// If [`Reader::read_into`] or `take` fails; the error is the same on all ranks if they read together.
     pub fn read_in_pieces<T: Element>(
         &self,
         name: &str,

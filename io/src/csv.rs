@@ -140,7 +140,7 @@ impl CsvRow<'_> {
     /// Returns the finite number in a column.
     ///
     /// # Errors
-    /// The line, the column and the value.
+    /// If the cell is not a finite number; the message contains the line, the column and the value.
     pub fn number(&self, column: usize) -> Result<f64, String> {
         let text = self.text(column);
         text.and_then(|cell| cell.parse::<f64>().ok())
@@ -158,7 +158,7 @@ impl CsvRow<'_> {
     /// Returns the row as a struct whose fields have the names of the columns.
     ///
     /// # Errors
-    /// The line, the column and the value that does not fit it.
+    /// If a value does not fit its column; the message contains the line, the column and the value.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, String> {
         if self.cells.len() != self.names.len() {
             return Err(format!(

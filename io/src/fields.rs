@@ -65,7 +65,7 @@ impl FileInfo {
 /// Lists groups, datasets and attributes.
 ///
 /// # Errors
-/// [`Error::Hdf`] if the file cannot be read.
+/// If the file cannot be read, [`Error::Hdf`].
 pub fn inspect(path: &Path) -> Result<FileInfo> {
     let file = hdf::open(path, None)?;
     let mut info = FileInfo {
@@ -167,7 +167,7 @@ fn one_or_many<T: Into<Value> + Copy>(scalar: bool, values: Vec<T>) -> Value {
 /// Reads one box of a dataset of any number type as f64.
 ///
 /// # Errors
-/// [`Error::Hdf`] if there is no such dataset or the box is not in it.
+/// If there is no such dataset or the box is not in it, [`Error::Hdf`].
 pub fn read_f64(path: &Path, dataset: &str, start: &[usize], count: &[usize]) -> Result<Vec<f64>> {
     let file = hdf::open(path, None)?;
     let read = || -> hdf5::Result<Vec<f64>> {
@@ -219,7 +219,7 @@ fn places(name: &str) -> Vec<String> {
 /// Returns the shape of a column found as by [`find_column`]; only metadata are read from the file.
 ///
 /// # Errors
-/// [`Error::Hdf`] if the file cannot be read, [`Error::Invalid`] where it has no such column of numbers.
+/// If the file cannot be read ([`Error::Hdf`]), or has no such column of numbers ([`Error::Invalid`]).
 pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
     let file = hdf::open(path, None)?;
     let mut found = None;
@@ -249,7 +249,7 @@ pub fn column_shape(path: &Path, name: &str) -> Result<Vec<usize>> {
 /// Returns a column by its name (`velocity`, `position` for the points of a mesh) or by its path from the root.
 ///
 /// # Errors
-/// [`Error::Invalid`] if there is none; it lists the names there are.
+/// If there is no such column, [`Error::Invalid`] with the list of existing names.
 pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetInfo> {
     places(name)
         .iter()
@@ -267,7 +267,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
 /// Reads a whole column as f64.
 ///
 /// # Errors
-/// [`Error::Hdf`] if the file cannot be read, [`Error::Invalid`] where it has no such column.
+/// If the file cannot be read ([`Error::Hdf`]), or has no such column ([`Error::Invalid`]).
 pub fn read_column(path: &Path, name: &str) -> Result<Values> {
     let found = find_column(&inspect(path)?, path, name)?;
     let values = read_f64(path, &found.path, &vec![0; found.shape.len()], &found.shape)?;

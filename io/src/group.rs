@@ -59,7 +59,7 @@ impl Group for Alone {
 /// same on all.
 ///
 /// # Errors
-/// The first failing rank's error.
+/// If any rank fails: the first failing rank's error.
 pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
     if group.all_ok(mine.is_ok()) {
         return mine;
@@ -85,7 +85,7 @@ pub fn agree<T>(group: &dyn Group, mine: Result<T>) -> Result<T> {
 /// Runs `work` on rank 0 and returns its result on every rank.
 ///
 /// # Errors
-/// Rank 0's error, on every rank.
+/// If rank 0 fails: its error, on every rank.
 pub fn on_root<T: Serialize + DeserializeOwned>(
     group: &dyn Group,
     work: impl FnOnce() -> Result<T>,

@@ -264,9 +264,9 @@ pub(crate) fn product(shape: &[usize]) -> usize {
 /// Writes a file: under its `.part` name, closed, flushed to the disk, renamed. Called by all ranks of the group.
 ///
 /// # Errors
-/// The same on all ranks: [`Error::Space`], [`Error::Io`] and [`Error::Invalid`] before anything is written,
-/// [`Error::Broken`] where writing failed midway and the caller must abort (see [`Group::give_up`]). No error touches
-/// an older file of this name.
+/// If a step fails; the error is the same on all ranks: [`Error::Space`], [`Error::Io`] or [`Error::Invalid`]
+/// before anything is written, [`Error::Broken`] if writing failed midway and the caller must abort (see
+/// [`Group::give_up`]). No error changes an older file of this name.
 pub fn write(path: &Path, content: &Content, group: &dyn Group, mode: Mode) -> Result<()> {
     write_part(path, content, group, mode)?;
     publish(path, group)

@@ -116,7 +116,7 @@ pub struct ImageInfo {
 /// Reads the description of a lattice file; [`crate::fields::read_column`] reads the numbers.
 ///
 /// # Errors
-/// [`Error::Hdf`] if it is no HDF5 file, [`Error::Corrupt`] where it is no lattice.
+/// If it is not an HDF5 file ([`Error::Hdf`]), or not a lattice ([`Error::Corrupt`]).
 pub fn open(path: &Path) -> Result<ImageInfo> {
     let info = crate::fields::inspect(path)?;
     let wrong = |what: &str| Error::corrupt(path, format!("no {what} in /VTKHDF"));

@@ -35,7 +35,7 @@ impl Marker {
     /// Returns the marks of the named files that exist.
     ///
     /// # Errors
-    /// The system's error; [`Error::Corrupt`] where a table has become shorter.
+    /// If the system refuses an operation, or if a table has become shorter ([`Error::Corrupt`]).
     pub fn mark<'a>(
         &mut self,
         folder: &Path,
@@ -108,7 +108,8 @@ pub fn cut_back(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
 /// Compares tables with their marks without changing later rows; missing ones are returned.
 ///
 /// # Errors
-/// The system's error; [`Error::Corrupt`] for a table that is shorter than its mark, or differs before it.
+/// If the system refuses an operation, or if a table is shorter than its mark or differs before it
+/// ([`Error::Corrupt`]).
 pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(compare(folder, marks)?.0)
 }

@@ -42,7 +42,7 @@ fn kind(kind: fs::FileType) -> &'static str {
 /// Opens a plain file of at most `limit` bytes for reading; returns the file and its length.
 ///
 /// # Errors
-/// The system's error, or [`Error::Io`] with the reason where the file is not plain or too long.
+/// If the system refuses an operation, or if the file is not plain or too long ([`Error::Io`], with the reason).
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     let look = |known: &fs::Metadata| -> Result<u64> {
         if !known.is_file() {
@@ -90,7 +90,7 @@ pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
 /// Returns the text of a plain file of at most `limit` bytes, without a byte order mark.
 ///
 /// # Errors
-/// Those of [`open`]; [`Error::Corrupt`] where the bytes are not UTF-8.
+/// If [`open`] fails, or if the bytes are not UTF-8 ([`Error::Corrupt`]).
 pub fn text(path: &Path, limit: u64) -> Result<String> {
     let mut bytes = bytes(path, limit)?;
     if bytes.starts_with(b"\xef\xbb\xbf") {

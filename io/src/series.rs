@@ -41,7 +41,7 @@ impl Series {
     /// Starts an empty series: an index and data files of an earlier run with this name are removed.
     ///
     /// # Errors
-    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
+    /// If the system refuses an operation, or if the name is not lower_snake ([`crate::Error::Invalid`]).
     pub fn create(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);
@@ -59,7 +59,7 @@ impl Series {
     /// Continues a series: its index is read, or rebuilt from the data files if they do not match.
     ///
     /// # Errors
-    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
+    /// If the system refuses an operation, or if the name is not lower_snake ([`crate::Error::Invalid`]).
     pub fn open(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);
@@ -76,7 +76,7 @@ impl Series {
     /// Rebuilds the index from the data files in the folder. Unreadable files are omitted with a warning.
     ///
     /// # Errors
-    /// The system's error; [`crate::Error::Invalid`] for a name that is not lower_snake.
+    /// If the system refuses an operation, or if the name is not lower_snake ([`crate::Error::Invalid`]).
     pub fn rebuild(folder: &Path, name: &str, group: &dyn Group) -> Result<Self> {
         check_name(name)?;
         let mut series = Self::empty(folder, name);
@@ -118,7 +118,7 @@ impl Series {
     /// Writes one output of a lattice and the index. Called by all ranks; returns the path of the data file.
     ///
     /// # Errors
-    /// Those of [`crate::hdf::write`]; the index is then as it was.
+    /// If [`crate::hdf::write`] fails; the index is then unchanged.
     pub fn write_image(
         &mut self,
         when: OutputTime,
@@ -135,7 +135,7 @@ impl Series {
     /// Writes one output of a mesh and the index. Called by all ranks; returns the path of the data file.
     ///
     /// # Errors
-    /// Those of [`crate::hdf::write`]; the index is then as it was.
+    /// If [`crate::hdf::write`] fails; the index is then unchanged.
     pub fn write_mesh(
         &mut self,
         when: OutputTime,
@@ -167,7 +167,7 @@ impl Series {
     /// ranks.
     ///
     /// # Errors
-    /// The system's error.
+    /// If the system refuses an operation.
     pub fn truncate_after(&mut self, step: u64, group: &dyn Group) -> Result<()> {
         on_root(group, || {
             self.steps.retain(|s| s.when.step <= step);

@@ -303,7 +303,7 @@ impl<'t> Header<'t> {
     /// Finds the names of the columns in a text, given the possible columns.
     ///
     /// # Errors
-    /// A sentence about a text without names or without any line.
+    /// If the text has no names or no lines; the error is a sentence.
     pub fn find(text: &'t str, columns: &[Column]) -> Result<Self, String> {
         let text = text.trim_start_matches('\u{feff}');
         // Line ends of old Macintosh systems.
@@ -450,7 +450,7 @@ impl<'t> Sheet<'t> {
     /// Finds the known columns in a text.
     ///
     /// # Errors
-    /// A sentence that names the line or the column, or the column that is not known.
+    /// If the text cannot be read or has an unknown column; the error names the line or the column.
     pub fn new(text: &'t str, known: &[Column]) -> Result<Self, Refusal> {
         Self::below(Header::find(text, known)?, known, true)
     }
@@ -458,7 +458,7 @@ impl<'t> Sheet<'t> {
     /// Finds the known columns below a header. `all`: an unknown column is refused, otherwise it is ignored.
     ///
     /// # Errors
-    /// A sentence that names the line or the column, or the column that is not known.
+    /// If the text cannot be read or has an unknown column; the error names the line or the column.
     pub fn below(header: Header<'t>, known: &[Column], all: bool) -> Result<Self, Refusal> {
         let mut found: Vec<Option<(usize, f64)>> = vec![None; known.len()];
         for (at, cell) in header.names.iter().enumerate() {
@@ -544,7 +544,7 @@ impl<'t> Sheet<'t> {
     /// Calls a function with each row until the first error.
     ///
     /// # Errors
-    /// That of the function; a row of another length than the line of names.
+    /// If the function fails, or a row and the line of names differ in length.
     pub fn each(
         &self,
         mut take: impl FnMut(&SheetRow<'_>) -> Result<(), String>,
@@ -625,7 +625,7 @@ impl SheetRow<'_> {
     /// Returns the finite number in a known column in SI units.
     ///
     /// # Errors
-    /// The line, the column and the value.
+    /// If the cell is not a finite number; the message contains the line, the column and the value.
     pub fn number(&self, column: usize) -> Result<f64, String> {
         let text = self.text(column);
         let over = self.sheet.found[column].map_or(1.0, |(_, over)| over);

@@ -60,7 +60,7 @@ impl CsvTable {
     /// Starts a new table with `step` and the given columns.
     ///
     /// # Errors
-    /// The system's error; [`Error::Invalid`] for a heading that would need quoting.
+    /// If the system refuses an operation, or if a heading would need quoting ([`Error::Invalid`]).
     pub fn create(path: &Path, columns: &[Heading]) -> Result<Self> {
         check(columns)?;
         atomic::write(path, header(columns).as_bytes())?;
@@ -71,7 +71,7 @@ impl CsvTable {
     /// are dropped. A missing table is created.
     ///
     /// # Errors
-    /// The system's error; [`Error::Corrupt`] where the columns differ or a row is no row.
+    /// If the system refuses an operation, or if the columns differ or a row is invalid ([`Error::Corrupt`]).
     pub fn resume(path: &Path, columns: &[Heading], step: u64) -> Result<Self> {
         check(columns)?;
         let text = match fs::read_to_string(path) {
@@ -115,7 +115,8 @@ impl CsvTable {
     /// Adds a row in one write. It allocates only for a row longer than all earlier ones.
     ///
     /// # Errors
-    /// The system's error; [`Error::Invalid`] where the number of values differs from that of the columns.
+    /// If the system refuses an operation, or if the number of values differs from that of the columns
+    /// ([`Error::Invalid`]).
     pub fn row(&mut self, step: u64, values: &[f64]) -> Result<()> {
         if values.len() != self.columns {
             return Err(Error::invalid(
@@ -138,7 +139,7 @@ impl CsvTable {
     /// Flushes the rows to the disk, for example before a checkpoint.
     ///
     /// # Errors
-    /// The system's error.
+    /// If the system refuses an operation.
     pub fn sync(&self) -> Result<()> {
         self.file
             .sync_data()
@@ -171,8 +172,8 @@ impl Rows {
 /// Reads a table.
 ///
 /// # Errors
-/// The system's error; [`Error::Corrupt`] with the line where a row does not fit the header. A last line without its
-/// end is a row being written and is left out.
+/// If the system refuses an operation, or if a row does not fit the header ([`Error::Corrupt`], with the line). A
+/// last line without its end is a row that is being written, and is omitted.
 pub fn read(path: &Path) -> Result<Rows> {
     let text = plain::text(path, plain::LONGEST_TABLE)?;
     let whole = text.rfind('\n').map_or("", |end| &text[..=end]);

@@ -139,7 +139,7 @@ pub(crate) fn cases(root: &Path) -> Result<Vec<PathBuf>, String> {
 /// one instead; a case without a short form has no result for it.
 ///
 /// # Errors
-/// A file that cannot be read, a run that fails, a quantity that cannot be had.
+/// If a file cannot be read, a run fails, or a quantity cannot be computed.
 pub(crate) fn check(
     folder: &Path,
     form: &str,

@@ -13,7 +13,7 @@ pub const DEEPEST: usize = 100;
 /// Returns the value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
-/// What cannot be read, with the expression.
+/// If the expression cannot be evaluated; the message contains the expression.
 pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
     if text.len() > LONGEST {
         return Err(format!(

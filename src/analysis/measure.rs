@@ -54,9 +54,10 @@ pub enum Take {
     Sine(String),
     /// Time between upward crossings of the mean, on average [s].
     Period,
-    /// Largest difference from a formula of the columns, over the largest size of that formula; rows of the last time.
+    /// Largest difference from a formula of the columns, divided by the largest absolute value of that formula, over
+    /// the rows of the last time.
     LargestError(String),
-    /// Root of the mean square of the difference over that of the formula; rows of the last time.
+    /// Root mean square of the difference divided by that of the formula, over the rows of the last time.
     MeanError(String),
     /// Largest difference from a table, over the table's largest size; rows of the last time, interpolated by cubics.
     TableError {
@@ -72,10 +73,10 @@ pub enum Take {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Norm {
-    /// Largest difference over the largest size of the reference.
+    /// Largest difference divided by the largest absolute value of the reference.
     #[default]
     Largest,
-    /// Root of the mean square of the difference over that of the reference.
+    /// Root mean square of the difference divided by that of the reference.
     Mean,
 }
 
@@ -111,7 +112,7 @@ impl Profile {
     /// Returns two columns of a CSV file: coordinate and value.
     ///
     /// # Errors
-    /// What cannot be read.
+    /// If a file or value cannot be read.
     pub fn read(path: &Path) -> Result<Self, String> {
         let table = Table::read(path)?;
         let column = |column: usize| -> Result<Vec<f64>, String> {
@@ -131,7 +132,7 @@ impl Profile {
     /// Returns the error of this profile, interpolated by cubics, at the points of a reference.
     ///
     /// # Errors
-    /// Fewer than four points, or coordinates that do not grow.
+    /// If there are fewer than four points, or the coordinates do not increase.
     pub fn error(&self, reference: &Self, norm: Norm) -> Result<f64, String> {
         let there: Result<Vec<f64>, String> = reference
             .x
@@ -147,7 +148,7 @@ impl Measure {
     /// numbers named before.
     ///
     /// # Errors
-    /// What cannot be read or is not there.
+    /// If a file or value is missing or cannot be read.
     pub fn number(
         &self,
         output: &Path,
@@ -191,7 +192,7 @@ impl Measure {
     /// Returns the values at the last time as a function of a coordinate.
     ///
     /// # Errors
-    /// What cannot be read or is not there.
+    /// If a file or value is missing or cannot be read.
     pub fn profile(
         &self,
         output: &Path,

@@ -117,7 +117,7 @@ pub struct ErosionLawReport {
 /// Reads the runs and fits their laws.
 ///
 /// # Errors
-/// [`Error::Io`] if a run cannot be read, or holds no pressure or cohesion.
+/// If a run cannot be read, or holds no pressure or cohesion, [`Error::Io`].
 pub fn fit(runs: &[PathBuf]) -> Result<ErosionLawReport, Error> {
     if runs.is_empty() {
         return Err(Error::Io(

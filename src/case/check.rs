@@ -181,7 +181,7 @@ impl<'a> Walk<'a> {
                 path,
                 value,
                 format!("this is {}, but {wanted} is needed", kind(value)),
-                format!("write {wanted}{}", about(schema)),
+                format!("write {wanted}{}", summary_in_brackets(schema)),
             );
         }
         match value {
@@ -253,7 +253,7 @@ impl<'a> Walk<'a> {
         for key in required.into_iter().flatten().filter_map(Value::as_str) {
             if !map.contains_key(key) && !self.only_counted() {
                 let property = properties.and_then(|p| p.get(key));
-                let help = property.map(about).unwrap_or_default();
+                let help = property.map(summary_in_brackets).unwrap_or_default();
                 self.problems.push(Problem {
                     path: join(path, key),
                     value: "missing".into(),
@@ -345,7 +345,10 @@ impl<'a> Walk<'a> {
         };
         let allowed: Vec<String> = [lower, upper].into_iter().flatten().collect();
         let allowed = allowed.join(" and ");
-        let mut remedy = Remedy::from(format!("write a number {allowed}{}", about(schema)));
+        let mut remedy = Remedy::from(format!(
+            "write a number {allowed}{}",
+            summary_in_brackets(schema)
+        ));
         // Nearest value of a range whose bound is included.
         let bound = match (least, most) {
             (Some(least), _) if number < least => Some("minimum"),
@@ -534,7 +537,7 @@ fn wanted(schema: &Value) -> String {
 }
 
 /// Returns the first sentence of the documentation of a field, in brackets.
-fn about(schema: &Value) -> String {
+fn summary_in_brackets(schema: &Value) -> String {
     let text = schema
         .get("description")
         .and_then(Value::as_str)

@@ -513,7 +513,7 @@ const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 /// Adds the default command: `solver case.json` is `solver run case.json`.
 ///
 /// # Errors
-/// [`Error::Usage`] if the first word is neither a command nor a file.
+/// If the first word is neither a command nor a file, [`Error::Usage`].
 fn with_default_command(mut arguments: Vec<OsString>) -> Result<Vec<OsString>, Error> {
     let command = Cli::command();
     let known = |word: &str| {
@@ -749,7 +749,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
 /// Prints the verdict unless the JSON contains it.
 ///
 /// # Errors
-/// [`Error::Case`] if the case is not run.
+/// If the case is not run, [`Error::Case`].
 fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let accepted = Verdict::from_findings(findings).runs(stability.allow_unstable);
     if !accepted {
@@ -789,7 +789,7 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
 /// Lists problems with the verdict.
 ///
 /// # Errors
-/// Always: [`Error::Case`] with the problems, or that of the output.
+/// If nothing else fails, [`Error::Case`] with the problems; otherwise the error of the output.
 fn refuse<T>(problems: Vec<Problem>, case: &CaseArgs) -> Result<T, Error> {
     if case.json {
         let stability = Stability {

@@ -16,7 +16,7 @@ pub(super) enum Format {
 /// Writes the pages into a folder; returns a line about them.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or a file cannot be written.
+/// If the folder or a file cannot be written, [`Error::Io`].
 pub(super) fn write(format: Format, folder: &Path) -> Result<String, Error> {
     let files = match format {
         Format::Html => html::files(),

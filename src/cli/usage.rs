@@ -12,7 +12,7 @@ pub(super) const MOST_THREADS: u16 = 1024;
 /// Checks that a first word that is not a command can be a case: an existing file, or a possible file name.
 ///
 /// # Errors
-/// [`Error::Usage`] if it is neither.
+/// If it is neither, [`Error::Usage`].
 pub(super) fn command_or_file(word: &OsStr, commands: &[&str]) -> Result<(), Error> {
     let text = word.to_string_lossy();
     // For a path, the reader reports the error.

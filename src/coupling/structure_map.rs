@@ -1,4 +1,4 @@
-//! Structures on a lattice: their solid cells, and the links that their surfaces cut.
+//! Structures on a lattice: their solid cells, and the links that their surfaces intersect.
 //!
 //! A cell is solid if its centre is inside. A link from a fluid cell that a surface cuts reflects at the
 //! intersection ([`lbm::links::fixed`]), found from the chords of the solid along the link, so that even a sheet

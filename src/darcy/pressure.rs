@@ -254,8 +254,8 @@ impl Pressure {
     /// Returns the solver with zero pressure differences and zero conductivity. Collective.
     ///
     /// # Errors
-    /// [`SeepageError::Pocket`] if connected cells have no face with imposed pressure, [`SeepageError::NoOpenCell`] if
-    /// none is open.
+    /// If connected cells have no face with imposed pressure ([`SeepageError::Pocket`]), or if no cell is open
+    /// ([`SeepageError::NoOpenCell`]).
     pub fn new(
         openness: &Openness,
         patches: Vec<PressurePatch>,
@@ -435,7 +435,8 @@ impl Pressure {
     /// source the flow is quasi-steady. Collective.
     ///
     /// # Errors
-    /// [`SeepageError::NotFinite`], [`SeepageError::NotConverged`]; the same on every rank.
+    /// If the solution is not finite ([`SeepageError::NotFinite`]) or does not converge
+    /// ([`SeepageError::NotConverged`]); the error is the same on every rank.
     pub fn solve(&mut self, medium: Medium<'_>) -> Result<SolutionReport, SeepageError> {
         if self.unsaturated.is_some() {
             return self.solve_unsaturated(medium);

@@ -376,7 +376,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.list(particles, gap);
         particles.listed = true;
         self.validity.listed = true;
-        // Reported at powers of two: a run that builds lists in every step is noticed, and its log stays short.
+        // The log reports powers of two, so that it shows a run that builds lists in every step and remains short.
         if self.validity.rebuilds.is_power_of_two() {
             log::debug!(
                 "rank {}: lists made {} times in {} solid steps: {} grains of {total} owned, {} ghosts, {} pairs, {} \

@@ -1,5 +1,5 @@
-//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits however the engine
-//! is run.
+//! Tests of the whole engine: published and independent trajectories, exact laws, and the same bits in all modes of
+//! execution.
 
 mod blocks;
 mod bonds;

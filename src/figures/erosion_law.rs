@@ -65,7 +65,7 @@ impl FromStr for Published {
 /// Fits the runs and writes tables and figures into `output`, which is created if it does not exist.
 ///
 /// # Errors
-/// [`Error::Io`] if a run cannot be read, holds no pressure or cohesion, or a file cannot be written.
+/// If a run cannot be read, holds no pressure or cohesion, or a file cannot be written, [`Error::Io`].
 pub fn run(
     runs: &[PathBuf],
     output: &Path,

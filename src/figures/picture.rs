@@ -153,7 +153,7 @@ const PAPER: [f64; 3] = [255.0, 255.0, 255.0];
 /// Draws a run and returns a line with the path of the picture. Runs on one process.
 ///
 /// # Errors
-/// [`Error::Io`] if the run has no output to draw, lacks the column, or the picture cannot be written.
+/// If the run has no output to draw, lacks the column, or the picture cannot be written, [`Error::Io`].
 pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let usual = run.join("picture.svg");
     let output = request.output.clone().unwrap_or_else(|| usual.clone());

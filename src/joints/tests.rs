@@ -1,4 +1,4 @@
-//! Networks against closed solutions.
+//! Networks compared with closed-form solutions.
 
 mod closed;
 mod moving;

@@ -19,7 +19,7 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | one boundary each |
+//! | `no_slip`, `moving_wall`, `free_slip`, `velocity`, `pressure`, `outflow`, `convective_outflow` | a boundary each |
 //! | `discharge`, `level`, `outfall` | one opening of water with a free surface each |
 //! | `model` | [`BoundaryModel`], interface of a boundary of a case |
 //! | `kind`, `site` | the kind of a boundary, and the part of the domain where it is imposed |

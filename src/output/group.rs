@@ -60,7 +60,7 @@ impl RankGroup<'_> {
     /// error.
     ///
     /// # Errors
-    /// [`Error::Io`] with the text of the error.
+    /// If the operation failed, [`Error::Io`] with the text of the error.
     pub fn checked<T>(&self, result: io::Result<T>) -> Result<T, Error> {
         result.map_err(|error| {
             if error.must_abort() {

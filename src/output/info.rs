@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Describes a file or folder as JSON, or as text if `json` is `false`. Serial.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read or is of no known kind. A damaged checkpoint is described without an error.
+/// If it cannot be read or is of no known kind. A damaged checkpoint is described without an error, [`Error::Io`].
 pub fn info(path: &Path, json: bool) -> Result<String, Error> {
     let value = if path.is_dir() {
         folder(path)?

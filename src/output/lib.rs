@@ -113,7 +113,7 @@ impl Outputs {
     /// to that step are kept and later ones dropped. `provenance` goes into every series file. Collective.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks.
+    /// If a file cannot be written, [`Error::Io`]; the error is the same on all ranks.
     pub fn create(
         plan: &Plan,
         folder: &Path,
@@ -198,7 +198,8 @@ impl Outputs {
     /// after every step before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks; a write that fails on some ranks ends the job with exit code 5.
+    /// If a file cannot be written, [`Error::Io`]; the error is the same on all ranks. A write that fails on some
+    /// ranks ends the job with exit code 5.
     pub fn write_due<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         if view.step < self.next {
             return Ok(());
@@ -242,7 +243,7 @@ impl Outputs {
     /// `step` is about to continue, so that its files equal those of a run that did not end there. Collective.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks.
+    /// If a file cannot be written, [`Error::Io`]; the error is the same on all ranks.
     pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
         let group = RankGroup(domain.communicator());
         if let Some(output) = &mut self.fluid {
@@ -285,7 +286,7 @@ impl Outputs {
     /// Synchronises all tables to disk, as before a checkpoint. Collective.
     ///
     /// # Errors
-    /// [`Error::Io`], the same on all ranks.
+    /// If a file cannot be written, [`Error::Io`]; the error is the same on all ranks.
     pub fn sync(&self, domain: &Domain) -> Result<(), Error> {
         let profile = self.averages.as_ref();
         let profile = profile.and_then(|output| output.buffers.table.as_ref());

@@ -7,7 +7,7 @@ use decomposition::{Communicator, exchange};
 /// interval of ids, sorted, so that the rows of rank 0, 1, … form one sorted list. Collective.
 ///
 /// # Errors
-/// [`Error::Internal`] if a message is not a list of rows.
+/// If a message is not a list of rows, [`Error::Internal`].
 pub(crate) fn sorted<const N: usize>(
     communicator: &Communicator,
     mut rows: Vec<[u64; N]>,

@@ -351,7 +351,7 @@ fn outputs_come_when_due_and_go_on_after_a_restart() {
     assert!(there(2 * every) && there(2 * every + 1) && !there(1));
     assert_eq!(run.rows("ball").steps, [0, every, 2 * every, 2 * every + 1]);
 
-    // The run is extended: its old end leaves no trace.
+    // The run is extended: its previous end has no effect on the rows.
     let mut outputs = run.outputs(Some(2 * every + 1));
     outputs.write_all_now(&run.view(2 * every + 1)).unwrap();
     assert_eq!(run.rows("ball").steps, [0, every, 2 * every, 2 * every + 1]);
@@ -364,7 +364,7 @@ fn outputs_come_when_due_and_go_on_after_a_restart() {
     outputs.drop_end(2 * every, &run.domain).unwrap();
     assert_eq!(run.rows("ball").steps, [0, every, 2 * every]);
 
-    // Back to the first interval: the later ones go, and come again once.
+    // After a return to the first interval, later rows are removed, and written again once.
     let mut outputs = run.outputs(Some(every));
     assert!(there(every) && !there(2 * every) && !there(2 * every + 1));
     assert_eq!(outputs.next_due(), 2 * every);

@@ -141,7 +141,7 @@ impl Rest {
     /// an error. Returns a line to print and the entry of the summary. Collective.
     ///
     /// # Errors
-    /// Those of [`Dem::advance`], and those of `save`.
+    /// If [`Dem::advance`] or `save` fails.
     pub fn run<S: Space, R: Requests>(
         mut self,
         dem: &mut Dem<S>,

@@ -158,7 +158,7 @@ impl<'a, S: Space> Supervision<'a, S> {
     /// Asks the supervisor for a request if the last one is not recent, and saves the state on request.
     ///
     /// # Errors
-    /// [`Error::Stopped`] if the supervisor stops the work, and the errors of [`Supervisor::save`].
+    /// If the supervisor stops the work ([`Error::Stopped`]), or if [`Supervisor::save`] fails.
     pub fn listen(
         &self,
         dem: &Dem<S>,

@@ -93,7 +93,7 @@ impl CollapseRecorder {
     /// that step. Nothing is opened if the case requests no ground collapse.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn create(
         plan: &Plan,
         folder: &Path,
@@ -142,7 +142,7 @@ impl CollapseRecorder {
     /// every step, and once at step 0 before the first.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn record_due<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
@@ -179,7 +179,7 @@ impl CollapseRecorder {
     /// must not be saved for a run that continues.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn record_end<S: Space>(&mut self, view: &StateView<'_, S>) -> Result<(), Error> {
         if self.asked.is_none() {
             return Ok(());
@@ -196,7 +196,7 @@ impl CollapseRecorder {
     /// [`Self::restore`] if the run continues.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
         if self.state.last_row == Some(step) {
             return Ok(());
@@ -222,7 +222,7 @@ impl CollapseRecorder {
     /// Draws `collapse.svg` and `settlement.svg` from the tables. Call it at the end of a run.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be read or a figure not written.
+    /// If a table cannot be read or a figure not written, [`Error::Io`] on every rank.
     pub fn draw(&self, folder: &Path, domain: &Domain) -> Result<(), Error> {
         if self.asked.is_none() {
             return Ok(());
@@ -253,7 +253,7 @@ impl CollapseRecorder {
     /// analysis. The tables are synchronised to disk before it returns.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank when a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn state(&self, domain: &Domain) -> Result<Option<CollapseState>, Error> {
         if self.asked.is_none() {
             return Ok(None);
@@ -279,7 +279,7 @@ impl CollapseRecorder {
     /// Restores the state returned by [`Self::state`].
     ///
     /// # Errors
-    /// [`Error::Io`] if the state is missing or does not fit the case.
+    /// If the state is missing or does not fit the case, [`Error::Io`].
     pub fn restore(&mut self, state: Option<CollapseState>) -> Result<(), Error> {
         let Some(asked) = &self.asked else {
             return Ok(());

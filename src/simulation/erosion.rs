@@ -131,7 +131,7 @@ impl ErosionRecorder {
     /// `erosion.csv` where the case asks for the erosion law.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn create(
         plan: &Plan,
         folder: &Path,
@@ -218,7 +218,7 @@ impl ErosionRecorder {
     /// [`Self::is_due`] returns `true`.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn record_due<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
@@ -284,7 +284,7 @@ impl ErosionRecorder {
     /// continues.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn record_end<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
@@ -303,7 +303,7 @@ impl ErosionRecorder {
     /// [`Self::restore`] if the run continues.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where the table cannot be written.
+    /// If the table cannot be written, [`Error::Io`] on every rank.
     pub fn drop_end(&mut self, step: u64, domain: &Domain) -> Result<(), Error> {
         if self.state.last_row == Some(step) {
             return Ok(());
@@ -319,7 +319,7 @@ impl ErosionRecorder {
     /// row.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank where the table cannot be written.
+    /// If the table cannot be written, [`Error::Io`] on every rank.
     pub fn flush(&mut self, domain: &Domain) -> Result<(), Error> {
         let communicator = domain.communicator();
         if communicator.all_reduce_max_u64(self.pending.len() as u64) == 0 {
@@ -382,7 +382,7 @@ impl ErosionRecorder {
     /// before it returns.
     ///
     /// # Errors
-    /// [`Error::Io`] on every rank when a table cannot be written.
+    /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn state(&mut self, domain: &Domain) -> Result<ErosionState, Error> {
         self.flush(domain)?;
         let synced = [&self.removed, &self.bonds, &self.rows]

@@ -161,8 +161,8 @@ impl RunFolder {
     /// Collective; the first rank acts.
     ///
     /// # Errors
-    /// [`Error::Usage`] if another run uses the folder or is in it, [`Error::Io`] for the file system; the same on
-    /// all ranks.
+    /// If another run uses the folder or is in it ([`Error::Usage`]), or if the file system refuses an operation
+    /// ([`Error::Io`]); the error is the same on all ranks.
     pub fn enter(path: &Path, entry: &Entry, communicator: &Communicator) -> Result<Self, Error> {
         let lock = agreement::on_first(communicator, || {
             if let Entry::Fresh {

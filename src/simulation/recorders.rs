@@ -24,7 +24,7 @@ impl Recorders {
     /// Reads the states from the attributes of a checkpoint.
     ///
     /// # Errors
-    /// [`Error::Io`] if a state is missing or broken.
+    /// If a state is missing or broken, [`Error::Io`].
     pub(super) fn read(attributes: &Value) -> Result<Self, Error> {
         Self::deserialize(attributes)
             .map_err(|error| Error::Io(format!("the saved state of the recorders: {error}")))
@@ -48,7 +48,7 @@ impl Recorders {
 /// Returns the values of the guards alone, which a warm-up saves too; none if there are none.
 ///
 /// # Errors
-/// [`Error::Io`] if the values are malformed.
+/// If the values are malformed, [`Error::Io`].
 pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::GuardState>, Error> {
     match &attributes["guards"] {
         Value::Null => Ok(None),

@@ -331,7 +331,7 @@ impl Removal {
     /// was, or none for a new region. It is not needed if the regions are the same.
     ///
     /// # Errors
-    /// [`Error::Io`] if the number of saved regions differs.
+    /// If the number of saved regions differs, [`Error::Io`].
     pub fn restore(
         &mut self,
         state: &RemovalState,
@@ -347,7 +347,7 @@ impl Removal {
             || state.next_id.is_some_and(|id| id > 1 << 32)
         {
             return Err(Error::Io(format!(
-                "counts of {known} regions saved, {regions} here"
+                "the checkpoint contains counts of {known} regions, the case has {regions}"
             )));
         }
         for (region, origin) in origins.iter().enumerate() {

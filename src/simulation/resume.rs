@@ -120,7 +120,7 @@ fn scales(plan: &Plan) -> Value {
 /// Returns the newest checkpoint of the run in a folder, or otherwise of its preparation. Collective.
 ///
 /// # Errors
-/// [`Error::Io`] if there is none, the same on all ranks.
+/// If there is none, the same on all ranks, [`Error::Io`].
 pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Found, Error> {
     let group = RankGroup(communicator);
     let found = match io::checkpoint::newest(&folder.checkpoints(), &group) {
@@ -152,7 +152,7 @@ pub(super) fn find(folder: &RunFolder, communicator: &Communicator) -> Result<Fo
 /// excludes accidental damage.
 ///
 /// # Errors
-/// [`Error::Io`] if the checkpoint does not fit, with the reason; the same on all ranks.
+/// If the checkpoint does not fit, [`Error::Io`] with the reason; the error is the same on all ranks.
 pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     let found = &resumed.found;
     let manifest = &found.manifest;
@@ -307,7 +307,7 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
 /// cannot be measured again. Collective.
 ///
 /// # Errors
-/// [`Error::Io`] if a table was changed since, with its name; the same on all ranks.
+/// If a table was changed since, [`Error::Io`] with its name; the error is the same on all ranks.
 pub(super) fn cut_tables_back(
     found: &Found,
     folder: &Path,

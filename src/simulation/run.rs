@@ -255,7 +255,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     Ok(threads)
 }
 
-/// Runs, and records the outcome if the run failed before it could do so itself. Collective.
+/// Executes the run, and writes the outcome to the summary if the run failed before its own summary. Collective.
 fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), Error> {
     let summary = start.folder.path().join("summary.json");
     let folder = start.folder.path().display().to_string();

@@ -95,8 +95,8 @@ fn point(draw: &mut Stream, frame: &Frame) -> Point {
     at
 }
 
-/// The exact chords are those that follow from the distance alone; the distance never exceeds the way to a point of the
-/// other sign.
+/// The exact chords agree with those computed from the distance alone; the distance never exceeds that to a point
+/// of the other sign.
 #[test]
 fn distances_and_chords_agree_for_every_shape() {
     for (frame, text) in shapes() {
@@ -216,11 +216,11 @@ fn turned(triangles: &[[Point; 3]]) -> Vec<[Point; 3]> {
     triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect()
 }
 
-/// A part of space.
+/// Function that is `true` inside a part of space.
 type Holds<'a> = &'a dyn Fn(&Point) -> bool;
 
-/// The sign of the distance, and the length inside of lines along the axes, of several shells is that of what at least
-/// one of them holds; a shell in another one that is inside out is a cavity.
+/// The sign of the distance, and the length of lines along the axes inside several shells, are those of their
+/// union; a reversed shell inside another one is a cavity.
 #[test]
 fn shells_that_cross_are_one_solid() {
     let one = boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
@@ -266,8 +266,8 @@ fn shells_that_cross_are_one_solid() {
     }
 }
 
-/// Lines in the plane of a face, along an edge or through corners are outside or inside as a whole, and cost no more
-/// than others.
+/// Lines in the plane of a face, along an edge or through corners are inside or outside as a whole, and cost no
+/// more than others.
 #[test]
 fn lines_that_graze_a_surface_are_sure() {
     let mesh = mesh::TriangleMesh::new(&boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5])).unwrap();

@@ -94,7 +94,7 @@ pub struct Critical {
 /// Runs the search; the first rank prints. Collective.
 ///
 /// # Errors
-/// Problems of the case or the bounds, and the failure of a run.
+/// If the case or the bounds are invalid, or a run fails.
 pub fn command(search: &Search, json: bool) -> Result<String, Error> {
     let text = io::plain::text(&search.case, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(e.to_string()))?;

@@ -69,7 +69,7 @@ pub type LineReport<'a> = &'a dyn Fn(&str);
 /// Carries out a sweep; `report` receives the lines to print.
 ///
 /// # Errors
-/// All problems of the study, before any member runs; [`Error::Stopped`] if a signal ended it.
+/// If the study is invalid, with all problems before any member runs; if a signal ended it, [`Error::Stopped`].
 pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
@@ -130,7 +130,7 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
 /// an internal error.
 ///
 /// # Errors
-/// [`Error::Io`] with their names and reasons.
+/// If there are such members, [`Error::Io`] with their names and reasons.
 pub(crate) fn check_ends(members: &[Member], output: &Path) -> Result<(), Error> {
     let failed: Vec<String> = members
         .iter()
@@ -164,7 +164,7 @@ fn one_problem(path: &str, value: String, reason: String, remedy: String) -> Err
 /// Refuses members that would share a core, because their cost would not be meaningful.
 ///
 /// # Errors
-/// [`Error::Case`] with the three numbers.
+/// If the members need more cores than the machine has, [`Error::Case`] with the three numbers.
 pub fn enough_cores(run: &Run) -> Result<(), Error> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let used = run.at_once as usize * run.ranks as usize * run.threads as usize;

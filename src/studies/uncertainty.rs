@@ -84,7 +84,7 @@ impl Members {
     /// Returns the runs of the estimate of a case.
     ///
     /// # Errors
-    /// [`Error::Case`] if no other grid can run.
+    /// If no other grid can run, [`Error::Case`].
     pub fn for_case(
         plan: &Plan,
         finer: bool,
@@ -247,7 +247,7 @@ impl Members {
     /// Adds a run with the closed ends of the seepage further away.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a case without such ends.
+    /// If the case has no such ends, [`Error::Usage`].
     pub fn add_ends(&mut self, plan: &Plan) -> Result<(), Error> {
         let mut case = self.compared(plan, &grids::stated(plan)?);
         let change = ends::move_away(&mut case, plan).ok_or_else(|| {
@@ -363,7 +363,7 @@ fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member
 /// Runs the missing members and writes the results; `report` receives the lines to print. Returns the table.
 ///
 /// # Errors
-/// Problems of the case, [`Error::Stopped`] where the runs were stopped, and the failure of the run of the case itself.
+/// If the case is invalid, the runs were stopped ([`Error::Stopped`]), or the run of the case itself failed.
 pub fn command(
     plan: &Plan,
     options: &Options,

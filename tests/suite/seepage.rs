@@ -284,7 +284,8 @@ fn zones_alone_are_a_bed() {
     let done = study.run("straight", 1, 1, &[]);
     assert!(!done.stderr.contains("NaN"), "{}", done.stderr);
     let one = study.summary("straight");
-    // k_v k_h of the layers, K of the wall (Harr 1962): 2.161e-5 m2/s; cells of a layer are coarse.
+    // With k_v and k_h of the layers and K of the wall, the solution of Harr (1962) is 2.161e-5 m2/s. The tolerance is
+    // that of coarse cells, as thick as a layer.
     let inflow = one["seepage"]["inflow"].as_f64().unwrap();
     assert!((inflow / 2.161e-5 - 1.0).abs() < 0.1, "{inflow}");
     for (name, ranks, set) in [("two", 2, &["domain.split=x"][..]), ("three", 3, &[])] {

@@ -281,7 +281,7 @@ const RENAMED: [(&str, &str); 2] = [
 /// `key`, the last one is used. Lines that start with `#` are skipped.
 ///
 /// # Errors
-/// [`Error::Io`] with file, line and column where the file cannot be read.
+/// If the file cannot be read, [`Error::Io`] with file, line and column.
 pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<Vec<R>, Error> {
     let fail = |what: String| Error::Io(format!("{}: {what}", path.display()));
     let text = io::plain::text(path, io::plain::LONGEST_TABLE)
@@ -323,7 +323,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
 /// Writes a whole CSV file: header and rows.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be written.
+/// If the file cannot be written, [`Error::Io`].
 pub fn write_rows<R: RecordRow>(path: &Path, rows: &[R]) -> Result<(), Error> {
     let mut text = R::header();
     text.push('\n');

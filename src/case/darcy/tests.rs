@@ -14,8 +14,8 @@ use dem::particles::{Body, Kind, Motion, Particles};
 use dem::space::Volume;
 use nalgebra::Vector3;
 
-/// With what a case leaves out, a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the minimum
-/// velocity of fluidisation of Ergun's equation, from fine sand to gravel, from dense to loose, in water and in oil.
+/// With the defaults of a case, a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the minimum
+/// fluidisation velocity of Ergun's equation, from fine sand to gravel, from dense to loose, in water and in oil.
 #[test]
 fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun() {
     for diameter in [1e-4, 1e-3, 5e-3] {
@@ -109,7 +109,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     }
                 }
                 seepage.advance(&mut particles, &alone()).unwrap();
-                // The spheres at the sides are loaded by the part that is inside.
+                // The spheres at the sides are loaded in proportion to their part inside the array.
                 let volume: f64 = (0..grid.count())
                     .map(|c| seepage.pores().solid_volume(c))
                     .sum();

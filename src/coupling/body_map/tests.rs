@@ -37,8 +37,8 @@ fn follow<Sp: Space>(
     loads
 }
 
-/// Checks that every cell belongs to the body of lowest id that holds its centre, and a map that followed the bodies is
-/// one that was made anew.
+/// Checks that every cell belongs to the body of lowest id that covers its centre, and that an updated map equals a
+/// new one.
 fn is_true<Sp: Space>(
     map: &BodyMap,
     particles: &Particles<Sp>,
@@ -73,7 +73,7 @@ fn on_threads(count: usize, work: impl FnOnce() + Send) {
     pool.unwrap().install(work);
 }
 
-/// Discs that overlap, move at all speeds, grow, leave the lattice, go and come.
+/// Discs overlap, move at all speeds, grow, leave the lattice, and are removed and added.
 #[test]
 fn discs_hold_the_cells_of_their_places() {
     let populations =

@@ -74,7 +74,8 @@ fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
     (particles, shape)
 }
 
-/// The cover of a body is its volume wherever it stands, for every order of the axes, and nothing is left where it was.
+/// The cover of a body has its volume at every position and for every order of the axes, and no cover remains at
+/// previous positions.
 #[test]
 fn the_cover_follows_and_adds_up_to_the_volume() {
     for split in 0..3 {
@@ -201,8 +202,8 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
     }
 }
 
-/// Bodies that overlap, move and leave cover the same cells by the same parts whoever maps them: one worker, or several
-/// with planes of their own.
+/// Bodies that overlap, move and leave cover the same cells by the same fractions with one worker, and with several
+/// that have separate planes.
 #[test]
 fn workers_cover_what_one_covers() {
     let grains = |step: i32| {
@@ -274,8 +275,8 @@ fn workers_cover_planes_of_a_block() {
     }
 }
 
-/// Balls of all sizes that overlap, stand at walls and beyond the slab, move, come and go: a GPU finds the same owners,
-/// fractions and parts.
+/// Balls of all sizes that overlap, are at walls and beyond the slab, move, are added and removed: a GPU finds the
+/// same owners, fractions and parts.
 #[test]
 fn a_gpu_finds_the_same_cells() {
     let mut several = 0;

@@ -149,7 +149,7 @@ fn momentum_closes_with_the_consistent_drag() {
         let particles = bed(&mut seepage);
         let balance = *seepage.balance();
         assert!(balance.closure < 1e-10, "{method:?} {balance:?}");
-        // The pressure pushes with what is imposed on the two faces.
+        // The total pressure force follows from the imposed pressures on the two faces.
         let area = 16.0 * EDGE * EDGE;
         let push = (300.0 + 60.0 * 9.81) * area;
         assert!((balance.pressure[2] / push - 1.0).abs() < 1e-10);
@@ -157,7 +157,7 @@ fn momentum_closes_with_the_consistent_drag() {
             .map(|k| particles.fluid[k].force[2])
             .sum();
         assert!((sum / balance.on_grains[2] - 1.0).abs() < 1e-10);
-        // Nothing pushes sideways but what heterogeneity makes, and that sums to little.
+        // There is no sideways force except that of heterogeneity, whose sum is small.
         assert!(balance.on_grains[0].abs() < 1e-2 * sum);
     }
 }
@@ -300,7 +300,7 @@ fn momentum_closes_with_the_resistance_of_ergun() {
 }
 
 /// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell:
-/// the load stays that of a bed at the cap.
+/// the load is that of a bed at the limit of porosity.
 #[test]
 fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
     let mut seepage = Bench::default().seepage();
@@ -565,7 +565,7 @@ fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
     }
 }
 
-/// A free bed in a closed shaft sinks as fast as its buoyant weight drives the water past it, whatever the interval.
+/// A free bed in a closed shaft sinks as fast as its buoyant weight drives the water through it, for any interval.
 #[test]
 fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
     let sinks = |density: f64, interval: f64, end: f64| {

@@ -302,7 +302,7 @@ fn tabulate<const FORWARD: bool>(rows: &Coordinates, along: &Coordinates, edges:
     }
 }
 
-/// Operation of [`BallTable::fill`].
+/// Arguments of [`BallTable::fill`], for a run at the best vector width.
 struct Fill<'a>(&'a mut BallTable, &'a BallInCells);
 
 impl Work for Fill<'_> {
@@ -312,7 +312,7 @@ impl Work for Fill<'_> {
     }
 }
 
-/// Operation of [`BallTable::layer`].
+/// Arguments of [`BallTable::layer`], for a run at the best vector width.
 struct Layer<'a>(&'a mut BallTable, usize);
 
 impl Work for Layer<'_> {

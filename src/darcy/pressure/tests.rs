@@ -556,8 +556,8 @@ fn a_box_with_a_small_outlet() {
     assert!(mean(0) > 1.3 * column, "{} {column}", mean(0));
 }
 
-/// Free water up to a hundred million times as permeable as the soil, above it and in a pocket within it: what passes
-/// is what the soil passes.
+/// Free water up to 10⁸ times as permeable as the soil, above it and in a pocket within it: the discharge is that
+/// of the soil.
 #[test]
 fn free_water_beside_soil() {
     const SOIL: f64 = 1e-11;

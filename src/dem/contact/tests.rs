@@ -1,5 +1,5 @@
-//! A contact law takes one file and one line: a list with the linear law and a toy, from the text of a case to two
-//! spheres that collide.
+//! A contact law requires one file and one line: a list with the linear law and a toy law, from the text of a case
+//! to a collision of two spheres.
 
 mod toy;
 
@@ -14,7 +14,7 @@ use crate::{Body, Dem, DemSettings, GrainDomain, Motion, Particles, Volume, alon
 use base::error::{Remedy, Report};
 
 contact_laws! {
-    /// The linear law and a toy.
+    /// Contact laws of this test: the linear law and a toy.
     Contact,
     /// Laws that the choices resolve to.
     Law:
@@ -24,7 +24,7 @@ contact_laws! {
     Toy(toy::Input) => Toy(toy::Toy);
 }
 
-/// The paths of all findings.
+/// Collector of the paths of all findings.
 #[derive(Default)]
 struct Paths(Vec<String>);
 
@@ -119,7 +119,7 @@ fn a_toy_is_described_limited_and_stepped() {
     assert_relative_eq!(particles.motion[1].velocity.x, 0.1, max_relative = 1e-6);
 }
 
-/// Pairs of materials are named, known and given once; the law of a list is the one of its line.
+/// Pairs of materials must be named, known and given once; the override follows the law of its list.
 #[test]
 fn overrides_of_pairs_are_checked() {
     let pair = json!({"materials": ["glass", "glass"], "friction_angle_degrees": 45});

@@ -169,8 +169,8 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
 /// Pairs, indices of those to compute, and the index of the first pair.
 type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
 
-/// Data written by one part: its listed pairs, copies of others, pairs with planes and with facets, and the loads
-/// of its grains.
+/// Data written by one part: its listed pairs, copies of pairs listed by earlier parts, pairs with planes and with
+/// facets, and the loads of its grains.
 struct Share<'a, S: Space, L: ContactLaw<S>> {
     pairs: &'a mut [Pair<L::Scale, L::History>],
     coming: &'a mut [Pair<L::Scale, L::History>],

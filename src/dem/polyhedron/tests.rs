@@ -17,7 +17,7 @@ fn between(draw: &mut Stream, low: f64, high: f64) -> f64 {
     low + (high - low) * draw.uniform()
 }
 
-/// Returns a direction, even over the sphere.
+/// Returns a direction, uniform over the sphere.
 fn direction(draw: &mut Stream) -> Vector3<f64> {
     loop {
         let v = Vector3::from_fn(|_, _| between(draw, -1.0, 1.0));

@@ -1,5 +1,5 @@
 //! Blocks through the whole engine: slopes, free flight and collisions through a periodic face, a stack, and a pile
-//! that has the same bits however it is run.
+//! with the same bits in all modes of execution.
 
 use std::sync::{Arc, OnceLock};
 
@@ -50,7 +50,7 @@ fn floor() -> Wall<Volume> {
     Wall::new(Vector3::zeros(), Vector3::z(), 0)
 }
 
-/// Bodies of these shapes at these places, at rest.
+/// Returns bodies of these shapes at these positions, at rest.
 fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Particles<Volume> {
     let mut particles = Particles::new();
     let shapes: Vec<_> = blocks.iter().map(|one| one.0.clone()).collect();
@@ -95,8 +95,8 @@ fn a_block_on_a_slope() {
     }
 }
 
-/// An asymmetric block that flies through a periodic face and nothing else: momentum and angular momentum stay to the
-/// last bit, energy to the second order of the step.
+/// An asymmetric block in free flight through a periodic face: momentum and angular momentum are constant to the
+/// last bit, energy to second order in the time step.
 #[test]
 fn a_free_block_keeps_energy_and_angular_momentum() {
     let mut region = about_origin::<Volume>(1.0);
@@ -127,7 +127,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
         assert_eq!(state.angular_momentum, momentum);
         assert_eq!(particles.motion[0].velocity, motion.velocity);
         assert!(particles.location(0).x.abs() <= 1.0 && particles.motion[0].position.x > 2.0);
-        // What others read follows the state.
+        // Derived quantities follow the state.
         let inertia = shape.inertia(DENSITY);
         assert_eq!(particles.motion[0].spin, state.spin(&inertia));
         worst
@@ -137,7 +137,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
     assert_relative_eq!(coarse / fine, 4.0, max_relative = 0.1);
 }
 
-/// Two blocks that meet across a periodic face do what they do in the open.
+/// Two blocks that collide across a periodic face move like in an unbounded domain.
 #[test]
 fn a_collision_through_a_periodic_face() {
     let shapes: Arc<[Polyhedron]> = [cuboid(0.3, 0.3, 0.3), cuboid(0.4, 0.25, 0.3)].into();
@@ -185,7 +185,7 @@ fn momentum(particles: &Particles<Volume>) -> Vector3<f64> {
     own.map(|(body, motion)| motion.velocity * body.mass).sum()
 }
 
-/// Ten blocks on one another, each turned and shifted a little, stand still.
+/// Ten blocks on top of each other, each slightly rotated and shifted, are stationary.
 #[test]
 fn a_stack_of_ten_stands() {
     let blocks: Vec<_> = (0..10)
@@ -212,7 +212,7 @@ fn a_stack_of_ten_stands() {
         assert!((now.position - before.position).norm() < 1e-5);
         assert!(now.spin.norm() < 1e-6);
     }
-    // The floor carries all ten, each joint what is above it.
+    // The floor carries all ten blocks, each joint those above it.
     let weight = DENSITY * 0.5 * GRAVITY;
     let mut carried = Vec::new();
     dem.for_each_contact(&particles, |contact| {
@@ -285,7 +285,7 @@ fn mesh(half: f64, n: u32) -> FacetSurface {
     FacetSurface::new(vertices, &facets).unwrap()
 }
 
-/// Interior edges are not felt: a block that tumbles and slides over triangles does what it does on a plane.
+/// Interior edges have no effect: a block that tumbles and slides over triangles moves like on a plane.
 #[test]
 fn a_flat_mesh_is_a_plane() {
     let slide = |wall: Wall<Volume>| {
@@ -330,7 +330,7 @@ fn a_flat_mesh_is_a_plane() {
     }
 }
 
-/// A block that overhangs the edge of a box rests while its centroid is over the box, and falls where it is not.
+/// A block that overhangs the edge of a box is stable if its centroid is above the box, and falls otherwise.
 #[test]
 fn a_block_overhangs_the_edge_of_a_box() {
     for (x, rests) in [(-0.1, true), (0.1, false)] {
@@ -382,8 +382,8 @@ fn tile(x: f64) -> Wall<Volume> {
     )
 }
 
-/// Thrown along a plane, a block stops after v²/(2 mu g): also over the edge of a ledge that it leaves with less than
-/// half of its base, and over seams between boxes, polygons and both.
+/// A block thrown along a plane stops after v²/(2 mu g): also over the edge of a ledge from which less than half of
+/// its base protrudes, and over seams between boxes, polygons and both.
 #[test]
 fn a_block_slides_over_edges_and_seams() {
     let (speed, mu) = (1.0, 20.0_f64.to_radians().tan());
@@ -658,7 +658,7 @@ struct Saved {
 
 impl Saved {
     fn bits(&self) -> std::collections::BTreeMap<u64, Vec<u64>> {
-        // A shift says through which image a raw position is seen.
+        // A shift selects the image of a raw position.
         let mut grains = self.grains.clone();
         grains
             .columns
@@ -667,7 +667,8 @@ impl Saved {
     }
 }
 
-/// Makes `steps` steps from a saved state or the start, on ranks of some threads each; bodies are dealt out by id.
+/// Makes `steps` steps from a saved state or the start, on ranks with some threads each; bodies are distributed by
+/// id.
 fn run(
     pile: Pile,
     (axis, bounds, threads): (SplitAxis, &[usize], usize),
@@ -754,7 +755,8 @@ fn ranks_and_threads_do_not_show_in_a_pile() {
             // An empty slab in between, and slabs thinner than the giant.
             (SplitAxis::X, &[0, 10, 10, 14, 24], 2),
         ];
-        // Box walls change nothing in how slabs are cut: the closed pile meets the thin and the empty ones.
+        // Box walls do not affect the division into slabs: the closed pile is tested with the thin and the empty
+        // ones.
         let first = if pile.periodic { 0 } else { 2 };
         for split in &splits[first..] {
             let many = run(pile, *split, None, (STEPS, STEPS));

@@ -8,8 +8,8 @@ use super::super::contact::rolling::{self, Rolling};
 use super::super::contact::{ContactLaw, ContactModel};
 use super::*;
 
-/// A clay of contact bonds: k_n = k_s = 1e6 N/m, 10 N in tension, 50 N in shear. It opens at 1e-5 m and shears by 5e-5
-/// m.
+/// Clay with contact bonds: k_n = k_s = 1e6 N/m, strength 10 N in tension and 50 N in shear. A bond breaks at an
+/// opening of 1e-5 m or a shear displacement of 5e-5 m.
 pub(super) const CLAY: contact_bond::ContactBondParameters = contact_bond::ContactBondParameters {
     linear: linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(1e6),
@@ -132,7 +132,7 @@ fn a_bond_does_not_slip_and_fails_in_shear() {
     assert_relative_eq!(shear, 0.5 * pressure, max_relative = 1e-9);
 }
 
-/// Pairs within the gap are bonded and no others; across a gap a bond pulls at once or starts without a force.
+/// Pairs within the gap are bonded and no others; across a gap a bond acts immediately or starts without a force.
 #[test]
 fn bonds_form_across_the_bonding_gap() {
     let gap = 4e-6;
@@ -158,7 +158,7 @@ fn bonds_form_across_the_bonding_gap() {
             assert_relative_eq!(-force, pull, epsilon = 1e-9);
         }
         if bonds > 0 {
-            // The bond opens by T/k_n from where it bears nothing.
+            // The bond breaks at an opening of T/k_n, measured from its zero-force position.
             particles.motion[1].velocity = Vector3::new(1e-8, 0.0, 0.0);
             let mut steps = 0.0;
             while dem.take_breaks().is_empty() {
@@ -251,7 +251,7 @@ fn soft_springs_of_a_preparation_reach_no_further_than_grains_touch() {
     let opening =
         |law: &ContactBond| ContactLaw::<Volume>::widest_opening(law, [DIAMETER, DIAMETER]);
     assert_relative_eq!(opening(&law), 1e-5);
-    // Another coefficient of friction alone leaves the bonds.
+    // A changed coefficient of friction alone does not affect the bonds.
     ContactModel::prepare(&mut law, None, Some(0.1));
     assert_relative_eq!(opening(&law), 1e-5);
     // Bonds of full strength on springs of 1 kN/m would open by 1e-2 m, five diameters.

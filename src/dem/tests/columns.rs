@@ -1,4 +1,4 @@
-//! Tests of the data of a grain that cross ranks, and of when they do.
+//! Tests of the data of a grain that are exchanged between ranks, and of the events at which they are.
 
 use super::*;
 use crate::columns::Crosses;
@@ -7,8 +7,8 @@ use crate::migration::{pack_grains, unpack_grains};
 use crate::polyhedron::{Polyhedron, RotationState};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Returns a fixed, a driven and a free sphere and a block with every array that a scene may ask for, no two values
-/// alike.
+/// Returns a fixed, a driven and a free sphere and a block with all optional arrays of a scene, and no two equal
+/// values.
 fn all_arrays() -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let cube = Polyhedron::cuboid(Vector3::new(0.5, 0.25, 1.0)).unwrap();
@@ -67,7 +67,7 @@ fn arrays_cross_ranks_when_the_list_says() {
         empty.keep_last_velocity();
         empty
     };
-    // A grain that gets another owner keeps everything.
+    // A grain that changes its owner keeps all its data.
     let mut writer = Writer::default();
     pack_grains(&particles, &all, &mut writer);
     let mut owner = empty();
@@ -75,7 +75,7 @@ fn arrays_cross_ranks_when_the_list_says() {
     unpack_grains(&mut owner, &mut reader).unwrap();
     assert!(reader.is_empty());
     assert_eq!(owner.table(), particles.table());
-    // A ghost has no loads of its own; a step brings its motion and rotation.
+    // A ghost has no loads; its motion and rotation are updated in each step.
     let mut writer = Writer::default();
     for &k in &all {
         particles.pack(k, [0, 1, 0], Crosses::Creation, &mut writer);

@@ -1,4 +1,4 @@
-//! Tests of the initial positions of grains, which are carried along whenever a grain moves from one list to another.
+//! Tests of the initial positions of grains, which are moved together with a grain between lists.
 
 use crate::message::{Reader, Writer};
 use crate::migration::{pack_grains, unpack_grains};
@@ -6,7 +6,7 @@ use crate::particles::{Body, Motion, Particles};
 use crate::space::Volume;
 use nalgebra::Vector3;
 
-/// Grains carry along where they started, over migration, checkpoints and a periodic face, if asked.
+/// Grains keep their initial positions across migration, checkpoints and a periodic face, on request.
 #[test]
 fn displacements_are_raw_and_survive_a_table() {
     let mut particles = Particles::<Volume>::new();

@@ -1,4 +1,5 @@
-//! The law of Hertz and Mindlin: collisions against closed forms, what must be kept, and the critical step.
+//! The law of Hertz and Mindlin: collisions compared with closed forms, conserved quantities, and the critical time
+//! step.
 
 use approx::assert_relative_eq;
 use nalgebra::{Rotation3, Vector3};
@@ -139,8 +140,8 @@ fn equal_and_opposite_spins_roll_off_each_other() {
     }
 }
 
-/// A spring sheared at a large overlap and let go at a small one gives back less than it took: the part that a smaller
-/// contact does not bear is lost (Thornton et al. 2013).
+/// A spring sheared at a large overlap and released at a small one returns less energy than it received: the part
+/// that a smaller contact cannot carry is lost (Thornton et al. 2013).
 #[test]
 fn a_shrinking_contact_lets_go_of_shear() {
     let settings = DemSettings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
@@ -176,7 +177,7 @@ fn a_shrinking_contact_lets_go_of_shear() {
     dem.advance_many(&mut particles, &alone(), 10).unwrap();
     // A quarter of the overlap, half the radius of the contact.
     assert_relative_eq!(shear(&particles), 0.5 * loaded, max_relative = 1e-3);
-    // Pressed in again it does not come back by itself.
+    // Pressed in again, the force does not return by itself.
     particles.motion[1].velocity = Vector3::new(-7.5e-8, 0.0, 0.0);
     dem.advance_many(&mut particles, &alone(), 10).unwrap();
     assert_relative_eq!(shear(&particles), 0.5 * loaded, max_relative = 1e-3);

@@ -82,8 +82,8 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
     }
 }
 
-/// At the default step, a tenth of 2 sqrt(m/k), the restitution is that of continuous time wherever in a step the
-/// contact begins.
+/// At the default step, a tenth of 2 sqrt(m/k), the restitution equals that of continuous time, independent of the
+/// time within a step at which the contact begins.
 #[test]
 fn the_restitution_at_the_default_step_is_the_exact_one() {
     for zeta in [0.05_f64, 0.2, 0.5] {
@@ -393,8 +393,8 @@ fn grains_roll_or_slide_down_an_incline() {
     }
 }
 
-/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or stays where it is
-/// but for the deflection m g sin / k_s of its shear spring. In the linear law and in that of elastic spheres.
+/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or is stationary
+/// except for the deflection m g sin / k_s of its shear spring, in the linear law and in that of elastic spheres.
 #[test]
 fn a_block_slides_or_stays_on_an_incline() {
     const G: f64 = 9.81;
@@ -497,7 +497,7 @@ fn pushing_damping(e: f64) -> f64 {
     low
 }
 
-/// Chung & Ooi test 6: a sphere with spin hits a plane and slides all along: v_t = mu (1+e) v_n, dw = -3 rad/s.
+/// Chung & Ooi test 6: a sphere with spin hits a plane and slides throughout: v_t = mu (1+e) v_n, dw = -3 rad/s.
 #[test]
 fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     let parameters = linear::LinearParameters {
@@ -537,7 +537,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     }
 }
 
-/// Chung & Ooi test 4: a small sphere meets a plane obliquely and slides all along.
+/// Chung & Ooi test 4: a small sphere hits a plane obliquely and slides throughout.
 #[test]
 fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     let (radius, speed) = (2.5e-3, 3.9);
@@ -736,7 +736,7 @@ fn cohesion_is_lost_for_good() {
     assert_eq!(broken.len(), 1);
     assert_eq!(broken[0].mode, Failure::Shear);
     assert_eq!(particles.contact[1].force, Vector2::zeros());
-    // Press together again: friction only, and pulling finds nothing.
+    // Pressed together again, the contact has friction only and no tension.
     particles.motion[1].velocity = Vector2::new(-1e-10, 0.0);
     dem.advance_many(&mut particles, &alone(), 100).unwrap();
     assert!(particles.contact[1].force[0] > 1e-4);

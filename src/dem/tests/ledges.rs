@@ -214,7 +214,7 @@ fn law(friction: f64) -> Law {
     })
 }
 
-/// 22 floors at three time steps: the distance within 1 %, no way aside and no turn.
+/// 22 floors at three time steps: the distance agrees within 1 %, without sideways motion or rotation.
 #[test]
 fn a_block_stops_after_the_same_distance_on_all_floors() {
     let friction = 20.0_f64.to_radians().tan();

@@ -1,4 +1,4 @@
-//! Walls of facets in domains with periodic axes: the seam is not there.
+//! Walls of facets in domains with periodic axes: the seam has no effect.
 
 use std::sync::Arc;
 
@@ -131,7 +131,7 @@ fn slide(floor: Wall<Volume>, velocity: Vector3<f64>) -> (Motion<Volume>, f64) {
     (particles.motion[0], least)
 }
 
-/// Over both seams, several times: as on a plane, and friction holds all the time.
+/// Over both seams, several times: the motion is that on a plane, and friction acts throughout.
 #[test]
 fn a_grain_slides_over_the_seam() {
     let velocity = Vector3::new(2.0, 0.7, 0.0);
@@ -175,7 +175,7 @@ fn a_grain_rests_over_the_seam() {
     }
 }
 
-/// A box that ends in the domain keeps its edges: a grain that rolls over its end falls.
+/// A box that ends in the domain has real edges: a grain that rolls over its end falls.
 #[test]
 fn edges_that_meet_no_image_stay() {
     let short = structure(r#"{"box": {"from": [0.02, -1, -0.1], "to": [0.09, 1, 0]}}"#);
@@ -190,7 +190,7 @@ fn edges_that_meet_no_image_stay() {
     }
 }
 
-/// A floor that moves along itself drags as a plane does, however many periods it has passed.
+/// A floor that moves within its own plane drags like a plane, for any number of periods.
 #[test]
 fn a_moving_mesh_drags_as_a_plane() {
     let run = |mut floor: Wall<Volume>| {
@@ -252,7 +252,7 @@ fn a_block_slides_over_the_seam() {
     }
 }
 
-/// Bodies that reach half a period would meet images that were not made.
+/// Bodies that extend over half a period would need images that do not exist.
 #[test]
 fn bodies_too_large_for_the_period_are_refused() {
     let mut dem = linear(

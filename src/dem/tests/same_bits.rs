@@ -23,7 +23,7 @@ pub(super) fn on_slabs<T: Send>(
     })
 }
 
-/// A scene that has everything: a periodic axis, a giant, a wall, a driven grain, gravity, bonds and shear.
+/// Scene with all features: a periodic axis, a giant, a wall, a driven grain, gravity, bonds and shear.
 #[derive(Clone, Copy)]
 struct Scene {
     periodic: bool,
@@ -74,7 +74,7 @@ fn dem(scene: Scene) -> Dem<PlaneSpace> {
 
 fn grains() -> Vec<(Body, Motion<PlaneSpace>)> {
     let mut all = Vec::new();
-    // A lattice that overlaps a little here and there; ids in no order of place.
+    // A lattice with small overlaps at some places; the ids are in random order.
     for row in 0..12_u64 {
         for column in 0..19_u64 {
             let n = row * 19 + column;
@@ -104,7 +104,7 @@ fn grains() -> Vec<(Body, Motion<PlaneSpace>)> {
             ));
         }
     }
-    // Wider than a slab, and moved by the contacts; and one that is driven.
+    // A grain wider than a slab, moved by contacts, and a driven grain.
     let giant = Body::uniform::<PlaneSpace>(500_000, 0.005, 2600.0, 0);
     all.push((
         giant,
@@ -399,7 +399,7 @@ fn threads_do_not_show() {
 }
 
 /// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and
-/// steps after all bonds were taken away.
+/// steps after all bonds were removed.
 #[test]
 fn threads_do_not_show_in_lists_that_last() {
     let layer = |threads: usize| {
@@ -462,7 +462,7 @@ fn ghost_entries_are_summed_at_the_owner() {
                 }
             }
             dem(scene).prepare(&mut particles, &domain).unwrap();
-            // Each rank counts for every image the planes of its own that the body covers.
+            // Each rank counts, for every image, its own planes that the body covers.
             let mut values: Vec<[i128; 2]> = (0..particles.len())
                 .map(|k| {
                     let (x, r) = (particles.location(k)[0], particles.body[k].radius);

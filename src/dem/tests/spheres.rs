@@ -1,4 +1,5 @@
-//! Equal bits of spheres on any ranks, threads, skins and restarts, for each law of the fissure and each kind of wall.
+//! Equal bits of spheres on any number of ranks and threads, for any skin and across restarts, for each contact law
+//! of the fissure and each kind of wall.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Planes, polygons and meshes are the same wall where they are the same plane; corners and interior edges.
+//! Planes, polygons and meshes act as the same wall if they describe the same plane; corners and interior edges.
 
 use std::sync::Arc;
 
@@ -193,9 +193,9 @@ fn facets_in_a_plane_wall_push_once() {
     }
 }
 
-/// The edge at the foot of a ramp on a plane wall pushes nothing: the plane holds what is there. A ramp
-/// of 12 degrees touches a ball of 10 mm with its face up to 2.1 mm before its foot; the edge is in an
-/// overlap of 0.29 mm up to 2.4 mm before it.
+/// The edge at the foot of a ramp on a plane wall exerts no force: the plane carries the ball. A ramp of 12 degrees
+/// touches a ball of 10 mm with its face up to 2.1 mm before its foot; the edge is in an overlap of 0.29 mm up to
+/// 2.4 mm before it.
 #[test]
 fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -233,7 +233,8 @@ fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
     }
 }
 
-/// A belt, a wall that moves along its facets, stays where it is and drags as a plane does; across them it moves.
+/// A belt, a wall that moves within its own plane, is stationary as a surface and drags like a plane; normal to its
+/// facets a wall moves.
 #[test]
 fn a_belt_drags_and_stays() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -270,7 +271,8 @@ fn a_belt_drags_and_stays() {
     assert_relative_eq!(moved, along * 0.2, epsilon = 1e-12);
 }
 
-/// Sliding over 80 interior edges: friction does not drop, the grain does not jump, shear is handed over.
+/// Sliding over 80 interior edges: friction does not decrease, the grain does not jump, and the shear force is
+/// transferred.
 #[test]
 fn a_grain_slides_over_interior_edges() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -303,7 +305,8 @@ fn a_grain_slides_over_interior_edges() {
     assert!(friction > 0.29, "{friction}");
 }
 
-/// In the V of two facets the ball rests on both: N = m g / (2 cos) each, and nothing from the edge between them.
+/// In the V between two facets the ball rests on both: N = m g / (2 cos) each, and the edge between them exerts no
+/// force.
 #[test]
 fn a_concave_corner_holds_with_its_faces_alone() {
     let slope = 40.0_f64.to_radians();

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// Length of the joint \[m\].
 const LENGTH: f64 = 1.0;
 
-/// A joint of one row of cells between two slabs.
+/// Returns a joint with one row of cells between two slabs.
 fn slabs(aperture: f64, cell: f64) -> Network {
     let solids = boxes(&[
         [[0.0, 0.0, 0.0], [LENGTH, cell, 0.1]],
@@ -19,7 +19,7 @@ fn slabs(aperture: f64, cell: f64) -> Network {
     Network::new(&rocks(&solids), &settings(cell * 1.0001))
 }
 
-/// Water of 1000 kg/m³ and 1e-6 m²/s in which waves have this speed [m/s].
+/// Returns water of 1000 kg/m³ and 1e-6 m²/s with this wave speed [m/s].
 fn water_of(speed: f64) -> FlowSettings {
     let mut settings = water();
     settings.inertia = true;
@@ -27,7 +27,7 @@ fn water_of(speed: f64) -> FlowSettings {
     settings
 }
 
-/// A pulse at the mouth \[Pa\].
+/// Returns the pressure of a pulse at the mouth \[Pa\].
 fn pulse(time: f64, duration: f64) -> f64 {
     if (0.0..duration).contains(&time) {
         (PI * time / duration).sin().powi(2)
@@ -106,7 +106,7 @@ fn the_transfer_function_of_a_closed_joint_is_that_of_the_exact_layer() {
             assert!((exact.norm() / height - 1.0).abs() < 2e-3);
             assert!((found - exact).norm() < 0.02 * exact.norm());
         }
-        // The peak itself, wherever it lies.
+        // The peak is searched for over a range of frequencies.
         let found = (600..1100).map(|k| {
             let part = f64::from(k) / 1000.0;
             (transfer(step, &record, part * resonance).norm(), part)
@@ -191,7 +191,7 @@ fn a_joint_that_opens_fast_is_held_by_suction_down_to_the_vapour_pressure() {
         );
         assert!(least < limit && least > limit - VAPOUR);
         assert!((flow.stored() - before - entered).abs() < 1e-10 * before);
-        // Vapour fills what water could not.
+        // Vapour fills the volume that water could not fill.
         assert!(entered < 0.5 * 10.0 * before);
     }
 }

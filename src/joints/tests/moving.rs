@@ -82,7 +82,8 @@ fn a_plate_starts_with_the_added_mass_of_its_layer() {
 
 #[test]
 fn a_block_that_is_torn_off_is_held_by_suction_down_to_vapour() {
-    // A pull of a tenth of the atmosphere lifts slowly; twice the atmosphere accelerates by what vapour leaves.
+    // A pull of a tenth of the atmospheric pressure lifts slowly; twice the atmospheric pressure accelerates the
+    // plate by the force in excess of the suction limit.
     let (length, width, gap, mass) = (0.2_f64, 0.2, 1e-4, 20.0);
     let area = length * width;
     for (pull, torn) in [(1e4 * area, false), (2e5 * area, true)] {
@@ -105,7 +106,7 @@ fn a_block_that_is_torn_off_is_held_by_suction_down_to_vapour() {
         );
         assert!(least > limit - crate::water::VAPOUR);
         if torn {
-            // Suction of more than vapour leaves is impossible; next to the open edges it is less.
+            // Suction beyond the vapour pressure is impossible; next to the open edges it is less.
             let left = (pull + limit * area) / mass * step * 100.0;
             assert!(mover.velocity[2] > 0.999 * left, "{left}");
             assert!(mover.velocity[2] < 0.5 * (left + free));

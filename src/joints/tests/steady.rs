@@ -55,7 +55,7 @@ pub(super) fn water() -> FlowSettings {
     }
 }
 
-/// Pressures as a function of the place and the time; closed where it is none.
+/// Boundary pressures as a function of position and time; closed if there is no value.
 pub(super) struct Fronts<F>(pub(super) Vec<Vector3<f64>>, pub(super) F);
 
 impl<F: Fn(&Vector3<f64>, f64) -> Option<f64>> Fronts<F> {

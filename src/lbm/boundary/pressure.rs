@@ -156,7 +156,7 @@ impl BoundaryModel for Pressure {
         if self.held == Some(Held::Mean) {
             report.error(
                 &path,
-                "a pressure that is held on the mean has the gradient that the water gives it"
+                "a pressure imposed on the mean has the gradient of the flow, so that none can be stated"
                     .into(),
                 "leave the gradient out, or write \"held\": \"each_cell\"".into(),
             );

@@ -1,4 +1,4 @@
-//! A boundary is one file and one line: the toy is its file and its line in the list below.
+//! A boundary requires one file and one line: the toy is its file and its line in the list below.
 
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 
@@ -34,7 +34,7 @@ fn read(text: &str) -> Result<Toys, serde_json::Error> {
     serde_json::from_str(text)
 }
 
-/// The paths of all findings.
+/// Collector of the paths of all findings.
 #[derive(Default)]
 struct Paths(Vec<String>);
 
@@ -48,7 +48,7 @@ impl Report for Paths {
     }
 }
 
-/// Returns the boundary of a text and the paths of what is found about it.
+/// Returns the boundary of a text and the paths of its findings.
 fn resolved(text: &str) -> (Toys, Vec<String>) {
     let no_table = |_: &std::path::Path| Err("there is no table".to_owned());
     let mut paths = Paths::default();
@@ -88,8 +88,8 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     );
 }
 
-/// A box of fluid above its density at rest loses through the toy what the flux of the toy counts, and through nothing
-/// else.
+/// Leakage from a box of fluid above its reference density: the water leaves through the toy boundary, as counted
+/// by its flux, and nowhere else.
 fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     let (toy, _) = resolved(&format!(r#"{{"toy": {{"returned": {returned}}}}}"#));
     let place = Place {
@@ -154,8 +154,8 @@ fn a_boundary_acts_in_the_fluid_by_its_line() {
     assert!(leak::<f64>(1.0, 1e-15).abs() < 1e-15);
 }
 
-/// A jet from the middle of a face, and water that leaves through the sides: the flow is its own mirror image, and the
-/// jet carries the velocity of its cells, whatever surrounds it.
+/// A jet from the middle of a face, and outflow through the sides: the flow is symmetric, and the jet has the
+/// velocity of its cells for any surroundings.
 #[test]
 fn a_patch_is_the_same_at_both_of_its_ends() {
     const WIDE: [usize; 3] = [20, 12, 1];
@@ -232,7 +232,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             let named = named.filter(|(name, _)| names.contains(name));
             -named.map(|(_, flux)| from_quanta(flux.mass)).sum::<f64>()
         };
-        // Six cells; all but those next to water at an imposed pressure give their water to nothing else.
+        // Six cells, of which only those next to water at an imposed pressure also exchange water elsewhere.
         if surroundings != "pressure" {
             approx::assert_relative_eq!(into(&["jet"]), 6.0 * 0.05, max_relative = 1e-12);
         }

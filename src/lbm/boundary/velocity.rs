@@ -208,7 +208,7 @@ fn synthetic(
     if speed <= 0.0 {
         return Err(Error::Case(vec![Problem {
             path: site.path.into(),
-            value: format!("{speed} of the lattice into the domain on the mean"),
+            value: format!("mean velocity of {speed} into the domain, in lattice units"),
             reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
                 .into(),
             remedy: TURN_ROUND.into(),

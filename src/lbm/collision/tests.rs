@@ -1,4 +1,4 @@
-//! An operator is one file and one line: the toy is its file and its line in the list below.
+//! An operator requires one file and one line: the toy is its file and its line in the list below.
 
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 
@@ -60,7 +60,7 @@ fn the_schema_takes_the_texts_of_the_operators() {
     assert_eq!(choices[0]["required"][0], "toy");
 }
 
-/// Operators that state one antisymmetric rate are those of which a cell has two times.
+/// Operators with a stated antisymmetric rate are those with two relaxation times per cell.
 #[test]
 fn the_names_in_a_case_are_those_of_the_modules() {
     for (text, name, rates) in [

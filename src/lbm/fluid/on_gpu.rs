@@ -35,7 +35,7 @@ pub fn kernel_exists(
 /// Returns a GPU with the data of a slab.
 ///
 /// # Errors
-/// What stands against it, or what the GPU reports.
+/// If a GPU does not support this fluid, or reports an error.
 pub(super) fn start<'a, S: Stored>(
     setup: &Setup<S>,
     populations: &Populations<S>,

@@ -105,7 +105,7 @@ fn couette_is_exact() {
     for (y, u) in profile(&fluid, n).into_iter().enumerate() {
         assert!((u - 0.01 * (y as f64 + 0.5) / n as f64).abs() < 1e-12);
     }
-    // The wall feels mu U / H per cell (mass density one), pushed along the flow.
+    // The wall receives mu U / H per cell (mass density one), along the flow.
     let drag = crate::quanta::from_quanta(fluid.fluxes()[1].force[0]) / 3.0;
     let exact = -0.1 * 0.01 / n as f64;
     let names: Vec<_> = fluid.boundaries().names().map(str::to_owned).collect();
@@ -118,7 +118,7 @@ fn couette_is_exact() {
     );
 }
 
-/// Whatever axis the rows run along, a band of planes has the states of its cells in the order [z][y]\[x\].
+/// For any axis of the rows, a band of planes has the states of its cells in the order [z][y]\[x\].
 #[test]
 fn bands_of_planes_have_the_states_of_their_cells() {
     for (axis, cells, along) in [
@@ -162,7 +162,7 @@ fn bands_of_planes_have_the_states_of_their_cells() {
     }
 }
 
-/// A force against a wall makes the hydrostatic pressure up to the first cell, with every operator.
+/// A force against a wall gives the hydrostatic pressure up to the first cell, with every operator.
 #[test]
 fn hydrostatic_pressure_reaches_the_walls() {
     let n = 8;
@@ -338,8 +338,8 @@ fn the_split_axis_does_not_change_a_bit() {
     }
 }
 
-/// Gives walls of inner planes during the pass, and those next to the share of another thread after it: with a thread
-/// for each plane all of them.
+/// Walls of inner planes are applied during the pass, those next to the part of another thread after it: with one
+/// thread per plane all of them.
 #[test]
 fn walls_may_be_given_early_or_late() {
     for (set, cells) in [
@@ -477,8 +477,8 @@ fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Se
     s
 }
 
-/// Covers the cells between the shares of threads, at the ends of the slab and next to whole blocks of rows. Rows that
-/// fill no whole number of vectors reach beyond their end.
+/// Covers cells between the parts of threads, at the ends of the slab and next to whole blocks of rows, and rows
+/// with an incomplete last vector, which extends beyond their end.
 #[test]
 fn two_steps_in_one_sweep_are_two_steps() {
     let mut swept = 0;
@@ -536,7 +536,7 @@ fn two_steps_in_one_sweep_are_two_steps() {
     assert!(swept > 80, "{swept}");
 }
 
-/// Does the work of a GPU, done on the host by the functions that the kernels are made of.
+/// Makes the steps of a GPU on the host, with the functions of the kernels.
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
     let before = fluid.populations.parity();
@@ -567,7 +567,7 @@ fn step_as_gpu(fluid: &mut Fluid<f64>) {
     fluid.populations.flip();
 }
 
-/// On any axes, with corners that go round two of them, and for every operator that has kernels.
+/// GPU steps with any axes, with corners across two periodic axes, and for every operator with kernels.
 #[test]
 fn a_gpu_makes_the_same_steps() {
     let mrt = |higher| {
@@ -759,7 +759,7 @@ fn a_gpu_refuses_what_it_does_not_run() {
     assert_eq!(serial(0, auto).at_once(), 2);
 }
 
-/// An opening or a body between the two steps is not left out.
+/// An opening or a body is applied between the two steps.
 #[test]
 fn two_steps_are_single_ones_where_more_than_walls_acts() {
     let cells = [24, 20, 1];
@@ -820,7 +820,7 @@ fn every_width_of_lanes_gives_the_same_bits() {
     }
 }
 
-/// Mass changes by what the faces let through, momentum by that and the body force.
+/// The mass changes by the flux through the faces, the momentum by that flux and the body force.
 #[test]
 fn fluxes_close_the_balance_of_mass_and_momentum() {
     for set in [VelocitySet::D2Q9, VelocitySet::D3Q27] {

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The kernels are those of the sources: `build.sh` was run after the last change.
+/// The kernels correspond to the sources: `build.sh` was run after the last change.
 #[test]
 fn the_ptx_is_made_from_these_sources() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -35,12 +35,12 @@ fn the_ptx_is_made_from_these_sources() {
     }
 }
 
-/// Nothing is fused or rounded in other ways than the source says, which would change bits.
+/// All operations are rounded and fused as in the source; otherwise the bits would change.
 #[test]
 fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     let mut seen = 0;
     for (kernels, text) in super::KERNELS.iter() {
-        // A driver refuses functions that stand elsewhere, such as that of a division by zero.
+        // A driver refuses external functions, for example that of a division by zero.
         assert!(!text.contains(".extern"), "{kernels}");
         for line in text.lines() {
             let name = line.split_whitespace().next().unwrap_or_default();
@@ -59,7 +59,7 @@ fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     assert!(seen > 3000, "{seen}");
 }
 
-/// Each number once, whether a row is longer than a piece or several make one.
+/// Each number occurs once, for rows longer than a piece and for several rows in a piece.
 #[test]
 fn pieces_are_the_copies_of_the_rectangle() {
     for counts in [[1, 1], [5, 7], [7, 5], [100, 3], [3, 100], [64, 64]] {

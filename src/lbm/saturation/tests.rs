@@ -144,7 +144,7 @@ fn loads(fluid: &mut Fluid<f64>) -> [Load; 2] {
     loads
 }
 
-/// Every split and every width of lanes: the same populations and the same loads.
+/// For every split and every width of lanes the populations and the loads are the same.
 #[test]
 fn the_same_bits_for_every_split() {
     for method in METHODS {
@@ -192,8 +192,8 @@ fn the_same_bits_for_every_split() {
     }
 }
 
-/// The water keeps its mass; what momentum it does not keep is the body force on what is not solid, and what the bodies
-/// received.
+/// The mass of the water is conserved; the change of its momentum equals the body force on the free part minus the
+/// loads on the bodies.
 #[test]
 fn mass_and_momentum_close() {
     for method in METHODS {
@@ -253,10 +253,10 @@ fn mass_and_momentum_close() {
     }
 }
 
-/// Between walls at rest and a moving slab of full cells the flow is a straight line, with the slab's velocity where
-/// its cells end: but for what leaks (0.2 % here) for those that reverse what enters; the others smear the surface: at
-/// these few cells by 1.4 % of the drag (non-equilibrium bounce-back) and 15 % (superposition) at the larger relaxation
-/// time.
+/// Between walls at rest and a moving slab of full cells the flow is a straight line, with the slab's velocity at
+/// the faces of its cells: within the leak (0.2 % here) for the operators that reverse the populations; the others
+/// smear the surface: at these few cells by 1.4 % of the drag (non-equilibrium bounce-back) and 15 %
+/// (superposition) at the larger relaxation time.
 #[test]
 fn couette_flow_beside_a_covered_slab() {
     for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
@@ -308,7 +308,7 @@ fn couette_flow_beside_a_covered_slab() {
     }
 }
 
-/// Slides bodies on each other: the water inside them must not carry momentum from one to the other.
+/// Two bodies slide on each other: the water inside them must not transfer momentum between them.
 #[test]
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
@@ -359,8 +359,8 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
     }
 }
 
-/// A stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: what comes in is the
-/// velocity times the open part of the inlet, and goes out over the rock; the water inside the rock stands still.
+/// A stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: the discharge is the
+/// velocity times the open part of the inlet, and leaves above the rock; the water inside the rock is stationary.
 #[test]
 fn inlets_and_outlets_before_rock_are_closed() {
     let (cells, bed, speed) = ([16_usize, 12, 1], 5_usize, 0.02);
@@ -452,9 +452,9 @@ fn weights() {
     }
 }
 
-/// With an eddy viscosity the weighting still takes the relaxation time of the fluid itself: the first step takes B(ε,
-/// τ) ρ (u - u_s) of the momentum of a cell whatever the eddies are, as B is a property of the surface and eddies
-/// vanish there.
+/// With an eddy viscosity the weighting still takes the relaxation time of the fluid itself: the first step removes
+/// B(ε, τ) ρ (u - u_s) of the momentum of a cell for any eddy viscosity, because B is a property of the surface,
+/// where the eddy viscosity vanishes.
 #[test]
 fn eddies_do_not_change_the_weighting() {
     let (cells, tau, fraction, speed) = ([6, 12, 1], 0.56, 0.4_f32, 0.02);
@@ -490,7 +490,7 @@ fn eddies_do_not_change_the_weighting() {
     }
 }
 
-/// Bodies come and go in any order: the cell holds the same.
+/// Bodies are added and removed in any order: the content of the cell is the same.
 #[test]
 fn shares_do_not_depend_on_the_order() {
     let cells = [4, 4, 1];
@@ -538,8 +538,8 @@ fn shares_do_not_depend_on_the_order() {
     assert!(results.iter().all(|r| *r == results[0]));
 }
 
-/// A cell deep inside a body is so again when another body has left it, whoever came first: the cover is a function of
-/// the positions.
+/// A cell deep inside a body is deep again after another body has left it, in any order of arrival: the cover is a
+/// function of the positions.
 #[test]
 fn a_cell_stays_deep_inside_when_another_body_leaves() {
     let bgk = Operator::Bgk(bgk::BgkParameters {});

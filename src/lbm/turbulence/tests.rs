@@ -1,4 +1,4 @@
-//! An eddy viscosity is one file and one line: the toy is its file and its line in the list below.
+//! An eddy viscosity requires one file and one line: the toy is its file and its line in the list below.
 
 #![allow(unreachable_pub, reason = "a list of models makes public items")]
 

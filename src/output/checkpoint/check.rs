@@ -208,7 +208,7 @@ impl StateLimits {
     /// contacts with each other alone.
     ///
     /// # Errors
-    /// [`Error::Io`] if a value is impossible; the text names the column.
+    /// If a value is impossible, [`Error::Io`] with the name of the column.
     pub fn hold(&self, grains: &NamedColumns, contacts: &Contacts) -> Result<(), Error> {
         self.grains(grains)?;
         let mut ids = match grains.columns.iter().find(|(name, _)| name == "id") {

@@ -122,8 +122,8 @@ fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
     }
 }
 
-/// Refused beyond the limit of what touches at the start, quiet below that of the densest packing, with the step that
-/// passes.
+/// The step is refused above the limit of the contacts at the start, and accepted without a finding below that of
+/// the densest packing; the proposed step is accepted.
 #[test]
 fn a_step_beyond_the_limit_is_refused_with_the_largest_that_passes() {
     let (size, places) = triangles(4, 4);
@@ -154,8 +154,8 @@ fn a_step_beyond_the_limit_is_refused_with_the_largest_that_passes() {
     assert!(passes < limit && passes > 0.95 * limit, "{passes} {limit}");
 }
 
-/// Two grains that start apart may come together: what they could come to is a warning, and a pair alone bears a longer
-/// step.
+/// Two initially separate grains may come into contact: the limit of possible contacts gives a warning, and a
+/// single pair allows a longer step.
 #[test]
 fn what_may_come_to_touch_is_a_warning() {
     let places = [vec![0.05, 0.1], vec![0.15, 0.1]];
@@ -201,8 +201,8 @@ fn a_cube_with_all_its_faces_in_touch() {
     }
 }
 
-/// Rain takes a fifth of the critical step, and at most twice the limit of the densest packing: with a damping of 0.8 a
-/// bed of 800 spheres never came to rest at a fifth, and does so.
+/// Rain deposition uses a fifth of the critical step, and at most twice the limit of the densest packing: with a
+/// damping of 0.8 a bed of 800 spheres did not settle at a fifth, but does so with this limit.
 #[test]
 fn strong_dashpots_shorten_the_step_of_a_packing() {
     let places = [

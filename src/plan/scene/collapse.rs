@@ -71,7 +71,7 @@ pub(crate) fn resolve(
     if grid.dimension != 3 {
         findings.error(
             PATH,
-            "this analysis needs a surface over two horizontal axes, so 3-D, and this is a 2-D problem",
+            "this analysis requires a surface over two horizontal axes and therefore a 3-D domain; this one is 2-D",
             Remedy::take_out("remove it; `erosion_law` is also for 2-D", PATH),
         );
         return None;

@@ -260,7 +260,7 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
             "time.solid_time_step" => "the water in the joints has a time step of its own",
             "output.fluid" | "output.averages" => "there are no cells of a grid in joints",
             "time.warm_up" => "the water in the joints begins with its steady flow",
-            _ => "the water in joints acts between blocks alone",
+            _ => "the water in joints acts on blocks only",
         };
         findings.error(path, reason, Remedy::take_out("remove it", path));
     }

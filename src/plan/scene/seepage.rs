@@ -581,7 +581,7 @@ impl Seepage {
         if written.least_porosity >= cap {
             findings.error(
                 &format!("{PATH}.least_porosity"),
-                "the least porosity must be below the cap",
+                "the minimum porosity must be below `porosity_cap`",
                 Remedy::from(format!("use a value below {cap}"))
                     .set(format!("{PATH}.least_porosity"), 0.5 * cap),
             );

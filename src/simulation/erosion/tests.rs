@@ -1,4 +1,4 @@
-//! Poiseuille flow between two packings: made up, and computed with momentum exchange on discs.
+//! Poiseuille flow between two packings: prescribed, and computed with momentum exchange on discs.
 
 use super::*;
 use analysis::erosion_law::read_rows;
@@ -271,7 +271,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     recorder.record_due(&view, &[], Vec::new(), 0.0).unwrap();
     let row = records(folder.path())[0];
     println!("{row:#?}");
-    // Rough faces move by a fraction of a cell, and the chambers cost some of the pressure.
+    // Rough faces are displaced by a fraction of a cell, and the chambers take part of the pressure difference.
     let ratio = row.shear_traction / row.shear_gradient;
     assert!((ratio - 1.0).abs() < 0.15, "{ratio} {row:?}");
     assert!(row.shear_balance > row.shear_traction, "{row:?}");

@@ -67,8 +67,8 @@ impl Failure {
         if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
             let often = (plan.scene.guards.check_every_steps / 20).max(1);
             parts.push(format!(
-                "{lost} of {} cells are not finite by now, so that this cell need not be where the failure began: --set \
-                 guards.check_every_steps={often} finds it sooner",
+                "{lost} of {} cells are not finite by now, so that this cell need not be where the failure began: \
+                 --set guards.check_every_steps={often} finds it sooner",
                 plan.scene.grid.cell_count()
             ));
             parts.extend(nearest_of_water(plan).map(limit));

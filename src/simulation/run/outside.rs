@@ -64,7 +64,7 @@ impl Outside {
     /// Saves a preparation as a checkpoint at step 0, and ends the preparation if requested. Collective.
     ///
     /// # Errors
-    /// [`Error::Stopped`] after a request to stop, [`Error::Io`] if the checkpoint cannot be written.
+    /// If a stop is requested ([`Error::Stopped`]), or if the checkpoint cannot be written ([`Error::Io`]).
     pub(super) fn keep<Sp: Space, S: SavedNumber>(
         &mut self,
         state: &RunState<'_, Sp, S>,

@@ -44,7 +44,7 @@ impl Origin {
     /// Collective.
     ///
     /// # Errors
-    /// [`Error::Io`] if the checkpoint does not fit or the case cannot be written, the same on all ranks.
+    /// If the checkpoint does not fit or the case cannot be written, the same on all ranks, [`Error::Io`].
     pub(super) fn read(plan: &Plan, outside: &mut Outside) -> Result<Self, Error> {
         let resumed = outside.start.resumed.take();
         if let Some(resumed) = &resumed {
@@ -142,7 +142,7 @@ impl Parts {
 /// Opens the file of a checkpoint.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read.
+/// If it cannot be read, [`Error::Io`].
 pub(super) fn reader(found: &Found) -> Result<Reader<'static>, Error> {
     Reader::open(found).map_err(|e| Error::Io(e.to_string()))
 }

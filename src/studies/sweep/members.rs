@@ -72,7 +72,7 @@ struct Draft {
 /// Returns all members with their cases; relative paths in the study start at `beside`.
 ///
 /// # Errors
-/// All that is wrong with the study or any member.
+/// If the study or a member is invalid, with all problems.
 pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
     let (base, directory) = base(study, beside)?;
     let drafts = drafts(study)?;

@@ -117,7 +117,7 @@ impl Record {
     /// Writes the record into a folder.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// If the file cannot be written, [`Error::Io`].
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
         io::atomic::write_json(&folder.join(FILE), self).map_err(|e| Error::Io(e.to_string()))
     }

@@ -69,7 +69,7 @@ fn solver() -> Result<PathBuf, Error> {
 /// Returns the version that the program of the members prints.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be started.
+/// If it cannot be started, [`Error::Io`].
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
     let done = alone(Command::new(&path).arg("-V"))
@@ -95,7 +95,7 @@ impl<'a> Runner<'a> {
     /// Creates the output folder and registers signal handlers. Unstable members run if this is allowed.
     ///
     /// # Errors
-    /// [`Error::Io`] for the folder, [`Error::Internal`] where signals cannot be caught.
+    /// If the folder cannot be created ([`Error::Io`]), or if signals cannot be caught ([`Error::Internal`]).
     pub fn new(
         run: &'a Run,
         allow_unstable: bool,
@@ -132,7 +132,7 @@ impl<'a> Runner<'a> {
     /// Runs the unfinished members and waits for all of them.
     ///
     /// # Errors
-    /// [`Error::Stopped`] if not all came to an end, [`Error::Io`] for files and processes.
+    /// If not all members ended ([`Error::Stopped`]), or if a file or process failed ([`Error::Io`]).
     pub fn run(&self, members: &[Member]) -> Result<(), Error> {
         let mut queue: VecDeque<(usize, &Member)> = self.missing(members).collect();
         let mut planned: f64 = queue.iter().map(|(_, m)| seconds(m)).sum();

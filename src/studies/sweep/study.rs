@@ -263,7 +263,7 @@ impl Study {
     /// Reads the text of a study.
     ///
     /// # Errors
-    /// All problems that can be found without its case.
+    /// If the study is invalid, with all problems that can be found without its case.
     pub fn read(text: &str) -> Result<Self, Vec<Problem>> {
         let (tree, mut problems) = text::parse(text);
         if let Some(mut tree) = tree {

@@ -67,7 +67,7 @@ pub type Answers = BTreeMap<String, Answer>;
 /// Reads the answers from the folder of a run.
 ///
 /// # Errors
-/// What cannot be read.
+/// If a file or value cannot be read.
 pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
     let mut found = Answers::new();
     for probe in &plan.scene.probes {

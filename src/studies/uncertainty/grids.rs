@@ -261,7 +261,7 @@ pub fn formal_order(scene: &Scene) -> f64 {
 /// Returns the case with all automatic choices of the program stated, and without fields for ParaView.
 ///
 /// # Errors
-/// [`Error::Internal`] if the plan is not that of a case.
+/// If the plan is not that of a case, [`Error::Internal`].
 pub fn stated(plan: &Plan) -> Result<Value, Error> {
     let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
     let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
@@ -370,7 +370,7 @@ pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
 /// Checks that the case can be run on other cells.
 ///
 /// # Errors
-/// The field and a remedy.
+/// If the case cannot be run on other cells; the error contains the field and a remedy.
 pub fn check(stated: &Value) -> Result<(), Error> {
     let one = |path: &str, value: String, reason: &str, remedy: &str| {
         Error::Case(vec![Problem {

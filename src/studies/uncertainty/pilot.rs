@@ -28,7 +28,7 @@ const NAME: &str = "pilot";
 /// Runs a pilot in `output`; returns its result and the case that contains it.
 ///
 /// # Errors
-/// [`Error::Case`] if no coarser cells can run at this cost, and the failure of the run.
+/// If no coarser cells can run at this cost, and the failure of the run, [`Error::Case`].
 pub fn command(
     plan: &Plan,
     output: &Path,
@@ -144,7 +144,7 @@ pub fn told(pilot: &Pilot) -> String {
 /// Writes the case with the result of its pilot.
 ///
 /// # Errors
-/// [`Error::Io`] for the file.
+/// If the file cannot be written, [`Error::Io`].
 pub fn write(case: &Value, path: &Path) -> Result<(), Error> {
     io::atomic::write_json(path, case).map_err(|e| Error::Io(format!("{}: {e}", path.display())))
 }

@@ -19,7 +19,7 @@ fn planned(member: &Member) -> Plan {
 
 #[test]
 fn what_the_program_chose_is_stated_on_the_same_cells() {
-    // Everything of the flow is chosen.
+    // All settings of the flow are chosen automatically.
     for name in ["first-flow", "settling", "piping", "fissure-sand"] {
         let Some(found) = case::examples::find(name) else {
             continue;

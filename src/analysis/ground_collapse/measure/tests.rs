@@ -251,7 +251,8 @@ fn a_grain_that_rolls_off_its_column_takes_no_ground_along() {
             sink(grain, 1.2 * D);
         }
     });
-    // The top of the column is three diameters lower, and that grain more than one; its neighbours stay.
+    // The top of the column is three diameters lower, and that grain has moved by more than one; its neighbours are
+    // stationary.
     assert!(near(seen.surface[k].unwrap(), real(LAYERS) * EDGE));
     assert_eq!(seen.settlement[k], Some(0.0));
     assert_eq!(seen.settlement_max, 0.0);
@@ -334,8 +335,8 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     assert!(near(sample(&low, &[point]).points[0].front, 4.0 / 6.0));
 }
 
-/// A fissure that widens upwards: the layers are two, three and four cells wide. What moves over the same length at
-/// every height is a rectangle, though the upper half of the moving ground has more cells.
+/// A fissure that widens upwards: the layers are two, three and four cells wide. Ground that moves over the same
+/// length at every height is a rectangle, though the upper half of the moving ground has more cells.
 #[test]
 fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     let point = Point {
@@ -363,7 +364,8 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     assert!(near(shape(|[x, _, z]| x >= z && x < 12 - z), 12.0 / 30.0));
 }
 
-/// Soil moves from both sides towards the nearest point; what is further away than the cover is thick does not count.
+/// Soil moves from both sides towards the nearest point; soil further away than the thickness of the cover does not
+/// count.
 #[test]
 fn soil_beside_a_point_moves_inward() {
     let grains = packing(|grain| {

@@ -1,4 +1,5 @@
-//! The part of a unit cell inside planes, from the planes alone: what the fractions of polyhedra are compared with.
+//! Fraction of a unit cell inside planes, computed from the planes alone, as a reference for the fractions of
+//! polyhedra.
 //!
 //! One plane cuts a cell in closed form (R. Scardovelli, S. Zaleski, J. Comput. Phys. 164 (2000) 228). With several
 //! planes the volume is ⅓ Σ area times distance over the faces of the remaining solid, each face clipped

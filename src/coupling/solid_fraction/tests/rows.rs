@@ -1,4 +1,4 @@
-//! One row of cells alone: what the rows of a layer are compared with.
+//! Single rows of cells, as a reference for the rows of a layer.
 
 use super::super::{Form, LEVEL, RowIntervals};
 use base::ball::{Beside, EMPTY, chord};
@@ -55,7 +55,7 @@ fn block_row(planes: &[CellPlane], axis: usize, lower: [f64; 3]) -> RowIntervals
     row
 }
 
-/// Keeps of an interval what obeys `slope * x <= room`.
+/// Restricts an interval to the part with `slope * x <= room`.
 fn narrow(interval: &mut [f64; 2], slope: f64, room: f64) {
     if slope > LEVEL {
         interval[1] = interval[1].min(room / slope);

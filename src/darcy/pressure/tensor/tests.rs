@@ -99,8 +99,8 @@ fn still(conductivity: &[f64]) -> Medium<'_> {
     }
 }
 
-/// Uniform flow at any angle is exact, with pressures or with fluxes on a face: pressures, fluxes, gradients, and what
-/// crosses the boundary.
+/// Uniform flow at any angle is exact, with pressures or with fluxes on a face: pressures, fluxes, gradients, and
+/// discharges through the boundary.
 #[test]
 fn uniform_flow_is_exact() {
     let grid = plane([12, 7], [3.0, 2.0]);

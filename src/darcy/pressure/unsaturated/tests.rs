@@ -251,8 +251,8 @@ fn rain_on_an_exponential_soil() {
     }
 }
 
-/// Rain above the hydraulic conductivity: the column takes it as it drains under its own weight, and what is left runs
-/// off.
+/// Rain above the hydraulic conductivity: the column takes up as much as it drains under its own weight, and the
+/// rest runs off.
 #[test]
 fn rain_that_the_soil_does_not_take_runs_off() {
     let grid = plane([1, 20], [0.1, 2.0]);

@@ -1,4 +1,5 @@
-//! A toy: a spring whose force is the square of the overlap, without friction: `F_n = k overlap²`.
+//! A toy law: a spring whose force is proportional to the square of the overlap, without friction: `F_n = k
+//! overlap²`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,14 +12,14 @@ use crate::engine::bodies::Bodies;
 use crate::space::Space;
 use base::error::Report;
 
-/// The toy in a case.
+/// Parameters of the toy law in a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Input {
     /// Stiffness k [N/m2].
     #[schemars(extend("exclusiveMinimum" = 0))]
     stiffness: f64,
-    /// The largest overlap that is expected [m].
+    /// Largest expected overlap [m].
     #[serde(default = "deepest")]
     deepest: f64,
 }
@@ -41,7 +42,7 @@ impl<F: From<Toy>> ContactParameters<F> for Input {
     }
 }
 
-/// The toy with its parameters for every pair of materials.
+/// Toy law with its parameters for every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Toy {
     parameters: PairTable<Input>,

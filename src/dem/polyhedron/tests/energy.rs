@@ -1,4 +1,4 @@
-//! Contacts of blocks have an energy: collisions without friction and dashpots, many of them, in a closed box.
+//! Energy of contacts between blocks: many collisions without friction and dashpots in a closed box.
 
 use nalgebra::Vector3;
 
@@ -45,13 +45,13 @@ fn crowd(seed: u64) -> Vec<Block> {
     blocks
 }
 
-/// Returns the largest relative change of the energy of motion while no contact is closed, over a number of impacts.
+/// Returns the largest relative change of the kinetic energy between contacts, over a number of impacts.
 fn drift(model: BlockContactModel, stiffness: Stiffness, time_step: f64, impacts: u32) -> f64 {
     let mut law = law(1.0, 0.0, 0.0);
     law.stiffness = stiffness;
     let mut world = World::new(crowd(1), law, model, time_step).closed(SIZE);
     let energy = |world: &World| world.blocks.iter().map(Block::energy).sum::<f64>();
-    // Some overlap at the start: the energy is that of motion once they have parted.
+    // There is some overlap at the start: the energy is kinetic once the blocks have separated.
     world.run(1);
     while world.touching() {
         world.run(1);
@@ -75,7 +75,7 @@ fn per_area(normal: f64) -> Stiffness {
     Stiffness::PerArea { normal, shear }
 }
 
-/// A thousand impacts of corners, edges and faces, from soft contacts to stiff ones.
+/// A thousand impacts of corners, edges and faces, from soft to stiff contacts.
 #[test]
 fn a_thousand_impacts_keep_the_energy() {
     for stiffness in [1e8_f64, 1e9] {

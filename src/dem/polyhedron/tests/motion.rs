@@ -1,4 +1,4 @@
-//! Blocks that move: inclines, tilting, collisions, a stack.
+//! Motion of blocks: inclines, tilting, collisions, a stack.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -57,12 +57,12 @@ impl Block {
     }
 }
 
-/// Blocks above the plane z = 0, where there is one, or within walls.
+/// Blocks above the plane z = 0, if there is one, or within walls.
 pub(super) struct World {
     pub(super) blocks: Vec<Block>,
     pub(super) pairs: Vec<(usize, usize, BlockHistory)>,
     floor: bool,
-    /// Normals into the space of the blocks, and their distances \[m\] from the origin.
+    /// Walls: normals towards the blocks, and distances \[m\] from the origin.
     walls: Vec<(Vector3<f64>, f64)>,
     /// Number of impacts of blocks on blocks or walls.
     pub(super) impacts: u32,
@@ -310,7 +310,8 @@ fn a_block_slides_and_sticks_on_a_slope() {
 }
 
 /// Returns the slope (rad) on which a block of this width and height on springs of `stiffness` (Pa/m) tips: the
-/// steepest on which there is a lean at which it rests on the strip at its lower edge. Without springs atan(b/h).
+/// steepest with an equilibrium inclination at which the block rests on the strip at its lower edge. Without
+/// springs atan(b/h).
 fn tipping(width: f64, height: f64, stiffness: f64, weight: f64) -> f64 {
     let mut best: f64 = 0.0;
     let mut angle = (width / height).atan();
@@ -360,7 +361,7 @@ fn a_tilted_block_topples_at_its_angle() {
                 world = world.slope(angle - 0.01 + 0.01 * f64::from(k + 1) / 20.0);
                 world.run(1500);
             }
-            // No dashpot, so that nothing but the springs decides; all are at rest by now.
+            // Without a dashpot only the springs decide; all blocks are stationary by now.
             world.damping = 0.0;
             world.law.normal_damping = 0.0;
             world.law.shear_damping = 0.0;
@@ -375,8 +376,9 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// Pressure has a potential. A patch has one where one of the two surfaces is a plane, and nearly one else. Boon's
-/// point and normal have none: they keep momenta, and energy to some per cent.
+/// Pressure contacts have a potential. Patch contacts have one if one of the two surfaces is a plane, and
+/// approximately otherwise. Boon's point and normal have none: they conserve momenta, and energy within some per
+/// cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
@@ -435,8 +437,8 @@ fn collisions_keep_energy_and_momenta() {
     }
 }
 
-/// Returns ten blocks on one another, each turned and shifted a little; after `steps` the fastest, how far any has
-/// moved sideways since the first half, and the largest lean.
+/// Runs ten blocks on top of each other, each slightly rotated and shifted; returns after `steps` the largest
+/// speed, the largest sideways motion since the first half, and the largest inclination.
 fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
     let stiffness = 1e9;
     let mut blocks = Vec::new();
@@ -478,7 +480,8 @@ fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
     worst
 }
 
-/// Over a million steps too: the module's figures were measured with more steps.
+/// The stack is stable over a million steps too: the numbers in the module documentation were measured with more
+/// steps.
 #[test]
 fn ten_blocks_stand() {
     let [speed, moved, lean] = stack(BlockContactModel::Pressure, 100.0, 8000);

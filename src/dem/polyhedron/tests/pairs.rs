@@ -1,8 +1,9 @@
-//! Ten thousand random pairs against an independent oracle: no contact missed, none invented.
+//! Ten thousand random pairs compared with an independent oracle: no contact is missed, none is invented.
 //!
-//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. Once, and not in
-//! every build, 10,000 pairs of the same kinds were held against parry3d-f64 0.25 (GJK and EPA: 9,999 agree, 1 in the
-//! band) and against the optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9, all agree).
+//! The oracle here is exhaustive, on vertices; volumes come from cutting all half-spaces as one solid. In a single
+//! campaign outside the builds, 10,000 pairs of the same kinds were compared with parry3d-f64 0.25 (GJK and EPA:
+//! 9,999 agree, 1 in the band) and against the optimum of the linear program by clarabel 0.11 (9,991 beyond 1e-9,
+//! all agree).
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -15,10 +16,10 @@ use super::values::together;
 use super::{between, direction, placed, random_hull, random_orientation};
 use base::random::Stream;
 
-/// Nearer than this to touching (m) either answer is right.
+/// Distance (m) to touching below which either answer is correct.
 const BAND: f64 = 1e-9;
 
-/// A pair as it stands.
+/// Pair of blocks in its positions.
 struct Pair<'a> {
     shapes: [&'a Polyhedron; 2],
     orientations: [UnitQuaternion<f64>; 2],
@@ -141,7 +142,7 @@ fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
         separation,
     };
     if !id.is_multiple_of(3) {
-        // Along the widest gap's axis the gap becomes what is wanted, and no axis gives less.
+        // Along the axis of the widest gap the gap is set to the requested value, and no axis gives less.
         let (axis, gap) = pair.oracle();
         let size = 10_f64.powf(between(&mut draw, -10.0, -3.0));
         let wanted = if id % 3 == 1 { size } else { -size };
@@ -186,7 +187,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
             assert!(touch.area >= 0.0 && touch.polar() >= 0.0);
             assert!(touch.arm.norm() <= pair.shapes[0].radius() + 1e-9);
         }
-        // Warm: the same answer, and where apart without another program.
+        // Warm start: the answer is the same, and separated pairs need no further linear program.
         let before = narrow.ways.programs;
         let again = pair.meet(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
@@ -255,7 +256,7 @@ fn the_patch_has_the_overlaps_volume() {
         };
         let volume = overlap.shape.volume();
         let size = overlap.shape.radius();
-        // The trifle by which the second is grown.
+        // Small distance by which the second block is enlarged.
         let trifle = 1e-10 * size * size;
         let patch = touch.depth * touch.area;
         if narrow.ways.exhaustive > 0 {
@@ -281,7 +282,7 @@ fn the_patch_has_the_overlaps_volume() {
 
 #[test]
 fn what_newton_or_the_program_leaves_open_is_still_a_contact() {
-    // The way of last resort, taken on purpose.
+    // The last-resort algorithm is selected on purpose.
     let shapes = shapes();
     let mut narrow = Narrow::default();
     for id in 0..1500 {
@@ -315,7 +316,7 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
             let Some(touch) = pair.meet(&mut narrow, &model, &mut BlockHistory::default()) else {
                 continue;
             };
-            // The same bits from the same numbers, whatever was done in between.
+            // The same numbers give the same bits, regardless of the calls in between.
             let again = pair.meet(&mut Narrow::default(), &model, &mut BlockHistory::default());
             assert_eq!(again, Some(touch));
             let swapped = Pair {
@@ -324,7 +325,7 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
                 separation: -pair.separation,
             };
             let other = swapped.meet(&mut narrow, &model, &mut BlockHistory::default());
-            // Through and through the exhaustive test decides, and may have two answers as good as each other.
+            // For deep overlaps the exhaustive test decides, and two answers may be equally good.
             if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
                 continue;
             }

@@ -7,7 +7,7 @@ use super::super::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 use super::{between, random_hull, random_orientation};
 use base::random::Stream;
 
-/// Returns the triangles of a solid where it stands.
+/// Returns the triangles of a solid in its position.
 fn triangles(solid: &PlacedPolyhedron) -> Vec<[Vector3<f64>; 3]> {
     let at = |v: u32| solid.position + solid.orientation * solid.shape.vertices()[v as usize];
     let mut found = Vec::new();
@@ -220,7 +220,7 @@ fn what_is_no_block_is_refused_with_a_reason() {
         orientation: UnitQuaternion::identity(),
     }
     .half_spaces();
-    // Without a face it is open there.
+    // Without one face the surface is open.
     for face in 0..6 {
         let mut open = cube.clone();
         let gone = open.remove(face);

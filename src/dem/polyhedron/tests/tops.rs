@@ -27,7 +27,7 @@ fn tops() -> [(Vector3<f64>, Vector3<f64>); 4] {
     [
         (Vector3::new(1.0, 1.0, 2.0), Vector3::new(0.3, 0.0, 1.0)),
         (Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.3, 0.2, 1.0)),
-        // About the middle axis: it tumbles.
+        // Rotation about the intermediate axis, which is unstable.
         (Vector3::new(1.0, 2.0, 3.0), Vector3::new(1e-3, 1.0, 1e-3)),
         // A rod.
         (Vector3::new(0.01, 1.0, 1.01), Vector3::new(2.0, 0.7, 0.2)),

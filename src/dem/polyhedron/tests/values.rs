@@ -179,12 +179,12 @@ fn a_gap_is_a_gap() {
     };
     assert!(look(&mut narrow, &mut history, 1.01).is_none());
     assert_eq!(narrow.ways.programs, 1);
-    // The axis is remembered: no program again, until it no longer separates.
+    // The axis is stored: no linear program is solved until the axis no longer separates the blocks.
     assert!(look(&mut narrow, &mut history, 1.000001).is_none());
     assert_eq!(narrow.ways.programs, 1);
     assert!(look(&mut narrow, &mut history, 0.999999).is_some());
     assert_eq!(narrow.ways.programs, 2);
-    // Exactly touching is no contact.
+    // Exact touching is not a contact.
     assert!(look(&mut narrow, &mut history, 1.0).is_none());
 }
 
@@ -312,7 +312,7 @@ fn spheres_touch_the_closest_point() {
             assert!(narrow.sphere(&block, &at, distance - 1e-9).is_none());
         }
     }
-    // Against a crowd of points on the surface.
+    // Compared with many points on the surface.
     for id in 0..20 {
         let mut draw = Stream::new(8, id, 0);
         let shape = random_hull(&mut draw, 10);
@@ -342,8 +342,8 @@ fn spheres_touch_the_closest_point() {
     }
 }
 
-/// A box on its edge, a strip of length L: the dashpots resist a turn across the edge as they would a beam, with c_n
-/// L²/12, and let the box turn about the edge, over which the strip is next to nothing wide.
+/// A box on its edge, a strip of length L: the dashpots resist a rotation normal to the edge like a beam, with c_n
+/// L²/12, but hardly a rotation about the edge, because the strip has almost no width.
 #[test]
 fn a_block_turns_freely_about_its_edge() {
     let (length, depth, tilt) = (0.4, 1e-5, 0.3);
@@ -376,7 +376,7 @@ fn a_block_turns_freely_about_its_edge() {
     let dashpot = 2.0 * 0.3 * (100.0_f64 * 1e8).sqrt();
     let resisting = |spin: Vector3<f64>| {
         let approach = Approach {
-            // The contact's point is at rest.
+            // The contact point is stationary.
             velocity: spin.cross(&touch.arm),
             spins: [spin, Vector3::zeros()],
             separation: Vector3::new(0.0, 0.0, depth - below),

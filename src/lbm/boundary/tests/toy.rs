@@ -1,4 +1,4 @@
-//! The file of a boundary that exists in this test only: a wall that keeps a part of what it returns,
+//! File of a boundary that exists in this test only: a wall that returns a fraction of each population,
 //!
 //! f_ī(x, t+1) = w_i + r (f*_i(x, t) - w_i).
 
@@ -14,12 +14,12 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A toy. It returns a part of what reaches it.
+/// Toy boundary, which returns a fraction of each population.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Toy {
-    /// The part r that is returned, without unit.
+    /// Returned fraction r, without unit.
     pub returned: f64,
 }
 

@@ -7,7 +7,7 @@ use crate::lattice::{D3Q27, Lattice};
 
 pub(in super::super) const FORCE: [f64; 3] = [0.011, -0.007, 0.003];
 
-/// Deviations of some lively cell.
+/// Returns the deviations of a cell far from equilibrium.
 pub(in super::super) fn cell(seed: u64) -> [f64; 27] {
     std::array::from_fn(|i| {
         let x = (seed * 27 + i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11;
@@ -242,7 +242,7 @@ fn equal_rates_are_bgk_and_paired_rates_are_trt() {
     }
 }
 
-/// Rates of a cell's own are the uniform ones where the viscosity is the same.
+/// Rates for single cells equal the uniform ones if the viscosity is the same.
 #[test]
 fn local_rates_are_those_of_the_viscosity() {
     let operator = Trt::<false> {

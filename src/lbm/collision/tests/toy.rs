@@ -1,4 +1,4 @@
-//! The file of an operator that exists in this test only.
+//! File of an operator that exists in this test only.
 
 use crate::collision::border::{Border, MovingBody, Situation};
 use crate::collision::{Collision, CollisionModel, Dispatch, Kernels, Site};
@@ -8,7 +8,7 @@ use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A toy. It scales what comes in.
+/// Toy operator, which scales the incoming populations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

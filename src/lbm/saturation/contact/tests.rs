@@ -54,8 +54,9 @@ fn solid(id: u64, u: f64) -> CoveringBody {
     }
 }
 
-/// Bodies one above the other up to `TOP`: each with its first cell, its velocity, and how much of that cell it fills,
-/// the rest of it being of the body below. Ghost cells of the periodic faces are covered as the map of bodies does it.
+/// Adds bodies on top of each other up to `TOP`: each with its first cell, its velocity, and the fraction of that
+/// cell that it fills; the body below fills the rest. Ghost cells of the periodic faces are covered as by the map
+/// of bodies.
 fn stack(fluid: &mut Fluid<f64>, bodies: &[(usize, f64, f32)]) {
     let [nx, _, nz] = fluid.populations().cells().map(usize::cast_signed);
     let deep_z = if nz > 1 { -1..nz + 1 } else { 0..1 };
@@ -117,8 +118,8 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
     loads(fluid, bodies)
 }
 
-/// A block slides on another at rest, which lies on the floor: the one feels the drag of the water above, the other
-/// none. Whether the joint lies between cells or within them.
+/// A block slides on a stationary one, which lies on the floor: the upper block receives the drag of the water
+/// above, the lower none, for a joint between cells and within them.
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
     for solid_operator in OPERATORS {
@@ -129,8 +130,8 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
         ] {
             for part in [1.0, 0.3] {
                 let mut fluid = channel(solid_operator, set, tau);
-                // From the exact profile, which is the shortest way to that of the lattice: two to three times
-                // (HEIGHT - TOP)^2/(pi^2 nu).
+                // The start is the exact profile, from which the profile of the lattice develops fastest: in two to
+                // three times (HEIGHT - TOP)^2/(pi^2 nu).
                 fluid.initialise(&|at: [f64; 3]| {
                     let y = at[1];
                     let above = 0.01 * (HEIGHT as f64 - y) / (HEIGHT - TOP) as f64;
@@ -143,7 +144,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
                     panic!("two bodies")
                 };
                 let exact = -(tau - 0.5) / 3.0 * 0.01 / (HEIGHT - TOP) as f64;
-                // What the surface itself is off by (couette_flow_beside_a_covered_slab).
+                // Error of the surface itself (couette_flow_beside_a_covered_slab).
                 assert!(
                     (above[0] / exact - 1.0).abs() < 0.05,
                     "{solid_operator:?} {set:?} {tau} {part}: {above:?}, exact {exact:e}"
@@ -172,7 +173,8 @@ fn a_wall_at_rest_does_not_drag() {
     }
 }
 
-/// Keeps the pressure: the water presses the upper block down, the joint and the floor bear it, at rest and sliding.
+/// The pressure is transferred: the water presses on the upper block, and the joint and the floor carry this force,
+/// at rest and during sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
     for solid_operator in OPERATORS {
@@ -183,7 +185,8 @@ fn the_joint_keeps_the_pressure_of_the_water() {
             let [below, above] = run(&mut fluid, 2, 2500)[..] else {
                 panic!("two bodies")
             };
-            // Uniform pressure p = 0.03/3: nothing is lifted. Without the pressure of the joint it would be p.
+            // For a uniform pressure p = 0.03/3 there is no uplift. Without the pressure of the joint it would be
+            // p.
             assert!(
                 above[1].abs() < 1e-4 * 0.01,
                 "{solid_operator:?} {u}: {above:?}"

@@ -1,4 +1,4 @@
-//! The file of a solid collision operator that exists in this test only: it keeps what came in.
+//! File of a solid collision operator that exists in this test only: it returns the incoming populations.
 
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;

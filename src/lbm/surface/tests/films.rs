@@ -51,8 +51,8 @@ fn errors(thickness: f64, cells: [usize; 3], across: f64) -> [f64; 2] {
     [through / (mean * thickness) - 1.0, largest]
 }
 
-/// Along an axis of the lattice the film is exact to the order of the scheme: the error falls with the square of the
-/// cell, wherever the surface lies in its cell.
+/// Along an axis of the lattice the film is exact to the order of the scheme: the error decreases with the square
+/// of the cell size, for any position of the surface in its cell.
 #[test]
 fn a_film_down_a_plane_converges_in_the_second_order() {
     for offset in [0.0, 0.3, 0.5, 0.8] {

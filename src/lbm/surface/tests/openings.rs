@@ -11,7 +11,7 @@ fn constant(value: f64) -> TimeTable {
     TimeTable::new(None, value)
 }
 
-/// Returns what has entered and left through all openings.
+/// Returns the masses that have entered and left through all openings.
 fn passed(fluid: &Fluid<f64>) -> [f64; 2] {
     let passed = fluid.surface().unwrap().passed();
     passed.fold([0.0; 2], |[entered, left], (_, passed)| {
@@ -22,7 +22,7 @@ fn passed(fluid: &Fluid<f64>) -> [f64; 2] {
     })
 }
 
-/// Asserts that what entered, less what left and what was lost, is what there is more.
+/// Asserts that the gain of mass equals the entered mass minus the mass that left or was lost.
 fn closes(fluid: &Fluid<f64>, before: f64) {
     let [entered, left] = passed(fluid);
     let kept = mass(fluid) + fluid.surface().unwrap().lost_mass() - entered + left;
@@ -49,7 +49,7 @@ fn channel() -> Tank {
     tank
 }
 
-/// Water at rest between two levels stays at rest, wherever the level lies in its cell.
+/// Water at rest between two levels remains at rest for any position of the level in its cell.
 #[test]
 fn water_between_equal_levels_stays_at_rest() {
     for level in [8.0, 8.25, 8.5, 8.9] {
@@ -74,7 +74,7 @@ fn water_between_equal_levels_stays_at_rest() {
     }
 }
 
-/// The water in a closed end follows the level outside, up and down, by its table.
+/// The water level in a closed end follows the table of the level outside, upwards and downwards.
 #[test]
 fn water_follows_a_level_in_time() {
     let mut tank = channel();
@@ -105,7 +105,7 @@ fn water_follows_a_level_in_time() {
     assert!((mean - 6.2).abs() < 0.1, "{mean}");
 }
 
-/// A discharge enters to the bit of rounding, over water and over a dry bed, and runs to the level downstream.
+/// A discharge enters exactly within rounding, into water and onto a dry bed, and flows to the level downstream.
 #[test]
 fn a_discharge_enters_and_leaves() {
     for (start, end) in [(9.0, Outside::Level(constant(9.0))), (0.0, Outside::Air)] {
@@ -138,8 +138,8 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// A jet from a nozzle into air has the discharge of its velocity. Its rims leave cells that touch the wall of the
-/// nozzle, so that it widens by about 1.3 cells, whatever its width, and is slower by that; then it falls like a
+/// A jet from a nozzle into air has the discharge of its velocity. The cells at its rims touch the wall of the
+/// nozzle, so that it widens by about 1.3 cells for any width, and is slower accordingly; then it falls like a
 /// projectile.
 #[test]
 fn a_jet_enters_a_dry_box() {

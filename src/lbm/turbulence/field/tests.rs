@@ -77,7 +77,7 @@ fn stir(fluid: &mut Fluid<f64>, below: (usize, [f32; 3]), velocity: impl Fn([f64
     fluid.spread_velocities();
 }
 
-/// Returns some smooth flow by the height over a wall.
+/// Returns a smooth flow as a function of the height above a wall.
 fn flow(at: [f64; 3], wall: f64) -> [f64; 3] {
     let y = at[1] - wall;
     [0.02 * y - 0.001 * y * y, 1e-4 * y * y, 0.003 * y]
@@ -87,7 +87,7 @@ fn flow(at: [f64; 3], wall: f64) -> [f64; 3] {
 fn a_body_is_seen_as_a_wall_at_the_same_place() {
     let (mut wall, mut body) = (fluid([4, 8, 4]), fluid([4, 10, 4]));
     stir(&mut wall, (0, [0.0; 3]), |at| flow(at, 0.0));
-    // What stands in covered cells does not matter.
+    // Velocities in covered cells have no effect.
     cover(&mut body, &[1.0, 1.0], Rigid::default());
     stir(&mut body, (2, [0.3, -0.2, 0.1]), |at| flow(at, 2.0));
     for y in 0..3 {

@@ -1,4 +1,4 @@
-//! The file of an eddy viscosity that exists in this test only.
+//! File of an eddy viscosity that exists in this test only.
 
 use crate::lanes::Lanes;
 use crate::turbulence::TurbulenceModel;
@@ -6,7 +6,7 @@ use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A toy.
+/// Toy eddy viscosity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

@@ -253,8 +253,9 @@ fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     new
 }
 
-/// Range of the relaxation times of the rows.
+/// Minimum relaxation time of the measured rows.
 const LEAST_TAU: f64 = 0.51;
+/// Maximum relaxation time of the measured rows.
 const MOST_TAU: f64 = 1.5 + 1e-9;
 
 /// Reports the sound of a sudden start, which oscillates in the forces until it decays.

@@ -506,13 +506,13 @@ fn sampled(ground: &Ground<'_>) -> Samples {
             .map(|body| body.width)
             .fold(0.0, f64::max);
     for body in &ground.bodies {
-        near(ground, &mut samples, body, cap);
+        lower_clearances(ground, &mut samples, body, cap);
     }
     samples
 }
 
 /// Lowers the clearance of the samples that are nearer than `cap` to a body or one of its images.
-fn near(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
+fn lower_clearances(ground: &Ground<'_>, samples: &mut Samples, body: &Body, cap: f64) {
     let range = |a: usize| -> Vec<(usize, f64)> {
         if a >= ground.dimension {
             return vec![(0, 0.0)];

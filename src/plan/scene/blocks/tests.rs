@@ -1,4 +1,4 @@
-//! Blocks as a case writes them: places, materials, what never moves, and what is not allowed to overlap.
+//! Blocks in a case: positions, materials, fixed blocks, and forbidden overlaps.
 
 use crate::Plan;
 use crate::scene::Scene;
@@ -86,7 +86,7 @@ fn a_file_holds_what_the_joints_made() {
     }
 }
 
-/// A block of a list stands where its vertices say or where its position says, and turns about its centroid.
+/// A block of a list is at the position of its vertices or at its stated position, and rotates about its centroid.
 #[test]
 fn blocks_of_a_list_stand_and_turn() {
     let hull = json!({"vertices": [[1, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]]});

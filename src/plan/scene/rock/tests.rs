@@ -1,4 +1,4 @@
-//! Blocks of a mass: counts, volumes and statistics known beforehand.
+//! Blocks of a rock mass: counts, volumes and statistics with known values.
 
 use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -42,7 +42,7 @@ fn bricks(spacings: [f64; 3], persistence: f64) -> Vec<JointSet> {
         .collect()
 }
 
-/// Sets of all kinds.
+/// Returns joint sets of all kinds.
 fn skew(persistence: f64) -> Vec<JointSet> {
     let uniform = Spacing::Uniform { min: 0.2, max: 0.5 };
     let normal = Spacing::Normal {
@@ -84,8 +84,8 @@ fn dip_and_dip_direction_are_those_of_a_compass() {
     assert_eq!(upward_normal(90.0, 270.0), -Vector3::x());
 }
 
-/// A cube under planes of 45° that dip to the east: what is below the k-th from the lower edge is a wedge of volume (k
-/// s)².
+/// A cube under planes of 45° that dip to the east: the part below the k-th plane from the lower edge is a wedge of
+/// volume (k s)².
 #[test]
 fn planes_of_45_degrees_cut_wedges() {
     let s = 0.5_f64.sqrt() / 4.0;

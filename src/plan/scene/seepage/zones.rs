@@ -132,7 +132,7 @@ impl Seepage {
         };
         let (reason, remedy) = if case.domain.size.0.len() != 2 {
             (
-                "beds that dip are computed in 2-D, and this is a 3-D problem",
+                "dipping beds require a 2-D domain, and this one is 3-D",
                 "choose a section along the dip in 2-D, or remove the dip",
             )
         } else if !upright {
@@ -147,12 +147,12 @@ impl Seepage {
             )
         } else if self.written.unsaturated.is_some() {
             (
-                "beds that dip are computed in saturated ground",
+                "dipping beds require saturated ground",
                 "remove `unsaturated`, or the dip",
             )
         } else if case.grains.is_some() || !case.bodies.is_empty() {
             (
-                "beds that dip are computed in ground without grains: the drag is one along the axes",
+                "dipping beds require ground without grains, because the drag on grains is computed along the axes",
                 "remove the grains, or the dip",
             )
         } else if !stated {

@@ -161,8 +161,8 @@ fn the_well_function_is_the_tabled_one() {
     }
 }
 
-/// Two drains of different heads in a tight box: what leaves one enters the other, as between the plates of a
-/// condenser; a sheet is the end of the ground on both of its sides.
+/// Two drains of different heads in a tight box: the discharge of one enters the other, as between the plates of a
+/// capacitor; a sheet is the end of the ground on both of its sides.
 #[test]
 fn a_sheet_and_a_box_of_stated_heads() {
     let grid = plane([40, 8], [4.0, 0.8]);

@@ -342,9 +342,9 @@ fn infiltration_into_sand() {
     }
 }
 
-/// Rise of a water table under rain on a part of a slab (M. Vauclin, D. Khanji and G. Vachaud, Water Resour. Res. 15
-/// (1979) 1089): heights of the table in cm at 2 and 8 h against a converged solution, which lies within 3.2 cm of what
-/// was measured.
+/// Rise of a water table under rain on a part of a slab (M. Vauclin, D. Khanji and G. Vachaud, Water Resour. Res.
+/// 15 (1979) 1089): heights of the table in cm at 2 and 8 h against a converged solution, which is within 3.2 cm of
+/// the measured heights.
 #[test]
 fn a_water_table_rises_under_rain_on_a_slab() {
     let grid = plane([60, 80], [3.0, 2.0]);

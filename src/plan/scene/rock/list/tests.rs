@@ -1,4 +1,4 @@
-//! Block lists: both forms, there and back, and what is refused.
+//! Block lists: both forms, writing and reading back, and refusals.
 
 use approx::assert_relative_eq;
 
