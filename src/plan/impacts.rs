@@ -17,6 +17,11 @@
 //! driven bodies and walls included, with the reduced mass of the two; and the speed after a fall to the end of the
 //! domain for a body that touches nothing at the start. In water on a lattice no body falls faster than its
 //! settling speed.
+//!
+//! Blocks of a rock mass are supported by others at the start, and no rule says which of them come loose. If one that
+//! falls to the end of the domain and hits with the corner of a cube would end the run, the plan says so: the corner
+//! has the section 3 sqrt(3)/2 z^2 at the distance z from its tip, so that a pressure k per overlap stores
+//! k 3 sqrt(3)/24 delta^4.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -41,6 +46,9 @@ const LARGE: f64 = 0.1;
 const THROUGH: f64 = 1.0;
 /// Gap in radii below which a body is supported by its neighbour instead of falling onto it.
 const BESIDE: f64 = 0.05;
+
+/// Path of the blocks of a rock mass.
+const BLOCKS: &str = "blocks.initial";
 
 /// Body that moves under forces.
 struct Moving {
@@ -143,7 +151,7 @@ impl Things {
             } else {
                 let faces = solid.shape.half_spaces().iter();
                 self.moving.push(Moving {
-                    path: "blocks.initial".into(),
+                    path: BLOCKS.into(),
                     material: block.material,
                     mass: scene.density(block.material) * solid.shape.volume(),
                     radius: faces.map(|face| face.offset).fold(f64::INFINITY, f64::min),
@@ -366,10 +374,7 @@ fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
 
 /// Returns the largest speed of a body after a fall to the end of the domain [m/s]; in water on a lattice at most
 /// its settling speed.
-fn fall(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
-    if !one.falls {
-        return 0.0;
-    }
+fn fall_speed(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
     let energy: f64 = (0..scene.grid.dimension)
         .map(|a| {
             let g = scene.gravity[a];
@@ -384,16 +389,21 @@ fn fall(scene: &Scene, one: &Moving, settling: Option<f64>) -> f64 {
     energy.sqrt().min(settling.unwrap_or(f64::INFINITY))
 }
 
+/// Returns the largest settling speed in the water of a lattice [m/s]; none without.
+fn settling_speed(scene: &Scene) -> Option<f64> {
+    scene.flow.as_ref().map(|flow| {
+        let fastest = settling::fastest(scene, flow);
+        fastest.map_or(0.0, |(_, speed)| speed)
+    })
+}
+
 fn deepest<'a>(
     scene: &Scene,
     law: &dyn ContactModel,
     moving: &'a [Moving],
     others: &[[f64; 3]],
 ) -> Option<Impact<'a>> {
-    let settling = scene.flow.as_ref().map(|flow| {
-        let fastest = settling::fastest(scene, flow);
-        fastest.map_or(0.0, |(_, speed)| speed)
-    });
+    let settling = settling_speed(scene);
     let classes = classes(moving, others);
     let mut met: Vec<usize> = scene.walls.iter().map(|wall| wall.material).collect();
     met.extend(scene.bodies.iter().map(|body| body.material));
@@ -402,7 +412,11 @@ fn deepest<'a>(
     met.dedup();
     let mut deepest: Option<Impact<'_>> = None;
     for one in moving {
-        let fall = fall(scene, one, settling);
+        let fall = if one.falls {
+            fall_speed(scene, one, settling)
+        } else {
+            0.0
+        };
         for class in &classes {
             let speed = (class.squared_speed(&one.velocity) + fall * fall).sqrt();
             if speed <= 0.0 {
@@ -425,6 +439,58 @@ fn deepest<'a>(
     deepest
 }
 
+/// Returns the overlap \[m\] of a block that hits a plane with a corner at `speed`; dashpots are left out.
+fn corner_overlap(law: &dyn ContactModel, one: &Moving, speed: f64) -> f64 {
+    let material = to_u32(one.material);
+    let stiffness = |diameter: f64| law.normal_stiffness([material, material], diameter);
+    let (whole, double) = (stiffness(2.0 * one.radius), stiffness(4.0 * one.radius));
+    if double <= whole * 1.5 {
+        // The stiffness is that of a contact, of whatever area.
+        return speed * (one.mass / whole).sqrt();
+    }
+    let per_area = whole / (std::f64::consts::PI * one.radius * one.radius);
+    let section = 1.5 * 3.0_f64.sqrt();
+    let energy = 0.5 * one.mass * speed * speed;
+    (12.0 * energy / (per_area * section)).powf(0.25)
+}
+
+/// Warns of a rock mass whose blocks may fall so fast that their overlap would end the run.
+fn check_rock_mass(
+    scene: &Scene,
+    law: &dyn ContactModel,
+    moving: &[Moving],
+    findings: &mut Findings,
+) {
+    let settling = settling_speed(scene);
+    let blocks = moving.iter().filter(|one| one.path == BLOCKS);
+    let parts = blocks.map(|one| {
+        let speed = fall_speed(scene, one, settling);
+        (corner_overlap(law, one, speed) / one.radius, one, speed)
+    });
+    let Some((part, one, speed)) = parts.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return;
+    };
+    let guard = scene.guards.max_overlap;
+    if part > guard {
+        findings.warn(
+            "contact",
+            format!(
+                "a block that comes loose and falls to the end of the domain hits it with {} m/s; its corner then \
+                 overlaps by {} of its radius of {} m, and the run ends above `guards.max_overlap` = {guard}. It is \
+                 not known before the run whether a block falls so far",
+                number(speed),
+                number(part),
+                number(one.radius)
+            ),
+            format!(
+                "if blocks fall, use up to {} times the normal stiffness, thicker blocks, or a larger \
+                 `guards.max_overlap` (at most 1)",
+                number(at_least((part / guard).powi(4)))
+            ),
+        );
+    }
+}
+
 /// Compares the overlaps of impacts with the radii.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let Some(contact) = &scene.contact else {
@@ -436,6 +502,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         standing,
     } = Things::new(scene);
     at_rest(scene, &mut moving, &standing);
+    check_rock_mass(scene, contact.model(), &moving, findings);
     let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
         return;
     };
@@ -538,6 +605,11 @@ mod tests {
         assert_eq!(severity(&with("1e7")), None);
         assert_eq!(severity(&with("1e6")), Some(Severity::Warning));
         assert_eq!(severity(&with("1e4")), Some(Severity::Unstable));
+        // At 0.63 of the radius the guard ends the run, unless it allows more.
+        assert_eq!(severity(&with("3e4")), Some(Severity::Unstable));
+        let stiffness = "contact.linear.normal_stiffness.absolute=3e4";
+        let allowed = planned(&[stiffness, "guards.max_overlap=0.9"]);
+        assert_eq!(severity(&allowed), Some(Severity::Warning));
         // A driven wall is included, and so is the fall of a disc that touches nothing.
         let still = "grains.initial.list=[{\"position\": [0.08, 0.05], \"radius\": 0.01}]";
         let wall = "walls=[{\"name\": \"w\", \"shape\": {\"plane\": {\"point\": [0, 0], \"normal\": [1, 0]}}, \
@@ -551,6 +623,24 @@ mod tests {
         let lies = "grains.initial.list=[{\"position\": [0.08, 0.01], \"radius\": 0.01}]";
         let floor = "box_walls=[\"y_min\"]";
         assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
+    }
+
+    /// A block of 0.4 m of an open rock mass that falls 10 m on soft joints; stiff joints hold it.
+    #[test]
+    fn a_rock_mass_that_may_fall_is_warned_of() {
+        let text = case::examples::find("avalanche").unwrap().text;
+        let warned = |stiffness: &str| {
+            let change = [format!(
+                "contact.blocks.normal_stiffness.per_area={stiffness}"
+            )];
+            let document = Document::read(text, &change, Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            plan.warnings
+                .iter()
+                .any(|p| p.reason.contains("comes loose"))
+        };
+        assert!(warned("1e7"));
+        assert!(!warned("1e13"));
     }
 
     /// Checks that a grain of 1.3 mg that hits a boulder of 10 kg compresses the contact by its own mass, not by
