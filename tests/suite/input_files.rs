@@ -344,10 +344,11 @@ fn a_sample_is_moved_and_scaled_into_the_domain() {
     let none = json!({"path": "sample.csv", "scale": 0.0, "origin": [0.1, 0.05]});
     case["grains"]["initial"] = json!({"file": none});
     says(&case, here, "grains.initial.file.scale", "");
-    let small = json!({"path": "sample.csv", "scale": 1e-323, "origin": [0.1, 0.05]});
-    std::fs::write(here.join("sample.csv"), "x,y,radius\n0,0,0.1\n").unwrap();
+    assert_eq!(problems(&case, here).len(), 1);
+    let small = json!({"path": "sample.csv", "scale": 1e-30, "origin": [0.1, 0.05]});
+    std::fs::write(here.join("sample.csv"), "x,y,radius\n0,0,1e-300\n").unwrap();
     case["grains"]["initial"] = json!({"file": small});
-    says(&case, here, "grains.initial.file.path", "a radius of");
+    says(&case, here, "grains.initial.file.path", "a radius of 0 m");
 }
 
 /// Returns a channel with an inlet velocity from a table.

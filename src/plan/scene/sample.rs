@@ -45,6 +45,9 @@ pub(crate) const PATH: &str = "grains.initial.file.path";
 /// Remedy for a file that cannot be read.
 pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the file";
 
+/// Numbers that a case may have.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+
 /// Reads the sample of a case, in m and where the case puts it.
 ///
 /// # Errors
@@ -61,12 +64,16 @@ pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>
     let dimension = case.domain.size.0.len();
     let mut grains = read(&text, dimension, &names, material.unwrap_or(0))
         .map_err(|e| format!("{}: {e}", written.path.display()))?;
+    // A scale out of range is a finding of its own.
+    if !SCALES.contains(&written.scale) {
+        return Ok(Vec::new());
+    }
     let origin = written.origin.as_ref().map(Vector::to_array);
     for (n, grain) in grains.iter_mut().enumerate() {
-        grain.place(written.scale, origin);
+        grain.convert(written.scale, origin);
         if !(grain.radius > 0.0 && grain.radius.is_finite()) {
             return Err(format!(
-                "grain {} has a radius of {} m with the scale {}",
+                "grain {} has a radius of {} m with the scale {:e}",
                 n + 1,
                 grain.radius,
                 written.scale
@@ -78,7 +85,7 @@ pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>
 
 impl ListedGrain {
     /// Converts lengths of a file whose unit is `scale` m, and moves the grain by `origin` \[m\].
-    fn place(&mut self, scale: f64, origin: Option<[f64; 3]>) {
+    fn convert(&mut self, scale: f64, origin: Option<[f64; 3]>) {
         self.radius *= scale;
         self.position = self.position.map(|x| x * scale);
         self.velocity = self.velocity.map(|v| v * scale);
