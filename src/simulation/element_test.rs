@@ -114,7 +114,8 @@ struct Sampled {
 
 impl Sampled {
     fn column(&self, name: &str) -> Result<Vec<f64>, String> {
-        let column = self.rows.column(name).ok_or(format!("no column {name}"))?;
+        let column = self.rows.column(name);
+        let column = column.ok_or_else(|| format!("no column {name}"))?;
         Ok(self.kept.iter().map(|&row| column[row]).collect())
     }
 }
