@@ -185,7 +185,10 @@ fn a_restart_changes_the_stress_of_a_servo_wall() {
             .position(|n| n == name);
         let place = place.unwrap_or_else(|| panic!("{name} in {text}"));
         let cell = |line: &str| line.split(',').nth(place).unwrap().parse::<f64>().unwrap();
-        lines.map(cell).collect::<Vec<f64>>()
+        lines
+            .filter(|line| !line.starts_with('#'))
+            .map(cell)
+            .collect::<Vec<f64>>()
     };
     let (stress, moved) = (column("normal_stress"), column("displacement_x"));
     let at = stress.len() / 3 * 2;
