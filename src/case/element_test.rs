@@ -17,7 +17,7 @@ pub struct ElementTest {
     /// Probe `grains` for the lateral stress, where the sample has no walls there.
     #[serde(default)]
     pub inside: Option<String>,
-    /// Time from which answers count [s]. The strain is 0 at the first sample from then, with 0 at time 0.
+    /// Time from which answers count [s]. The strain is 0 at the first sample from then.
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub from: f64,

@@ -21,7 +21,7 @@ use super::space::Space;
 use super::walls::area::PlaneArea;
 
 /// Quantum of the sums of forces \[N\] and stiffnesses [N/m]: 2^-70. Sums up to 1e17 fit into 128 bits.
-pub const QUANTUM: f64 = 1.0 / (1_u128 << 70) as f64;
+pub const QUANTUM: f64 = 8.470_329_472_543_003e-22;
 
 /// Returns a number in quanta, cut towards zero; those that do not fit become the largest that do.
 #[expect(
@@ -106,6 +106,7 @@ mod tests {
             assert_eq!(quanta(force) + quanta(-force), 0);
         }
         assert_eq!(quanta(f64::INFINITY), i128::MAX);
+        assert_eq!(QUANTUM.log2(), -70.0);
     }
 
     /// A wall on springs that stand still: the error falls by `1 - gain` in each step, and by the velocity limit where

@@ -114,7 +114,8 @@ struct Sampled {
 
 impl Sampled {
     fn column(&self, name: &str) -> Result<Vec<f64>, String> {
-        let column = self.rows.column(name).ok_or(format!("no column {name}"))?;
+        let column = self.rows.column(name);
+        let column = column.ok_or_else(|| format!("no column {name}"))?;
         Ok(self.kept.iter().map(|&row| column[row]).collect())
     }
 }
@@ -129,8 +130,11 @@ fn read(plan: &Plan, test: &ElementTest, folder: &Path) -> Result<Vec<(usize, Sa
         let path = folder.join(format!("probe_{name}.csv"));
         tables.push((probe, table::read(&path).map_err(|e| e.to_string())?));
     }
-    // A sample may differ from its time by half a step.
-    let first = plan.clock.interval_to_steps(test.from);
+    // An interval has one step at least.
+    let first = match test.from {
+        from if from > 0.0 => plan.clock.interval_to_steps(from),
+        _ => 0,
+    };
     let steps = tables.first().map_or(&[][..], |(_, rows)| &rows.steps);
     let common: Vec<u64> = steps
         .iter()
@@ -178,9 +182,7 @@ fn record(plan: &Plan, test: &ElementTest, folder: &Path) -> Result<TestRecord, 
         record.shear_over_normal.push(quotients(&shear, &normal));
         record.axial.push(normal);
     }
-    // Walls have not moved at time 0, of which there is no sample.
-    let first = record.shortening.first().copied();
-    record.start = first.filter(|_| test.from > 0.0).unwrap_or(0.0);
+    record.start = record.shortening.first().copied().unwrap_or(0.0);
     for probe in &test.lateral {
         let lateral = table(*probe)?.column("normal_stress")?;
         let ratios = record.axial.iter().map(|axial| quotients(&lateral, axial));

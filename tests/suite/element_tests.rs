@@ -185,7 +185,10 @@ fn a_restart_changes_the_stress_of_a_servo_wall() {
             .position(|n| n == name);
         let place = place.unwrap_or_else(|| panic!("{name} in {text}"));
         let cell = |line: &str| line.split(',').nth(place).unwrap().parse::<f64>().unwrap();
-        lines.map(cell).collect::<Vec<f64>>()
+        lines
+            .filter(|line| !line.starts_with('#'))
+            .map(cell)
+            .collect::<Vec<f64>>()
     };
     let (stress, moved) = (column("normal_stress"), column("displacement_x"));
     let at = stress.len() / 3 * 2;
@@ -198,4 +201,58 @@ fn a_restart_changes_the_stress_of_a_servo_wall() {
         moved[at - 1] < 0.0 && moved[moved.len() - 1] < moved[at - 1],
         "{moved:?}"
     );
+}
+
+/// Two discs at rest on a floor: force, torque about a point and mean stress are those of their weights.
+#[test]
+fn a_floor_bears_the_weight_of_what_lies_on_it() {
+    let _beside = beside_others();
+    let (mass, gravity) = (2000.0 * std::f64::consts::PI * 1e-4, 9.81);
+    let overlap = mass * gravity / 1e7;
+    let at = |x: f64| {
+        format!(
+            "{{\"position\": [{x}, {}], \"radius\": 0.01}}",
+            0.01 - overlap
+        )
+    };
+    let study = Study::new(&format!(
+        r#"{{"domain": {{"size": [0.2, 0.1], "spacing": 0.01}}, "gravity": [0, -9.81],
+            "materials": {{"glass": {{"density": 2000}}}},
+            "grains": {{"material": "glass", "initial": {{"list": [{}, {}]}}}}, "box_walls": ["y_min"],
+            "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e7}}, "friction_angle_degrees": 20,
+                "normal_damping_ratio": 0.3}}}},
+            "time": {{"end": 0.01}},
+            "probes": [{{"name": "floor", "every": 0.01,
+                "at": {{"wall_load": {{"name": "y_min", "about": [0.05, 0.02]}}}}}}]}}"#,
+        at(0.03),
+        at(0.11)
+    ));
+    study.run("straight", 1, 1, &[]);
+    let text = std::fs::read_to_string(study.path("straight").join("probe_floor.csv")).unwrap();
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let last: Vec<&str> = text.lines().last().unwrap().split(',').collect();
+    let value = |name: &str| -> f64 {
+        let place = names.iter().position(|n| n.split(' ').next() == Some(name));
+        last[place.unwrap_or_else(|| panic!("{name} in {names:?}"))]
+            .parse()
+            .unwrap()
+    };
+    let weight = mass * gravity;
+    for (name, known) in [
+        ("force_x", 0.0),
+        ("force_y", -2.0 * weight),
+        // The arms of the two are -0.02 and 0.06 m.
+        ("torque_z", -0.04 * weight),
+        ("area", 0.2),
+        ("normal_stress", 10.0 * weight),
+        ("shear_stress", 0.0),
+        ("contacts", 2.0),
+        ("displacement_y", 0.0),
+    ] {
+        let found = value(name);
+        assert!(
+            (found - known).abs() < 1e-9 * weight,
+            "{name}: {found} {known}"
+        );
+    }
 }

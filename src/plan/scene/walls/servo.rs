@@ -145,7 +145,7 @@ pub(super) fn check_areas(walls: &[SceneWall], grid: &Grid, findings: &mut Findi
             [Vector3::zeros(), Vector3::from(size)],
             others.map(|(_, other)| half_space(other)),
         );
-        if !(area > 0.0) {
+        if area <= 0.0 {
             findings.error(
                 &format!("walls[{n}].shape.plane"),
                 format!(
