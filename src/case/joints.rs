@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
-/// Pressures in front of mouths drive it. All blocks must be fixed: they do not move under the pressure, which probes
-/// measure. No `coupling` is needed.
+/// Pressures in front of mouths drive it. Its pressures load the blocks; those that are not fixed move together with the
+/// water, and their contacts. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -17,7 +17,8 @@ pub struct JointNetwork {
     /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
-    /// Time step [s]. No step is unstable; a wave needs some twenty steps of its period.
+    /// Time step [s]. Water alone has no unstable step; a wave needs some twenty steps of its period. Blocks that move
+    /// make the same step, which their contacts limit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
@@ -80,6 +81,10 @@ pub struct Mouth {
     /// Pressure above atmospheric pressure [Pa] at the centre of the box; with gravity hydrostatic from there. The run
     /// begins with the steady flow under the pressures at time 0.
     pub pressure: PressureHistory,
+    /// `true` if this water also presses on blocks that can move, wherever no joint covers them. These are the blocks
+    /// with a face whose centroid lies in the box.
+    #[serde(default)]
+    pub presses_on_blocks: bool,
 }
 
 fn ten() -> f64 {

@@ -111,6 +111,11 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
+    /// Returns the water of joints that moves its blocks, if it is that.
+    pub fn carrier(&mut self) -> Option<&mut JointWater> {
+        self.joints_mut().filter(|joints| joints.moves_blocks())
+    }
+
     /// Returns the water of the joints, to set its state.
     pub fn joints_mut(&mut self) -> Option<&mut JointWater> {
         match self {

@@ -8,6 +8,7 @@
 //! in front of them. The loss of the corner itself, of the order of an aperture over the size of a cell, is left out.
 
 use crate::cells::{Cell, Side};
+use crate::network::root;
 use crate::pairs::{Joint, PairLimits};
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
@@ -174,13 +175,6 @@ fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> V
 /// Returns groups of edges that share a line, each in the order of the edges, in the order of their first edges.
 fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
     let mut parents: Vec<usize> = (0..edges.len()).collect();
-    fn root(parents: &mut [usize], mut edge: usize) -> usize {
-        while parents[edge] != edge {
-            parents[edge] = parents[parents[edge]];
-            edge = parents[edge];
-        }
-        edge
-    }
     let widest = |edge: &Edge| edge.apertures[0].max(edge.apertures[1]);
     let most = edges.iter().map(widest).fold(0.0, f64::max);
     let longest = edges.iter().map(|edge| edge.length).fold(0.0, f64::max);

@@ -354,7 +354,21 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         };
         (flow.time_step, steps)
     } else if let Some(joints) = &scene.joints {
-        (joints.written.time_step, 1)
+        let step = joints.written.time_step;
+        if let Some(allowed) = allowed
+            && step > allowed * (1.0 + 1e-12)
+        {
+            findings.error(
+                "fluid.joints.time_step",
+                format!(
+                    "blocks that move make the same step, and it is above {} times the critical one of their contacts",
+                    time.solid_time_step_safety
+                ),
+                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                    .set("fluid.joints.time_step", at_most(allowed)),
+            );
+        }
+        (step, 1)
     } else {
         let dt = time
             .solid_time_step

@@ -5,7 +5,7 @@ use coupling::joint_water::JointWater;
 use nalgebra::Vector3;
 
 /// Columns of a block.
-pub(super) const BLOCK: [Heading; 9] = [
+pub(super) const BLOCK: [Heading; 15] = [
     ("force_x", "N"),
     ("force_y", "N"),
     ("force_z", "N"),
@@ -15,6 +15,12 @@ pub(super) const BLOCK: [Heading; 9] = [
     ("smallest_pressure", "Pa"),
     ("largest_pressure", "Pa"),
     ("area", "m2"),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+    ("velocity_x", "m/s"),
+    ("velocity_y", "m/s"),
+    ("velocity_z", "m/s"),
 ];
 
 /// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near ones of the first.
@@ -37,14 +43,17 @@ pub(super) fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     [flow.pressures()[cell], aperture, x, y, z]
 }
 
-/// Returns the load on a block; no pressures for a block without a joint.
-pub(super) fn block(water: &JointWater, block: usize) -> [f64; 9] {
+/// Returns load, position and velocity of a block; no pressures for a block without a joint.
+pub(super) fn block(water: &JointWater, block: usize) -> [f64; 15] {
     let load = water.loads().get(block).copied().unwrap_or_default();
     let [low, high] = load
         .pressure
         .map(|p| if p.is_finite() { p } else { f64::NAN });
     let (force, moment) = (load.force, load.moment);
+    let [[x, y, z], [u, v, w]] = water.motion(block).map(Into::into);
+    let (force, moment): ([f64; 3], [f64; 3]) = (force.into(), moment.into());
+    let ([fx, fy, fz], [mx, my, mz]) = (force, moment);
     [
-        force.x, force.y, force.z, moment.x, moment.y, moment.z, low, high, load.area,
+        fx, fy, fz, mx, my, mz, low, high, load.area, x, y, z, u, v, w,
     ]
 }

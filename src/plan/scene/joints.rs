@@ -3,11 +3,11 @@
 
 use super::block::AlignedBox;
 use super::blocks::PlacedBlocks;
+use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
 use super::grid::Grid;
 use super::unique;
 use base::error::Remedy;
-use base::number::real;
 use case::Case;
 use case::fluid::Fluid;
 use case::joints::JointNetwork;
@@ -39,6 +39,8 @@ pub struct JointScene {
     pub apertures: [f64; 2],
     /// Longest joint \[m\].
     pub longest: f64,
+    /// Number of blocks that can move.
+    pub movers: usize,
 }
 
 /// Sizes of a network.
@@ -63,16 +65,10 @@ pub struct SceneMouth {
     pub block: AlignedBox,
     /// Pressure at the centre of the box.
     pub pressure: PressureHistory,
+    /// `true` if the water also presses on blocks that can move.
+    pub presses_on_blocks: bool,
     /// Width of its edges \[m\].
     pub width: f64,
-}
-
-impl SceneMouth {
-    /// Returns the centre of the box \[m\].
-    #[must_use]
-    pub fn centre(&self) -> Vector3<f64> {
-        0.5 * (Vector3::from(self.block.from) + Vector3::from(self.block.to))
-    }
 }
 
 impl JointScene {
@@ -117,7 +113,7 @@ impl JointScene {
     pub(crate) fn resolve(
         case: &Case,
         grid: &Grid,
-        blocks: Option<&PlacedBlocks>,
+        (blocks, contact): (Option<&PlacedBlocks>, Option<&ContactTable>),
         findings: &mut Findings,
     ) -> Option<Self> {
         let Some(Fluid::Joints(written)) = &case.fluid else {
@@ -135,16 +131,9 @@ impl JointScene {
             findings.depends(&["blocks"]);
         }
         let blocks = blocks?;
-        if blocks.fixed < blocks.number {
-            findings.error(
-                "blocks.fixed",
-                format!(
-                    "{} of {} blocks can move: the water in the joints loads blocks, and does not move them yet",
-                    number(real(blocks.number - blocks.fixed)),
-                    number(real(blocks.number))
-                ),
-                "add boxes that hold the centroids of all blocks",
-            );
+        let movers = blocks.number - blocks.fixed;
+        if movers > 0 {
+            refuse_for_motion(case, contact, findings);
         }
         if !thin_enough(written, blocks, findings) {
             return None;
@@ -156,6 +145,7 @@ impl JointScene {
             edges: [0.0; 2],
             apertures: [f64::INFINITY, 0.0],
             longest: 0.0,
+            movers,
         };
         scene.measure(blocks, findings);
         Some(scene)
@@ -273,6 +263,24 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
     }
 }
 
+/// Refuses what does not work with blocks that the water moves.
+fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut Findings) {
+    let law = contact.and_then(|contact| contact.model().blocks());
+    let damped = law.is_some_and(|law| law.mass_damping > 0.0);
+    let fields = [
+        ("contact.blocks.mass_damping", damped),
+        ("regions", !case.regions.is_empty()),
+    ];
+    for (path, _) in fields.iter().filter(|(_, given)| *given) {
+        let reason = if *path == "regions" {
+            "blocks that the water of their joints moves cannot be removed"
+        } else {
+            "the water of the joints moves the blocks, and damps them alone"
+        };
+        findings.error(path, reason, Remedy::take_out("remove it", path));
+    }
+}
+
 /// Checks pressures and densities of the water.
 fn check_water(written: &JointNetwork, findings: &mut Findings) {
     if written.vapour_pressure >= written.atmospheric_pressure {
@@ -318,6 +326,7 @@ fn mouths(
             name: mouth.name.clone(),
             block,
             pressure: mouth.pressure.clone(),
+            presses_on_blocks: mouth.presses_on_blocks,
             width: 0.0,
         });
     }
