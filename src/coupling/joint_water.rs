@@ -7,6 +7,7 @@
 mod moving;
 #[cfg(test)]
 mod tests;
+mod under_lattice;
 
 pub use moving::{Departure, most_numbers};
 
@@ -61,6 +62,17 @@ impl MouthFront {
     }
 }
 
+/// An open piece of an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MouthAt {
+    /// Middle \[m\].
+    pub middle: Vector3<f64>,
+    /// Direction out of the joint.
+    pub outward: Vector3<f64>,
+    /// Normal of the joint.
+    pub normal: Vector3<f64>,
+}
+
 /// An open piece of an edge that is closed from the beginning: the faces of its joint, and its direction.
 type ClosedEdge = ([RockFace; 2], Vector3<f64>);
 
@@ -77,6 +89,8 @@ pub struct Mouths {
     middles: Vec<Vector3<f64>>,
     /// Edges in front of which there is no water.
     closed: Vec<ClosedEdge>,
+    /// Pressures in front of the open pieces from a lattice \[Pa\]; none where the mouths give them.
+    fronts: Option<Vec<Option<f64>>>,
 }
 
 impl Mouths {
@@ -94,6 +108,7 @@ impl Mouths {
             of_piece,
             list,
             weight,
+            fronts: None,
         }
     }
 
@@ -118,11 +133,19 @@ impl Mouths {
             nearest.map(|(mouth, _)| mouth)
         };
         self.of_piece = network.open.iter().map(mouth).collect();
+        if let Some(fronts) = &mut self.fronts {
+            // Pressures of the lattice are taken again before they are used.
+            fronts.clear();
+            fronts.resize(network.open.len(), None);
+        }
     }
 }
 
 impl Drive for Mouths {
     fn pressure(&self, open: usize, time: f64) -> Option<f64> {
+        if let Some(fronts) = &self.fronts {
+            return fronts[open];
+        }
         let mouth = &self.list[self.of_piece[open]?];
         Some(mouth.pressure_at(&self.middles[open], &self.weight, time))
     }
@@ -166,6 +189,12 @@ pub struct JointWater {
     /// Blocks where they are.
     solids: Vec<PlacedPolyhedron>,
     moving: Option<Box<Moving>>,
+    /// Force and torque of a lattice on each block; empty without one.
+    of_lattice: Vec<[Vector3<f64>; 2]>,
+    /// Water that goes back to the lattice: mouth, and volume of the last step \[m³\].
+    returned: Vec<(usize, f64)>,
+    /// Acceleration of gravity on the blocks [m/s²].
+    gravity: Vector3<f64>,
     /// Id of the first block.
     first: u64,
     interval: f64,
@@ -191,6 +220,40 @@ impl JointWater {
     ) -> Result<Self, Error> {
         let weight = settings.gravity * settings.water.mixture_density();
         let mouths = Mouths::new(mouths, weight, &network);
+        let gravity = settings.gravity;
+        Self::with_mouths(
+            (network, settings),
+            mouths,
+            blocks,
+            gravity,
+            (first, interval),
+        )
+    }
+
+    /// Returns the water in joints under a lattice, at the pressure 0. The pressures of `settings` are those of the
+    /// lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²].
+    ///
+    /// # Errors
+    /// If there is no steady flow.
+    pub fn under_lattice(
+        network: Network,
+        settings: FlowSettings,
+        gravity: Vector3<f64>,
+        blocks: &[NetworkBlock],
+        steps: (u64, f64),
+    ) -> Result<Self, Error> {
+        let mut mouths = Mouths::new(Vec::new(), Vector3::zeros(), &network);
+        mouths.fronts = Some(vec![Some(0.0); network.open.len()]);
+        Self::with_mouths((network, settings), mouths, blocks, gravity, steps)
+    }
+
+    fn with_mouths(
+        (network, settings): (Network, FlowSettings),
+        mouths: Mouths,
+        blocks: &[NetworkBlock],
+        gravity: Vector3<f64>,
+        (first, interval): (u64, f64),
+    ) -> Result<Self, Error> {
         let moving = Moving::new(blocks, &mouths, &network);
         let movers = moving.as_ref().map_or_else(Vec::new, |m| m.movers(blocks));
         let mut flow = JointFlow::with_movers(network, settings, movers);
@@ -210,6 +273,9 @@ impl JointWater {
             mouths,
             solids: blocks.iter().map(|block| block.solid.clone()).collect(),
             moving,
+            of_lattice: Vec::new(),
+            returned: Vec::new(),
+            gravity,
             first,
             interval,
         };
@@ -223,6 +289,10 @@ impl JointWater {
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
         self.loads = loads(self.flow.network(), pressures, &centroids);
         self.add_outside();
+        for (load, [force, torque]) in self.loads.iter_mut().zip(&self.of_lattice) {
+            load.force += force;
+            load.moment += torque;
+        }
         let pressures = self.flow.pressures();
         for pressure in pressures {
             let [low, high] = &mut self.balance.pressure;
@@ -369,6 +439,7 @@ impl JointWater {
         })?;
         self.steps += 1;
         self.balance.entered += self.report.entered;
+        self.note_returned();
         Ok(())
     }
 

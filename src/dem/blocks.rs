@@ -192,6 +192,14 @@ impl<S: Space> Particles<S> {
         ))
     }
 
+    /// Returns the load of the fluid on entry `k`, force \[N\] and torque \[N m\]; none for a sphere or disc.
+    #[must_use]
+    pub fn block_fluid_load(&self, k: usize) -> Option<[Vector3<f64>; 2]> {
+        self.polyhedron(k)?;
+        let load = self.fluid_load(k);
+        Some([S::to_volume(&load.force), in_space(&load.torque)])
+    }
+
     /// Sets the motion of entry `k`, a block. Returns the longest path of a point of it \[m\]; 0 for a sphere.
     pub fn set_block_motion(&mut self, k: usize, to: &BlockMotion) -> f64 {
         let Some((shape, before)) = self.polyhedron(k) else {

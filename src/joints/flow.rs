@@ -31,6 +31,7 @@ use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
 use crate::motion::{FREEDOMS, Mover, Touch, movers_of, opening, touches};
 use crate::network::{End, Network};
+use crate::order::dissection;
 use crate::pairs::{Rock, moved};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
@@ -38,6 +39,7 @@ use crate::water::Mixture;
 use decomposition::ExactSum;
 use nalgebra::{Vector3, Vector6};
 
+mod memory;
 mod renewal;
 
 /// Pairs of the rotation rates of a block.
@@ -54,6 +56,8 @@ const ROUNDING: f64 = 1e-8;
 /// Change of the velocity of a block at which Newton's method may end, over that which the loads on it would make
 /// without water.
 const STILL: f64 = 1e-11;
+/// Largest system whose unknowns are eliminated in the order of their degree.
+const SMALL: usize = 4000;
 /// Number of halvings of a step.
 const HALVINGS: usize = 12;
 
@@ -156,6 +160,8 @@ pub struct JointFlow {
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
     discharge: Vec<f64>,
+    /// Water that left through each open piece in the last step \[m³\].
+    passed: Vec<f64>,
     /// Node whose pressure is held in each part of the network that is closed; found by the first solution.
     held: Vec<usize>,
     factors: Factors,
@@ -168,6 +174,17 @@ pub struct JointFlow {
     /// Gaps without the displacements of the blocks, and what these add \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
+}
+
+/// Returns the analysis of the system of a network and its blocks with nonzero entries at `pairs`.
+fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors {
+    let unknowns = network.nodes() + FREEDOMS * movers.len();
+    if unknowns <= SMALL {
+        return Factors::new(unknowns, pairs);
+    }
+    let centroids = movers.iter().flat_map(|mover| [mover.centroid; FREEDOMS]);
+    let positions: Vec<_> = network.positions.iter().copied().chain(centroids).collect();
+    Factors::in_order(dissection(&positions, pairs), pairs)
 }
 
 /// Returns the area of each block in joints \[m²\].
@@ -245,8 +262,9 @@ impl JointFlow {
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
             discharge: vec![0.0; links],
+            passed: vec![0.0; network.open.len()],
             held: Vec::new(),
-            factors: Factors::new(unknowns, &pairs),
+            factors: factors(&network, &movers, &pairs),
             work: Work {
                 answers: vec![Answer::default(); links],
                 fronts: vec![None; network.open.len()],
@@ -818,6 +836,22 @@ impl JointFlow {
         outflows
     }
 
+    /// Adds what leaves through open pieces in a time \[s\].
+    fn add_passed(&mut self, time: f64) {
+        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
+            if let End::Open(piece) = link.to {
+                self.passed[piece] += time * discharge;
+            }
+        }
+    }
+
+    /// Returns the volume of water that left through each open piece of an edge in the last step, at the density of
+    /// atmospheric pressure \[m³\].
+    #[must_use]
+    pub fn passed(&self) -> &[f64] {
+        &self.passed
+    }
+
     /// Returns the discharge into the network through all open edges \[m³/s\].
     fn inflow(&self) -> f64 {
         let mut sum = ExactSum::new();
@@ -855,6 +889,8 @@ impl JointFlow {
         let mut newton = self.solve(stage, true)?;
         self.finish_stage(stage);
         let mut entered = (1.0 - DIAGONAL) * interval * self.inflow();
+        self.passed.fill(0.0);
+        self.add_passed((1.0 - DIAGONAL) * interval);
         self.sum_discharges();
         // The second stage begins with what the first one changed.
         let carried = (1.0 - DIAGONAL) / DIAGONAL;
@@ -874,6 +910,7 @@ impl JointFlow {
         newton += self.solve(stage, true)?;
         self.finish_stage(stage);
         entered += stage * self.inflow();
+        self.add_passed(stage);
         let after = self.stored();
         Ok(StepReport {
             newton,

@@ -1,6 +1,7 @@
 //! Networks against closed solutions.
 
 mod closed;
+mod large;
 mod moving;
 mod squeeze;
 mod steady;

@@ -352,6 +352,21 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
                 n.max(1)
             }
         };
+        if scene
+            .joints
+            .as_ref()
+            .is_some_and(|joints| joints.movers > 0)
+            && steps > 1
+        {
+            findings.error(
+                "fluid.lattice_boltzmann.joints",
+                format!(
+                    "blocks that move with the water of joints make one step with each step of the lattice, and this \
+                     case has {steps}"
+                ),
+                "use a shorter time step of the lattice, or softer contacts",
+            );
+        }
         (flow.time_step, steps)
     } else if let Some(joints) = &scene.joints {
         let step = joints.written.time_step;

@@ -312,7 +312,7 @@ impl Scene {
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
-        let joints = joints::JointScene::resolve(case, &grid, rock, findings);
+        let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);
         let porous_zones = porous::zones(case, &grid, findings);
         let regions = observe::regions(case, &grid, &names, findings);
         let measured = observe::Measured {

@@ -325,6 +325,10 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     let all: Vec<_> = blocks.list.iter().map(block).collect();
     let first = plan.scene.bodies.len() as u64;
     let steps = (first, plan.clock.time_step);
+    if scene.under_lattice {
+        let gravity = plan.scene.gravity.into();
+        return JointWater::under_lattice(network, settings, gravity, &all, steps).map(Some);
+    }
     JointWater::new(network, settings, mouths, &all, steps).map(Some)
 }
 

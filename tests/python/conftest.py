@@ -46,7 +46,7 @@ EXAMPLES = {
     "floating-log": (1, _fluid(0.01, **{"probes[0].every": 0.005})),
     "incline": (1, _fluid(0.005, **{"time.warm_up": "null", "output.blocks.every": 0.0025})),
     "joint-pulse": (1, {"time.end": 0.008, "output": '{"blocks": {"every": 0.004}}'}),
-    "plucked-block": (1, {"time.end": 0.008, "output": '{"blocks": {"every": 0.004}}'}),
+    "plucked-block": (1, {"time.end": 0.005, "output": '{"blocks": {"every": 0.0025}}'}),
     "piping": (
         2,
         _fluid(0.004, **{"time.warm_up": "null", "output.grains.every": 0.002, "output.contacts.every": 0.002}),

@@ -39,8 +39,6 @@ const SAVED_GRAIN: f64 = 420.0;
 const SAVED_BLOCK: f64 = 950.0;
 /// A cell of the seepage in a checkpoint.
 const SAVED_SEEPAGE: f64 = 40.0;
-/// A link of a network of joints in a checkpoint: its modes, its discharge, and its part of the pressures.
-const SAVED_JOINT_LINK: f64 = 110.0;
 /// Two velocities of a cell in f32, with eddies, in a checkpoint.
 const SAVED_EDDY: f64 = 12.0;
 
@@ -77,7 +75,7 @@ pub(super) fn tables(amounts: &Amounts) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
-        + amounts.joint_links * SAVED_JOINT_LINK
+        + amounts.joint_numbers * 8.0
 }
 
 /// Adds the sizes of all files to the estimate, whose time and checkpoint are known.

@@ -38,8 +38,6 @@ const CUTS: f64 = 600.0;
 const DRAINS: f64 = 310.0;
 /// A cell of a flow that changes with time: stored water, and its part of the levels.
 const STORES: f64 = 100.0;
-/// A link of a network of joints, its part of cells and factors included, on every rank \[bytes\].
-const JOINT_LINK: f64 = 1500.0;
 /// A grain with its neighbours, contacts and history.
 const GRAIN: f64 = 1700.0;
 /// A block: its shape, here and in the scene, and the longer memory of its contacts.
@@ -102,7 +100,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &Amounts) {
         estimate.bytes_per_cell = SEEPAGE + drains + stores + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
-    memory += amounts.joint_links * JOINT_LINK;
+    memory += amounts.joint_bytes;
     // Files are gathered in memory, one at a time. Of a checkpoint the lattice is written, and all is read back, in
     // pieces.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
