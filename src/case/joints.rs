@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
-/// Pressures in front of mouths drive it. Its pressures load the blocks; those that are not fixed move together with the
-/// water, and their contacts. No `coupling` is needed.
+/// Pressures in front of mouths drive it. Its pressures load the blocks; those that are not fixed move together with
+/// the water, and their contacts. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -70,8 +70,8 @@ pub struct JointNetwork {
     pub mouths: Vec<Mouth>,
 }
 
-/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of the
-/// lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction of
+/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of
+/// the lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction of
 /// a laminar layer at each frequency. The network begins at rest at the reference pressure. Needs the coupling
 /// `bounce_back`. Blocks that move make one step with each step of the lattice, and can open their joints up to
 /// `largest_aperture`.

@@ -13,8 +13,8 @@
 //! mouth and the first cell of the joint. With an aperture `a` and half a cell of the joint `l` it changes the density
 //! of its cell on the lattice by `a/(3 l)` of the one that made it, which the scene keeps well below 1.
 //!
-//! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over hydrostatic,
-//! in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.
+//! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over
+//! hydrostatic, in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.
 
 use crate::bounce_back::BounceBack;
 use crate::joint_water::{JointWater, MouthAt};
@@ -30,7 +30,7 @@ use nalgebra::Vector3;
 
 /// Bytes of a pressure that ranks exchange: number of the mouth, side of the joint, pressure.
 const ROW: usize = 24;
-/// Distance of the two points on both sides of a joint where its mouth looks for water, in cells.
+/// Distance of the two points on both sides of a joint where its mouth is searched for water, in cells.
 const BESIDE: f64 = 0.25;
 
 /// A lattice with bodies, and the water in the joints between them.

@@ -457,7 +457,7 @@ impl JointFlow {
     /// here.
     pub fn move_to(&mut self, rocks: &[Rock]) {
         self.add_water(1.0);
-        self.place(rocks);
+        self.set_positions(rocks);
         self.add_water(-1.0);
     }
 
@@ -473,7 +473,7 @@ impl JointFlow {
 
     /// Takes the positions of the blocks as they are, and with them volumes and channels. Displacements count from
     /// here.
-    pub fn place(&mut self, rocks: &[Rock]) {
+    pub fn set_positions(&mut self, rocks: &[Rock]) {
         for (number, base) in self.base_gaps.iter_mut().enumerate() {
             let joint = &mut self.network.joints[number];
             (*base, joint.tilts) = moved(joint, rocks);

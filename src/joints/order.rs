@@ -1,8 +1,8 @@
 //! Order of elimination of large networks: nested dissection by position.
 //!
 //! The unknowns are divided into two halves along the longest axis of their box; those of one half that are joined to
-//! the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller, Teng,
-//! Thurston and Vavasis, J. ACM 44, 1 (1997)). The halves are divided in the same way down to small sets, which
+//! the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
+//! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The halves are divided in the same way down to small sets, which
 //! approximate minimum degree orders. Networks of joints in a rock mass are three-dimensional: dissection leaves them
 //! much less fill than minimum degree, and is found much faster.
 
@@ -38,7 +38,7 @@ impl Graph {
         Self { starts, others }
     }
 
-    fn of(&self, unknown: usize) -> &[usize] {
+    fn neighbours(&self, unknown: usize) -> &[usize] {
         &self.others[self.starts[unknown]..self.starts[unknown + 1]]
     }
 }
@@ -87,7 +87,7 @@ impl Dissection<'_> {
         self.mark(&upper, other);
         let touching = |list: &[usize], set: usize| -> Vec<usize> {
             let is_joined = |&&unknown: &&usize| {
-                let mut others = self.graph.of(unknown).iter();
+                let mut others = self.graph.neighbours(unknown).iter();
                 others.any(|&unknown| self.set[unknown] == set)
             };
             list.iter().filter(is_joined).copied().collect()
@@ -137,7 +137,7 @@ impl Dissection<'_> {
         local.extend(members.iter().copied().zip(0..));
         let mut pairs = Vec::new();
         for (number, &unknown) in members.iter().enumerate() {
-            for other in self.graph.of(unknown) {
+            for other in self.graph.neighbours(unknown) {
                 if let Some(&other) = local.get(other)
                     && number < other
                 {

@@ -212,8 +212,8 @@ impl Choices<'_> {
                 "blocks in joints",
                 "moved together with the water",
                 format!(
-                    "{} blocks can move: pressures and velocities are solved at once, contacts are explicit; the network \
-                     follows where a block has moved by a tenth of its cells",
+                    "{} blocks can move: pressures and velocities are solved at once, contacts are explicit; the \
+                     network follows where a block has moved by a tenth of its cells",
                     joints.movers
                 ),
             );

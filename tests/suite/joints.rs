@@ -110,6 +110,7 @@ fn loose_bed() -> Value {
         {"from": [0, 0, 0], "to": [1, 0.6, 0.25]},
         {"from": [0, 0, 0], "to": [0.3, 0.6, 0.5]}, {"from": [0.75, 0, 0], "to": [1, 0.6, 0.5]}
     ]);
+    case["contact"]["blocks"]["normal_stiffness"] = json!({"per_area": 1e7});
     let water = &mut case["fluid"]["joints"];
     water["residual_aperture"] = json!(1e-4);
     water["mouths"][1]["presses_on_blocks"] = json!(true);

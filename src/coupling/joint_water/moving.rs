@@ -49,7 +49,7 @@ struct Body {
     mass: f64,
     /// Principal moments of inertia [kg m²].
     moments: Vector3<f64>,
-    /// Where it stood when the network was made.
+    /// Position and orientation when the network was made.
     built: Pose,
     /// Mouth whose water is round it, if any.
     mouth: Option<usize>,
@@ -400,7 +400,7 @@ impl JointWater {
         }
         let movers = self.flow.movers().to_vec();
         let mut flow = joints::JointFlow::with_movers(network, *self.flow.settings(), movers);
-        flow.place(&rocks(&self.solids));
+        flow.set_positions(&rocks(&self.solids));
         self.flow = flow;
         self.moving = Some(moving);
         Some(after)
@@ -469,8 +469,8 @@ fn gather<S: Space>(
     Ok(all)
 }
 
-/// Returns the upper bound of the numbers of a checkpoint in which `movers` blocks move, `nodes` and `links` being those
-/// at the start: a block that moves has at most [`GROWTH`] times as many.
+/// Returns the upper bound of the numbers of a checkpoint in which `movers` blocks move, `nodes` and `links` being
+/// those at the start: a block that moves has at most [`GROWTH`] times as many.
 #[must_use]
 pub fn most_numbers(movers: usize, nodes: usize, links: usize, inertia: bool) -> usize {
     let network = super::numbers(2 * nodes, links, inertia) + PAIR * links;

@@ -26,7 +26,7 @@ const HEIGHT: f64 = 0.1;
 /// A box of rock between two corners; `true` if it moves.
 type Rock = ([f64; 3], [f64; 3], bool);
 
-/// A block in a socket of fixed rock, with these gaps below it and beside it \[m\].
+/// A block in a socket of fixed rock, with these gaps below it and at its sides \[m\].
 fn socket(below: f64, beside: f64) -> Vec<Rock> {
     let (far, thick) = (SIDE + beside, 0.05);
     let sides = [

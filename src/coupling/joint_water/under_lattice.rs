@@ -23,8 +23,8 @@ impl JointWater {
         network.open.iter().map(mouth).collect()
     }
 
-    /// Returns numbers of mouths, and the volume of water that left each in the last step, at the density of atmospheric
-    /// pressure \[m³\]. The numbers are those of the pressures of that step.
+    /// Returns numbers of mouths, and the volume of water that left each in the last step, at the density of
+    /// atmospheric pressure \[m³\]. The numbers are those of the pressures of that step.
     #[must_use]
     pub fn returned(&self) -> &[(usize, f64)] {
         &self.returned
@@ -38,8 +38,8 @@ impl JointWater {
         self.returned = open.map(|(mouth, (passed, _))| (mouth, *passed)).collect();
     }
 
-    /// Gives the water of overlaps that are gone \[m³\] to the lattice, in equal parts to all mouths; without a mouth or
-    /// a lattice it is outside.
+    /// Gives the water of overlaps that are gone \[m³\] to the lattice, in equal parts to all mouths; without a mouth
+    /// or a lattice it is outside.
     pub(super) fn release(&mut self, water: f64) {
         let mouths = self.returned.len();
         if self.mouths.fronts.is_none() || mouths == 0 {

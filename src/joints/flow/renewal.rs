@@ -46,7 +46,7 @@ impl JointFlow {
         let before = self.stored();
         let network = self.network.after(rocks);
         let mut next = Self::with_movers(network, self.settings, self.movers.clone());
-        next.place(rocks);
+        next.set_positions(rocks);
         next.take_pressures(self);
         next.take_surplus(self);
         next.take_discharges(self);
