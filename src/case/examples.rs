@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 35] = [
+pub const EXAMPLES: [Example; 36] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -163,6 +163,11 @@ pub const EXAMPLES: [Example; 35] = [
         name: "joint-pulse",
         summary: "a pressure pulsates in front of a closed joint at its resonance, with the exact amplification",
         text: include_str!("examples/joint-pulse.json"),
+    },
+    Example {
+        name: "plucked-block",
+        summary: "pressure in the joints round a flush block, which lifts it out of its bed",
+        text: include_str!("examples/plucked-block.json"),
     },
     Example {
         name: "incline",

@@ -4,7 +4,7 @@ use super::boundary::Boundary;
 use super::darcy::Darcy;
 pub use super::free_surface::FreeSurface;
 use super::geometry::Vector;
-use super::joints::JointNetwork;
+use super::joints::{JointNetwork, LatticeJoints};
 pub use lbm::collision::Operator as Collision;
 pub use lbm::gpu::Device;
 use lbm::synthetic::Fluctuations;
@@ -23,7 +23,7 @@ pub enum Fluid {
     LatticeBoltzmann(LatticeBoltzmann),
     /// Seepage averaged over many grains: Darcy's law on a coarse grid, with drag on the grains.
     Darcy(Darcy),
-    /// Water in the joints between fixed blocks: a network of thin layers under pressures at its mouths.
+    /// Water in the joints between blocks: a network of thin layers under pressures at its mouths.
     Joints(JointNetwork),
 }
 
@@ -95,6 +95,9 @@ pub struct LatticeBoltzmann {
     /// Zones that resist the flow: screens, racks, filters, rockfill.
     #[serde(default)]
     pub porous_zones: Vec<PorousZone>,
+    /// Water in the joints between blocks that are thinner than a cell.
+    #[serde(default)]
+    pub joints: Option<LatticeJoints>,
     /// Speed and pressure in a run on coarse cells, for the automatic choices; `solver plan --pilot` writes it.
     /// Default: the estimates of the plan.
     #[serde(default)]

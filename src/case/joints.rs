@@ -1,13 +1,14 @@
 //! Water in the joints between blocks, without a lattice.
 
+use super::fluid::LatticeBoltzmann;
 use super::geometry::Extent;
 use joints::history::PressureHistory;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
-/// Pressures in front of mouths drive it. All blocks must be fixed: they do not move under the pressure. Probes
-/// measure the loads. No `coupling` is needed.
+/// Pressures in front of mouths drive it. Its pressures load the blocks; those that are not fixed move together with
+/// the water, and their contacts. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -17,7 +18,8 @@ pub struct JointNetwork {
     /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
-    /// Time step [s]. Any time step is stable; a wave needs some twenty steps per period.
+    /// Time step [s]. Any time step is stable for the water alone; a wave needs some twenty steps per period. Blocks that
+    /// move make the same step, which their contacts limit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
@@ -68,6 +70,79 @@ pub struct JointNetwork {
     pub mouths: Vec<Mouth>,
 }
 
+/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of
+/// the lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction of
+/// a laminar layer at each frequency. The network begins at rest at the reference pressure. Needs the coupling
+/// `bounce_back`. Blocks that move make one step with each step of the lattice, and can open their joints up to
+/// `largest_aperture`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LatticeJoints {
+    /// Largest distance of two faces that form a joint [m], at the middle of their overlap: at most half a cell of the
+    /// lattice, and smaller than the thinnest block.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub largest_aperture: f64,
+    /// Aperture with which closed joints conduct and store water [m], because their walls are rough.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub residual_aperture: f64,
+    /// Largest size of a cell of a joint [m].
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub cell: f64,
+    /// Largest angle between the two faces of a joint [degrees].
+    #[serde(default = "ten")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 30))]
+    pub largest_angle_degrees: f64,
+    /// Bulk modulus of the water without air [Pa].
+    #[serde(default = "bulk_modulus")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub bulk_modulus: f64,
+    /// Volume of air over that of water and air at atmospheric pressure [1].
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
+    pub air_content: f64,
+    /// Exponent of the compression of the air [1]: 1 isothermal, 1.4 adiabatic.
+    #[serde(default = "one")]
+    #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
+    pub air_exponent: f64,
+    /// Absolute pressure where that of the lattice is 0 [Pa].
+    #[serde(default = "atmosphere")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub atmospheric_pressure: f64,
+    /// Absolute vapour pressure [Pa]: no pressure in a joint is lower by more than 100 Pa. Default: water at 20 °C.
+    #[serde(default = "vapour")]
+    #[schemars(extend("minimum" = 0))]
+    pub vapour_pressure: f64,
+    /// Height of the roughness of the walls [m] for turbulent friction; 0 for smooth walls. Default: the flow stays
+    /// laminar.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
+    pub roughness: Option<f64>,
+}
+
+impl LatticeJoints {
+    /// Returns the network with the water of a lattice whose time step is `time_step` \[s\].
+    #[must_use]
+    pub fn network(&self, water: &LatticeBoltzmann, time_step: f64) -> JointNetwork {
+        JointNetwork {
+            density: water.density,
+            viscosity: water.density * water.kinematic_viscosity,
+            time_step,
+            largest_aperture: self.largest_aperture,
+            residual_aperture: self.residual_aperture,
+            cell: self.cell,
+            largest_angle_degrees: self.largest_angle_degrees,
+            bulk_modulus: self.bulk_modulus,
+            air_content: self.air_content,
+            air_exponent: self.air_exponent,
+            atmospheric_pressure: self.atmospheric_pressure,
+            vapour_pressure: self.vapour_pressure,
+            roughness: self.roughness,
+            inertia: true,
+            mouths: Vec::new(),
+        }
+    }
+}
+
 /// Water outside open edges of joints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -80,6 +155,10 @@ pub struct Mouth {
     /// Pressure above atmospheric pressure [Pa] at the centre of the box; with gravity hydrostatic from there. The run
     /// begins with the steady flow under the pressures at time 0.
     pub pressure: PressureHistory,
+    /// `true` if this water also presses on blocks that can move, wherever no joint covers them. These are the blocks
+    /// with a face whose centroid lies in the box.
+    #[serde(default)]
+    pub presses_on_blocks: bool,
 }
 
 fn ten() -> f64 {

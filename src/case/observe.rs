@@ -198,8 +198,9 @@ pub enum ProbeAt {
         /// Name of the mouth.
         name: String,
     },
-    /// Force [N] and torque about the centroid [N m] of the water in the joints on a block, smallest and largest
-    /// pressure on it [Pa], and the area of its faces in joints [m2]. Needs `fluid.joints`.
+    /// Force [N] and torque about the centroid [N m] of the water on a block, smallest and largest pressure in its
+    /// joints [Pa], the area of its faces on which water acts [m2], position [m] and velocity [m/s] of its centroid.
+    /// Needs `fluid.joints`.
     Block {
         /// A point in the block [m].
         position: Vector,

@@ -1,17 +1,28 @@
 //! Water in the joints between blocks as a fluid of a run: driven by pressures at its mouths, with its pressure as
 //! the load on the blocks.
 //!
-//! Every rank has the whole network and makes the same step; each sets the loads of the blocks that it owns. The
-//! blocks do not move.
+//! Every rank has the whole network and makes the same step; each sets the loads of the blocks that it owns. Blocks
+//! that can move are moved together with the water ([`moving`]), on every rank alike.
+
+mod moving;
+#[cfg(test)]
+mod tests;
+mod under_lattice;
+
+pub use moving::{Departure, most_numbers};
 
 use super::Flow as Coupled;
 use base::error::Error;
 use decomposition::{Domain, ExactSum};
 use dem::particles::{Load, Particles};
+use dem::polyhedron::PlacedPolyhedron;
 use dem::space::{Components, Space};
-use joints::flow::{Drive, JointFlow, StepReport};
+use joints::flow::{Drive, FlowSettings, JointFlow, StepReport};
 use joints::history::PressureHistory;
 use joints::loads::{RockLoad, loads};
+use joints::network::Network;
+use joints::pairs::{Rock, RockFace};
+use moving::Moving;
 use nalgebra::Vector3;
 
 /// Water outside a mouth.
@@ -19,9 +30,51 @@ use nalgebra::Vector3;
 pub struct MouthFront {
     /// Pressure at the datum over time.
     pub pressure: PressureHistory,
-    /// Datum point \[m\]; elsewhere the pressure is hydrostatic relative to it.
-    pub datum: Vector3<f64>,
+    /// Lower and upper corner of the box of its edges \[m\]: lower faces belong to it, upper ones do not. The pressure is
+    /// that at its centre; elsewhere it is hydrostatic relative to it.
+    pub region: [[f64; 3]; 2],
+    /// `true` if the water also presses on blocks that can move, where no joint covers them.
+    pub presses_on_blocks: bool,
 }
+
+impl MouthFront {
+    /// Returns `true` if a point \[m\] lies in the box.
+    fn contains(&self, point: &Vector3<f64>) -> bool {
+        let [from, to] = self.region;
+        (0..3).all(|axis| from[axis] <= point[axis] && point[axis] < to[axis])
+    }
+
+    /// Returns the distance of a point from the box, squared \[m²\].
+    fn distance(&self, point: &Vector3<f64>) -> f64 {
+        let [from, to] = self.region;
+        let apart = |axis: usize| {
+            (from[axis] - point[axis])
+                .max(point[axis] - to[axis])
+                .max(0.0)
+        };
+        (0..3).map(|axis| apart(axis).powi(2)).sum()
+    }
+
+    /// Returns the pressure at a point \[m\] and time \[s\]. `weight`: that of the water per volume [N/m³].
+    fn pressure_at(&self, point: &Vector3<f64>, weight: &Vector3<f64>, time: f64) -> f64 {
+        let [from, to] = self.region.map(Vector3::from);
+        self.pressure.value(time) + weight.dot(&(point - 0.5 * (from + to)))
+    }
+}
+
+/// An open piece of an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MouthAt {
+    /// Middle \[m\].
+    pub middle: Vector3<f64>,
+    /// Direction out of the joint.
+    pub outward: Vector3<f64>,
+    /// Normal of the joint.
+    pub normal: Vector3<f64>,
+}
+
+/// An open piece of an edge that is closed from the beginning: the faces of its joint, and its direction.
+type ClosedEdge = ([RockFace; 2], Vector3<f64>);
 
 /// Mouths of a network, and the open pieces of edges that belong to them.
 #[derive(Clone, Debug)]
@@ -33,15 +86,83 @@ pub struct Mouths {
     /// Weight of the water per volume and direction [N/m³].
     pub weight: Vector3<f64>,
     /// Middles of the open pieces \[m\].
-    pub middles: Vec<Vector3<f64>>,
+    middles: Vec<Vector3<f64>>,
+    /// Edges in front of which there is no water.
+    closed: Vec<ClosedEdge>,
+    /// Pressures in front of the open pieces from a lattice \[Pa\]; none where the mouths give them.
+    fronts: Option<Vec<Option<f64>>>,
+}
+
+impl Mouths {
+    /// Returns the mouths of a network at the start of a run. `weight`: that of the water per volume [N/m³].
+    #[must_use]
+    pub fn new(list: Vec<MouthFront>, weight: Vector3<f64>, network: &Network) -> Self {
+        let of = |middle: &Vector3<f64>| list.iter().position(|mouth| mouth.contains(middle));
+        let of_piece: Vec<_> = network.open.iter().map(|piece| of(&piece.middle)).collect();
+        let pieces = network.open.iter().zip(&of_piece);
+        let closed = pieces.filter(|(_, mouth)| mouth.is_none());
+        let closed = closed.map(|(piece, _)| (network.joints[piece.joint].faces, piece.outward));
+        Self {
+            closed: closed.collect(),
+            middles: network.open.iter().map(|piece| piece.middle).collect(),
+            of_piece,
+            list,
+            weight,
+            fronts: None,
+        }
+    }
+
+    /// Takes the open pieces of a network of blocks that have moved. Edges that the motion uncovers belong to the mouth
+    /// whose box is nearest.
+    fn follow(&mut self, network: &Network) {
+        self.middles = network.open.iter().map(|piece| piece.middle).collect();
+        let mouth = |piece: &joints::edges::Piece| {
+            let found = self
+                .list
+                .iter()
+                .position(|mouth| mouth.contains(&piece.middle));
+            let faces = network.joints[piece.joint].faces;
+            let was_closed = |(known, outward): &ClosedEdge| {
+                *known == faces && outward.dot(&piece.outward) > SAME_EDGE
+            };
+            if found.is_some() || self.closed.iter().any(was_closed) {
+                return found;
+            }
+            let distances = self.list.iter().map(|mouth| mouth.distance(&piece.middle));
+            let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+            nearest.map(|(mouth, _)| mouth)
+        };
+        self.of_piece = network.open.iter().map(mouth).collect();
+        if let Some(fronts) = &mut self.fronts {
+            // Pressures of the lattice are taken again before they are used.
+            fronts.clear();
+            fronts.resize(network.open.len(), None);
+        }
+    }
 }
 
 impl Drive for Mouths {
     fn pressure(&self, open: usize, time: f64) -> Option<f64> {
+        if let Some(fronts) = &self.fronts {
+            return fronts[open];
+        }
         let mouth = &self.list[self.of_piece[open]?];
-        let below = self.weight.dot(&(self.middles[open] - mouth.datum));
-        Some(mouth.pressure.value(time) + below)
+        Some(mouth.pressure_at(&self.middles[open], &self.weight, time))
     }
+}
+
+/// Smallest cosine between the directions of an edge before and after a motion.
+const SAME_EDGE: f64 = 0.9;
+
+/// A block of a network.
+#[derive(Clone, Debug)]
+pub struct NetworkBlock {
+    /// Shape and position.
+    pub solid: PlacedPolyhedron,
+    /// Density [kg/m³]; none if it never moves.
+    pub density: Option<f64>,
+    /// Velocity [m/s].
+    pub velocity: Vector3<f64>,
 }
 
 /// Sums over a run.
@@ -51,19 +172,29 @@ pub struct Balance {
     pub initial: f64,
     /// Volume of water that entered through the mouths since the beginning, minus that which left \[m³\].
     pub entered: f64,
+    /// Water of overlaps that are gone since the beginning, less that of new ones \[m³\].
+    pub released: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
 
 /// Number of values of the balance in a saved state.
-const BALANCE: usize = 4;
+const BALANCE: usize = 5;
 
 /// Water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
 pub struct JointWater {
     flow: JointFlow,
     mouths: Mouths,
-    centroids: Vec<Vector3<f64>>,
+    /// Blocks where they are.
+    solids: Vec<PlacedPolyhedron>,
+    moving: Option<Box<Moving>>,
+    /// Force and torque of a lattice on each block; empty without one.
+    of_lattice: Vec<[Vector3<f64>; 2]>,
+    /// Water that goes back to the lattice: mouth, and volume of the last step \[m³\].
+    returned: Vec<(usize, f64)>,
+    /// Acceleration of gravity on the blocks [m/s²].
+    gravity: Vector3<f64>,
     /// Id of the first block.
     first: u64,
     interval: f64,
@@ -75,18 +206,57 @@ pub struct JointWater {
 }
 
 impl JointWater {
-    /// Returns the steady flow under the pressures at time 0. `centroids` are those of all blocks of the network
-    /// \[m\], whose ids begin at `first`; `interval` is the time step \[s\].
+    /// Returns the steady flow under the pressures at time 0 between blocks that do not move. `blocks` are all blocks of
+    /// the network, whose ids begin at `first`; `interval` is the time step \[s\].
     ///
     /// # Errors
     /// If there is no steady flow.
     pub fn new(
-        mut flow: JointFlow,
-        mouths: Mouths,
-        centroids: Vec<Vector3<f64>>,
-        first: u64,
-        interval: f64,
+        network: Network,
+        settings: FlowSettings,
+        mouths: Vec<MouthFront>,
+        blocks: &[NetworkBlock],
+        (first, interval): (u64, f64),
     ) -> Result<Self, Error> {
+        let weight = settings.gravity * settings.water.mixture_density();
+        let mouths = Mouths::new(mouths, weight, &network);
+        let gravity = settings.gravity;
+        Self::with_mouths(
+            (network, settings),
+            mouths,
+            blocks,
+            gravity,
+            (first, interval),
+        )
+    }
+
+    /// Returns the water in joints under a lattice, at the pressure 0. The pressures of `settings` are those of the
+    /// lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²].
+    ///
+    /// # Errors
+    /// If there is no steady flow.
+    pub fn under_lattice(
+        network: Network,
+        settings: FlowSettings,
+        gravity: Vector3<f64>,
+        blocks: &[NetworkBlock],
+        steps: (u64, f64),
+    ) -> Result<Self, Error> {
+        let mut mouths = Mouths::new(Vec::new(), Vector3::zeros(), &network);
+        mouths.fronts = Some(vec![Some(0.0); network.open.len()]);
+        Self::with_mouths((network, settings), mouths, blocks, gravity, steps)
+    }
+
+    fn with_mouths(
+        (network, settings): (Network, FlowSettings),
+        mouths: Mouths,
+        blocks: &[NetworkBlock],
+        gravity: Vector3<f64>,
+        (first, interval): (u64, f64),
+    ) -> Result<Self, Error> {
+        let moving = Moving::new(blocks, &mouths, &network);
+        let movers = moving.as_ref().map_or_else(Vec::new, |m| m.movers(blocks));
+        let mut flow = JointFlow::with_movers(network, settings, movers);
         let settled = flow.settle(&mouths, 0.0);
         settled.map_err(|error| Error::Numerical(error.to_string()))?;
         let mut water = Self {
@@ -94,13 +264,18 @@ impl JointWater {
             balance: Balance {
                 initial: flow.stored(),
                 entered: 0.0,
+                released: 0.0,
                 pressure: [f64::INFINITY, f64::NEG_INFINITY],
             },
             report: StepReport::default(),
             steps: 0,
             flow,
             mouths,
-            centroids,
+            solids: blocks.iter().map(|block| block.solid.clone()).collect(),
+            moving,
+            of_lattice: Vec::new(),
+            returned: Vec::new(),
+            gravity,
             first,
             interval,
         };
@@ -111,7 +286,14 @@ impl JointWater {
     /// Computes loads and extremes from the present pressures.
     fn measure(&mut self) {
         let pressures = self.flow.pressures();
-        self.loads = loads(self.flow.network(), pressures, &self.centroids);
+        let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
+        self.loads = loads(self.flow.network(), pressures, &centroids);
+        self.add_outside();
+        for (load, [force, torque]) in self.loads.iter_mut().zip(&self.of_lattice) {
+            load.force += force;
+            load.moment += torque;
+        }
+        let pressures = self.flow.pressures();
         for pressure in pressures {
             let [low, high] = &mut self.balance.pressure;
             *low = low.min(*pressure);
@@ -148,7 +330,13 @@ impl JointWater {
     #[must_use]
     pub fn mass_error(&self) -> f64 {
         let stored = self.flow.stored();
-        (stored - self.balance.initial - self.balance.entered) / stored.max(f64::MIN_POSITIVE)
+        let Balance {
+            initial,
+            entered,
+            released,
+            ..
+        } = self.balance;
+        (stored + released - initial - entered) / stored.max(f64::MIN_POSITIVE)
     }
 
     /// Returns the discharge of a mouth into the network \[m³/s\] and the mean pressure in front of it \[Pa\].
@@ -157,7 +345,7 @@ impl JointWater {
         let outflows = self.flow.outflows();
         let (mut inflow, mut pressure, mut width) =
             (ExactSum::new(), ExactSum::new(), ExactSum::new());
-        let time = base::number::real(self.steps) * self.interval;
+        let time = self.time();
         for (piece, open) in self.flow.network().open.iter().enumerate() {
             if self.mouths.of_piece[piece] != Some(mouth) {
                 continue;
@@ -170,15 +358,24 @@ impl JointWater {
         [inflow.value(), pressure.value() / width.value()]
     }
 
+    /// Returns the time of the state \[s\].
+    fn time(&self) -> f64 {
+        base::number::real(self.steps) * self.interval
+    }
+
     /// Returns the state for a checkpoint.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let Balance {
             initial,
             entered,
+            released,
             pressure: [low, high],
         } = self.balance;
-        let mut state = vec![initial, entered, low, high];
+        let mut state = vec![initial, entered, released, low, high];
+        if let Some(moving) = &self.moving {
+            moving.save(&self.solids, self.flow.network(), &mut state);
+        }
         state.extend(self.flow.state());
         state
     }
@@ -189,14 +386,18 @@ impl JointWater {
     /// If the state is that of another network.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<(), Error> {
         let another = || Error::Io("the checkpoint holds the water of other joints".into());
-        let (sums, state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;
+        let (sums, mut state) = numbers.split_at_checked(BALANCE).ok_or_else(another)?;
+        if self.moving.is_some() {
+            state = self.restore_positions(state).ok_or_else(another)?;
+        }
         if !self.flow.restore(state) {
             return Err(another());
         }
         self.balance = Balance {
             initial: sums[0],
             entered: sums[1],
-            pressure: [sums[2], sums[3]],
+            released: sums[2],
+            pressure: [sums[3], sums[4]],
         };
         self.steps = steps;
         self.measure();
@@ -204,7 +405,7 @@ impl JointWater {
     }
 }
 
-/// Returns the length of the state in a checkpoint for a network of these counts.
+/// Returns the length of the state in a checkpoint for a network of these counts whose blocks are fixed.
 #[must_use]
 pub fn numbers(nodes: usize, links: usize, inertia: bool) -> usize {
     let modes = if inertia { joints::slot::MODES } else { 0 };
@@ -213,7 +414,24 @@ pub fn numbers(nodes: usize, links: usize, inertia: bool) -> usize {
 
 impl<S: Space> Coupled<S> for JointWater {
     fn advance(&mut self, particles: &mut Particles<S>, _domain: &Domain) -> Result<(), Error> {
-        let time = base::number::real(self.steps) * self.interval;
+        // Water moves together with its blocks, behind the loads of their contacts.
+        if self.moving.is_none() {
+            self.advance_water()?;
+            self.measure();
+            self.set_loads(particles);
+        }
+        Ok(())
+    }
+
+    fn update_bodies(&mut self, _: &mut Particles<S>, _: &Domain) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+impl JointWater {
+    /// Makes a step of the water, and of the blocks that move with it.
+    fn advance_water(&mut self) -> Result<(), Error> {
+        let time = self.time();
         let made = self.flow.advance(&self.mouths, time, self.interval);
         self.report = made.map_err(|error| {
             Error::Numerical(format!(
@@ -222,7 +440,12 @@ impl<S: Space> Coupled<S> for JointWater {
         })?;
         self.steps += 1;
         self.balance.entered += self.report.entered;
-        self.measure();
+        self.note_returned();
+        Ok(())
+    }
+
+    /// Gives the owned blocks the loads of the water.
+    fn set_loads<S: Space>(&self, particles: &mut Particles<S>) {
         particles.allocate_fluid_loads();
         for k in 0..particles.owned() {
             let number = particles.body[k].id.checked_sub(self.first);
@@ -242,11 +465,17 @@ impl<S: Space> Coupled<S> for JointWater {
             }
             particles.fluid[k] = on_block;
         }
-        Ok(())
     }
+}
 
-    fn update_bodies(&mut self, _: &mut Particles<S>, _: &Domain) -> Result<(), Error> {
-        // The blocks do not move.
-        Ok(())
+/// Returns blocks as the network reads them.
+fn rocks(solids: &[PlacedPolyhedron]) -> Vec<Rock<'_>> {
+    fn rock(solid: &PlacedPolyhedron) -> Rock<'_> {
+        Rock {
+            shape: &solid.shape,
+            position: solid.position,
+            orientation: solid.orientation,
+        }
     }
+    solids.iter().map(rock).collect()
 }

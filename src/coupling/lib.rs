@@ -27,6 +27,7 @@ pub mod cover_map;
 pub mod fluid_view;
 pub mod instances;
 pub mod joint_water;
+pub mod jointed;
 pub mod lattice;
 pub mod loads;
 pub mod partially_saturated;

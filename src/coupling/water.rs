@@ -3,6 +3,7 @@
 use super::Flow;
 use super::bounce_back::BounceBack;
 use super::joint_water::JointWater;
+use super::jointed::Jointed;
 use super::lattice::LatticeFlow;
 use super::partially_saturated::PartiallySaturated;
 use super::seepage::Seepage;
@@ -22,6 +23,8 @@ pub enum Water<Sp: Space, S: Stored> {
     Seepage(Box<Seepage<Sp>>),
     /// Water in the joints between blocks.
     Joints(Box<JointWater>),
+    /// Lattice Boltzmann with moving bounce-back, and water in the joints between blocks.
+    Jointed(Box<Jointed<Sp, S>>),
 }
 
 impl<Sp: Space, S: Stored> Water<Sp, S> {
@@ -32,6 +35,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         match self {
             Self::BounceBack(flow) => Some(flow.as_ref()),
             Self::Saturated(flow) => Some(flow.as_ref()),
+            Self::Jointed(flow) => Some(flow.lattice()),
             Self::Seepage(_) | Self::Joints(_) => None,
         }
     }
@@ -42,7 +46,17 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         match self {
             Self::BounceBack(flow) => Some(flow.as_mut()),
             Self::Saturated(flow) => Some(flow.as_mut()),
+            Self::Jointed(flow) => Some(flow.lattice_mut()),
             Self::Seepage(_) | Self::Joints(_) => None,
+        }
+    }
+
+    /// Returns the water with joints under its lattice; a coupling that has none is returned as it is.
+    #[must_use]
+    pub fn with_joints(self, joints: JointWater) -> Self {
+        match self {
+            Self::BounceBack(lattice) => Self::Jointed(Box::new(Jointed::new(*lattice, joints))),
+            other => other,
         }
     }
 
@@ -52,7 +66,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     pub fn at_once(&self) -> u64 {
         match self {
             Self::BounceBack(flow) => flow.at_once(),
-            Self::Saturated(_) | Self::Seepage(_) | Self::Joints(_) => 1,
+            Self::Saturated(_) | Self::Seepage(_) | Self::Joints(_) | Self::Jointed(_) => 1,
         }
     }
 
@@ -88,7 +102,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[inline(never)]
     pub fn seepage(&self) -> Option<&Seepage<Sp>> {
         match self {
-            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) | Self::Jointed(_) => None,
             Self::Seepage(flow) => Some(flow),
         }
     }
@@ -97,7 +111,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[inline(never)]
     pub fn seepage_mut(&mut self) -> Option<&mut Seepage<Sp>> {
         match self {
-            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) => None,
+            Self::BounceBack(_) | Self::Saturated(_) | Self::Joints(_) | Self::Jointed(_) => None,
             Self::Seepage(flow) => Some(flow),
         }
     }
@@ -107,14 +121,21 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     pub fn joints(&self) -> Option<&JointWater> {
         match self {
             Self::Joints(flow) => Some(flow),
+            Self::Jointed(flow) => Some(flow.joints()),
             _ => None,
         }
+    }
+
+    /// Returns the water of joints that moves its blocks, if it is that.
+    pub fn carrier(&mut self) -> Option<&mut JointWater> {
+        self.joints_mut().filter(|joints| joints.moves_blocks())
     }
 
     /// Returns the water in joints for changes of its state.
     pub fn joints_mut(&mut self) -> Option<&mut JointWater> {
         match self {
             Self::Joints(flow) => Some(flow),
+            Self::Jointed(flow) => Some(flow.joints_mut()),
             _ => None,
         }
     }
@@ -128,6 +149,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
             Self::Saturated(flow) => flow.advance(particles, domain),
             Self::Seepage(flow) => flow.advance(particles, domain),
             Self::Joints(flow) => flow.advance(particles, domain),
+            Self::Jointed(flow) => flow.advance(particles, domain),
         }
     }
 
@@ -142,6 +164,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Water<Sp, S> {
             Self::Saturated(flow) => flow.update_bodies(particles, domain),
             Self::Seepage(flow) => flow.update_bodies(particles, domain),
             Self::Joints(flow) => flow.update_bodies(particles, domain),
+            Self::Jointed(flow) => flow.update_bodies(particles, domain),
         }
     }
 }

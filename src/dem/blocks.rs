@@ -16,6 +16,17 @@ use super::space::{Components, Space};
 use super::table::{Columns, NamedColumns};
 use base::error::Error;
 
+/// Motion of a block in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockMotion {
+    /// Centroid \[m\].
+    pub position: Vector3<f64>,
+    /// Velocity of the centroid [m/s].
+    pub velocity: Vector3<f64>,
+    /// Orientation and angular momentum.
+    pub rotation: RotationState,
+}
+
 /// Number of values in a rotational state.
 const NUMBERS: usize = 7;
 
@@ -162,6 +173,64 @@ impl<S: Space> Particles<S> {
     #[inline]
     pub fn polyhedron(&self, k: usize) -> Option<(&Polyhedron, &RotationState)> {
         shape_of(&self.shapes, &self.shape, &self.rotation, k)
+    }
+
+    /// Returns the motion of entry `k` and the load of its contacts, force \[N\] and torque \[N m\]; none for a
+    /// sphere or disc.
+    #[must_use]
+    pub fn block_motion(&self, k: usize) -> Option<(BlockMotion, [Vector3<f64>; 2])> {
+        let (_, rotation) = self.polyhedron(k)?;
+        let (motion, contact) = (&self.motion[k], &self.contact[k]);
+        let motion = BlockMotion {
+            position: S::to_volume(&motion.position),
+            velocity: S::to_volume(&motion.velocity),
+            rotation: *rotation,
+        };
+        Some((
+            motion,
+            [S::to_volume(&contact.force), in_space(&contact.torque)],
+        ))
+    }
+
+    /// Returns the load of the fluid on entry `k`, force \[N\] and torque \[N m\]; none for a sphere or disc.
+    #[must_use]
+    pub fn block_fluid_load(&self, k: usize) -> Option<[Vector3<f64>; 2]> {
+        self.polyhedron(k)?;
+        let load = self.fluid_load(k);
+        Some([S::to_volume(&load.force), in_space(&load.torque)])
+    }
+
+    /// Sets the motion of entry `k`, a block. Returns the longest path of a point of it \[m\]; 0 for a sphere.
+    pub fn set_block_motion(&mut self, k: usize, to: &BlockMotion) -> f64 {
+        let Some((shape, before)) = self.polyhedron(k) else {
+            return 0.0;
+        };
+        let turned = (to.rotation.orientation.coords - before.orientation.coords).norm();
+        let body = &self.body[k];
+        let spin = to.rotation.spin(&body.moments(shape));
+        let way = to.position - S::to_volume(&self.motion[k].position);
+        let path = way.norm() + 2.0 * body.radius * turned;
+        self.motion[k] = Motion {
+            position: S::from_volume(&to.position),
+            velocity: S::from_volume(&to.velocity),
+            spin: out_of_space(&spin),
+        };
+        self.rotation[k] = to.rotation;
+        path
+    }
+
+    /// Returns position, velocities and rotation of the owned entries.
+    pub(super) fn owned_motion(&self) -> (Vec<Motion<S>>, Vec<RotationState>) {
+        let rotation = self.rotation.get(..self.owned).unwrap_or_default();
+        (self.motion[..self.owned].to_vec(), rotation.to_vec())
+    }
+
+    /// Sets position, velocities and rotation of the owned entries.
+    pub(super) fn set_owned_motion(&mut self, to: &(Vec<Motion<S>>, Vec<RotationState>)) {
+        self.motion[..to.0.len()].copy_from_slice(&to.0);
+        if !to.1.is_empty() {
+            self.rotation[..to.1.len()].copy_from_slice(&to.1);
+        }
     }
 
     /// Returns `true` if any entry may be a polyhedron.

@@ -10,6 +10,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `lists` | listed and active pairs |
+//! | `ahead` | loads for bodies that another program moves |
 //! | `pairs` | one pair: separation, action of the law |
 //! | `facets` | contacts with walls of facets |
 //! | `flush` | walls in one plane |
@@ -20,6 +21,7 @@
 //! | `bond_events` | bonds made, failed and removed |
 //! | `report` | contacts and counts for output |
 
+mod ahead;
 mod any;
 mod blocks;
 pub(super) mod bodies;

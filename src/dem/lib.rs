@@ -77,6 +77,7 @@ pub mod surface;
 mod table;
 pub mod walls;
 
+pub use blocks::BlockMotion;
 pub use contact::{Failure, Law, PairProperties, PairTable};
 pub use deepest::Deepest;
 pub use neighbors::Search;
@@ -277,6 +278,32 @@ impl<S: Space> Dem<S> {
         steps: u64,
     ) -> Result<(), Error> {
         self.engine.advance(particles, domain, steps)
+    }
+
+    /// Sets the contact loads of a step in which another program moves the bodies together with its water: those half a
+    /// step ahead, constant over the step. Histories of contacts advance by the step; no body moves. Collective.
+    ///
+    /// # Errors
+    /// Those of [`Self::advance`].
+    pub fn loads_ahead(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+    ) -> Result<(), Error> {
+        self.engine.loads_ahead(particles, domain)
+    }
+
+    /// Ends a step in which another program moved the bodies, on this rank by at most `path` \[m\]. Collective.
+    ///
+    /// # Errors
+    /// Those of [`Self::advance`].
+    pub fn carried(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        path: f64,
+    ) -> Result<(), Error> {
+        self.engine.carried(particles, domain, path)
     }
 
     /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads that

@@ -9,6 +9,7 @@
 //! the cell size, is neglected.
 
 use crate::cells::{Cell, Side};
+use crate::network::root;
 use crate::pairs::{Joint, PairLimits};
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
@@ -175,13 +176,6 @@ fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> V
 /// Returns groups of edges on a common line, each in the order of the edges, in the order of their first edges.
 fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
     let mut parents: Vec<usize> = (0..edges.len()).collect();
-    fn root(parents: &mut [usize], mut edge: usize) -> usize {
-        while parents[edge] != edge {
-            parents[edge] = parents[parents[edge]];
-            edge = parents[edge];
-        }
-        edge
-    }
     let widest = |edge: &Edge| edge.apertures[0].max(edge.apertures[1]);
     let most = edges.iter().map(widest).fold(0.0, f64::max);
     let longest = edges.iter().map(|edge| edge.length).fold(0.0, f64::max);

@@ -4,8 +4,14 @@
 //! ([`crate::water`]) and the discharges `Q` of its links,
 //!
 //! ```text
-//! d(V r(p))/dt = sum of Q into the node,     V = integral of the aperture over the cell
+//! d(W + V (r(p) - 1))/dt = sum of Q into the node
+//! V = integral of the aperture, at least the residual one, over the cell
+//! W = integral of the gap and the residual aperture
 //! ```
+//!
+//! `V` and `W` change alike where the joint is open. Where walls press on each other the gap is negative and the
+//! aperture stays the residual one; `W` still follows the walls, which squeeze the water of their roughness, so that
+//! force and change of volume belong together everywhere.
 //!
 //! A junction has no volume. The discharge of a link follows from its driving pressure `P = p_from - p_to + rho
 //! g.(x_to - x_from)`, minus the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar
@@ -23,14 +29,18 @@
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
-use crate::motion::{FREEDOMS, Mover, Touch, gap, touches};
+use crate::motion::{FREEDOMS, Mover, Touch, movers_of, opening, touches};
 use crate::network::{End, Network};
+use crate::order::dissection;
 use crate::pairs::{Rock, moved};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
 use decomposition::ExactSum;
 use nalgebra::{Vector3, Vector6};
+
+mod memory;
+mod renewal;
 
 /// Pairs of rotational degrees of freedom of a block.
 const TURNS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
@@ -43,6 +53,11 @@ const CHANGE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
 /// line search.
 const ROUNDING: f64 = 1e-8;
+/// Change of the velocity of a block at which Newton's method may end, over that which the loads on it would make
+/// without water.
+const STILL: f64 = 1e-11;
+/// Largest system whose unknowns are eliminated in the order of their degree.
+const SMALL: usize = 4000;
 /// Maximum number of halvings of a Newton step.
 const HALVINGS: usize = 12;
 
@@ -134,13 +149,19 @@ pub struct JointFlow {
     modes: Modes,
     channels: Vec<Channel>,
     gaps: Vec<LinearField>,
+    /// Volumes that store by compression \[m³\].
     volumes: Vec<f64>,
+    /// Volumes that follow the walls without the displacements of the blocks, and what these add \[m³\].
+    fills: Vec<f64>,
+    opened: Vec<f64>,
     /// Water of the nodes in excess of their volumes and pressures, after blocks were placed \[m³\].
     surplus: Vec<f64>,
     pressure: Vec<f64>,
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
     discharge: Vec<f64>,
+    /// Water that left through each open piece in the last step \[m³\].
+    passed: Vec<f64>,
     /// Node with fixed pressure in each closed part of the network, found by the first solution.
     held: Vec<usize>,
     factors: Factors,
@@ -148,8 +169,31 @@ pub struct JointFlow {
     /// Moving blocks, and the cells next to them.
     movers: Vec<Mover>,
     touches: Vec<Touch>,
-    /// Gaps without their displacements \[m\].
+    /// Mover of each block.
+    of_rock: Vec<Option<usize>>,
+    /// Gaps without the displacements of the blocks, and what these add \[m\].
     base_gaps: Vec<LinearField>,
+    openings: Vec<LinearField>,
+}
+
+/// Returns the analysis of the system of a network and its blocks with nonzero entries at `pairs`.
+fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors {
+    let unknowns = network.nodes() + FREEDOMS * movers.len();
+    if unknowns <= SMALL {
+        return Factors::new(unknowns, pairs);
+    }
+    let centroids = movers.iter().flat_map(|mover| [mover.centroid; FREEDOMS]);
+    let positions: Vec<_> = network.positions.iter().copied().chain(centroids).collect();
+    Factors::in_order(dissection(&positions, pairs), pairs)
+}
+
+/// Returns the area of each block in joints \[m²\].
+fn areas(touches: &[Touch], movers: usize) -> Vec<f64> {
+    let mut areas = vec![0.0; movers];
+    for touch in touches {
+        areas[touch.mover] += touch.arm.fixed_rows::<3>(0).norm();
+    }
+    areas
 }
 
 /// Buffers of a stage.
@@ -158,14 +202,17 @@ struct Work {
     answers: Vec<Answer>,
     fronts: Vec<Option<f64>>,
     base: Vec<f64>,
-    /// Volumes at the start of the step \[m³\].
+    /// Volumes that follow the walls, at the start of the step \[m³\].
     before: Vec<f64>,
+    opened: Vec<f64>,
     mode_base: Vec<f64>,
     imbalance: Vec<f64>,
     diagonal: Vec<f64>,
     pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
+    /// Areas of the moving blocks in joints \[m²\].
+    faces: Vec<f64>,
     /// Displacements and velocities of the moving blocks at the start of a stage.
     starts: Vec<[Vector6<f64>; 2]>,
 }
@@ -181,7 +228,8 @@ impl JointFlow {
     #[must_use]
     pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
-        let touches = touches(&network, &movers);
+        let of_rock = movers_of(&movers);
+        let touches = touches(&network, &movers, &of_rock);
         let unknowns = nodes + FREEDOMS * movers.len();
         let mut pairs: Vec<[usize; 2]> = network
             .links
@@ -206,18 +254,23 @@ impl JointFlow {
             channels: Vec::with_capacity(links),
             gaps: network.joints.iter().map(|joint| joint.gap).collect(),
             base_gaps: network.joints.iter().map(|joint| joint.gap).collect(),
+            openings: vec![LinearField::default(); network.joints.len()],
             volumes: vec![0.0; nodes],
+            fills: vec![0.0; nodes],
+            opened: vec![0.0; nodes],
             surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
             discharge: vec![0.0; links],
+            passed: vec![0.0; network.open.len()],
             held: Vec::new(),
-            factors: Factors::new(unknowns, &pairs),
+            factors: factors(&network, &movers, &pairs),
             work: Work {
                 answers: vec![Answer::default(); links],
                 fronts: vec![None; network.open.len()],
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
+                opened: vec![0.0; nodes],
                 mode_base: vec![0.0; modes],
                 imbalance: vec![0.0; unknowns],
                 diagonal: vec![0.0; unknowns],
@@ -225,9 +278,11 @@ impl JointFlow {
                 trial: vec![0.0; unknowns],
                 net: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
+                faces: areas(&touches, movers.len()),
             },
             movers,
             touches,
+            of_rock,
             network,
         };
         log::debug!("joints: {} entries in the factors", flow.factors.entries());
@@ -270,8 +325,9 @@ impl JointFlow {
     #[must_use]
     pub fn stored(&self) -> f64 {
         let mut sum = ExactSum::new();
+        sum.add_all(&self.fills);
+        sum.add_all(&self.opened);
         for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
-            sum.add(*volume);
             sum.add(volume * self.settings.water.compression(*pressure).0);
         }
         sum.add_all(&self.surplus);
@@ -279,22 +335,30 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\].
+    /// \[m³/s\]; where blocks move then the water of the nodes beyond that of their volumes \[m³\].
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
-        [&self.pressure[..], &self.discharge, &self.mode].concat()
+        let surplus = if self.movers.is_empty() {
+            &[]
+        } else {
+            &self.surplus[..]
+        };
+        [&self.pressure[..], &self.discharge, &self.mode, surplus].concat()
     }
 
     /// Restores a state. Returns `true` if its length is that of this network.
     #[must_use]
     pub fn restore(&mut self, state: &[f64]) -> bool {
         let (nodes, links) = (self.pressure.len(), self.discharge.len());
-        if state.len() != nodes + links + self.mode.len() {
+        let modes = nodes + links..nodes + links + self.mode.len();
+        let surplus = if self.movers.is_empty() { 0 } else { nodes };
+        if state.len() != modes.end + surplus {
             return false;
         }
         self.pressure.copy_from_slice(&state[..nodes]);
         self.discharge.copy_from_slice(&state[nodes..nodes + links]);
-        self.mode.copy_from_slice(&state[nodes + links..]);
+        self.mode.copy_from_slice(&state[modes.clone()]);
+        self.surplus[..surplus].copy_from_slice(&state[modes.end..]);
         true
     }
 
@@ -345,8 +409,12 @@ impl JointFlow {
     fn measure_volumes(&mut self) {
         let residual = self.network.settings.residual;
         let cells = self.network.cells.iter().zip(&self.network.joint_of);
-        for (volume, (cell, &joint)) in self.volumes.iter_mut().zip(cells) {
-            *volume = cell.outline.integral_above(&self.gaps[joint], residual);
+        for (number, (cell, &joint)) in cells.enumerate() {
+            let at = &cell.centroid;
+            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
+            self.fills[number] = cell.area * (self.base_gaps[joint].value(at) + residual);
+            // Apart, so that small displacements keep their digits.
+            self.opened[number] = cell.area * self.openings[joint].value(at);
         }
     }
 
@@ -370,7 +438,13 @@ impl JointFlow {
     /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
     fn place_walls(&mut self) {
         for (joint, base) in self.base_gaps.iter().enumerate() {
-            self.gaps[joint] = gap(&self.network, joint, base, &self.movers);
+            let movers = (&self.movers[..], &self.of_rock[..]);
+            let opening = opening(&self.network, joint, movers);
+            self.openings[joint] = opening;
+            self.gaps[joint] = LinearField {
+                constant: base.constant + opening.constant,
+                slope: base.slope + opening.slope,
+            };
         }
         for link in 0..self.channels.len() {
             self.channels[link] = self.channel(link);
@@ -381,9 +455,24 @@ impl JointFlow {
     /// Sets the positions of the blocks. Each node conserves its water: if the faces differ from the displacements
     /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
     pub fn move_to(&mut self, rocks: &[Rock]) {
-        for (surplus, volume) in self.surplus.iter_mut().zip(&self.volumes) {
-            *surplus += volume;
+        self.add_water(1.0);
+        self.set_positions(rocks);
+        self.add_water(-1.0);
+    }
+
+    /// Adds the water of the nodes, times a factor, to their surplus.
+    fn add_water(&mut self, factor: f64) {
+        for (number, surplus) in self.surplus.iter_mut().enumerate() {
+            let (more, _) = self.settings.water.compression(self.pressure[number]);
+            *surplus += factor * self.fills[number];
+            *surplus += factor * self.opened[number];
+            *surplus += factor * self.volumes[number] * more;
         }
+    }
+
+    /// Takes the positions of the blocks as they are, and with them volumes and channels. Displacements count from
+    /// here.
+    pub fn set_positions(&mut self, rocks: &[Rock]) {
         for (number, base) in self.base_gaps.iter_mut().enumerate() {
             let joint = &mut self.network.joints[number];
             (*base, joint.tilts) = moved(joint, rocks);
@@ -392,18 +481,8 @@ impl JointFlow {
             mover.displacement = Vector6::zeros();
             mover.centroid = rocks[mover.rock].position;
         }
-        self.touches = touches(&self.network, &self.movers);
-        // The pressure belongs to the previous volumes.
-        for (number, surplus) in self.surplus.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[number]);
-            *surplus += self.volumes[number] * more;
-        }
+        self.touches = touches(&self.network, &self.movers, &self.of_rock);
         self.place_walls();
-        for (number, surplus) in self.surplus.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[number]);
-            *surplus -= self.volumes[number];
-            *surplus -= self.volumes[number] * more;
-        }
     }
 
     /// Returns the moving blocks.
@@ -504,7 +583,8 @@ impl JointFlow {
                 let (more, slope) = self.settings.water.compression(pressure[node]);
                 let volume = self.volumes[node];
                 // With stationary walls this form adds no rounding of the volume itself.
-                *number += volume * more + (volume - self.work.before[node]);
+                let moved = self.fills[node] - self.work.before[node];
+                *number += volume * more + moved + (self.opened[node] - self.work.opened[node]);
                 diagonal[node] = volume * slope;
             }
         }
@@ -580,7 +660,8 @@ impl JointFlow {
             let size = largest(1.0, &pressure[..nodes]);
             let full = largest(0.0, &direction[..nodes]);
             let slow = largest(0.0, &direction[nodes..])
-                <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..]);
+                <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..])
+                    + STILL * self.free_change(size, interval);
             let mut trial = std::mem::take(&mut self.work.trial);
             let (mut part, mut new) = (1.0, 0.0);
             // Laminar flow needs no line search: its imbalance is concave.
@@ -616,6 +697,17 @@ impl JointFlow {
             steps: MOST,
             change,
         })
+    }
+
+    /// Returns the largest change of a velocity that external loads and a pressure \[Pa\] on all faces would make in a
+    /// time \[s\].
+    fn free_change(&self, pressure: f64, interval: f64) -> f64 {
+        let forces = self.movers.iter().zip(&self.work.faces);
+        let change = |(mover, area): (&Mover, &f64)| {
+            let force = mover.load.fixed_rows::<3>(0).norm() + pressure * area;
+            force * interval / mover.mass
+        };
+        forces.map(change).fold(0.0, f64::max)
     }
 
     /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.
@@ -744,6 +836,22 @@ impl JointFlow {
         outflows
     }
 
+    /// Adds what leaves through open pieces in a time \[s\].
+    fn add_passed(&mut self, time: f64) {
+        for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
+            if let End::Open(piece) = link.to {
+                self.passed[piece] += time * discharge;
+            }
+        }
+    }
+
+    /// Returns the volume of water that left through each open piece of an edge in the last step, at the density of
+    /// atmospheric pressure \[m³\].
+    #[must_use]
+    pub fn passed(&self) -> &[f64] {
+        &self.passed
+    }
+
     /// Returns the discharge into the network through all open edges \[m³/s\].
     fn inflow(&self) -> f64 {
         let mut sum = ExactSum::new();
@@ -770,7 +878,8 @@ impl JointFlow {
             *base = self.volumes[node] * more + self.surplus[node];
         }
         self.surplus.fill(0.0);
-        self.work.before.copy_from_slice(&self.volumes);
+        self.work.before.copy_from_slice(&self.fills);
+        self.work.opened.copy_from_slice(&self.opened);
         self.work.mode_base.copy_from_slice(&self.mode);
         for (start, mover) in self.work.starts.iter_mut().zip(&self.movers) {
             *start = [mover.displacement, mover.velocity];
@@ -780,6 +889,8 @@ impl JointFlow {
         let mut newton = self.solve(stage, true)?;
         self.finish_stage(stage);
         let mut entered = (1.0 - DIAGONAL) * interval * self.inflow();
+        self.passed.fill(0.0);
+        self.add_passed((1.0 - DIAGONAL) * interval);
         self.sum_discharges();
         // The second stage starts with the extrapolated changes of the first.
         let carried = (1.0 - DIAGONAL) / DIAGONAL;
@@ -799,6 +910,7 @@ impl JointFlow {
         newton += self.solve(stage, true)?;
         self.finish_stage(stage);
         entered += stage * self.inflow();
+        self.add_passed(stage);
         let after = self.stored();
         Ok(StepReport {
             newton,

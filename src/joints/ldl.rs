@@ -3,9 +3,10 @@
 //! The matrices of a network are positive definite; with the motion of blocks they become quasi-definite, for which
 //! the factors exist in any order of elimination (Vanderbei, SIAM J. Optim. 5, 100 (1995)). The order is that of
 //! approximate minimum degree on the quotient graph (George and Liu, SIAM Review 31, 1 (1989); Amestoy, Davis and Duff,
-//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)); the factors are computed row by row along the elimination tree
-//! (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4). The pattern is analysed once; further
-//! factorisations allocate nothing. The order of operations is fixed, so that the bits are the same on every rank.
+//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)), that of large networks is given ([`crate::order`]). The factors are
+//! computed row by row along the elimination tree (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4).
+//! The pattern is analysed once; further factorisations allocate nothing. The order of operations is fixed, so that the
+//! bits are the same on every rank.
 
 use std::collections::BTreeSet;
 
@@ -43,7 +44,12 @@ impl Factors {
     /// Returns the symbolic factorisation of a matrix of `count` unknowns with nonzero entries at `pairs` of
     /// different unknowns. A pair may occur several times.
     pub(crate) fn new(count: usize, pairs: &[[usize; 2]]) -> Self {
-        let order = minimum_degree(count, pairs);
+        Self::in_order(minimum_degree(count, pairs), pairs)
+    }
+
+    /// Returns the analysis for unknowns that are eliminated in this order.
+    pub(crate) fn in_order(order: Vec<usize>, pairs: &[[usize; 2]]) -> Self {
+        let count = order.len();
         let mut position = vec![0; count];
         for (at, &unknown) in order.iter().enumerate() {
             position[unknown] = at;
@@ -74,6 +80,16 @@ impl Factors {
             filled: vec![0; count],
             work: vec![0.0; count],
         }
+    }
+
+    /// Returns the memory of the factors \[bytes\].
+    pub(crate) fn bytes(&self) -> usize {
+        use std::mem::size_of;
+        let unknowns = 6 * size_of::<usize>() + 3 * size_of::<f64>();
+        let above = 2 * size_of::<usize>();
+        let entry = 2 * size_of::<usize>() + size_of::<f64>();
+        let unknowns = self.order.len() * unknowns;
+        unknowns + self.upper_rows.len() * above + self.lower.len() * entry
     }
 
     /// Returns the number of entries of `L` below its diagonal.
@@ -214,7 +230,7 @@ fn rows_of_factor(parents: &[usize], starts: &[usize], rows: &[usize]) -> (Vec<u
 }
 
 /// Returns an elimination order with little fill.
-fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
+pub(crate) fn minimum_degree(count: usize, pairs: &[[usize; 2]]) -> Vec<usize> {
     let mut variables = vec![Vec::new(); count];
     for &[a, b] in pairs {
         variables[a].push(b);

@@ -13,8 +13,8 @@
 //! | `friction` | laminar and turbulent friction |
 //! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
-//! | `ldl` | direct solution of sparse symmetric systems |
-//! | `flow` | pressures and discharges, steady and in time |
+//! | `ldl`, `order` | direct solution of sparse symmetric systems, order of elimination of large ones |
+//! | `flow` | pressures and discharges, steady and in time; `flow/renewal` a new network for blocks that have moved |
 //! | `history` | pressure at a mouth as a function of time |
 //! | `motion` | motion of blocks together with the pressures |
 //! | `loads` | force and moment on the blocks |
@@ -51,6 +51,7 @@ mod ldl;
 pub mod loads;
 pub mod motion;
 pub mod network;
+mod order;
 pub mod pairs;
 pub mod polygon;
 pub mod slot;

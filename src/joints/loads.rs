@@ -4,6 +4,7 @@
 //! blocks is the pressure times the change of the cell's volume.
 
 use crate::network::Network;
+use crate::pairs::{Rock, RockFace};
 use nalgebra::Vector3;
 
 /// Load of the water on a block.
@@ -17,6 +18,76 @@ pub struct RockLoad {
     pub area: f64,
     /// Smallest and largest gauge pressure on the block \[Pa\]; infinite without adjacent joints.
     pub pressure: [f64; 2],
+}
+
+impl RockLoad {
+    /// Adds the force \[N\] at a point whose vector from the centroid is `arm` \[m\].
+    fn add(&mut self, force: &Vector3<f64>, arm: &Vector3<f64>) {
+        self.force += force;
+        self.moment += arm.cross(force);
+    }
+}
+
+/// Returns the cells of the network at each face of a block, in the order of the cells; faces without a joint are
+/// absent.
+#[must_use]
+pub fn cells_at(network: &Network, rock: usize) -> Vec<(RockFace, Vec<usize>)> {
+    let mut faces: Vec<(RockFace, Vec<usize>)> = Vec::new();
+    for (number, joint) in network.joints.iter().enumerate() {
+        for face in joint.faces.iter().filter(|face| face.rock == rock) {
+            let cells = network.firsts[number]..network.firsts[number + 1];
+            match faces.iter_mut().find(|(known, _)| known == face) {
+                Some((_, list)) => list.extend(cells),
+                None => faces.push((*face, cells.collect())),
+            }
+        }
+    }
+    faces
+}
+
+/// Returns the load of a pressure on the part of a block's surface that no joint covers. `pressure` is a linear
+/// function of the position \[m\]; `covered`: see [`cells_at`].
+#[must_use]
+pub fn outside(
+    network: &Network,
+    (number, rock): (usize, &Rock),
+    covered: &[(RockFace, Vec<usize>)],
+    pressure: impl Fn(&Vector3<f64>) -> f64,
+) -> RockLoad {
+    let mut load = RockLoad {
+        pressure: [f64::INFINITY, f64::NEG_INFINITY],
+        ..RockLoad::default()
+    };
+    for (face, plane) in rock.shape.half_spaces().iter().enumerate() {
+        let normal = rock.orientation * plane.normal;
+        let corner = |&vertex: &u32| rock.orientation * rock.shape.vertices()[vertex as usize];
+        let corners: Vec<Vector3<f64>> = rock.shape.face(face).iter().map(corner).collect();
+        for ends in corners[1..].windows(2) {
+            let triangle = [corners[0], ends[0], ends[1]];
+            let area = 0.5 * (ends[0] - corners[0]).cross(&(ends[1] - corners[0])).norm();
+            load.area += area;
+            // The middles of the edges integrate a product of two linear functions exactly.
+            for k in 0..3 {
+                let arm = 0.5 * (triangle[k] + triangle[(k + 1) % 3]);
+                let force = -normal * (pressure(&(rock.position + arm)) * area / 3.0);
+                load.add(&force, &arm);
+            }
+        }
+        let name = RockFace { rock: number, face };
+        let cells = covered.iter().filter(|(known, _)| *known == name);
+        for &cell in cells.flat_map(|(_, cells)| cells) {
+            let joint = &network.joints[network.joint_of[cell]];
+            let side = usize::from(joint.faces[0] != name);
+            let cell = &network.cells[cell];
+            let arm = joint.point(&cell.centroid) - rock.position;
+            // On the face itself: the plane of a wide joint is half an aperture away.
+            let arm = arm + normal * (plane.offset - normal.dot(&arm));
+            let force = joint.tilts[side] * (pressure(&(rock.position + arm)) * cell.area);
+            load.area -= cell.area * joint.tilts[side].norm();
+            load.add(&force, &arm);
+        }
+    }
+    load
 }
 
 /// Returns the loads on the blocks with these centroids \[m\], in the order of the blocks, at the pressures of the
@@ -35,8 +106,7 @@ pub fn loads(network: &Network, pressure: &[f64], centroids: &[Vector3<f64>]) ->
         for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
             let load = &mut loads[face.rock];
             let force = -tilt * (pressure * cell.area);
-            load.force += force;
-            load.moment += (centre - centroids[face.rock]).cross(&force);
+            load.add(&force, &(centre - centroids[face.rock]));
             load.area += cell.area * tilt.norm();
             load.pressure = [
                 load.pressure[0].min(pressure),

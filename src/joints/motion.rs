@@ -94,14 +94,19 @@ pub(crate) struct Touch {
 }
 
 /// Returns the cells next to moving blocks, in the order of the cells.
-pub(crate) fn touches(network: &Network, movers: &[Mover]) -> Vec<Touch> {
+pub(crate) fn touches(
+    network: &Network,
+    movers: &[Mover],
+    of_rock: &[Option<usize>],
+) -> Vec<Touch> {
     let mut all = Vec::new();
     for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
         let joint = &network.joints[joint];
         let centre = joint.point(&cell.centroid);
         for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
-            let mover = movers.iter().position(|mover| mover.rock == face.rock);
-            let Some(mover) = mover else { continue };
+            let Some(mover) = of_rock.get(face.rock).copied().flatten() else {
+                continue;
+            };
             let force = -tilt * cell.area;
             let moment = (centre - movers[mover].centroid).cross(&force);
             all.push(Touch {
@@ -114,17 +119,27 @@ pub(crate) fn touches(network: &Network, movers: &[Mover]) -> Vec<Touch> {
     all
 }
 
-/// Returns the gap of a joint after small displacements of its blocks.
-pub(crate) fn gap(
+/// Returns the number of the mover of each block, up to the last that moves.
+pub(crate) fn movers_of(movers: &[Mover]) -> Vec<Option<usize>> {
+    let mut of_rock = Vec::new();
+    for (number, mover) in movers.iter().enumerate() {
+        of_rock.resize(of_rock.len().max(mover.rock + 1), None);
+        of_rock[mover.rock] = Some(number);
+    }
+    of_rock
+}
+
+/// Returns the change of the gap of a joint by small displacements of its blocks.
+pub(crate) fn opening(
     network: &Network,
     joint: usize,
-    base: &LinearField,
-    movers: &[Mover],
+    (movers, of_rock): (&[Mover], &[Option<usize>]),
 ) -> LinearField {
     let joint = &network.joints[joint];
-    let mut gap = *base;
+    let mut gap = LinearField::default();
     for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
-        for mover in movers.iter().filter(|mover| mover.rock == face.rock) {
+        let number = of_rock.get(face.rock).copied().flatten();
+        if let Some(mover) = number.map(|number| &movers[number]) {
             let shift = mover.displacement.fixed_rows::<3>(0);
             let turn: Vector3<f64> = mover.displacement.fixed_rows::<3>(3).into();
             let arm = joint.origin - mover.centroid;

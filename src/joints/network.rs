@@ -5,7 +5,7 @@
 
 use crate::cells::{Cell, Side, divide};
 use crate::edges::{Junction, Piece, ends};
-use crate::pairs::{Joint, PairLimits, Rock, joints};
+use crate::pairs::{Joint, PairLimits, Rock, RockFace, joints, joints_after, joints_of};
 use nalgebra::{Vector2, Vector3};
 
 /// Settings of a network.
@@ -72,7 +72,48 @@ impl Network {
     /// Returns the network of these blocks.
     #[must_use]
     pub fn new(rocks: &[Rock], settings: &NetworkSettings) -> Self {
-        let joints = joints(rocks, &settings.limits);
+        Self::of_joints(joints(rocks, &settings.limits), settings)
+    }
+
+    /// Returns the network of blocks that have moved: the known joints stay as long as their faces overlap
+    /// ([`joints_after`]). One that is wider than the limit and meets no other joint has opened into the water outside,
+    /// and is no joint any more.
+    #[must_use]
+    pub fn after(&self, rocks: &[Rock]) -> Self {
+        let joints = joints_after(rocks, &self.settings.limits, &self.pairs());
+        let network = Self::of_joints(joints, &self.settings);
+        let mut open: Vec<bool> = (network.joints.iter())
+            .map(|joint| joint.gap.constant > self.settings.limits.distance)
+            .collect();
+        for piece in network
+            .junctions
+            .iter()
+            .flat_map(|junction| &junction.pieces)
+        {
+            open[piece.joint] = false;
+        }
+        if !open.contains(&true) {
+            return network;
+        }
+        let mut open = open.into_iter();
+        let mut joints = network.joints;
+        joints.retain(|_| !open.next().unwrap_or(false));
+        Self::of_joints(joints, &self.settings)
+    }
+
+    /// Returns the network of joints between these pairs of faces.
+    #[must_use]
+    pub fn of_pairs(rocks: &[Rock], pairs: &[[RockFace; 2]], settings: &NetworkSettings) -> Self {
+        Self::of_joints(joints_of(rocks, pairs), settings)
+    }
+
+    /// Returns the two faces of each joint.
+    #[must_use]
+    pub fn pairs(&self) -> Vec<[RockFace; 2]> {
+        self.joints.iter().map(|joint| joint.faces).collect()
+    }
+
+    fn of_joints(joints: Vec<Joint>, settings: &NetworkSettings) -> Self {
         let (mut cells, mut joint_of, mut firsts) = (Vec::new(), Vec::new(), vec![0]);
         for (number, joint) in joints.iter().enumerate() {
             cells.extend(divide(joint, settings.cell));
@@ -100,7 +141,7 @@ impl Network {
         for (number, piece) in ends.open.iter().enumerate() {
             links.push(half_link(piece, End::Open(number)));
         }
-        log::info!(
+        log::debug!(
             "network of {} joints: {} cells, {} junctions, {} open pieces of edges, {} links",
             joints.len(),
             cells.len(),
@@ -130,22 +171,26 @@ impl Network {
     /// Returns the connected part of the network that contains each node, as the number of its first node.
     #[must_use]
     pub fn parts(&self) -> Vec<usize> {
-        let mut part: Vec<usize> = (0..self.nodes()).collect();
-        // Numbers only decrease, in as many rounds as the longest chain requires.
-        let mut changed = true;
-        while changed {
-            changed = false;
-            for link in &self.links {
-                if let End::Node(to) = link.to {
-                    let least = part[part[link.from].min(part[to])];
-                    changed |= part[link.from] != least || part[to] != least;
-                    part[link.from] = least;
-                    part[to] = least;
-                }
+        let mut parents: Vec<usize> = (0..self.nodes()).collect();
+        for link in &self.links {
+            if let End::Node(to) = link.to {
+                let (one, other) = (root(&mut parents, link.from), root(&mut parents, to));
+                parents[one.max(other)] = one.min(other);
             }
         }
-        part
+        (0..self.nodes())
+            .map(|node| root(&mut parents, node))
+            .collect()
     }
+}
+
+/// Returns the first member of a set, and halves the way to it.
+pub(crate) fn root(parents: &mut [usize], mut member: usize) -> usize {
+    while parents[member] != member {
+        parents[member] = parents[parents[member]];
+        member = parents[member];
+    }
+    member
 }
 
 /// Returns the links between the cells of each joint.

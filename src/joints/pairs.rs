@@ -9,6 +9,10 @@
 //! A pair of faces forms a joint if no third block is between them. The limit must therefore be smaller than the
 //! thinnest block ([`PairLimits::distance`]).
 //!
+//! A joint that is known stays one while its faces open, at any distance, until they no longer overlap or have turned
+//! A joint that is known stays one while its faces open, at any distance, until they no longer overlap or have turned
+//! by 45 degrees ([`joints_after`]).
+//!
 //! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the
 //! number of a joint depends on the blocks only.
 
@@ -16,6 +20,8 @@ use crate::polygon::{LinearField, Polygon};
 use dem::polyhedron::Polyhedron;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
+/// Largest angle between the two faces of a known joint \[rad\].
+const WIDEST: f64 = std::f64::consts::FRAC_PI_4;
 /// Minimum extent of an overlap in each direction, divided by the size of the faces.
 const THIN: f64 = 1e-6;
 
@@ -40,7 +46,7 @@ pub struct PairLimits {
 }
 
 /// Face of a block, given by the numbers of the block and of its face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RockFace {
     /// Number of the block.
     pub rock: usize,
@@ -143,15 +149,77 @@ impl Standing {
     }
 }
 
+/// Faces of all blocks where they stand, in the order of blocks and faces.
+struct Faces {
+    list: Vec<(RockFace, Standing)>,
+    /// Number of the first face of each block.
+    firsts: Vec<usize>,
+}
+
+impl Faces {
+    fn new(rocks: &[Rock]) -> Self {
+        let (mut list, mut firsts) = (Vec::new(), Vec::with_capacity(rocks.len()));
+        for (rock, block) in rocks.iter().enumerate() {
+            firsts.push(list.len());
+            for face in 0..block.shape.half_spaces().len() {
+                list.push((RockFace { rock, face }, Standing::new(block, face)));
+            }
+        }
+        Self { list, firsts }
+    }
+
+    /// Returns the joint of two faces, if they overlap, are closer than a distance \[m\], and are not turned by more
+    /// than [`WIDEST`].
+    fn joint(&self, [a, b]: [usize; 2], distance: f64) -> Option<Joint> {
+        let ((first, one), (second, other)) = (&self.list[a], &self.list[b]);
+        let faces = one.normal.dot(&other.normal) <= -WIDEST.cos();
+        faces.then(|| joint([*first, *second], [one, other], distance))?
+    }
+
+    /// Returns the numbers of two faces.
+    fn numbers(&self, pair: [RockFace; 2]) -> [usize; 2] {
+        pair.map(|name| self.firsts[name.rock] + name.face)
+    }
+}
+
 /// Returns the joints of all blocks, in the order of their faces.
 #[must_use]
 pub fn joints(rocks: &[Rock], limits: &PairLimits) -> Vec<Joint> {
-    let mut faces = Vec::new();
-    for (rock, block) in rocks.iter().enumerate() {
-        for face in 0..block.shape.half_spaces().len() {
-            faces.push((RockFace { rock, face }, Standing::new(block, face)));
-        }
-    }
+    joints_after(rocks, limits, &[])
+}
+
+/// Returns the joints of these pairs of faces, as far as they still overlap, in the order of the pairs.
+#[must_use]
+pub fn joints_of(rocks: &[Rock], pairs: &[[RockFace; 2]]) -> Vec<Joint> {
+    let faces = Faces::new(rocks);
+    let joint = |pair: &[RockFace; 2]| faces.joint(faces.numbers(*pair), f64::INFINITY);
+    pairs.iter().filter_map(joint).collect()
+}
+
+/// Returns the joints of all blocks within the limits, and the known ones that still overlap, in the order of their
+/// faces. `known` is in that order.
+#[must_use]
+pub fn joints_after(rocks: &[Rock], limits: &PairLimits, known: &[[RockFace; 2]]) -> Vec<Joint> {
+    let all = Faces::new(rocks);
+    let mut pairs = near_pairs(&all.list, limits);
+    let known: Vec<[usize; 2]> = known.iter().map(|pair| all.numbers(*pair)).collect();
+    pairs.extend(&known);
+    pairs.sort_unstable();
+    pairs.dedup();
+    let joint = |pair: [usize; 2]| {
+        let is_known = known.binary_search(&pair).is_ok();
+        let distance = if is_known {
+            f64::INFINITY
+        } else {
+            limits.distance
+        };
+        all.joint(pair, distance)
+    };
+    pairs.into_iter().filter_map(joint).collect()
+}
+
+/// Returns the pairs of faces of different blocks that face each other and whose boxes are near.
+fn near_pairs(faces: &[(RockFace, Standing)], limits: &PairLimits) -> Vec<[usize; 2]> {
     // Sweep along the first axis: a face is compared with those that begin before it ends.
     let mut order: Vec<usize> = (0..faces.len()).collect();
     order.sort_by(|&a, &b| {
@@ -179,16 +247,11 @@ pub fn joints(rocks: &[Rock], limits: &PairLimits) -> Vec<Joint> {
             }
         }
     }
-    pairs.sort_unstable();
-    let joint = |[a, b]: [usize; 2]| {
-        let ((first, one), (second, other)) = (&faces[a], &faces[b]);
-        joint([*first, *second], [one, other], limits)
-    };
-    pairs.into_iter().filter_map(joint).collect()
+    pairs
 }
 
-/// Returns the joint of two faces, if they overlap and are close enough.
-fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], limits: &PairLimits) -> Option<Joint> {
+/// Returns the joint of two faces, if they overlap and are closer than a distance \[m\].
+fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], distance: f64) -> Option<Joint> {
     let normal = (one.normal - other.normal).normalize();
     let mut axes = plane_axes(&normal, &one.corners);
     let mut origin = 0.5 * (one.centre() + other.centre());
@@ -236,7 +299,7 @@ fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], limits: &PairLimits
     };
     let (_, centroid) = overlap.area_and_centroid();
     let at_centroid = gap.value(&centroid);
-    (at_centroid.abs() <= limits.distance).then(|| Joint {
+    (at_centroid.abs() <= distance).then(|| Joint {
         faces: names,
         origin,
         axes,

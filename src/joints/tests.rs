@@ -1,6 +1,7 @@
 //! Networks compared with closed-form solutions.
 
 mod closed;
+mod large;
 mod moving;
 mod squeeze;
 mod steady;

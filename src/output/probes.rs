@@ -20,7 +20,7 @@
 //! | water balance | of seepage in time: water in the ground, in and out since the start, inflow, outflow |
 //! | joint | of water in joints: pressure, aperture and position of the cell nearest to a point |
 //! | mouth | of water in joints: discharge into the joints and mean pressure in front of the mouth |
-//! | block | of water in joints: force and torque on a block, smallest and largest pressure, area |
+//! | block | of water in joints: force and torque on a block, pressures, area, position and velocity |
 //! | uplift | of seepage: force on a part of a plane, its torque about a point, mean pressure, area |
 //! | wall | force of the fluid, its parts, mean pressure and shear stress, mass flux |
 //! | wall load | displacement and velocity of a wall, force, torque and mean stress of the grains on it, contacts |

@@ -51,6 +51,9 @@ fn obstacles(scene: &Scene) -> Vec<String> {
     if !scene.porous_zones.is_empty() {
         all.push("porous zones".into());
     }
+    if scene.joints.is_some() {
+        all.push("water in joints".into());
+    }
     if scene.surface.is_some() {
         all.push("a free surface".into());
     }

@@ -95,6 +95,9 @@ pub struct CostQuantities {
     seepage_cells: f64,
     /// Number of links in a network of joints.
     joint_links: f64,
+    /// Memory of the water in joints on every rank \[bytes\], and its numbers in a checkpoint.
+    joint_bytes: f64,
+    joint_numbers: f64,
     /// Number of grains after cutting.
     grains: f64,
     /// Number of grains before cutting.
@@ -136,12 +139,15 @@ impl CostQuantities {
                 .seepage
                 .as_ref()
                 .map_or(0.0, |seepage| real(seepage.cell_count())),
-            joint_links: scene
-                .joints
-                .as_ref()
-                .map_or(0.0, |joints| real(joints.counts.links)),
             ..Self::default()
         };
+        if let Some(joints) = &scene.joints {
+            all.joint_links = real(joints.counts.links);
+            // The old and the new network of blocks that have moved are there together.
+            let networks = if joints.movers > 0 { 2.0 } else { 1.0 };
+            all.joint_bytes = networks * real(joints.bytes);
+            all.joint_numbers = real(joints.numbers);
+        }
         let mut add = |[volume, area]: [f64; 2], number: f64, moves: bool| {
             all.covered += number * volume / cell;
             all.surface += number * area / face;

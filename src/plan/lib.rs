@@ -312,9 +312,34 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         (like.time_step, like.solid_steps_per_step)
     } else if let Some(flow) = &scene.flow {
         let steps = solid_steps_in_flow(scene, flow, allowed, automatic, findings)?;
+        let moved = scene.joints.as_ref();
+        if moved.is_some_and(|joints| joints.movers > 0) && steps > 1 {
+            findings.error(
+                "fluid.lattice_boltzmann.joints",
+                format!(
+                    "blocks that move with the water of joints make one step with each step of the lattice, and this \
+                     case has {steps}"
+                ),
+                "use a shorter time step of the lattice, or softer contacts",
+            );
+        }
         (flow.time_step, steps)
     } else if let Some(joints) = &scene.joints {
-        (joints.written.time_step, 1)
+        let step = joints.written.time_step;
+        if let Some(allowed) = allowed
+            && step > allowed * (1.0 + 1e-12)
+        {
+            findings.error(
+                "fluid.joints.time_step",
+                format!(
+                    "blocks that move make the same step, and it is above {} times the critical one of their contacts",
+                    time.solid_time_step_safety
+                ),
+                Remedy::from(format!("use at most {:?} s", at_most(allowed)))
+                    .set("fluid.joints.time_step", at_most(allowed)),
+            );
+        }
+        (step, 1)
     } else {
         dry_step(scene, allowed, automatic, findings)
     };

@@ -199,8 +199,13 @@ impl Choices<'_> {
     fn joints(&mut self, joints: &JointScene) {
         let (written, counts) = (&joints.written, joints.counts);
         let [low, high] = joints.apertures.map(number);
+        let name = if joints.under_lattice {
+            "joints"
+        } else {
+            "fluid"
+        };
         self.add(
-            "fluid",
+            name,
             "water in joints",
             format!(
                 "joints: {}, of {low} to {high} m, with {} cells and {} junctions",
@@ -208,11 +213,33 @@ impl Choices<'_> {
             ),
         );
         let [open, closed] = joints.edges.map(number);
-        self.add(
-            "mouths",
-            format!("{open} m of open edges"),
-            format!("{closed} m of edges that meet no other joint lie in no box of a mouth and are closed"),
-        );
+        if joints.under_lattice {
+            self.add(
+                "mouths",
+                "cells of the lattice",
+                format!(
+                    "{closed} m of edges meet no other joint: those in front of a cell of water take its pressure and \
+                     give it their discharge, without the momentum of the jet; all others are closed"
+                ),
+            );
+        } else {
+            self.add(
+                "mouths",
+                format!("{open} m of open edges"),
+                format!("{closed} m of edges that meet no other joint lie in no box of a mouth and are closed"),
+            );
+        }
+        if joints.movers > 0 {
+            self.add(
+                "blocks in joints",
+                "moved together with the water",
+                format!(
+                    "{} blocks can move: pressures and velocities are solved at once, contacts are explicit; the \
+                     network follows where a block has moved by a tenth of its cells",
+                    joints.movers
+                ),
+            );
+        }
         self.add(
             "friction in joints",
             match written.roughness {

@@ -314,7 +314,8 @@ impl Scene {
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
-        let joints = joints::JointScene::resolve(case, &grid, solids.blocks.as_ref(), findings);
+        let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
+        let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);
         let porous_zones = porous::zones(case, &grid, findings);
         let regions = observe::regions(case, &grid, &names, findings);
         let measured = observe::Measured {
@@ -555,7 +556,7 @@ fn of_times(case: &Case, findings: &mut Findings) {
         let (reason, remedy) = if fluid {
             match case.fluid {
                 Some(Fluid::Joints(_)) => (
-                    "the water in the joints has a time step of its own, and the blocks are fixed",
+                    "the water in the joints has a time step of its own, and blocks make the same step",
                     "remove it",
                 ),
                 _ => (

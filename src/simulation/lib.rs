@@ -243,6 +243,17 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let time = now.time();
         if let Some(dem) = &mut now.dem {
             self.servos.aim(time, dem);
+        }
+        let carrier = now.flow.as_mut().and_then(Water::carrier);
+        if let (Some(dem), Some(carrier)) = (&mut now.dem, carrier) {
+            let (particles, domain) = (&mut now.particles, &now.domain);
+            let loaded = dem.loads_ahead(particles, domain);
+            if let Err(error) = loaded {
+                return Err(self.cause_of(error, due.steps));
+            }
+            let path = carrier.carry(particles, domain)?;
+            dem.carried(particles, domain, path)?;
+        } else if let Some(dem) = &mut now.dem {
             let each = u64::from(now.plan.clock.solid_steps_per_step);
             let moved = dem.advance_many(&mut now.particles, &now.domain, each);
             if let Err(error) = moved {

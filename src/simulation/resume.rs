@@ -215,8 +215,13 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
             .map(|seepage| darcy::pressure::numbers(seepage.cell_count(), seepage.is_transient()))
             .or(scene.joints.as_ref().map(|joints| {
                 let inertia = joints.written.inertia;
-                joint_water::numbers(joints.nodes(), joints.counts.links, inertia)
+                let (nodes, links) = (joints.nodes(), joints.counts.links);
+                match joints.movers {
+                    0 => joint_water::numbers(nodes, links, inertia),
+                    movers => joint_water::most_numbers(movers, nodes, links, inertia),
+                }
             })),
+        seepage_varies: scene.joints.as_ref().is_some_and(|j| j.movers > 0),
         grains: (scene.has_solids() || generates).then_some(grains),
         steps: plan.clock.steps,
         // The restart may have requested a shorter warm-up.

@@ -313,25 +313,25 @@ pub fn joints(plan: &Plan) -> Result<Option<JointWater>, Error> {
     let settings = scene.settings(plan.scene.gravity);
     let mouth = |mouth: &plan::scene::joints::SceneMouth| joint_water::MouthFront {
         pressure: mouth.pressure.clone(),
-        datum: mouth.centre(),
+        region: [mouth.block.from, mouth.block.to],
+        presses_on_blocks: mouth.presses_on_blocks,
     };
-    let mouths = joint_water::Mouths {
-        list: scene.mouths.iter().map(mouth).collect(),
-        of_piece: scene.mouth_of_pieces(&network),
-        weight: settings.gravity * settings.water.mixture_density(),
-        middles: network.open.iter().map(|piece| piece.middle).collect(),
+    let mouths = scene.mouths.iter().map(mouth).collect();
+    let block = |block: &plan::scene::blocks::RockBlock| joint_water::NetworkBlock {
+        solid: block.solid.clone(),
+        density: plan.scene.materials[block.material]
+            .density
+            .filter(|_| !block.fixed),
+        velocity: block.velocity.into(),
     };
-    let centroids = blocks.list.iter().map(|block| block.solid.position);
-    let flow = joints::JointFlow::new(network, settings);
+    let all: Vec<_> = blocks.list.iter().map(block).collect();
     let first = plan.scene.bodies.len() as u64;
-    JointWater::new(
-        flow,
-        mouths,
-        centroids.collect(),
-        first,
-        plan.clock.time_step,
-    )
-    .map(Some)
+    let steps = (first, plan.clock.time_step);
+    if scene.under_lattice {
+        let gravity = plan.scene.gravity.into();
+        return JointWater::under_lattice(network, settings, gravity, &all, steps).map(Some);
+    }
+    JointWater::new(network, settings, mouths, &all, steps).map(Some)
 }
 
 /// Returns the seepage of a plan with its drag; none if the plan has no seepage. Collective.

@@ -55,6 +55,7 @@ EXAMPLES = {
     "incline": (1, _fluid(0.005, **{"time.warm_up": "null", "output.blocks.every": 0.0025})),
     "joint-pulse": (1, {"time.end": 0.008, "output": '{"blocks": {"every": 0.004}}'}),
     "oedometer": (1, {**_test(1e-4), "probes[2].every": 5e-5}),
+    "plucked-block": (1, {"time.end": 0.005, "output": '{"blocks": {"every": 0.0025}}'}),
     "piping": (
         2,
         _fluid(0.004, **{"time.warm_up": "null", "output.grains.every": 0.002, "output.contacts.every": 0.002}),

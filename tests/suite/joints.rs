@@ -103,6 +103,100 @@ fn a_network_has_the_same_bits_on_any_ranks_and_threads_and_after_restarts() {
     study.same("straight", "parts");
 }
 
+/// Returns the bed with a row of blocks at its top that can move, under a pulse that lifts some of them.
+fn loose_bed() -> Value {
+    let mut case = bed();
+    case["blocks"]["fixed"] = json!([
+        {"from": [0, 0, 0], "to": [1, 0.6, 0.25]},
+        {"from": [0, 0, 0], "to": [0.3, 0.6, 0.5]}, {"from": [0.75, 0, 0], "to": [1, 0.6, 0.5]}
+    ]);
+    case["contact"]["blocks"]["normal_stiffness"] = json!({"per_area": 1e7});
+    let water = &mut case["fluid"]["joints"];
+    water["residual_aperture"] = json!(1e-4);
+    water["mouths"][1]["presses_on_blocks"] = json!(true);
+    water["mouths"][0]["pressure"] =
+        json!({"table": [[0, 1e3], [1e-3, 2e5], [6e-3, 2e5], [7e-3, 1e3]]});
+    case
+}
+
+#[test]
+fn blocks_in_their_water_have_the_same_bits_on_any_ranks_and_threads_and_after_restarts() {
+    let _beside = beside_others();
+    let study = Study::new(&loose_bed().to_string());
+    study.run("straight", 1, 1, &[]);
+    let joints = &study.summary("straight")["joints"];
+    println!("{joints}");
+    let error = joints["mass_error"].as_f64().unwrap();
+    assert!(error.abs() < 1e-10, "{joints}");
+    let path = study.path("straight").join("probe_block.csv");
+    let rows = io::table::read(&path).unwrap();
+    let heights = rows.column("z").unwrap();
+    let rise = heights.last().unwrap() - heights[0];
+    println!("rise {rise:e} m");
+    assert!(rise.abs() > 1e-6);
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, &[][..]),
+        ("two", 2, 1, &[]),
+        ("four along y", 4, 1, &["domain.split=y"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.0042"]);
+    study.restart("parts", 1, &["time.end=0.008"]).expect(0);
+    study.same("straight", "parts");
+}
+
+#[test]
+fn a_flush_block_leaves_its_bed_by_the_law_of_its_film() {
+    let _beside = beside_others();
+    let study = Study::new(examples::find("plucked-block").unwrap().text);
+    study.run("run", 1, 2, &[]);
+    let rows = io::table::read(&study.path("run").join("probe_block.csv")).unwrap();
+    let column = |name: &str| rows.column(name).unwrap();
+    let (times, heights, speeds) = (column("time"), column("z"), column("velocity_z"));
+    let (side, height, residual) = (0.2_f64, 0.1, 4e-4);
+    let threshold = (2650.0 - 1000.0) * 9.81 * height;
+    let (area, mass) = (side * side, 2650.0 * side * side * height);
+    let gap = |row: usize| heights[row] - 0.15;
+    // It rests until the pressure carries its weight, at 0.12 s.
+    let at = |time: f64| times.iter().position(|t| *t > time - 1e-9).unwrap();
+    println!(
+        "gap {:e} m at 0.12 s, {:e} m at 0.22 s",
+        gap(at(0.12)),
+        gap(at(0.22))
+    );
+    assert!(gap(at(0.12)) < 0.0);
+    // Momentum between the time at which it leaves the contact and that of a film of 0.8 mm: impulse of the pressure
+    // beyond the threshold = film of a square + side joints + momentum of the block.
+    let first = (0..times.len()).find(|row| gap(*row) > 0.0).unwrap();
+    let last = (0..times.len()).find(|row| gap(*row) > 8e-4).unwrap();
+    let pressure = |time: f64| (16186.5 * (time - 0.02)).clamp(0.0, 3237.3) - threshold;
+    let steps = 10_000;
+    let width = (times[last] - times[first]) / f64::from(steps);
+    let middles = (0..steps).map(|k| times[first] + width * (f64::from(k) + 0.5));
+    let impulse: f64 = middles.map(|time| pressure(time) * area * width).sum();
+    let film = |gap: f64| {
+        // The residual aperture up to itself, then the gap.
+        let wide = gap.max(residual);
+        gap.min(residual) / residual.powi(3) + 0.5 * (residual.powi(-2) - wide.powi(-2))
+    };
+    let viscous = 0.42173 * 1e-3 * side.powi(4) * (film(gap(last)) - film(gap(first)));
+    let sides = 4.0 * side * 0.005_f64.powi(3) / (12.0 * 1e-3 * height);
+    let sides = area * area / sides * (gap(last) - gap(first));
+    let momentum = mass * (speeds[last] - speeds[first]);
+    let found = (viscous + sides + momentum) / impulse;
+    println!("film {viscous}, sides {sides}, momentum {momentum}, impulse {impulse} N s: {found}");
+    assert!((found - 1.0).abs() < 0.01);
+    let joints = &study.summary("run")["joints"];
+    println!("{joints}");
+    assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
+    let left = joints["blocks_left"].as_array().unwrap();
+    assert!(left.len() == 1 && left[0]["block"] == 0, "{joints}");
+    let left = left[0]["time"].as_f64().unwrap();
+    assert!(left > 0.2 && left < 0.5);
+}
+
 fn problems(case: &Value) -> Vec<Problem> {
     let read = Document::read(&case.to_string(), &[], Path::new("."));
     match read.and_then(Plan::prepare) {
@@ -185,13 +279,30 @@ fn wrong_joints_are_refused_with_one_finding_each() {
         found.len() == 1 && found[0].path == "fluid.joints.mouths",
         "{found:#?}"
     );
-    let mut free = bed();
-    free["blocks"]["fixed"] = json!([]);
-    let found = problems(&free);
     assert!(
-        found.len() == 1 && found[0].path == "blocks.fixed",
-        "{found:#?}"
+        problems(&loose_bed()).is_empty(),
+        "{:#?}",
+        problems(&loose_bed())
     );
+    let contact = "/contact/blocks";
+    for (field, value, path) in [
+        (
+            format!("{contact}/mass_damping"),
+            json!(1.0),
+            "contact.blocks.mass_damping",
+        ),
+        (
+            format!("{contact}/normal_stiffness"),
+            json!({"per_area": 1e13}),
+            "fluid.joints.time_step",
+        ),
+    ] {
+        let mut damped = loose_bed();
+        damped["contact"]["blocks"]["mass_damping"] = json!(0.0);
+        *damped.pointer_mut(&field).unwrap() = value;
+        let found = problems(&damped);
+        assert!(found.len() == 1 && found[0].path == path, "{found:#?}");
+    }
     let mut probed = bed();
     probed["probes"][0]["at"] = json!({"mouth": {"name": "weir"}});
     probed["probes"][2]["at"]["block"]["position"] = json!([0.05, 0.05, 0.05]);

@@ -32,6 +32,7 @@ mod gates;
 mod guards;
 mod hostile_checkpoints;
 mod input_files;
+mod jointed;
 mod joints;
 mod language;
 mod layers;

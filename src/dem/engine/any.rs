@@ -16,6 +16,15 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
         domain: &Domain,
         steps: u64,
     ) -> Result<(), Error>;
+    /// Sets the contact loads of a step in which another program moves the bodies.
+    fn loads_ahead(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
+    /// Takes note that the bodies were moved over a step by at most `path` \[m\].
+    fn carried(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        path: f64,
+    ) -> Result<(), Error>;
     /// Updates migration, ghosts, lists and loads for grains that changed.
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
     /// Bonds every present contact; returns the number reported by this rank.
@@ -70,6 +79,19 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
         steps: u64,
     ) -> Result<(), Error> {
         self.advance(particles, domain, steps)
+    }
+
+    fn loads_ahead(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {
+        self.loads_ahead(particles, domain)
+    }
+
+    fn carried(
+        &mut self,
+        particles: &mut Particles<S>,
+        domain: &Domain,
+        path: f64,
+    ) -> Result<(), Error> {
+        self.carried(particles, domain, path)
     }
 
     fn prepare(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error> {

@@ -107,6 +107,16 @@ fn move_one<S: Space>(
         return Fastest::default();
     }
     kick(motion, rotation, by, how);
+    drift_one(motion, rotation, by, dt)
+}
+
+/// Moves one body with its velocities over `dt` \[s\]; returns the path of its fastest point over dt, squared.
+fn drift_one<S: Space>(
+    motion: &mut Motion<S>,
+    rotation: &mut RotationState,
+    by: &Moved<'_, S>,
+    dt: f64,
+) -> Fastest {
     motion.position += motion.velocity * dt;
     let turned = by
         .shape
@@ -160,6 +170,13 @@ fn each<S: Space>(
         let all = motion.iter_mut().zip(rotation).enumerate();
         all.map(one).fold(Fastest::default(), Fastest::or)
     }
+}
+
+/// Moves all own bodies with their velocities for a time \[s\].
+pub(crate) fn drift<S: Space>(particles: &mut Particles<S>, time: f64, parallel: bool) -> Fastest {
+    each(particles, parallel, |motion, rotation, by| {
+        drift_one(motion, rotation, by, time)
+    })
 }
 
 /// Moves all owned bodies in a phase of the step; the drift includes the free rotation.

@@ -79,7 +79,7 @@ fn water<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a JointWater, Error>
 }
 
 /// Columns of the load on a block.
-const BLOCK: [Heading; 9] = [
+const BLOCK: [Heading; 15] = [
     ("force_x", "N"),
     ("force_y", "N"),
     ("force_z", "N"),
@@ -89,6 +89,12 @@ const BLOCK: [Heading; 9] = [
     ("smallest_pressure", "Pa"),
     ("largest_pressure", "Pa"),
     ("area", "m2"),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+    ("velocity_x", "m/s"),
+    ("velocity_y", "m/s"),
+    ("velocity_z", "m/s"),
 ];
 
 /// Returns pressure, aperture and position of the cell nearest to a point \[m\]; of equally near cells the first.
@@ -111,14 +117,17 @@ fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     [flow.pressures()[cell], aperture, x, y, z]
 }
 
-/// Returns the load on a block; its pressures are NaN if the block has no joint.
-fn block(water: &JointWater, block: usize) -> [f64; 9] {
+/// Returns load, position and velocity of a block; its pressures are NaN if the block has no joint.
+fn block(water: &JointWater, block: usize) -> [f64; 15] {
     let load = water.loads().get(block).copied().unwrap_or_default();
     let [low, high] = load
         .pressure
         .map(|p| if p.is_finite() { p } else { f64::NAN });
     let (force, moment) = (load.force, load.moment);
+    let [[x, y, z], [u, v, w]] = water.motion(block).map(Into::into);
+    let (force, moment): ([f64; 3], [f64; 3]) = (force.into(), moment.into());
+    let ([fx, fy, fz], [mx, my, mz]) = (force, moment);
     [
-        force.x, force.y, force.z, moment.x, moment.y, moment.z, low, high, load.area,
+        fx, fy, fz, mx, my, mz, low, high, load.area, x, y, z, u, v, w,
     ]
 }

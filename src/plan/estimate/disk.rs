@@ -40,9 +40,6 @@ const SAVED_GRAIN: f64 = 420.0;
 const SAVED_BLOCK: f64 = 950.0;
 /// Size of a cell of the seepage in a checkpoint \[bytes\].
 const SAVED_SEEPAGE: f64 = 40.0;
-/// Size of a link of a network of joints in a checkpoint \[bytes\]: its modes, its discharge, and its part of the
-/// pressures.
-const SAVED_JOINT_LINK: f64 = 110.0;
 /// Size of the velocity of a cell in f32 in a checkpoint, with an eddy viscosity \[bytes\].
 const SAVED_EDDY: f64 = 12.0;
 
@@ -79,7 +76,7 @@ pub(super) fn tables(amounts: &CostQuantities) -> f64 {
     (amounts.grains + amounts.bodies) * SAVED_GRAIN
         + amounts.blocks * SAVED_BLOCK
         + amounts.seepage_cells * SAVED_SEEPAGE
-        + amounts.joint_links * SAVED_JOINT_LINK
+        + amounts.joint_numbers * 8.0
 }
 
 /// Adds the sizes of all files to the estimate, whose time and checkpoint size are already known.

@@ -40,8 +40,6 @@ const CUTS: f64 = 600.0;
 const DRAINS: f64 = 310.0;
 /// Memory per cell of a transient flow \[bytes\]: stored water, and its part of the multigrid levels.
 const STORES: f64 = 100.0;
-/// Memory per link of a network of joints with its part of cells and factors, on every rank \[bytes\].
-const JOINT_LINK: f64 = 1500.0;
 /// Memory per grain with its neighbours, contacts and contact history \[bytes\].
 const GRAIN: f64 = 1700.0;
 /// Memory per block \[bytes\]: its shape, in the state and in the scene, and the longer history of its contacts.
@@ -104,7 +102,7 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
         estimate.bytes_per_cell = SEEPAGE + drains + stores + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
     }
-    memory += amounts.joint_links * JOINT_LINK;
+    memory += amounts.joint_bytes;
     // Files are gathered in memory, one at a time. The lattice is written to a checkpoint in parts, and everything
     // is read back in parts.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);

@@ -3,24 +3,29 @@
 
 use super::block::AlignedBox;
 use super::blocks::PlacedBlocks;
+use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
+use super::flow::Flow;
 use super::grid::Grid;
 use super::unique;
 use base::error::Remedy;
-use base::number::real;
 use case::Case;
-use case::fluid::Fluid;
+use case::coupling::Coupling;
+use case::fluid::{Device, Fluid, Precision};
 use case::joints::JointNetwork;
-use joints::flow::FlowSettings;
+use joints::flow::{FlowSettings, JointFlow};
 use joints::history::PressureHistory;
+use joints::motion::Mover;
 use joints::network::{Network, NetworkSettings};
 use joints::pairs::{PairLimits, Rock};
 use joints::water::Mixture;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::Serialize;
+use serde_json::json;
 
-/// Path of the water in joints in a case.
-pub(crate) const PATH: &str = "fluid.joints";
+/// Path of the water in joints without a lattice, and under one.
+const ALONE: &str = "fluid.joints";
+const UNDER: &str = "fluid.lattice_boltzmann.joints";
 /// Maximum number of cells: every rank stores and solves all of them.
 const MOST_CELLS: f64 = 2e5;
 
@@ -39,6 +44,16 @@ pub struct JointScene {
     pub apertures: [f64; 2],
     /// Longest joint \[m\].
     pub longest: f64,
+    /// Axes along which gravity acts on the water; none under a lattice whose pressure leaves the hydrostatic one out.
+    pub gravity_acts: [bool; 3],
+    /// `true` if the mouths are cells of a lattice.
+    pub under_lattice: bool,
+    /// Number of blocks that can move.
+    pub movers: usize,
+    /// Memory of the network with its factors, on every rank \[bytes\].
+    pub bytes: usize,
+    /// Numbers of the water in a checkpoint.
+    pub numbers: usize,
 }
 
 /// Size of a network.
@@ -63,16 +78,10 @@ pub struct SceneMouth {
     pub block: AlignedBox,
     /// Pressure at the centre of the box over time.
     pub pressure: PressureHistory,
+    /// `true` if the water also presses on blocks that can move.
+    pub presses_on_blocks: bool,
     /// Total length of its edges \[m\].
     pub width: f64,
-}
-
-impl SceneMouth {
-    /// Returns the centre of the box \[m\].
-    #[must_use]
-    pub fn centre(&self) -> Vector3<f64> {
-        0.5 * (Vector3::from(self.block.from) + Vector3::from(self.block.to))
-    }
 }
 
 impl JointScene {
@@ -109,7 +118,14 @@ impl JointScene {
             water: water(written),
             roughness: written.roughness,
             inertia: written.inertia,
-            gravity: gravity.into(),
+            gravity: std::array::from_fn(|axis| {
+                if self.gravity_acts[axis] {
+                    gravity[axis]
+                } else {
+                    0.0
+                }
+            })
+            .into(),
         }
     }
 
@@ -117,36 +133,42 @@ impl JointScene {
     pub(crate) fn resolve(
         case: &Case,
         grid: &Grid,
-        blocks: Option<&PlacedBlocks>,
+        (blocks, contact): (Option<&PlacedBlocks>, Option<&ContactTable>),
+        flow: Option<&Flow>,
         findings: &mut Findings,
     ) -> Option<Self> {
-        let Some(Fluid::Joints(written)) = &case.fluid else {
-            return None;
+        let (written, path) = match &case.fluid {
+            Some(Fluid::Joints(written)) => (written.clone(), ALONE),
+            Some(Fluid::LatticeBoltzmann(water)) => {
+                let written = water.joints.as_ref()?;
+                let step = flow.map_or(1.0, |flow| flow.time_step);
+                (written.network(water, step), UNDER)
+            }
+            _ => return None,
         };
-        refuse_others(case, findings);
-        check_water(written, findings);
-        let mouths = mouths(case, written, grid, findings);
+        let (written, under_lattice) = (&written, path == UNDER);
+        check_water(written, path, findings);
+        let mouths = if under_lattice {
+            refuse_lattice(case, written, grid, findings);
+            Vec::new()
+        } else {
+            refuse_others(case, findings);
+            mouths(case, written, grid, findings)
+        };
         if case.blocks.is_none() {
             findings.error(
-                PATH,
+                path,
                 "there are no blocks in this case, so that there are no joints",
                 "add `blocks` with a list, a file or a jointed rock mass",
             );
             findings.depends(&["blocks"]);
         }
         let blocks = blocks?;
-        if blocks.fixed < blocks.number {
-            findings.error(
-                "blocks.fixed",
-                format!(
-                    "{} of {} blocks can move: the water in the joints loads blocks, and does not move them yet",
-                    number(real(blocks.number - blocks.fixed)),
-                    number(real(blocks.number))
-                ),
-                "add boxes that hold the centroids of all blocks",
-            );
+        let movers = blocks.number - blocks.fixed;
+        if movers > 0 {
+            refuse_for_motion(case, contact, findings);
         }
-        if !thin_enough(written, blocks, findings) {
+        if !thin_enough(written, path, blocks, findings) {
             return None;
         }
         let mut scene = Self {
@@ -156,13 +178,23 @@ impl JointScene {
             edges: [0.0; 2],
             apertures: [f64::INFINITY, 0.0],
             longest: 0.0,
+            gravity_acts: flow.map_or([true; 3], |flow| flow.gravity_acts),
+            under_lattice,
+            movers,
+            bytes: 0,
+            numbers: 0,
         };
-        scene.measure(blocks, findings);
+        scene.measure(path, (blocks, grid), findings);
         Some(scene)
     }
 
     /// Builds the network, counts its parts and checks its mouths.
-    fn measure(&mut self, blocks: &PlacedBlocks, findings: &mut Findings) {
+    fn measure(
+        &mut self,
+        path: &str,
+        (blocks, grid): (&PlacedBlocks, &Grid),
+        findings: &mut Findings,
+    ) {
         let network = self.network(blocks);
         let mouth_of = self.mouth_of_pieces(&network);
         self.counts = Counts {
@@ -185,7 +217,7 @@ impl JointScene {
             }
         }
         if network.joints.is_empty() {
-            let path = format!("{PATH}.largest_aperture");
+            let path = format!("{path}.largest_aperture");
             findings.error(
                 &path,
                 "no two faces of different blocks are parallel and closer than this",
@@ -193,10 +225,19 @@ impl JointScene {
             );
             return;
         }
+        if self.under_lattice {
+            refuse_cells_in_joints(&network, grid, findings);
+        }
+        let movers = (blocks.list.iter().enumerate())
+            .filter(|(_, block)| !block.fixed)
+            .map(|(n, block)| Mover::new(n, 1.0, Matrix3::identity(), block.solid.position));
+        let flow = JointFlow::with_movers(network, self.settings([0.0; 3]), movers.collect());
+        self.bytes = flow.bytes();
+        self.numbers = flow.state().len();
         for (n, mouth) in self.mouths.iter().enumerate() {
             if mouth.width <= 0.0 {
                 findings.error(
-                    &format!("{PATH}.mouths[{n}].box"),
+                    &format!("{path}.mouths[{n}].box"),
                     "the middle of no edge of a joint lies in this box",
                     "move the box or make it larger: an edge ends where one of its two blocks ends",
                 );
@@ -273,17 +314,135 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
     }
 }
 
+/// Refuses what does not work with a lattice over joints.
+fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) {
+    let Some(Fluid::LatticeBoltzmann(water)) = &case.fluid else {
+        return;
+    };
+    if !matches!(case.coupling, Some(Coupling::BounceBack(_))) {
+        findings.error(
+            "coupling",
+            "water in joints under a lattice needs the coupling whose loads act on faces between cells",
+            Remedy::from("use bounce_back").set("coupling", json!({"bounce_back": {}})),
+        );
+    }
+    let limit = 0.5 * grid.spacing;
+    if written.largest_aperture > limit * (1.0 + 1e-9) {
+        let path = format!("{UNDER}.largest_aperture");
+        findings.error(
+            &path,
+            "cells of the lattice may have their centres in joints wider than half a cell",
+            Remedy::from(format!("use at most {} m", number(limit))).set(&*path, limit),
+        );
+    }
+    let fields = [
+        ("surface", water.surface.is_some(), "a free surface"),
+        (
+            "storage",
+            water.storage == Some(Precision::F32),
+            "populations in f32, which do not keep the water of small discharges",
+        ),
+        ("device", water.device == Device::Gpu, "a GPU"),
+    ];
+    for (field, _, what) in fields.iter().filter(|(_, given, _)| *given) {
+        let path = format!("fluid.lattice_boltzmann.{field}");
+        let reason = format!("joints under a lattice do not work with {what} yet");
+        findings.error(&path, reason, Remedy::take_out("remove it", &path));
+    }
+    if case.time.warm_up.is_some() {
+        let reason = "the water in the joints begins at the reference pressure with the run itself";
+        findings.error(
+            "time.warm_up",
+            reason,
+            Remedy::take_out("remove it", "time.warm_up"),
+        );
+    }
+}
+
+/// Refuses cells of the lattice with their centres in joints: two waters would act there.
+fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Findings) {
+    for joint in &network.joints {
+        let half = 0.5 * joint.gap.constant.max(0.0) + 1e-9 * grid.spacing;
+        let corners = joint.overlap.corners().iter();
+        let corners: Vec<Vector3<f64>> = corners.map(|(c, _)| joint.point(c)).collect();
+        let (mut low, mut high) = (joint.origin, joint.origin);
+        for corner in &corners {
+            low = low.inf(corner);
+            high = high.sup(corner);
+        }
+        let cell = |point: f64| point / grid.spacing - 0.5;
+        let first = low.map(|c| cell(c - half).ceil());
+        let last = high.map(|c| cell(c + half).floor());
+        if (0..3).any(|axis| first[axis] > last[axis]) {
+            continue;
+        }
+        // A plane joint along the lattice has all centres at one distance: those of its box decide.
+        let count = |axis: usize| last[axis] - first[axis] + 1.0;
+        let mut at = first;
+        let mut left = count(0) * count(1) * count(2);
+        while left > 0.5 {
+            let centre = at.map(|number| (number + 0.5) * grid.spacing);
+            let offset = centre - joint.origin;
+            let flat = Vector2::new(joint.axes[0].dot(&offset), joint.axes[1].dot(&offset));
+            let edges = joint.overlap.edges();
+            let inside = |(from, to, _): (Vector2<f64>, Vector2<f64>, usize)| {
+                (to - from).perp(&(flat - from)) >= 0.0
+            };
+            if joint.normal.dot(&offset).abs() <= half && edges.map(inside).all(|inside| inside) {
+                let [x, y, z] = centre.into();
+                findings.error(
+                    UNDER,
+                    format!(
+                        "the cell of the lattice at ({}, {}, {}) m has its centre in a joint",
+                        number(x),
+                        number(y),
+                        number(z)
+                    ),
+                    "move the blocks so that their faces lie between the centres of cells, or change the spacing",
+                );
+                return;
+            }
+            left -= 1.0;
+            for axis in 0..3 {
+                at[axis] += 1.0;
+                if at[axis] <= last[axis] {
+                    break;
+                }
+                at[axis] = first[axis];
+            }
+        }
+    }
+}
+
+/// Refuses what does not work with blocks that the water moves.
+fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut Findings) {
+    let law = contact.and_then(|contact| contact.model().blocks());
+    let damped = law.is_some_and(|law| law.mass_damping > 0.0);
+    let fields = [
+        ("contact.blocks.mass_damping", damped),
+        ("regions", !case.regions.is_empty()),
+    ];
+    for (path, _) in fields.iter().filter(|(_, given)| *given) {
+        let reason = if *path == "regions" {
+            "blocks that the water of their joints moves cannot be removed"
+        } else {
+            "the water of the joints moves the blocks, and damps them alone"
+        };
+        findings.error(path, reason, Remedy::take_out("remove it", path));
+    }
+}
+
 /// Checks pressures and densities of the water.
-fn check_water(written: &JointNetwork, findings: &mut Findings) {
+fn check_water(written: &JointNetwork, path: &str, findings: &mut Findings) {
     if written.vapour_pressure >= written.atmospheric_pressure {
         findings.error(
-            &format!("{PATH}.vapour_pressure"),
+            &format!("{path}.vapour_pressure"),
             "water boils at this pressure: it must be below the atmospheric pressure",
             format!("use less than {}", number(written.atmospheric_pressure)).as_str(),
         );
     }
     if written.residual_aperture > written.largest_aperture {
-        let path = format!("{PATH}.residual_aperture");
+        let path = format!("{path}.residual_aperture");
         findings.error(
             &path,
             "this is more than the largest aperture",
@@ -302,7 +461,7 @@ fn mouths(
 ) -> Vec<SceneMouth> {
     if written.mouths.is_empty() {
         findings.error(
-            &format!("{PATH}.mouths"),
+            &format!("{ALONE}.mouths"),
             "without a mouth no pressure drives the water",
             "add a mouth with a box that holds the ends of joints",
         );
@@ -310,7 +469,7 @@ fn mouths(
     let mut known = Vec::new();
     let mut mouths = Vec::new();
     for (n, mouth) in written.mouths.iter().enumerate() {
-        let path = format!("{PATH}.mouths[{n}]");
+        let path = format!("{ALONE}.mouths[{n}]");
         unique(&mut known, &mouth.name, &format!("{path}.name"), findings);
         let block = AlignedBox::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
         check_pressure(case, written, &mouth.pressure, &path, findings);
@@ -318,6 +477,7 @@ fn mouths(
             name: mouth.name.clone(),
             block,
             pressure: mouth.pressure.clone(),
+            presses_on_blocks: mouth.presses_on_blocks,
             width: 0.0,
         });
     }
@@ -349,10 +509,10 @@ fn check_pressure(
         if steps < 20.0 {
             let step = at_most(0.05 / frequency);
             findings.warn(
-                &format!("{PATH}.time_step"),
+                &format!("{ALONE}.time_step"),
                 format!("a period of the pressure has {} steps", number(steps)),
                 Remedy::from(format!("use at most {} s, for twenty", number(step)))
-                    .set(format!("{PATH}.time_step"), step),
+                    .set(format!("{ALONE}.time_step"), step),
             );
         }
     }
@@ -374,12 +534,17 @@ fn check_pressure(
 
 /// Returns `true` if the largest aperture is smaller than the thickness of all blocks and the network is not too
 /// large; otherwise reports a finding.
-fn thin_enough(written: &JointNetwork, blocks: &PlacedBlocks, findings: &mut Findings) -> bool {
+fn thin_enough(
+    written: &JointNetwork,
+    path: &str,
+    blocks: &PlacedBlocks,
+    findings: &mut Findings,
+) -> bool {
     let mut fits = true;
     if let Some(thinnest) = blocks.thinnest()
         && written.largest_aperture >= thinnest
     {
-        let path = format!("{PATH}.largest_aperture");
+        let path = format!("{path}.largest_aperture");
         let half = at_most(0.5 * thinnest);
         findings.error(
             &path,
@@ -395,7 +560,7 @@ fn thin_enough(written: &JointNetwork, blocks: &PlacedBlocks, findings: &mut Fin
     let areas = blocks.list.iter().map(|block| block.solid.shape.area());
     let cells = 0.5 * areas.sum::<f64>() / (written.cell * written.cell);
     if cells > MOST_CELLS {
-        let path = format!("{PATH}.cell");
+        let path = format!("{path}.cell");
         let size = at_least(written.cell * (cells / MOST_CELLS).sqrt());
         findings.error(
             &path,

@@ -211,6 +211,9 @@ fn build_flow<Sp: Space, S: SavedNumber>(
         fluid.open_surface(domain).map_err(Error::Internal)?;
     }
     let mut flow = coupled::flow::<Sp, S>(plan, fluid, units);
+    if let Some(joints) = setup::joints(plan)? {
+        flow = flow.with_joints(joints);
+    }
     if let (Some(surface), false) = (&plan.scene.surface, origin.flowed())
         && let Some(lattice) = flow.lattice_mut()
     {

@@ -313,6 +313,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             let [inflow, pressure] = joints.mouth(n);
             json!({"name": mouth.name, "inflow": inflow, "pressure": pressure})
         });
+        let departures = joints.departures().into_iter();
+        let departures = departures.map(|one| json!({"block": one.block, "time": one.time}));
         values["joints"] = json!({
             "joints": scene.counts.joints,
             "cells": scene.counts.cells,
@@ -320,7 +322,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "stored_water": joints.flow().stored(),
             "initial_water": balance.initial,
             "water_in": balance.entered,
+            "water_released": balance.released,
             "mass_error": joints.mass_error(),
+            "blocks_left": departures.collect::<Vec<_>>(),
             "smallest_pressure": balance.pressure[0],
             "largest_pressure": balance.pressure[1],
         });

@@ -81,7 +81,10 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
         Written::Joint { .. } | Written::Mouth { .. } | Written::Block { .. }
     );
     let in_joints = matches!(case.fluid, Some(Fluid::Joints(_)));
-    if case.fluid.is_some() && of_joints != in_joints {
+    let over_joints =
+        matches!(&case.fluid, Some(Fluid::LatticeBoltzmann(water)) if water.joints.is_some());
+    let suits = of_joints == in_joints || over_joints;
+    if case.fluid.is_some() && !suits {
         findings.error(
             path,
             if in_joints {

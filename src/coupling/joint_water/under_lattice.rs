@@ -1,0 +1,101 @@
+//! Water in joints under a lattice: pressures at its mouths, loads of the lattice, water that goes back to it.
+
+use super::{JointWater, MouthAt};
+use base::number::real;
+use decomposition::Domain;
+use dem::particles::Particles;
+use dem::space::Space;
+use nalgebra::Vector3;
+
+/// Numbers of a block that ranks exchange: id, force, torque.
+const NUMBERS: usize = 7;
+
+impl JointWater {
+    /// Returns the open pieces of edges.
+    #[must_use]
+    pub fn mouths_at(&self) -> Vec<MouthAt> {
+        let network = self.flow.network();
+        let mouth = |piece: &joints::edges::Piece| MouthAt {
+            middle: piece.middle,
+            outward: piece.outward,
+            normal: network.joints[piece.joint].normal,
+        };
+        network.open.iter().map(mouth).collect()
+    }
+
+    /// Returns numbers of mouths, and the volume of water that left each in the last step, at the density of
+    /// atmospheric pressure \[m³\]. The numbers are those of the pressures of that step.
+    #[must_use]
+    pub fn returned(&self) -> &[(usize, f64)] {
+        &self.returned
+    }
+
+    /// Takes note of what goes back to the lattice.
+    pub(super) fn note_returned(&mut self) {
+        let fronts = self.mouths.fronts.iter().flatten();
+        let all = self.flow.passed().iter().zip(fronts).enumerate();
+        let open = all.filter(|(_, (_, front))| front.is_some());
+        self.returned = open.map(|(mouth, (passed, _))| (mouth, *passed)).collect();
+    }
+
+    /// Gives the water of overlaps that are gone \[m³\] to the lattice, in equal parts to all mouths; without a mouth
+    /// or a lattice it is outside.
+    pub(super) fn release(&mut self, water: f64) {
+        let mouths = self.returned.len();
+        if self.mouths.fronts.is_none() || mouths == 0 {
+            self.balance.released += water;
+            return;
+        }
+        for (_, volume) in &mut self.returned {
+            *volume += water / real(mouths);
+        }
+        self.balance.entered -= water;
+    }
+
+    /// Returns the density of the water with its air at atmospheric pressure over that without air.
+    #[must_use]
+    pub fn density_ratio(&self) -> f64 {
+        1.0 - self.flow.settings().water.air
+    }
+
+    /// Takes the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
+    pub fn meet_lattice<S: Space>(
+        &mut self,
+        fronts: Vec<Option<f64>>,
+        particles: &Particles<S>,
+        domain: &Domain,
+    ) {
+        self.mouths.fronts = Some(fronts);
+        let mut bytes = Vec::new();
+        for k in 0..particles.owned() {
+            let Some([force, torque]) = particles.block_fluid_load(k) else {
+                continue;
+            };
+            bytes.extend(particles.body[k].id.to_le_bytes());
+            for number in force.iter().chain(&torque) {
+                bytes.extend(number.to_le_bytes());
+            }
+        }
+        self.of_lattice.clear();
+        self.of_lattice
+            .resize(self.solids.len(), [Vector3::zeros(); 2]);
+        for message in domain.communicator().all_gather_bytes(&bytes) {
+            for row in message.chunks_exact(8 * NUMBERS) {
+                let word = |at: usize| {
+                    let mut bytes = [0; 8];
+                    bytes.copy_from_slice(&row[8 * at..8 * at + 8]);
+                    bytes
+                };
+                let number = u64::from_le_bytes(word(0)).checked_sub(self.first);
+                let number = number.and_then(|number| usize::try_from(number).ok());
+                let Some(load) = number.and_then(|number| self.of_lattice.get_mut(number)) else {
+                    continue;
+                };
+                for axis in 0..3 {
+                    load[0][axis] = f64::from_le_bytes(word(1 + axis));
+                    load[1][axis] = f64::from_le_bytes(word(4 + axis));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Order of elimination of large networks: nested dissection by position.
+//!
+//! The unknowns are divided into two halves along the longest axis of their box; those of one half that are joined to
+//! the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
+//! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The halves are divided in the same way down to small sets, which
+//! approximate minimum degree orders. Networks of joints in a rock mass are three-dimensional: dissection leaves them
+//! much less fill than minimum degree, and is found much faster.
+
+use crate::ldl::minimum_degree;
+use nalgebra::Vector3;
+
+/// Largest set that minimum degree orders.
+const LEAF: usize = 200;
+
+/// Neighbours of each unknown.
+struct Graph {
+    starts: Vec<usize>,
+    others: Vec<usize>,
+}
+
+impl Graph {
+    fn new(count: usize, pairs: &[[usize; 2]]) -> Self {
+        let mut starts = vec![0; count + 1];
+        for unknown in pairs.iter().flatten() {
+            starts[unknown + 1] += 1;
+        }
+        for unknown in 0..count {
+            starts[unknown + 1] += starts[unknown];
+        }
+        let mut next = starts.clone();
+        let mut others = vec![0; 2 * pairs.len()];
+        for &[a, b] in pairs {
+            for (from, to) in [(a, b), (b, a)] {
+                others[next[from]] = to;
+                next[from] += 1;
+            }
+        }
+        Self { starts, others }
+    }
+
+    fn neighbours(&self, unknown: usize) -> &[usize] {
+        &self.others[self.starts[unknown]..self.starts[unknown + 1]]
+    }
+}
+
+/// Sets that are being divided.
+struct Dissection<'a> {
+    graph: Graph,
+    positions: &'a [Vector3<f64>],
+    /// Set of each unknown; those that are in the order belong to none.
+    set: Vec<usize>,
+    sets: usize,
+    order: Vec<usize>,
+}
+
+/// Returns an order of elimination of unknowns at these positions \[m\], with nonzero entries at `pairs` of them.
+pub(crate) fn dissection(positions: &[Vector3<f64>], pairs: &[[usize; 2]]) -> Vec<usize> {
+    let mut work = Dissection {
+        graph: Graph::new(positions.len(), pairs),
+        positions,
+        set: vec![0; positions.len()],
+        sets: 1,
+        order: Vec::with_capacity(positions.len()),
+    };
+    work.divide((0..positions.len()).collect());
+    work.order
+}
+
+impl Dissection<'_> {
+    /// Adds the unknowns of a set to the order.
+    fn divide(&mut self, mut members: Vec<usize>) {
+        if members.len() <= LEAF {
+            self.order_leaf(&members);
+            return;
+        }
+        let axes = self.axes(&members);
+        let positions = self.positions;
+        members.sort_unstable_by(|&a, &b| {
+            let along = |axis: usize| positions[a][axis].total_cmp(&positions[b][axis]);
+            let order = along(axes[0]).then(along(axes[1])).then(along(axes[2]));
+            order.then(a.cmp(&b))
+        });
+        let upper = members.split_off(members.len() / 2);
+        let [one, other] = [self.sets, self.sets + 1];
+        self.sets += 2;
+        self.mark(&members, one);
+        self.mark(&upper, other);
+        let touching = |list: &[usize], set: usize| -> Vec<usize> {
+            let is_joined = |&&unknown: &&usize| {
+                let mut others = self.graph.neighbours(unknown).iter();
+                others.any(|&unknown| self.set[unknown] == set)
+            };
+            list.iter().filter(is_joined).copied().collect()
+        };
+        let (below, above) = (touching(&members, other), touching(&upper, one));
+        let between = if above.len() < below.len() {
+            above
+        } else {
+            below
+        };
+        let separators = self.sets;
+        self.sets += 1;
+        self.mark(&between, separators);
+        for (mut half, set) in [(members, one), (upper, other)] {
+            half.retain(|&unknown| self.set[unknown] == set);
+            self.divide(half);
+        }
+        self.order.extend(between);
+    }
+
+    fn mark(&mut self, members: &[usize], set: usize) {
+        for &unknown in members {
+            self.set[unknown] = set;
+        }
+    }
+
+    /// Returns the axes from the longest extent of a set to the shortest.
+    fn axes(&self, members: &[usize]) -> [usize; 3] {
+        let first = self.positions[members[0]];
+        let (mut low, mut high) = (first, first);
+        for &unknown in members {
+            low = low.inf(&self.positions[unknown]);
+            high = high.sup(&self.positions[unknown]);
+        }
+        let extent = high - low;
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| extent[b].total_cmp(&extent[a]).then(a.cmp(&b)));
+        axes
+    }
+
+    /// Adds a small set by minimum degree.
+    fn order_leaf(&mut self, members: &[usize]) {
+        let set = self.sets;
+        self.sets += 1;
+        self.mark(members, set);
+        let mut local = std::collections::HashMap::with_capacity(members.len());
+        local.extend(members.iter().copied().zip(0..));
+        let mut pairs = Vec::new();
+        for (number, &unknown) in members.iter().enumerate() {
+            for other in self.graph.neighbours(unknown) {
+                if let Some(&other) = local.get(other)
+                    && number < other
+                {
+                    pairs.push([number, other]);
+                }
+            }
+        }
+        let order = minimum_degree(members.len(), &pairs);
+        self.order
+            .extend(order.into_iter().map(|number| members[number]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ldl::Factors;
+
+    #[test]
+    fn a_lattice_in_space_is_divided_into_every_unknown_once_and_fills_less() {
+        let n = 16;
+        let at = |x: usize, y: usize, z: usize| x + n * (y + n * z);
+        let (mut positions, mut pairs) = (Vec::new(), Vec::new());
+        for z in 0..n {
+            for y in 0..n {
+                for x in 0..n {
+                    let real = [x, y, z].map(base::number::real);
+                    positions.push(Vector3::from(real));
+                    if x > 0 {
+                        pairs.push([at(x - 1, y, z), at(x, y, z)]);
+                    }
+                    if y > 0 {
+                        pairs.push([at(x, y - 1, z), at(x, y, z)]);
+                    }
+                    if z > 0 {
+                        pairs.push([at(x, y, z - 1), at(x, y, z)]);
+                    }
+                }
+            }
+        }
+        let order = dissection(&positions, &pairs);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.into_iter().eq(0..n * n * n));
+        let count = positions.len();
+        let divided = Factors::in_order(order, &pairs).entries();
+        let natural = Factors::in_order((0..count).collect(), &pairs).entries();
+        let degree = Factors::new(count, &pairs).entries();
+        println!(
+            "entries: {divided} by dissection, {degree} by degree, {natural} point after point"
+        );
+        assert!(3 * divided < natural);
+    }
+}

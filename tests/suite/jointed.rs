@@ -1,0 +1,288 @@
+//! Water in joints under a lattice: discharge between two pools, both waters kept together, the same bits, messages.
+
+use crate::ranks::{Study, beside_others};
+use decomposition::{Domain, SplitAxis};
+use serde_json::{Value, json};
+use solver::case::Document;
+use solver::coupling::Flow;
+use solver::dem::particles::Particles;
+use solver::dem::space::Volume;
+use solver::error::Problem;
+use solver::lbm::fluid::Fluid;
+use solver::plan::Plan;
+use solver::simulation::{coupled, setup};
+use std::path::Path;
+
+const GAP: f64 = 1e-3;
+const LENGTH: f64 = 0.1;
+
+/// Returns two pools of an oil that a block divides, with a joint of 1 mm below the block.
+fn pools(boundaries: &Value) -> Value {
+    let half = 0.5 * GAP;
+    json!({
+        "domain": {"size": [0.4, 0.05, 0.09], "spacing": 0.01},
+        "materials": {"rock": {"density": 2650}},
+        "blocks": {
+            "material": "rock",
+            "initial": {"list": [
+                {"shape": {"cuboid": {"edges": [0.4, 0.05, 0.04 - half]}},
+                    "position": [0.2, 0.025, 0.02 - 0.5 * half]},
+                {"shape": {"cuboid": {"edges": [LENGTH, 0.05, 0.05 - half]}},
+                    "position": [0.2, 0.025, 0.065 + 0.5 * half]}
+            ]},
+            "fixed": [{"from": [0, 0, 0], "to": [0.4, 0.05, 0.09]}]
+        },
+        "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}, "friction_angle_degrees": 35}},
+        "coupling": {"bounce_back": {}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 1e-3, "collision": {"trt": {}},
+            "boundaries": boundaries,
+            "joints": {"largest_aperture": 0.005, "residual_aperture": 1e-5, "cell": 0.01}
+        }},
+        "probes": [
+            {"name": "block", "every": 0.01, "at": {"block": {"position": [0.2, 0.025, 0.07]}}},
+            {"name": "left", "every": 0.01, "at": {"joint": {"position": [0.15, 0.025, 0.04]}}},
+            {"name": "right", "every": 0.01, "at": {"joint": {"position": [0.25, 0.025, 0.04]}}}
+        ],
+        "time": {"end": 1.0}
+    })
+}
+
+/// Returns the boundaries of two pools under these pressures \[Pa\].
+fn pressures(left: f64, right: f64) -> Value {
+    let pressure = |value: f64| json!({"pressure": {"value": value, "ramp": {"duration": 0.2}}});
+    json!([
+        {"name": "left", "face": "x_min", "condition": pressure(left)},
+        {"name": "right", "face": "x_max", "condition": pressure(right)}
+    ])
+}
+
+/// Returns the mean of the last half of a column.
+fn late(rows: &io::table::Rows, name: &str) -> f64 {
+    let column = rows.column(name).unwrap();
+    let late = &column[column.len() / 2..];
+    late.iter().sum::<f64>() / f64::from(u32::try_from(late.len()).unwrap())
+}
+
+#[test]
+fn the_joint_between_two_pools_has_a_linear_pressure_and_lifts_its_block() {
+    let _beside = beside_others();
+    let (left, right) = (60.0, 20.0);
+    let study = Study::new(&pools(&pressures(left, right)).to_string());
+    study.run("run", 1, 2, &[]);
+    let read = |name: &str| {
+        let path = study.path("run").join(format!("probe_{name}.csv"));
+        io::table::read(&path).unwrap()
+    };
+    // The middles of the first and the last of ten cells.
+    for (name, exact) in [
+        ("left", left + (right - left) * 0.05),
+        ("right", left + (right - left) * 0.95),
+    ] {
+        let found = late(&read(name), "pressure");
+        println!("{name}: {found} Pa, exact {exact} Pa");
+        assert!((found - exact).abs() < 0.01 * (left - right));
+    }
+    let block = read("block");
+    let [lift, push] = ["force_z", "force_x"].map(|name| late(&block, name));
+    let exact = [
+        0.5 * (left + right) * LENGTH * 0.05,
+        // Five by five cells. Of the links of a cell that enter the block, those along an edge carry a sixth of its
+        // pressure each; in the rows next to base and walls one of them ends there.
+        (left - right) * 0.01 * 0.01 * (25.0 - 20.0 / 6.0),
+    ];
+    println!(
+        "lift {lift} N, exact {} N; push {push} N, exact {} N",
+        exact[0], exact[1]
+    );
+    assert!((lift / exact[0] - 1.0).abs() < 0.01);
+    assert!((push / exact[1] - 1.0).abs() < 0.02);
+    let joints = &study.summary("run")["joints"];
+    println!("{joints}");
+    assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
+}
+
+#[test]
+fn a_lattice_and_its_joints_keep_their_water_together() {
+    // A closed box: more water on the left flows to the right, through the joint alone.
+    let case = pools(&json!([]));
+    let read = Document::read(&case.to_string(), &[], Path::new("."));
+    let plan = read.and_then(Plan::prepare).unwrap();
+    let domain = Domain::serial(SplitAxis::X, plan.scene.grid.cells[0], false);
+    let (flow, units) = (plan.scene.flow.clone().unwrap(), plan.units.unwrap());
+    let fluid = Fluid::<f64>::new(setup::fluid(&plan, &flow, &units).unwrap(), &domain).unwrap();
+    let joints = setup::joints(&plan).unwrap().unwrap();
+    let mut water = coupled::flow::<Volume, f64>(&plan, fluid, units).with_joints(joints);
+    let mut particles = Particles::<Volume>::new();
+    setup::blocks::shapes(&plan, &mut particles).unwrap();
+    setup::blocks::blocks(&plan, domain.communicator(), &mut particles).unwrap();
+    let mut dem = setup::dem::<Volume>(&plan, 0.05).unwrap();
+    dem.prepare(&mut particles, &domain).unwrap();
+    water.update_bodies(&mut particles, &domain).unwrap();
+    let lattice = water.lattice_mut().unwrap().fluid_mut();
+    let all: Vec<_> = lattice.populations().interior().collect();
+    for (cell, position) in &all {
+        if cell[0] < 15 {
+            lattice.set_equilibrium(*position, 0.01, [0.0; 3]);
+        }
+    }
+    let volume = 1e-6;
+    let mass = |water: &solver::coupling::water::Water<Volume, f64>| {
+        let lattice = water.lattice().unwrap();
+        let fluid = lattice.fluid().populations();
+        // Water inside blocks stays there.
+        let mut sum = decomposition::ExactSum::new();
+        for (_, position) in &all {
+            sum.add(fluid.moments(*position).0 * volume);
+        }
+        sum.add(water.joints().unwrap().flow().stored());
+        (sum.value(), water.joints().unwrap().balance().entered)
+    };
+    let right = |water: &solver::coupling::water::Water<Volume, f64>| {
+        let lattice = water.lattice().unwrap();
+        lattice.state([39, 2, 6]).0
+    };
+    let (before, _) = mass(&water);
+    let mut passed = 0.0_f64;
+    for _ in 0..400 {
+        water.advance(&mut particles, &domain).unwrap();
+        water.update_bodies(&mut particles, &domain).unwrap();
+        passed = passed.max(mass(&water).1.abs());
+    }
+    let (after, _) = mass(&water);
+    let error = (after - before) / before;
+    println!(
+        "water {before:e} m3, changed by {error:e} of it; {passed:e} m3 entered the joint; density on the right {:e}",
+        right(&water)
+    );
+    assert!(error.abs() < 1e-10 && passed > 1e-12);
+    assert!(right(&water) > 1e-8);
+}
+
+/// Returns a block flush with its bed under a stream that a pressure drives.
+fn flush() -> Value {
+    let fixed = |low: [f64; 3], high: [f64; 3]| {
+        let edges: Vec<f64> = (0..3).map(|k| high[k] - low[k]).collect();
+        let middle: Vec<f64> = (0..3).map(|k| 0.5 * (high[k] + low[k])).collect();
+        json!({"shape": {"cuboid": {"edges": edges}}, "position": middle})
+    };
+    json!({
+        "domain": {"size": [0.2, 0.06, 0.12], "spacing": 0.01},
+        "gravity": [0, 0, -9.81],
+        "materials": {"rock": {"density": 2650}},
+        "blocks": {
+            "material": "rock",
+            "initial": {"list": [
+                fixed([0.0, 0.0, 0.0], [0.2, 0.06, 0.02]),
+                fixed([0.0, 0.0, 0.02], [0.0695, 0.06, 0.06]),
+                fixed([0.0705, 0.0, 0.02], [0.1295, 0.06, 0.06]),
+                fixed([0.1305, 0.0, 0.02], [0.2, 0.06, 0.06])
+            ]},
+            "fixed": [
+                {"from": [0, 0, 0], "to": [0.2, 0.06, 0.02]}, {"from": [0, 0, 0], "to": [0.07, 0.06, 0.06]},
+                {"from": [0.13, 0, 0], "to": [0.2, 0.06, 0.06]}
+            ]
+        },
+        "contact": {"blocks": {
+            "normal_stiffness": {"per_area": 1e7}, "friction_angle_degrees": 35, "normal_damping_ratio": 0.3
+        }},
+        "coupling": {"bounce_back": {}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-3, "time_step": 2e-4, "collision": {"trt": {}},
+            "boundaries": [
+                {"name": "left", "face": "x_min",
+                    "condition": {"pressure": {"value": 400, "ramp": {"duration": 0.01}}}},
+                {"name": "right", "face": "x_max", "condition": {"pressure": {"value": 0}}}
+            ],
+            "joints": {"largest_aperture": 0.005, "residual_aperture": 2e-4, "cell": 0.01}
+        }},
+        "probes": [
+            {"name": "block", "every": 0.002, "at": {"block": {"position": [0.1, 0.03, 0.04]}}},
+            {"name": "joint", "every": 0.002, "at": {"joint": {"position": [0.07, 0.03, 0.05]}}}
+        ],
+        "checkpoint": {"every": 0.01},
+        "time": {"end": 0.03}
+    })
+}
+
+#[test]
+fn a_flush_block_under_a_stream_has_the_same_bits_on_any_ranks_and_after_restarts() {
+    let _beside = beside_others();
+    let study = Study::new(&flush().to_string());
+    study.run("straight", 1, 1, &[]);
+    let joints = &study.summary("straight")["joints"];
+    println!("{joints}");
+    assert!(
+        joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{joints}"
+    );
+    assert!(
+        joints["largest_pressure"].as_f64().unwrap() > 20.0,
+        "{joints}"
+    );
+    for (name, ranks, threads, set) in [
+        ("threads", 1, 2, &[][..]),
+        ("two", 2, 1, &[]),
+        ("three along z", 3, 1, &["domain.split=z"]),
+    ] {
+        study.run(name, ranks, threads, set);
+        study.same("straight", name);
+    }
+    study.run("parts", 2, 1, &["time.end=0.014"]);
+    study.restart("parts", 1, &["time.end=0.03"]).expect(0);
+    study.same("straight", "parts");
+}
+
+fn problems(case: &Value) -> Vec<Problem> {
+    let read = Document::read(&case.to_string(), &[], Path::new("."));
+    match read.and_then(Plan::prepare) {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    }
+}
+
+#[test]
+fn wrong_joints_under_a_lattice_are_refused_with_one_finding_each() {
+    let good = pools(&pressures(60.0, 20.0));
+    assert!(problems(&good).is_empty(), "{:#?}", problems(&good));
+    let water = "/fluid/lattice_boltzmann";
+    let wrong = [
+        (
+            format!("{water}/joints/largest_aperture"),
+            json!(0.006),
+            "fluid.lattice_boltzmann.joints.largest_aperture",
+        ),
+        (
+            format!("{water}/storage"),
+            json!("f32"),
+            "fluid.lattice_boltzmann.storage",
+        ),
+        (
+            "/coupling".to_owned(),
+            json!({"partially_saturated": {}}),
+            "coupling",
+        ),
+        (
+            "/blocks/initial/list/1/position/2".to_owned(),
+            json!(0.0675),
+            "fluid.lattice_boltzmann.joints",
+        ),
+    ];
+    for (field, value, path) in wrong {
+        let mut case = good.clone();
+        let storage = &mut case["fluid"]["lattice_boltzmann"]["storage"];
+        *storage = json!("f64");
+        if path == "fluid.lattice_boltzmann.joints" {
+            // The lower face of the upper block above the centres of a row of cells, the base up to them.
+            case["blocks"]["initial"]["list"][0]["shape"]["cuboid"]["edges"][2] = json!(0.0435);
+            case["blocks"]["initial"]["list"][0]["position"][2] = json!(0.02175);
+            case["blocks"]["initial"]["list"][1]["shape"]["cuboid"]["edges"][2] = json!(0.0435);
+        }
+        *case.pointer_mut(&field).unwrap() = value;
+        let found = problems(&case);
+        assert!(
+            found.iter().any(|problem| problem.path == path),
+            "{field}: {found:#?}"
+        );
+    }
+}
