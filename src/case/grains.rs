@@ -80,7 +80,8 @@ pub struct SampleFile {
     /// LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
     /// as well, without types, groups and forces.
     pub path: PathBuf,
-    /// Length of the file's unit [m]: 0.001 for a file in mm. Centres, radii and velocities are multiplied by it.
+    /// Length of the file's unit [m]: 0.001 for a file in mm without units in brackets. Centres, radii and velocities
+    /// are multiplied by it.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
