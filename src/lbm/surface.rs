@@ -57,6 +57,7 @@
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
+//! | `stencil` | numbers and neighbours of a cell at fixed distances |
 //! | `opening` | openings: what enters and leaves through them |
 
 pub(crate) mod bodies;
@@ -72,6 +73,7 @@ pub mod kind;
 pub(crate) mod lists;
 mod moments;
 mod opening;
+mod stencil;
 
 pub use ghosts::Ends;
 pub(crate) use opening::Opening;
@@ -87,6 +89,7 @@ use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
+use stencil::with_set;
 
 /// Fill levels this near to empty or full are empty or full at the start.
 const ROUND: f64 = 1e-9;
@@ -113,6 +116,8 @@ pub struct SlabSurface {
     openings: Vec<Opening>,
     /// Dry cells of a step that stand against water outside; the list keeps its memory.
     fed: Vec<conversion::Fed>,
+    /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
+    shore: Vec<(usize, [f32; 3])>,
 }
 
 impl SlabSurface {
@@ -139,6 +144,7 @@ impl SlabSurface {
             lost: 0,
             openings: Vec::new(),
             fed: Vec::new(),
+            shore: Vec::new(),
         })
     }
 
@@ -347,43 +353,54 @@ impl SlabSurface {
     /// Returns the cells of gas of the slab next to interface cells and held cells along the axes, with the mean
     /// velocity of their wet neighbours; some of them more than once. `velocity` gives that of a cell.
     pub(crate) fn shore<S: Stored>(
-        &self,
+        &mut self,
         populations: &Populations<S>,
         velocity: impl Fn(usize) -> [f32; 3],
-    ) -> Vec<(usize, [f32; 3])> {
-        let mut shore = Vec::new();
+    ) -> &[(usize, [f32; 3])] {
         let dimension = populations.velocities().dimension;
-        let count = populations.cells();
-        // Interface cells of the slab and of its ghost cells.
+        let (cells, ghosts) = (&self.cells, &self.ghosts);
+        let shore = &mut self.shore;
+        shore.clear();
+        let mut add = |gas: usize| {
+            let mut sum = [0.0; 3];
+            let mut count = 0.0;
+            let wet = cells.along_axes(gas, dimension);
+            for cell in wet.filter(|&cell| is_wet(cells.kind[cell])) {
+                for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
+                    *sum += u;
+                }
+                count += 1.0;
+            }
+            shore.push((gas, sum.map(|sum| sum / count)));
+        };
         let own = self.planes.iter().flat_map(|plane| &plane.surface);
         let held = self.bodies.iter().flat_map(|bodies| bodies.wet());
-        let held = held.filter(|cell| self.cells.kind[**cell as usize] == HELD);
-        let ends = |kind: u8| is_surface(kind) || kind == HELD;
-        let beyond = self.ghosts.all().iter();
-        let beyond = beyond.filter(|cell| ends(self.cells.kind[**cell as usize]));
-        for &cell in own.chain(held).chain(beyond) {
+        let held = held.filter(|cell| cells.kind[**cell as usize] == HELD);
+        for &cell in own.chain(held) {
+            for next in cells.along_axes(cell as usize, dimension) {
+                if cells.kind[next] == GAS && !ghosts.holds(next) {
+                    add(next);
+                }
+            }
+        }
+        let count = populations.cells();
+        for &cell in ghosts.all() {
+            let kind = cells.kind[cell as usize];
+            if !is_surface(kind) && kind != HELD {
+                continue;
+            }
             let at = populations.coordinates(cell as usize);
-            let steps = (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]);
-            let next = steps.filter_map(|(axis, step)| {
+            for (axis, step) in (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]) {
                 let mut next = at;
                 next[axis] += step;
                 let inside = (0..3).all(|a| (0..count[a].cast_signed()).contains(&next[a]));
-                inside.then(|| populations.cell(next))
-            });
-            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS) {
-                let mut sum = [0.0; 3];
-                let mut count = 0.0;
-                let wet = self.cells.along_axes(gas, dimension);
-                for cell in wet.filter(|&cell| is_wet(self.cells.kind[cell])) {
-                    for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
-                        *sum += u;
-                    }
-                    count += 1.0;
+                let next = populations.cell(next);
+                if inside && cells.kind[next] == GAS {
+                    add(next);
                 }
-                shore.push((gas, sum.map(|sum| sum / count)));
             }
         }
-        shore
+        &self.shore
     }
 
     /// Returns the lists of the planes, for the pass.
@@ -401,15 +418,20 @@ impl SlabSurface {
         for opening in &mut self.openings {
             opening.remember(&self.cells, populations, half_force);
         }
-        let state = (&self.cells, self.ghosts.around());
+        let (cells, planes) = (&mut self.cells, &mut self.planes[..]);
         let drive = (half_force, viscosity);
-        exchange::prepare(state, &mut self.planes, populations, drive);
-        carried::set(&mut self.cells, &mut self.planes, populations);
+        let state = (&*cells, self.ghosts.around());
+        with_set!(
+            populations,
+            exchange::prepare(state, planes, populations, drive)
+        );
+        with_set!(populations, carried::set(cells, planes, populations));
     }
 
     /// Sets what cells of gas sent in the pass to zero.
     pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
-        exchange::silence(&self.cells, &mut self.planes, populations);
+        let planes = &mut self.planes[..];
+        with_set!(populations, exchange::silence(planes, populations));
         exchange::bounce(&self.corners, populations);
     }
 
@@ -419,7 +441,8 @@ impl SlabSurface {
         let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
         self.ghosts.exchange_carriers(carrier);
         let slab = (&mut self.planes[..], &self.ghosts);
-        carried::link(&mut self.cells, slab, populations, &mut self.beyond);
+        let (cells, beyond) = (&mut self.cells, &mut self.beyond);
+        with_set!(populations, carried::link(cells, slab, populations, beyond));
         carried::clear(&mut self.cells, &self.planes);
         self.fed.clear();
         for opening in &mut self.openings {
@@ -428,11 +451,11 @@ impl SlabSurface {
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
-        exchange::exchange(
-            &mut self.cells,
-            self.ghosts.around(),
-            &mut self.planes,
+        let (cells, around) = (&mut self.cells, self.ghosts.around());
+        let planes = &mut self.planes[..];
+        with_set!(
             populations,
+            exchange::exchange(cells, around, planes, populations)
         );
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
@@ -463,7 +486,11 @@ impl SlabSurface {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
-        exchange::classify(&self.cells, &mut self.planes, populations);
+        let planes = &mut self.planes[..];
+        with_set!(
+            populations,
+            exchange::classify(&self.cells, planes, populations)
+        );
         for plane in &self.planes {
             for ((&cell, &kind), &fill) in plane.surface.iter().zip(&plane.kind).zip(&plane.fill) {
                 self.cells.kind[cell as usize] = kind;
@@ -477,6 +504,8 @@ impl SlabSurface {
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.spread_values(&mut fill, &mut share, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
+        self.work
+            .mark_takers(&mut self.cells, &self.ghosts, populations);
     }
 
     /// Makes the lists of the planes whose cells have changed kind.

@@ -164,9 +164,9 @@ impl<S: Stored> Fluid<S> {
     /// Continues the velocities of the eddy viscosity into the gas next to the surface, so that gradients
     /// there are those of the water. Collective.
     pub fn continue_velocities(&mut self) {
-        if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
+        if let (Some(surface), Some(field)) = (&mut self.surface, &mut self.field) {
             let cells = surface.shore(&self.populations, |cell| field.velocity(cell));
-            for (cell, u) in cells {
+            for &(cell, u) in cells {
                 field.set_velocity(cell, u);
             }
             self.spread_velocities();

@@ -334,7 +334,7 @@ impl SlabSurface {
     /// Returns the cells of gas that the pass collides with cells of water.
     pub(crate) fn dry(&self) -> impl Iterator<Item = usize> + '_ {
         let dry = self.planes.iter().flat_map(|plane| &plane.dry);
-        dry.map(|&cell| cell as usize)
+        dry.flat_map(|&[first, end]| first as usize..end as usize)
     }
 
     /// Returns by slot the volume and the sum of r² of the cells that take part in the flow and of all cells of a body,
