@@ -50,6 +50,7 @@
 //! | `lists` | interface cells and wet parts of rows, by plane |
 //! | `ghosts` | state beyond the slab |
 //! | `moments` | density, velocity and stress of a cell |
+//! | `momentum` | momentum of a step, for its balance |
 //! | `cut` | plane that cuts a part from a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
 //! | `bodies` | bodies that fill cells in part or whole |
@@ -72,10 +73,12 @@ mod ghosts;
 pub mod kind;
 pub(crate) mod lists;
 mod moments;
+mod momentum;
 mod opening;
 mod stencil;
 
 pub use ghosts::Ends;
+pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
 pub use opening::{Outside, Passed, Up};
 
@@ -109,6 +112,9 @@ pub struct SlabSurface {
     bodies: Option<Box<Bodies>>,
     /// `true` after a restart, until bodies are known.
     restored: bool,
+    /// `true` between the step and the update of the bodies, which change cells as well: lists and fill levels are
+    /// those before the step.
+    unsettled: bool,
     /// Carried ghost cells of a step; the list keeps its memory.
     beyond: Vec<(usize, carrier::Carrier)>,
     /// Mass that could not be shared, on this rank, in quanta.
@@ -118,6 +124,8 @@ pub struct SlabSurface {
     fed: Vec<conversion::Fed>,
     /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
     shore: Vec<(usize, [f32; 3])>,
+    /// Momentum of the step; none where no balance is due.
+    balance: Option<StepMomentum>,
 }
 
 impl SlabSurface {
@@ -140,11 +148,13 @@ impl SlabSurface {
             corners: Vec::new(),
             bodies: None,
             restored: false,
+            unsettled: false,
             beyond: Vec::new(),
             lost: 0,
             openings: Vec::new(),
             fed: Vec::new(),
             shore: Vec::new(),
+            balance: None,
         })
     }
 
@@ -415,6 +425,9 @@ impl SlabSurface {
         half_force: [f64; 3],
         viscosity: f64,
     ) {
+        if self.unsettled {
+            self.settle(populations);
+        }
         for opening in &mut self.openings {
             opening.remember(&self.cells, populations, half_force);
         }
@@ -435,19 +448,26 @@ impl SlabSurface {
         exchange::bounce(&self.corners, populations);
     }
 
-    /// Moves the surface, when all populations that come from water and solids are in place. Collective.
-    pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    /// Completes what wet cells take in from carried cells and openings, when all populations that come from water and
+    /// solids are in place. Collective.
+    pub(crate) fn complete<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let (cells, planes) = (&self.cells, &self.planes);
         let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
         self.ghosts.exchange_carriers(carrier);
+        self.add_momentum(populations, 1);
         let slab = (&mut self.planes[..], &self.ghosts);
         let (cells, beyond) = (&mut self.cells, &mut self.beyond);
         with_set!(populations, carried::link(cells, slab, populations, beyond));
+        self.add_momentum(populations, -1);
         carried::clear(&mut self.cells, &self.planes);
         self.fed.clear();
         for opening in &mut self.openings {
             opening.pass(&mut self.cells, populations, &mut self.fed);
         }
+    }
+
+    /// Moves the surface, after [`Self::complete`]. Collective.
+    pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
@@ -477,12 +497,32 @@ impl SlabSurface {
             populations,
             (&self.ghosts, &self.fed),
         );
-        self.settle(populations);
+        if self.bodies.is_some() {
+            self.share_out(populations);
+            self.unsettled = true;
+        } else {
+            self.settle(populations);
+        }
+    }
+
+    /// Shares excess mass. Collective.
+    fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.lost += self.work.distribute(&mut self.cells);
+        let mut fill = std::mem::take(&mut self.cells.fill);
+        let mut share = std::mem::take(&mut self.cells.share);
+        let cells = &self.cells;
+        let shore = |cell: usize| exchange::shore(cells, populations, cell);
+        self.ghosts.spread_values(&mut fill, &mut share, shore);
+        (self.cells.fill, self.cells.share) = (fill, share);
+        self.work
+            .mark_takers(&mut self.cells, &self.ghosts, populations);
     }
 
     /// Shares excess mass and makes the state of ghost cells and the lists follow from the cells of the slab.
     /// Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.unsettled = false;
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
@@ -497,15 +537,7 @@ impl SlabSurface {
                 self.cells.fill[cell as usize] = fill;
             }
         }
-        self.ghosts.spread_kinds(&mut self.cells.kind);
-        let mut fill = std::mem::take(&mut self.cells.fill);
-        let mut share = std::mem::take(&mut self.cells.share);
-        let cells = &self.cells;
-        let shore = |cell: usize| exchange::shore(cells, populations, cell);
-        self.ghosts.spread_values(&mut fill, &mut share, shore);
-        (self.cells.fill, self.cells.share) = (fill, share);
-        self.work
-            .mark_takers(&mut self.cells, &self.ghosts, populations);
+        self.share_out(populations);
     }
 
     /// Makes the lists of the planes whose cells have changed kind.

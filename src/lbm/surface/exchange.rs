@@ -159,6 +159,7 @@ pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
     let least = least(planes);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for n in 0..plane.surface.len() {
+            stencil.prefetch(numbers, &plane.surface, n);
             let cell = plane.surface[n] as usize;
             let facet = &plane.facets[n];
             // SAFETY: threads write numbers of links to gas only.

@@ -116,6 +116,9 @@ mod tests {
         assert_eq!(plane.spans(0), [[0, 8], [16, 24]]);
         assert_eq!(plane.spans(1), [[8, 30]]);
         assert_eq!(plane.surface, [17]);
-        assert_eq!(plane.dry, [[0, 3], [4, 8], [16, 17], [18, 20], [21, 24], [59, 62]]);
+        assert_eq!(
+            plane.dry,
+            [[0, 3], [4, 8], [16, 17], [18, 20], [21, 24], [59, 62]]
+        );
     }
 }

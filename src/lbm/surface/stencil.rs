@@ -7,7 +7,7 @@
 use super::cells::Cells;
 use super::kind::SOLID;
 use super::moments::{Moments, PAIRS, from_sums};
-use crate::lanes::Stored;
+use crate::lanes::{Stored, prefetch};
 use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 use std::marker::PhantomData;
@@ -53,6 +53,12 @@ impl<S: Stored> Numbers<S> {
         unsafe { self.0.add(position).write(S::from_f64(value)) }
     }
 }
+
+/// Cells of a list from the one at work to the one whose numbers are prefetched.
+const AHEAD: usize = 6;
+
+/// Bytes of a cache line.
+const LINE: usize = 64;
 
 /// Square roots of 0 to 3.
 const ROOTS: [f64; 4] = [0.0, 1.0, std::f64::consts::SQRT_2, 1.732_050_807_568_877_2];
@@ -101,7 +107,13 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
         Self {
             incoming: std::array::from_fn(|i| from(populations.incoming(cell, i))),
             out: std::array::from_fn(|i| from(if i == 0 { rest } else { link(i).out(parity) })),
-            back: std::array::from_fn(|i| from(if i == 0 { rest } else { link(i).incoming(parity) })),
+            back: std::array::from_fn(|i| {
+                from(if i == 0 {
+                    rest
+                } else {
+                    link(i).incoming(parity)
+                })
+            }),
             neighbours: std::array::from_fn(|i| populations.offset(i).cast_unsigned()),
             lattice: PhantomData,
         }
@@ -147,6 +159,22 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
             }
         }
         kinds
+    }
+
+    /// Asks for the numbers of the links of the cell that comes some cells after the one at `n` in a list. Behind a pass
+    /// they lie in memory, on a line for each direction, and their loads would wait for each other.
+    #[inline(always)]
+    pub(super) fn prefetch<S: Stored>(&self, numbers: &Numbers<S>, list: &[u32], n: usize) {
+        let (Some(&cell), Some(&before)) = (list.get(n + AHEAD), list.get(n + AHEAD - 1)) else {
+            return;
+        };
+        // The cells of a row share lines.
+        if cell != before + 1 || (cell as usize).is_multiple_of(LINE / size_of::<S>()) {
+            for i in 1..Q {
+                prefetch(numbers.0.wrapping_add(self.out(cell as usize, i)));
+                prefetch(numbers.0.wrapping_add(self.back(cell as usize, i)));
+            }
+        }
     }
 
     /// Returns the density of a cell.
