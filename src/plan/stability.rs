@@ -120,7 +120,12 @@ pub(super) fn check(
         Some((speed, model.border_of_moving(&body)?))
     });
     // A body has a map of its own; what its surface does along itself is the same as what a wall does.
-    let mut speeds = speed::imposed_on_fluid(flow);
+    // Below a free surface there is no duct: `free_surface` judges what drives the water.
+    let mut speeds = if scene.surface.is_some() {
+        Vec::new()
+    } else {
+        speed::imposed_on_fluid(flow)
+    };
     speeds.extend(speed::of_bodies(scene, of_moving.is_some()));
     let situation = Situation {
         velocities: flow.lattice,
@@ -170,15 +175,22 @@ fn judge(
     // The border lies between the two; a little less than what failed is taken as failing.
     if cell * slack < limit.fails {
         if limit.holds > 0.0 && cell > limit.holds * slack {
+            let beyond = if limit.fails.is_finite() {
+                format!(
+                    " and failed from {} on; between the two nothing was run",
+                    number(limit.fails)
+                )
+            } else {
+                ", the largest that was run".to_owned()
+            };
             findings.warn(
                 &speed.path,
                 format!(
                     "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up \
-                     to {} and failed from {} on; between the two nothing was run",
+                     to {}{beyond}",
                     speed.what,
                     number(cell),
                     number(limit.holds),
-                    number(limit.fails),
                 ),
                 finer_cells(scene, flow, scene.grid.spacing * limit.holds / cell),
             );
