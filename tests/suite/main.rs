@@ -47,6 +47,7 @@ mod slopes;
 mod speaking;
 mod stopping;
 mod structures;
+mod surface_extremes;
 mod sweep;
 mod tutorial;
 mod unsaturated;
