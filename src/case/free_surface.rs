@@ -26,6 +26,8 @@ pub enum Water {
     Shape(Shape),
     /// Water below a wave.
     Wave(Wave),
+    /// All that lies below a solitary wave, with its velocity, which is added to that of `initial`.
+    SolitaryWave(SolitaryWave),
 }
 
 /// A wave: the undisturbed surface is at `level`, the wave at level + amplitude · cos(2 pi waves s/L), with s along
@@ -43,6 +45,29 @@ pub struct Wave {
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub waves: f64,
+}
+
+/// A solitary wave on water of one depth, by the theory of the third order (Grimshaw 1971, Fenton 1972): it runs with
+/// about (g (depth + height))^½ without a change of its shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SolitaryWave {
+    /// Height of the water at rest [m] along the axis of gravity.
+    pub level: f64,
+    /// Height of the crest above the water at rest [m], at most 0.78 of the depth.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub height: f64,
+    /// Axis along which the wave runs.
+    pub axis: Axis,
+    /// Coordinate of the crest at the start [m].
+    pub crest: f64,
+    /// Depth of the water at rest below the wave [m]. Default: down to the lowest face of the domain.
+    #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub depth: Option<f64>,
+    /// `true` for a wave that runs towards smaller coordinates.
+    #[serde(default)]
+    pub backward: bool,
 }
 
 fn one() -> f64 {

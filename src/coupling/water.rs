@@ -85,6 +85,13 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
         }
     }
 
+    /// Starts or leaves out the balance of the momentum of the next step, where the water has a free surface.
+    pub fn balance_surface(&mut self, wanted: bool) {
+        if let Some(flow) = self.lattice_mut() {
+            flow.fluid_mut().balance_surface(wanted);
+        }
+    }
+
     /// Copies the state of the fluid from a GPU, if it is there ([`LatticeFlow::fetch`]).
     ///
     /// # Errors

@@ -414,6 +414,7 @@ impl<S: Stored> Fluid<S> {
         if let Some(surface) = &mut self.surface {
             let viscosity = (self.relaxation_time - 0.5) / 3.0;
             surface.prepare(&mut self.populations, half, viscosity);
+            surface.begin_balance(&self.populations, self.cover.as_ref());
         }
         self.hide_dry(true);
         // The end planes come first: their populations are sent while the interior is updated.

@@ -109,6 +109,10 @@ pub struct Populations<S: Stored> {
     array: usize,
     /// Start of the array of each population.
     begins: Vec<usize>,
+    /// Distance in positions to the neighbour along each direction.
+    offsets: Vec<isize>,
+    /// Position of the incoming population j of the cell at position 0 after a reversed pass; distances wrap.
+    reversed: Vec<usize>,
     /// Position of cell (0, 0, 0) within an array.
     origin: usize,
     /// Axes from slowest to fastest.
@@ -198,12 +202,23 @@ impl<S: Stored> Populations<S> {
             .ok_or_else(|| {
                 format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
             })?;
+        let begins: Vec<usize> = ranks.iter().map(|rank| rank * array).collect();
+        let distance = |c: &[i8; 3]| -> isize {
+            (0..3)
+                .map(|a| isize::from(c[a]) * strides[a].cast_signed())
+                .sum()
+        };
+        let offsets: Vec<isize> = velocities.c.iter().map(distance).collect();
+        let back = velocities.opposite.iter().zip(&offsets);
+        let reversed = back.map(|(&i, offset)| begins[i].wrapping_add_signed(-offset));
         Ok(Self {
             memory: Pages::new(total)?,
             cells,
             strides,
             array,
-            begins: ranks.iter().map(|rank| rank * array).collect(),
+            reversed: reversed.collect(),
+            offsets,
+            begins,
             origin,
             order,
             velocities,
@@ -269,20 +284,17 @@ impl<S: Stored> Populations<S> {
     #[inline(always)]
     #[must_use]
     pub fn offset(&self, i: usize) -> isize {
-        let c = self.velocities.c[i];
-        (0..3)
-            .map(|a| isize::from(c[a]) * self.strides[a].cast_signed())
-            .sum()
+        self.offsets[i]
     }
 
     /// Returns the link that leaves the cell at position `cell` along direction `i`.
     #[inline]
     #[must_use]
     pub fn link(&self, cell: usize, i: usize) -> Link {
-        let neighbour = cell.wrapping_add_signed(self.offset(i));
+        let back = self.velocities.opposite[i];
         Link {
-            near: position(self.begins[self.velocities.opposite[i]] + cell),
-            far: position(self.begins[i] + neighbour),
+            near: position(self.begins[back] + cell),
+            far: position(self.reversed[back].wrapping_add(cell)),
         }
     }
 
@@ -306,9 +318,7 @@ impl<S: Stored> Populations<S> {
     pub fn incoming_after(&self, parity: Parity, cell: usize, j: usize) -> usize {
         match parity {
             Parity::Home => self.begins[j] + cell,
-            Parity::Reversed => {
-                self.begins[self.velocities.opposite[j]] + cell.wrapping_add_signed(-self.offset(j))
-            }
+            Parity::Reversed => self.reversed[j].wrapping_add(cell),
         }
     }
 

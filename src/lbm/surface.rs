@@ -50,6 +50,7 @@
 //! | `lists` | interface cells and wet parts of rows, by plane |
 //! | `ghosts` | state of the cells outside the slab |
 //! | `moments` | density, velocity and stress of a cell |
+//! | `momentum` | momentum of a step, for its balance |
 //! | `cut` | plane that intersects a cell |
 //! | `facet` | surface in an interface cell, and the traction on its links |
 //! | `bodies` | bodies that fill cells in part or completely |
@@ -57,6 +58,7 @@
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
+//! | `stencil` | numbers and neighbours of a cell at fixed distances |
 //! | `opening` | openings: inflow and outflow |
 
 pub(crate) mod bodies;
@@ -71,9 +73,12 @@ mod ghosts;
 pub mod kind;
 pub(crate) mod lists;
 mod moments;
+mod momentum;
 mod opening;
+mod stencil;
 
 pub use ghosts::Ends;
+pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
 pub use opening::{Outside, Passed, Up};
 
@@ -87,6 +92,7 @@ use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
+use stencil::with_set;
 
 /// Distance of a fill level from 0 or 1 below which a cell is empty or full at the start.
 const ROUND: f64 = 1e-9;
@@ -106,6 +112,9 @@ pub struct SlabSurface {
     bodies: Option<Box<Bodies>>,
     /// `true` after a restart, until bodies are known.
     restored: bool,
+    /// `true` between the step and the update of the bodies, which change cells as well: lists and fill levels are
+    /// those before the step.
+    unsettled: bool,
     /// Carried ghost cells of a step; a reusable buffer.
     beyond: Vec<(usize, carrier::Carrier)>,
     /// Mass on this rank that could not be distributed, in quanta.
@@ -113,6 +122,10 @@ pub struct SlabSurface {
     openings: Vec<Opening>,
     /// Dry cells of a step next to water outside an opening; a reusable buffer.
     fed: Vec<conversion::Fed>,
+    /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
+    shore: Vec<(usize, [f32; 3])>,
+    /// Momentum of the step; none where no balance is due.
+    balance: Option<StepMomentum>,
 }
 
 impl SlabSurface {
@@ -135,10 +148,13 @@ impl SlabSurface {
             corners: Vec::new(),
             bodies: None,
             restored: false,
+            unsettled: false,
             beyond: Vec::new(),
             lost: 0,
             openings: Vec::new(),
             fed: Vec::new(),
+            shore: Vec::new(),
+            balance: None,
         })
     }
 
@@ -350,43 +366,54 @@ impl SlabSurface {
     /// Returns the gas cells of the slab that are next to interface cells and held cells along the axes, with the
     /// mean velocity of their wet neighbours; some occur more than once. `velocity` returns the velocity of a cell.
     pub(crate) fn shore<S: Stored>(
-        &self,
+        &mut self,
         populations: &Populations<S>,
         velocity: impl Fn(usize) -> [f32; 3],
-    ) -> Vec<(usize, [f32; 3])> {
-        let mut shore = Vec::new();
+    ) -> &[(usize, [f32; 3])] {
         let dimension = populations.velocities().dimension;
-        let count = populations.cells();
-        // Interface cells of the slab and of its ghost cells.
+        let (cells, ghosts) = (&self.cells, &self.ghosts);
+        let shore = &mut self.shore;
+        shore.clear();
+        let mut add = |gas: usize| {
+            let mut sum = [0.0; 3];
+            let mut count = 0.0;
+            let wet = cells.along_axes(gas, dimension);
+            for cell in wet.filter(|&cell| is_wet(cells.kind[cell])) {
+                for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
+                    *sum += u;
+                }
+                count += 1.0;
+            }
+            shore.push((gas, sum.map(|sum| sum / count)));
+        };
         let own = self.planes.iter().flat_map(|plane| &plane.surface);
         let held = self.bodies.iter().flat_map(|bodies| bodies.wet());
-        let held = held.filter(|cell| self.cells.kind[**cell as usize] == HELD);
-        let ends = |kind: u8| is_surface(kind) || kind == HELD;
-        let beyond = self.ghosts.all().iter();
-        let beyond = beyond.filter(|cell| ends(self.cells.kind[**cell as usize]));
-        for &cell in own.chain(held).chain(beyond) {
+        let held = held.filter(|cell| cells.kind[**cell as usize] == HELD);
+        for &cell in own.chain(held) {
+            for next in cells.along_axes(cell as usize, dimension) {
+                if cells.kind[next] == GAS && !ghosts.holds(next) {
+                    add(next);
+                }
+            }
+        }
+        let count = populations.cells();
+        for &cell in ghosts.all() {
+            let kind = cells.kind[cell as usize];
+            if !is_surface(kind) && kind != HELD {
+                continue;
+            }
             let at = populations.coordinates(cell as usize);
-            let steps = (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]);
-            let next = steps.filter_map(|(axis, step)| {
+            for (axis, step) in (0..dimension).flat_map(|axis| [(axis, -1), (axis, 1)]) {
                 let mut next = at;
                 next[axis] += step;
                 let inside = (0..3).all(|a| (0..count[a].cast_signed()).contains(&next[a]));
-                inside.then(|| populations.cell(next))
-            });
-            for gas in next.filter(|&cell| self.cells.kind[cell] == GAS) {
-                let mut sum = [0.0; 3];
-                let mut count = 0.0;
-                let wet = self.cells.along_axes(gas, dimension);
-                for cell in wet.filter(|&cell| is_wet(self.cells.kind[cell])) {
-                    for (sum, u) in sum.iter_mut().zip(velocity(cell)) {
-                        *sum += u;
-                    }
-                    count += 1.0;
+                let next = populations.cell(next);
+                if inside && cells.kind[next] == GAS {
+                    add(next);
                 }
-                shore.push((gas, sum.map(|sum| sum / count)));
             }
         }
-        shore
+        &self.shore
     }
 
     /// Returns the lists of the planes, for the pass.
@@ -402,41 +429,57 @@ impl SlabSurface {
         half_force: [f64; 3],
         viscosity: f64,
     ) {
+        if self.unsettled {
+            self.settle(populations);
+        }
         for opening in &mut self.openings {
             opening.remember(&self.cells, populations, half_force);
         }
-        let state = (&self.cells, self.ghosts.around());
+        let (cells, planes) = (&mut self.cells, &mut self.planes[..]);
         let drive = (half_force, viscosity);
-        exchange::prepare(state, &mut self.planes, populations, drive);
-        carried::set(&mut self.cells, &mut self.planes, populations);
+        let state = (&*cells, self.ghosts.around());
+        with_set!(
+            populations,
+            exchange::prepare(state, planes, populations, drive)
+        );
+        with_set!(populations, carried::set(cells, planes, populations));
     }
 
     /// Sets the populations that gas cells sent in the pass to zero.
     pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
-        exchange::silence(&self.cells, &mut self.planes, populations);
+        let planes = &mut self.planes[..];
+        with_set!(populations, exchange::silence(planes, populations));
         exchange::bounce(&self.corners, populations);
     }
 
-    /// Moves the surface, after all populations that come from water and solids are set. Collective.
-    pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    /// Completes what wet cells take in from carried cells and openings, when all populations that come from water and
+    /// solids are in place. Collective.
+    pub(crate) fn complete<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let (cells, planes) = (&self.cells, &self.planes);
         let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
         self.ghosts.exchange_carriers(carrier);
+        self.add_momentum(populations, 1);
         let slab = (&mut self.planes[..], &self.ghosts);
-        carried::link(&mut self.cells, slab, populations, &mut self.beyond);
+        let (cells, beyond) = (&mut self.cells, &mut self.beyond);
+        with_set!(populations, carried::link(cells, slab, populations, beyond));
+        self.add_momentum(populations, -1);
         carried::clear(&mut self.cells, &self.planes);
         self.fed.clear();
         for opening in &mut self.openings {
             opening.pass(&mut self.cells, populations, &mut self.fed);
         }
+    }
+
+    /// Moves the surface, after [`Self::complete`]. Collective.
+    pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.exchange_moments(shore);
-        exchange::exchange(
-            &mut self.cells,
-            self.ghosts.around(),
-            &mut self.planes,
+        let (cells, around) = (&mut self.cells, self.ghosts.around());
+        let planes = &mut self.planes[..];
+        with_set!(
             populations,
+            exchange::exchange(cells, around, planes, populations)
         );
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
@@ -458,28 +501,46 @@ impl SlabSurface {
             populations,
             (&self.ghosts, &self.fed),
         );
-        self.settle(populations);
+        if self.bodies.is_some() {
+            self.share_out(populations);
+            self.unsettled = true;
+        } else {
+            self.settle(populations);
+        }
     }
 
-    /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
-    fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    /// Shares excess mass. Collective.
+    fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);
-        self.list(populations);
-        exchange::classify(&self.cells, &mut self.planes, populations);
-        for plane in &self.planes {
-            for ((&cell, &kind), &fill) in plane.surface.iter().zip(&plane.kind).zip(&plane.fill) {
-                self.cells.kind[cell as usize] = kind;
-                self.cells.fill[cell as usize] = fill;
-            }
-        }
-        self.ghosts.spread_kinds(&mut self.cells.kind);
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
         self.ghosts.spread_values(&mut fill, &mut share, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
+        self.work
+            .mark_takers(&mut self.cells, &self.ghosts, populations);
+    }
+
+    /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
+    fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.unsettled = false;
+        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.lost += self.work.distribute(&mut self.cells);
+        self.list(populations);
+        let planes = &mut self.planes[..];
+        with_set!(
+            populations,
+            exchange::classify(&self.cells, planes, populations)
+        );
+        for plane in &self.planes {
+            for ((&cell, &kind), &fill) in plane.surface.iter().zip(&plane.kind).zip(&plane.fill) {
+                self.cells.kind[cell as usize] = kind;
+                self.cells.fill[cell as usize] = fill;
+            }
+        }
+        self.share_out(populations);
     }
 
     /// Updates the lists of the planes whose cells have changed kind.

@@ -8,6 +8,7 @@ use super::Plan;
 use super::bibliography::{self, Publication};
 use crate::scene::Scene;
 use crate::scene::flow::{BodyForce, Flow};
+use crate::scene::free_surface::WaterPart;
 use crate::scene::observe::ProbeAt;
 use case::coupling::Coupling;
 use lbm::lattice::VelocitySet;
@@ -105,10 +106,13 @@ pub const MODELS: &[(&str, Models)] = &[
     ),
     (
         "free_surface",
-        &[(
-            "volume_of_fluid",
-            &["korner2005", "thurey2007", "bogner2015"],
-        )],
+        &[
+            (
+                "volume_of_fluid",
+                &["korner2005", "thurey2007", "bogner2015"],
+            ),
+            ("solitary_wave", &["grimshaw1971", "fenton1972"]),
+        ],
     ),
     (
         "porous_zone",
@@ -360,8 +364,12 @@ fn flow_models(scene: &Scene, flow: &Flow, used: &mut Vec<(&'static str, String)
         used.push(("boundary", patch.condition.name().into()));
         opening_options(&patch.condition, flow, used);
     }
-    if scene.surface.is_some() {
+    if let Some(surface) = &scene.surface {
         used.push(("free_surface", "volume_of_fluid".into()));
+        let solitary = |part: &WaterPart| matches!(part, WaterPart::Solitary(_));
+        if surface.parts.iter().any(solitary) {
+            used.push(("free_surface", "solitary_wave".into()));
+        }
     }
     if let Some(coupling) = &scene.coupling {
         used.push(("coupling", name(coupling)));

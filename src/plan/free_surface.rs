@@ -5,6 +5,10 @@
 //! `benches/stability/dam-break-30` (2-D) and `dam-break-3d-20` are of a column that falls, runs against a wall and
 //! returns. Water with a level surface has no drop; the drop of a wave is twice its amplitude. A body that falls
 //! into the water or moves in it is judged by its own speed if that is larger; there is no map of bodies.
+//!
+//! A stream, that of an inlet or that of the start, is judged by its own speed: the map `benches/stability/stream-10`
+//! shows one that runs against a wall, and the jump that runs back to the inlet. Two rates fail there from 20 on, at
+//! the inlet. In 3-D there is no map of streams, and that in 2-D counts.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -12,6 +16,7 @@ use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::free_surface::FreeSurface;
+use crate::scene::speed;
 use base::error::Remedy;
 use lbm::collision::Operator;
 use serde_json::json;
@@ -47,6 +52,19 @@ fn limits(
     Some(Limits { map, holds, fails })
 }
 
+/// Returns the limits of an operator in a stream with a free surface, as [`limits`] does for a fall.
+fn limits_of_streams(operator: &Operator, eddies: bool, lattice_velocity: f64) -> Option<Limits> {
+    let slow = lattice_velocity <= 0.02 * SLACK;
+    let (holds, fails) = match (operator, eddies) {
+        (Operator::Bgk(_), false) if slow => (50.0, 100.0),
+        (Operator::Bgk(_), false) | (Operator::Trt(_), true) => (30.0, 50.0),
+        (Operator::Trt(_), false) => (10.0, 20.0),
+        _ => return None,
+    };
+    let map = "stream-10";
+    Some(Limits { map, holds, fails })
+}
+
 /// Adds the margin, and a finding if similar runs failed.
 pub(super) fn check(
     scene: &Scene,
@@ -60,7 +78,8 @@ pub(super) fn check(
     let fall = Cause {
         speed: (2.0 * surface.gravity * surface.drop()).sqrt(),
         path: format!("{PATH}.surface.water"),
-        margin: "cell Reynolds number U h/nu: the fall of the water",
+        kind: Kind::Fall,
+        margin: "cell Reynolds number U h/nu: the fall of the water".to_owned(),
         what: format!("water that falls {} m", number(surface.drop())),
     };
     judge(scene, flow, &fall, margins, findings);
@@ -69,13 +88,34 @@ pub(super) fn check(
     if let Some(body) = fastest.filter(|body| body.speed > fall.speed) {
         judge(scene, flow, &body, margins, findings);
     }
+    let streams = speed::imposed_on_fluid(flow).into_iter();
+    if let Some(stream) = streams.max_by(|a, b| a.value.total_cmp(&b.value)) {
+        let stream = Cause {
+            speed: stream.value,
+            path: stream.path,
+            kind: Kind::Stream,
+            margin: format!("cell Reynolds number U h/nu: {}", stream.what),
+            what: format!("{} with a free surface", stream.what),
+        };
+        judge(scene, flow, &stream, margins, findings);
+    }
+}
+
+/// Motion of the water, each with maps of its own.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Water or a body falls.
+    Fall,
+    /// Water enters or moves at the start.
+    Stream,
 }
 
 /// Cause of a speed at the surface.
 struct Cause {
     speed: f64,
     path: String,
-    margin: &'static str,
+    kind: Kind,
+    margin: String,
     what: String,
 }
 
@@ -92,7 +132,8 @@ fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
     Cause {
         speed: (squares(body.velocity) + falls).sqrt(),
         path: format!("bodies[{n}].motion"),
-        margin: "cell Reynolds number U h/nu: a body that meets the water",
+        kind: Kind::Fall,
+        margin: "cell Reynolds number U h/nu: a body that meets the water".to_owned(),
         what: format!("the body `{}` at the surface", body.name),
     }
 }
@@ -113,10 +154,14 @@ fn judge(
     let dimension = scene.grid.dimension;
     let eddies = flow.turbulence.is_some();
     let lattice_velocity = speed * flow.time_step / scene.grid.spacing;
-    let Some(limits) = limits(&flow.collision, dimension, eddies, lattice_velocity) else {
+    let limits = match cause.kind {
+        Kind::Fall => limits(&flow.collision, dimension, eddies, lattice_velocity),
+        Kind::Stream => limits_of_streams(&flow.collision, eddies, lattice_velocity),
+    };
+    let Some(limits) = limits else {
         return;
     };
-    margins.push(margin(cause.margin, cell, limits.holds, path));
+    margins.push(margin(&cause.margin, cell, limits.holds, path));
     if cell <= limits.holds * SLACK {
         return;
     }
@@ -205,6 +250,38 @@ mod tests {
             format!("{LATTICE}.collision={{\"bgk\": {{}}}}"),
         ];
         assert!(found(&held).is_empty());
+    }
+
+    /// Rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
+    #[test]
+    fn a_stream_is_judged_by_a_map_of_streams() {
+        let unstable = |cell: f64, operator: &str, eddies: bool| {
+            let text = examples::find("dam-break").unwrap().text;
+            let mut set = vec![
+                format!("{LATTICE}.kinematic_viscosity={}", 2.0 * 0.002_857_5 / cell),
+                format!(r#"{LATTICE}.surface.water=[{{"level": 0.0857}}]"#),
+                format!(r#"{LATTICE}.collision={{"{operator}": {{}}}}"#),
+                format!(
+                    r#"{LATTICE}.boundaries[1]={{"name": "in", "face": "x_min",
+                        "patch": {{"from": [0, 0], "to": [0, 0.0857]}},
+                        "condition": {{"velocity": {{"profile": {{"uniform": [2, 0]}}}}}}}}"#
+                ),
+            ];
+            if eddies {
+                set.push(format!(r#"{LATTICE}.turbulence={{"smagorinsky": {{}}}}"#));
+            }
+            let document = Document::read(text, &set, Path::new(".")).unwrap();
+            let warnings = Plan::prepare(document).unwrap().warnings;
+            let unstable = |p: &&Problem| p.severity == Severity::Unstable;
+            let paths = warnings.iter().filter(unstable).map(|p| p.path.clone());
+            paths.collect::<Vec<_>>()
+        };
+        assert!(unstable(1e4, "bgk", true).is_empty());
+        assert!(unstable(20.0, "trt", true).is_empty());
+        assert!(unstable(9.0, "trt", false).is_empty());
+        let found = unstable(60.0, "trt", true);
+        assert!(found[0].contains("boundaries[1]"), "{found:?}");
+        assert!(!unstable(21.0, "trt", false).is_empty());
     }
 
     #[test]

@@ -121,7 +121,12 @@ pub(super) fn check(
         Some((speed, model.border_of_moving(&body)?))
     });
     // Bodies have maps of their own, but the tangential motion of a body's surface acts like that of a wall.
-    let mut speeds = speed::imposed_on_fluid(flow);
+    // Below a free surface there is no duct: `free_surface` judges what drives the water.
+    let mut speeds = if scene.surface.is_some() {
+        Vec::new()
+    } else {
+        speed::imposed_on_fluid(flow)
+    };
     speeds.extend(speed::of_bodies(scene, of_moving.is_some()));
     let situation = Situation {
         velocities: flow.lattice,
@@ -171,15 +176,22 @@ fn judge(
     // The stability limit lies between the two values; values close to the failed one count as failing.
     if cell * slack < limit.fails {
         if limit.holds > 0.0 && cell > limit.holds * slack {
+            let beyond = if limit.fails.is_finite() {
+                format!(
+                    " and failed from {} on; between the two nothing was run",
+                    number(limit.fails)
+                )
+            } else {
+                ", the largest that was run".to_owned()
+            };
             findings.warn(
                 &speed.path,
                 format!(
                     "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up \
-                     to {} and failed from {} on; between the two nothing was run",
+                     to {}{beyond}",
                     speed.what,
                     number(cell),
                     number(limit.holds),
-                    number(limit.fails),
                 ),
                 finer_cells(scene, flow, scene.grid.spacing * limit.holds / cell),
             );

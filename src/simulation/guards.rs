@@ -39,6 +39,7 @@ use failure::{Failure, Kind};
 use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
+use lbm::surface::SlabSurface;
 use look::{At, Look, Order, Seen};
 use openings::Openings;
 use plan::Plan;
@@ -404,7 +405,7 @@ impl Guards {
             self.look.check_cells(flow);
             self.openings.prepare(self.every, flow);
         }
-        // The pressure at a free surface acts on the water, and the mass of interface cells is stored separately.
+        // The lattice balances the momentum below a free surface, and interface cells keep their mass apart.
         if let Some(flow) = flow
             && flow.fluid().surface().is_none()
             && Self::balances(step)
@@ -419,10 +420,12 @@ impl Guards {
         flow: Option<&dyn LatticeFlow<Sp, S>>,
         domain: &Domain,
     ) {
-        let (Some(before), Some(flow)) = (self.before.take(), flow) else {
+        let Some(flow) = flow else { return };
+        let communicator = domain.communicator();
+        self.balance_surface(flow, communicator);
+        let Some(before) = self.before.take() else {
             return;
         };
-        let communicator = domain.communicator();
         let after = totals(flow, communicator, &mut self.rows);
         // Fluid inside bodies is excluded, including at domain faces.
         let water = flow.balanced();
@@ -456,6 +459,46 @@ impl Guards {
         }
         for (a, force) in force.into_iter().enumerate() {
             let error = (residual(a + 1) - force).abs() / size;
+            self.momentum_error = larger(self.momentum_error, Some(error));
+        }
+    }
+
+    /// Closes the balance of the momentum of a step with a free surface. Collective.
+    fn balance_surface<Sp: Space, S: Stored>(
+        &mut self,
+        flow: &dyn LatticeFlow<Sp, S>,
+        communicator: &Communicator,
+    ) {
+        let fluid = flow.fluid();
+        let Some(step) = fluid.surface().and_then(SlabSurface::balanced) else {
+            return;
+        };
+        let all = |part: i128| sum(communicator, part);
+        let fixed = flow.structures().map_or(&[][..], StructureMap::loads);
+        let mut loads = [0_i128; 3];
+        let mut scale = 0.0_f64;
+        for load in flow.last_loads().iter().chain(fixed) {
+            for a in 0..3 {
+                loads[a] += load[a];
+                scale = scale.max(from_quanta(load[a]).abs());
+            }
+        }
+        let open = from_quanta(all(step.open));
+        let force = fluid.last_force().map(|force| force * open);
+        let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
+        let scale = communicator.all_reduce_max_f64(scale);
+        let mut size = scale.max(smallest * open.max(1.0));
+        for part in force
+            .into_iter()
+            .chain(step.left.map(|part| from_quanta(all(part))))
+        {
+            size = size.max(part.abs());
+        }
+        for a in 0..3 {
+            let gone = from_quanta(all(
+                step.change[a] + step.left[a] + loads[a] - step.weight[a]
+            ));
+            let error = (gone - force[a]).abs() / size;
             self.momentum_error = larger(self.momentum_error, Some(error));
         }
     }

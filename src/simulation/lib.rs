@@ -221,6 +221,9 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         {
             flow.fetch()?;
         }
+        if let Some(flow) = &mut now.flow {
+            flow.balance_surface(due.balance);
+        }
         self.guards.before(now.step, now.lattice(), &now.domain);
         if let Some(flow) = &mut now.flow {
             if due.steps > 1 {

@@ -49,6 +49,7 @@ mod slopes;
 mod speaking;
 mod stopping;
 mod structures;
+mod surface_extremes;
 mod sweep;
 mod tutorial;
 mod unsaturated;

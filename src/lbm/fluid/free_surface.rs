@@ -113,9 +113,25 @@ impl<S: Stored> Fluid<S> {
             if let Some(cover) = &mut self.cover {
                 surface.act_on_bodies(&mut self.populations, cover, half);
             }
+            surface.complete(&mut self.populations);
+            if surface.balanced().is_some() {
+                let wet = |cell: usize| surface.is_wet(cell);
+                let [_, left @ ..] = self.boundaries.left(&self.populations, wet);
+                surface.end_balance(&self.populations, left);
+            }
             surface.finish(&mut self.populations);
+            let bodies_follow = surface.has_bodies();
             self.enter_velocities();
-            self.continue_velocities();
+            if !bodies_follow {
+                self.continue_velocities();
+            }
+        }
+    }
+
+    /// Starts or leaves out the balance of the momentum of the next step with a free surface.
+    pub fn balance_surface(&mut self, wanted: bool) {
+        if let Some(surface) = &mut self.surface {
+            surface.balance(wanted);
         }
     }
 
@@ -166,9 +182,9 @@ impl<S: Stored> Fluid<S> {
     /// Extrapolates the velocities for the eddy viscosity into the gas next to the surface, so that gradients there
     /// are those of the water. Collective.
     pub fn continue_velocities(&mut self) {
-        if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
+        if let (Some(surface), Some(field)) = (&mut self.surface, &mut self.field) {
             let cells = surface.shore(&self.populations, |cell| field.velocity(cell));
-            for (cell, u) in cells {
+            for &(cell, u) in cells {
                 field.set_velocity(cell, u);
             }
             self.spread_velocities();

@@ -86,6 +86,8 @@ pub(crate) struct Bodies {
     begun: Vec<(u32, [f64; 3])>,
     /// Loads of the last step in addition to those of the pass, by slot.
     loads: Vec<Load>,
+    /// Sum of the forces among them that are weight of water and no exchange with it, in quanta.
+    weight: [i128; 3],
     /// Volume of the cells with populations and of all cells, and sums of r² over both, in quanta, by slot.
     shares: Vec<[i128; 4]>,
     /// Change of the mass of the water that has not been compensated yet, in quanta.
@@ -102,6 +104,11 @@ impl Bodies {
     /// Returns the cells of the slab that bodies fill in part or completely and that take part in the flow.
     pub(super) fn wet(&self) -> impl Iterator<Item = &u32> {
         self.wet.iter().map(|(cell, _)| cell)
+    }
+
+    /// Returns the forces of the last step on all bodies that are weight of water and no exchange with it, in quanta.
+    pub(super) fn weight(&self) -> [i128; 3] {
+        self.weight
     }
 
     /// Reads the cells filled by bodies from a cover, and counts the change of those in the flow.
@@ -254,6 +261,7 @@ impl Bodies {
     ) {
         self.loads.clear();
         self.loads.resize(cover.slots(), [0; 6]);
+        self.weight = [0; 3];
         let parity = populations.parity();
         let flat = populations.velocities().dimension == 2;
         let loads = &mut self.loads;
@@ -298,6 +306,9 @@ impl Bodies {
             cover.each_body(position, |slot, solid, _, share| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
                 let force = half_force.map(|half| share * 2.0 * half * part);
+                for (sum, force) in self.weight.iter_mut().zip(force) {
+                    *sum += i128::from(quanta(force));
+                }
                 give(slot, force, raw.map(|x| 2 * x + 1));
             });
         }
@@ -338,7 +349,7 @@ impl SlabSurface {
     /// Returns the gas cells that the pass collides together with cells of water.
     pub(crate) fn dry(&self) -> impl Iterator<Item = usize> + '_ {
         let dry = self.planes.iter().flat_map(|plane| &plane.dry);
-        dry.map(|&cell| cell as usize)
+        dry.flat_map(|&[first, end]| first as usize..end as usize)
     }
 
     /// Returns, by slot, the volume and the sum of r² of the cells in the flow and of all cells of a body, in

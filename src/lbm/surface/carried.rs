@@ -8,42 +8,45 @@
 use super::carrier::Carrier;
 use super::cells::Cells;
 use super::conversion::inside;
-use super::exchange::{Numbers, least};
+use super::exchange::least;
 use super::ghosts::Ghosts;
 use super::kind::{LIQUID, SOLID, is_surface};
 use super::lists::Plane;
+use super::stencil::{Numbers, Stencil};
 use crate::initial::equilibrium;
 use crate::lanes::Stored;
+use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 use base::number::to_u32;
 use base::thread_pool;
 
 /// Sets the populations of the carried cells before a pass, and marks the cells.
-pub(super) fn set<S: Stored>(
+pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
     planes: &mut [Plane],
     populations: &mut Populations<S>,
 ) {
     let least = least(planes);
     let numbers = Numbers::new(populations);
-    let (numbers, populations) = (&numbers, &*populations);
-    let velocities = populations.velocities();
+    let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
             if !facet.carried {
                 continue;
             }
             let density = facet.density();
-            for i in 0..velocities.q() {
-                let g = equilibrium(velocities.w[i], velocities.c[i], density, facet.given);
+            unroll!(populations i < Q => {
+                let g = equilibrium(L::W[i], L::C[i], density, facet.given);
                 // SAFETY: the incoming numbers of a cell belong to it.
-                unsafe { numbers.write(populations.incoming(cell as usize, i), g) };
-            }
+                unsafe { numbers.write(stencil.incoming(cell as usize, i), g) };
+            });
         }
     });
     for plane in planes {
         for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
-            cells.carried[cell as usize] = facet.carried;
+            if facet.carried {
+                cells.carried[cell as usize] = true;
+            }
         }
     }
 }
@@ -67,7 +70,7 @@ pub(super) fn carrier<S: Stored>(
 /// Sets the populations that return to wet cells from the carried cells of the slab and outside it.
 ///
 /// `beyond` contains the carried ghost cells of the step.
-pub(super) fn link<S: Stored>(
+pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
     (planes, ghosts): (&mut [Plane], &Ghosts),
     populations: &mut Populations<S>,
@@ -84,13 +87,11 @@ pub(super) fn link<S: Stored>(
     for (cell, _) in beyond.iter() {
         cells.carried[*cell] = true;
     }
-    let takes = |cell: usize| {
-        cells.kind[cell] == LIQUID || is_surface(cells.kind[cell]) && !cells.carried[cell]
-    };
+    let takes = |kind: u8, cell: usize| kind == LIQUID || is_surface(kind) && !cells.carried[cell];
     let parity = populations.parity();
     let least = least(planes);
     let numbers = Numbers::new(populations);
-    let (numbers, populations) = (&numbers, &*populations);
+    let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
     let velocities = populations.velocities();
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
@@ -99,16 +100,16 @@ pub(super) fn link<S: Stored>(
             }
             let cell = cell as usize;
             let carrier = facet.carrier();
-            for i in super::directions(velocities) {
-                if cells.kind_along(cell, i) == SOLID || !takes(cells.neighbour(cell, i)) {
+            let kinds = stencil.kinds(cells, cell);
+            for i in 1..Q {
+                if !takes(kinds[i], stencil.neighbour(cell, i)) {
                     continue;
                 }
-                let link = populations.link(cell, i);
-                let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i]);
+                let even = 2.0 * L::W[i] * carrier.even(Stencil::<L, Q>::C[i]);
                 // SAFETY: both numbers of the link between this cell and one that is not carried.
                 unsafe {
-                    let sent = numbers.read(link.incoming(parity));
-                    numbers.write(link.out(parity), even - sent);
+                    let sent = numbers.read(stencil.back(cell, i));
+                    numbers.write(stencil.out(cell, i), even - sent);
                 }
             }
         }
@@ -117,11 +118,11 @@ pub(super) fn link<S: Stored>(
         for i in inside(populations, *ghost) {
             let cell = cells.neighbour(*ghost, i);
             let back = velocities.opposite[i];
-            if cells.kind_along(cell, back) == SOLID || !takes(cell) {
+            if cells.kind_along(cell, back) == SOLID || !takes(cells.kind[cell], cell) {
                 continue;
             }
             let link = populations.link(cell, back);
-            let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i]);
+            let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i].map(f64::from));
             // SAFETY: both numbers of the link between a cell of the slab and a ghost cell; no other thread is
             // active.
             unsafe {
@@ -137,7 +138,11 @@ pub(super) fn link<S: Stored>(
 
 /// Clears the marks of the carried cells.
 pub(super) fn clear(cells: &mut Cells, planes: &[Plane]) {
-    for cell in planes.iter().flat_map(|plane| &plane.surface) {
-        cells.carried[*cell as usize] = false;
+    for plane in planes {
+        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+            if facet.carried {
+                cells.carried[cell as usize] = false;
+            }
+        }
     }
 }

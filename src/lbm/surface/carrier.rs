@@ -15,13 +15,13 @@ pub(super) struct Carrier {
 
 /// Returns the scalar product of a direction and a vector.
 #[inline(always)]
-pub(super) fn dot(c: [i8; 3], v: [f64; 3]) -> f64 {
-    f64::from(c[0]) * v[0] + f64::from(c[1]) * v[1] + f64::from(c[2]) * v[2]
+pub(super) fn dot(c: [f64; 3], v: [f64; 3]) -> f64 {
+    c[0] * v[0] + c[1] * v[1] + c[2] * v[2]
 }
 
 /// Returns the inertial part of f⁺/w_i for a density and a velocity.
 #[inline(always)]
-pub(super) fn inertia(c: [i8; 3], density: f64, u: [f64; 3]) -> f64 {
+pub(super) fn inertia(c: [f64; 3], density: f64, u: [f64; 3]) -> f64 {
     let cu = dot(c, u);
     let uu = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
     (1.0 + density) * (4.5 * cu * cu - 1.5 * uu)
@@ -30,7 +30,7 @@ pub(super) fn inertia(c: [i8; 3], density: f64, u: [f64; 3]) -> f64 {
 impl Carrier {
     /// Returns f⁺/w_i at the midpoint of a link that leaves the cell of the facet along `c`.
     #[inline(always)]
-    pub(super) fn even(&self, c: [i8; 3]) -> f64 {
+    pub(super) fn even(&self, c: [f64; 3]) -> f64 {
         let up = dot(c, self.normal);
         let beyond = 0.5 * up - self.distance;
         let density = beyond * self.slope;

@@ -17,6 +17,8 @@ pub(crate) struct Cells {
     pub(super) fill: Vec<f64>,
     /// Excess mass for each interface cell next to a cell that has changed kind; usually 0.
     pub(super) share: Vec<f64>,
+    /// `true` for cells with a share among their neighbours.
+    pub(super) takes: Vec<bool>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
     /// Fraction filled by bodies; empty in a fluid without bodies.
@@ -43,6 +45,7 @@ impl Cells {
             mass: vec![0.0; count],
             fill: vec![0.0; count],
             share: vec![0.0; count],
+            takes: vec![false; count],
             carried: vec![false; count],
             solid: Vec::new(),
             closed: Vec::new(),
@@ -144,18 +147,23 @@ impl Cells {
         self.kind[self.neighbour(cell, i)]
     }
 
-    /// Returns the fill level of the neighbour of a cell along a velocity, between 0 and 1; behind a wall that of
-    /// its mirror image.
+    /// Returns the bits of the closed directions of a cell: see [`Self::close`] and [`Self::feed`].
     #[inline(always)]
-    pub(super) fn level_along(&self, cell: usize, c: [i8; 3], i: usize) -> f64 {
-        let mut at = self.neighbour(cell, i);
-        if matches!(self.kind_along(cell, i), SOLID | HELD) {
-            at = cell;
-            for (c, stride) in c.into_iter().zip(self.strides) {
-                let next = at.wrapping_add_signed(isize::from(c) * stride);
-                if !matches!(self.kind[next], SOLID | HELD) {
-                    at = next;
-                }
+    pub(super) fn closed(&self, cell: usize) -> u32 {
+        if self.closed.is_empty() {
+            0
+        } else {
+            self.closed[cell]
+        }
+    }
+
+    /// Returns the fill level behind a wall along a velocity, between 0 and 1: that of the mirror image.
+    pub(super) fn mirrored_level(&self, cell: usize, c: [i8; 3]) -> f64 {
+        let mut at = cell;
+        for (c, stride) in c.into_iter().zip(self.strides) {
+            let next = at.wrapping_add_signed(isize::from(c) * stride);
+            if !matches!(self.kind[next], SOLID | HELD) {
+                at = next;
             }
         }
         self.fill[at].clamp(0.0, 1.0)
@@ -183,7 +191,7 @@ impl Cells {
 
     /// Returns the size of the memory in bytes.
     pub(super) fn bytes(&self) -> usize {
-        2 * self.kind.len()
+        3 * self.kind.len()
             + 8 * (self.mass.len() + self.fill.len() + self.share.len() + self.solid.len())
             + 4 * self.closed.len()
     }

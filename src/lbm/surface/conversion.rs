@@ -30,6 +30,8 @@ pub(super) struct Work {
     excess: Vec<u32>,
     /// Cells whose excess mass is stored.
     shared: Vec<u32>,
+    /// Cells with a share among their neighbours.
+    takers: Vec<u32>,
 }
 
 /// Returns the directions from a cell or ghost cell to its neighbours in the slab.
@@ -64,6 +66,38 @@ impl Work {
     pub(super) fn forget_shares(&mut self, cells: &mut Cells) {
         for cell in self.shared.drain(..) {
             cells.share[cell as usize] = 0.0;
+        }
+        for cell in self.takers.drain(..) {
+            cells.takes[cell as usize] = false;
+        }
+    }
+
+    /// Marks the cells with a share among their neighbours.
+    pub(super) fn mark_takers<S: Stored>(
+        &mut self,
+        cells: &mut Cells,
+        ghosts: &Ghosts,
+        populations: &Populations<S>,
+    ) {
+        let takers = &mut self.takers;
+        let mut mark = |cell: usize, cells: &mut Cells| {
+            if !cells.takes[cell] {
+                cells.takes[cell] = true;
+                takers.push(to_u32(cell));
+            }
+        };
+        for &cell in &self.shared {
+            for i in 1..cells.directions() {
+                mark(cells.neighbour(cell as usize, i), cells);
+            }
+        }
+        for &ghost in ghosts.all() {
+            let ghost = ghost as usize;
+            if cells.share[ghost] != 0.0 {
+                for i in inside(populations, ghost) {
+                    mark(cells.neighbour(ghost, i), cells);
+                }
+            }
         }
     }
 

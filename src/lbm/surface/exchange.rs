@@ -9,12 +9,14 @@
 //! Physically based animation of free surface flows with the lattice Boltzmann method, Erlangen 2007, table 4.1).
 
 use super::cells::Cells;
-use super::facet::find;
+use super::facet::{Facet, find};
 use super::ghosts::Around;
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::Plane;
 use super::moments::{Moments, moments};
+use super::stencil::{Numbers, Stencil};
 use crate::lanes::Stored;
+use crate::lattice::Lattice;
 use crate::populations::Populations;
 use base::thread_pool;
 
@@ -32,38 +34,6 @@ const NEARLY: f64 = 0.2;
 /// Minimum number of interface cells per thread.
 const CELLS_PER_THREAD: usize = 500;
 
-/// Pointer to the numbers of a slab, divided among threads by cell.
-pub(super) struct Numbers<S>(*mut S);
-// SAFETY: each number belongs to one link end of one interface cell, and each cell to one thread.
-unsafe impl<S: Send> Sync for Numbers<S> {}
-
-impl<S: Stored> Numbers<S> {
-    /// Returns the numbers of the populations.
-    pub(super) fn new(populations: &mut Populations<S>) -> Self {
-        Self(populations.numbers_mut().as_mut_ptr())
-    }
-
-    /// Reads a number.
-    ///
-    /// # Safety
-    /// No other thread writes it.
-    #[inline(always)]
-    pub(super) unsafe fn read(&self, position: usize) -> f64 {
-        // SAFETY: the position lies in the slab, and the caller excludes other writers.
-        unsafe { self.0.add(position).read().to_f64() }
-    }
-
-    /// Writes a number.
-    ///
-    /// # Safety
-    /// No other thread reads or writes it.
-    #[inline(always)]
-    pub(super) unsafe fn write(&self, position: usize, value: f64) {
-        // SAFETY: the position lies in the slab, and the caller excludes other threads.
-        unsafe { self.0.add(position).write(S::from_f64(value)) }
-    }
-}
-
 /// Returns the minimum number of planes per thread.
 pub(super) fn least(planes: &[Plane]) -> usize {
     let cells: usize = planes.iter().map(|plane| plane.surface.len()).sum();
@@ -72,16 +42,18 @@ pub(super) fn least(planes: &[Plane]) -> usize {
 }
 
 /// Computes the surface in each interface cell from the state before the pass.
-pub(super) fn prepare<S: Stored>(
+pub(super) fn prepare<L: Lattice<Q>, S: Stored, const Q: usize>(
     (cells, around): (&Cells, &Around),
     planes: &mut [Plane],
     populations: &Populations<S>,
     drive: ([f64; 3], f64),
 ) {
     let least = least(planes);
+    let stencil = Stencil::<L, Q>::new(populations);
+    let state = (populations, &Numbers::to_read(populations), &stencil);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for (&cell, facet) in plane.surface.iter().zip(&mut plane.facets) {
-            *facet = find((cells, around), populations, drive, cell as usize);
+            *facet = find((cells, around), state, drive, cell as usize);
         }
     });
 }
@@ -99,35 +71,21 @@ pub(super) fn shore<S: Stored>(
     }
 }
 
-/// Returns the density of a cell while other threads work on other cells.
-fn density<S: Stored>(numbers: &Numbers<S>, populations: &Populations<S>, cell: usize) -> f64 {
-    let q = populations.velocities().q();
-    // SAFETY: the incoming numbers of a cell lie in the slab, and no other thread writes them.
-    let number = |i: usize| unsafe { numbers.read(populations.incoming(cell, i)) };
-    (0..q).map(number).sum()
-}
-
 /// Sets the populations to zero that gas cells in the vectors of the pass have sent.
-pub(super) fn silence<S: Stored>(
-    cells: &Cells,
+pub(super) fn silence<L: Lattice<Q>, S: Stored, const Q: usize>(
     planes: &mut [Plane],
     populations: &mut Populations<S>,
 ) {
-    let parity = populations.parity();
     let numbers = Numbers::new(populations);
-    let (numbers, populations) = (&numbers, &*populations);
+    let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
     let least = least(planes);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for &cell in &plane.dry {
-            let cell = cell as usize;
-            for i in 0..cells.directions() {
-                let out = if i == 0 {
-                    populations.incoming(cell, 0)
-                } else {
-                    populations.link(cell, i).out(parity)
-                };
-                // SAFETY: the outgoing populations of a cell belong to it until the next pass.
-                unsafe { numbers.0.add(out).write(S::from_f64(0.0)) };
+        for &[first, end] in &plane.dry {
+            for i in 0..Q {
+                for cell in first as usize..end as usize {
+                    // SAFETY: the population that a cell sends is its own until the next pass.
+                    unsafe { numbers.write(stencil.out(cell, i), 0.0) };
+                }
             }
         }
     });
@@ -158,126 +116,153 @@ fn between(kinds: [u8; 2], mean: f64, sent: f64, came: f64) -> f64 {
     mean * gain
 }
 
+/// Returns the density of the normal part of the traction inside in the middle of the step: the mean of both ends,
+/// because a density that lags behind feeds sound.
+///
+/// # Safety
+/// No other thread writes the incoming numbers of liquid cells.
+#[inline(always)]
+unsafe fn inside<L: Lattice<Q>, S: Stored, const Q: usize>(
+    facet: &Facet,
+    cell: usize,
+    around: &Around,
+    (populations, numbers, stencil): (&Populations<S>, &Numbers<S>, &Stencil<L, Q>),
+) -> f64 {
+    if facet.inward == 0 {
+        return facet.inside;
+    }
+    let of_cell = |cell: usize| {
+        let mut moments = [0.0; 10];
+        // SAFETY: promised by the caller.
+        moments[0] = unsafe { stencil.density(numbers, cell) };
+        moments
+    };
+    let link = (cell, usize::from(facet.inward));
+    let [now, ..] = around.moments_along(populations, link, of_cell);
+    facet.inside + 0.5 * (now - facet.density_inside)
+}
+
 /// Exchanges mass and reconstructs populations; writes the new fill level and kind of each interface cell to its
 /// list.
-pub(super) fn exchange<S: Stored>(
+pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
     around: &Around,
     planes: &mut [Plane],
     populations: &mut Populations<S>,
 ) {
     let mut mass = std::mem::take(&mut cells.mass);
-    let masses = Numbers(mass.as_mut_ptr());
+    let masses = Numbers::of(&mut mass);
     let masses = &masses;
-    let parity = populations.parity();
     let numbers = Numbers::new(populations);
     let (numbers, populations) = (&numbers, &*populations);
-    let velocities = populations.velocities();
+    let stencil = &Stencil::<L, Q>::new(populations);
     let known = &*cells;
     let least = least(planes);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for n in 0..plane.surface.len() {
+            stencil.prefetch(numbers, &plane.surface, n);
             let cell = plane.surface[n] as usize;
             let facet = &plane.facets[n];
-            // The density inside at the middle of the step, computed from the incoming and outgoing populations of
-            // the links: a density from an earlier time would excite sound.
-            let mut inside = facet.inside;
-            if facet.inward > 0 {
-                let inward = (cell, usize::from(facet.inward));
-                let of_cell = |cell: usize| {
-                    let mut moments = [0.0; 10];
-                    moments[0] = density(numbers, populations, cell);
-                    moments
-                };
-                let [now, ..] = around.moments_along(populations, inward, of_cell);
-                inside += 0.5 * (now - facet.density_inside);
-            }
+            // SAFETY: threads write numbers of links to gas only.
+            let inside = unsafe { inside(facet, cell, around, (populations, numbers, stencil)) };
             let own = known.kind[cell];
             let level = known.content(cell);
             let mut gain = 0.0;
             let (mut alone, mut gas, mut liquid) = (true, false, known.is_fed(cell));
-            for i in super::directions(velocities) {
-                let kind = known.kind_along(cell, i);
+            let kinds = stencil.kinds(known, cell);
+            for i in 1..Q {
+                let kind = kinds[i];
                 if kind == SOLID {
                     continue;
                 }
-                let link = populations.link(cell, i);
-                let (out, incoming) = (link.out(parity), link.incoming(parity));
+                let (out, incoming) = (stencil.out(cell, i), stencil.back(cell, i));
                 // SAFETY: both numbers of a link to gas are this cell's; those of other links are only read.
-                let sent = unsafe { numbers.0.add(out).read().to_f64() };
-                let w = velocities.w[i];
+                let sent = unsafe { numbers.read(out) };
+                let w = L::W[i];
                 if kind == GAS {
                     gas = true;
-                    let even = facet.even(velocities.c[i], inside);
+                    let even = facet.even(Stencil::<L, Q>::C[i], inside);
                     let back = 2.0 * w * even - sent;
                     // SAFETY: as above.
                     unsafe {
-                        numbers.0.add(incoming).write(S::from_f64(back));
-                        numbers.0.add(out).write(S::from_f64(0.0));
+                        numbers.write(incoming, back);
+                        numbers.write(out, 0.0);
                     }
                     continue;
                 }
                 // SAFETY: as above.
-                let came = unsafe { numbers.0.add(incoming).read().to_f64() };
+                let came = unsafe { numbers.read(incoming) };
                 if kind == LIQUID || kind == HELD {
                     liquid |= kind == LIQUID;
                     gain += came - sent;
                 } else {
                     alone = false;
-                    let other = known.content(known.neighbour(cell, i));
+                    let other = known.content(stencil.neighbour(cell, i));
                     gain += between([own, kind], 0.5 * (level + other), sent + w, came + w);
                 }
             }
-            gain += known.shares_taken(cell);
-            // SAFETY: the mass belongs to this cell.
-            let mass = unsafe {
-                let mass = masses.0.add(cell);
-                mass.write(mass.read() + gain);
-                mass.read()
+            if known.takes[cell] {
+                gain += known.shares_taken(cell);
+            }
+            // SAFETY: the mass and the incoming numbers of this cell.
+            let (mass, density) = unsafe {
+                let mass = masses.read(cell) + gain;
+                masses.write(cell, mass);
+                (mass, 1.0 + stencil.density(numbers, cell))
             };
-            let density = 1.0 + density(numbers, populations, cell);
             plane.fill[n] = known.fill_from(cell, mass, density);
-            // In a cell partly filled by bodies, only the water counts, relative to the free part.
-            let solid = known.solid(cell);
-            let (water, free) = (mass - solid, (1.0 - solid) * density);
-            let most = if solid > 0.0 {
-                free + PASSED * density
-            } else {
-                (1.0 + PASSED) * density
-            };
-            plane.kind[n] = match (own, alone) {
-                (ENCLOSED, true) => FILLS,
-                (STRAY, true) => EMPTIES,
-                _ if water > most => FILLS,
-                _ if water < -PASSED * density => EMPTIES,
-                (SURFACE, _) if !gas && water > (1.0 - NEARLY) * free => FILLS,
-                (SURFACE, _) if gas && !liquid && water < NEARLY * free => EMPTIES,
-                _ => own,
-            };
+            plane.kind[n] = turned((known, cell), (mass, density), [alone, gas, liquid]);
         }
     });
     cells.mass = mass;
 }
 
+/// Returns the kind of an interface cell after the exchange; `alone` without other interface cells next to it.
+#[inline(always)]
+fn turned(
+    (cells, cell): (&Cells, usize),
+    (mass, density): (f64, f64),
+    [alone, gas, liquid]: [bool; 3],
+) -> u8 {
+    let own = cells.kind[cell];
+    // Of a cell that bodies share, the water alone, for the part that is free.
+    let solid = cells.solid(cell);
+    let (water, free) = (mass - solid, (1.0 - solid) * density);
+    let most = if solid > 0.0 {
+        free + PASSED * density
+    } else {
+        (1.0 + PASSED) * density
+    };
+    match (own, alone) {
+        (ENCLOSED, true) => FILLS,
+        (STRAY, true) => EMPTIES,
+        _ if water > most => FILLS,
+        _ if water < -PASSED * density => EMPTIES,
+        (SURFACE, _) if !gas && water > (1.0 - NEARLY) * free => FILLS,
+        (SURFACE, _) if gas && !liquid && water < NEARLY * free => EMPTIES,
+        _ => own,
+    }
+}
+
 /// Computes the fill level and the kinds of the neighbours of each interface cell in the lists.
-pub(super) fn classify<S: Stored>(
+pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &Cells,
     planes: &mut [Plane],
     populations: &Populations<S>,
 ) {
     let least = least(planes);
+    let stencil = &Stencil::<L, Q>::new(populations);
+    let numbers = &Numbers::to_read(populations);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for n in 0..plane.surface.len() {
             let cell = plane.surface[n] as usize;
             let (mut gas, mut liquid) = (false, cells.is_fed(cell));
-            for i in 1..cells.directions() {
-                match cells.kind_along(cell, i) {
-                    GAS => gas = true,
-                    LIQUID => liquid = true,
-                    _ => {}
-                }
+            for kind in stencil.kinds(cells, cell) {
+                gas |= kind == GAS;
+                liquid |= kind == LIQUID;
             }
-            let density = 1.0 + populations.moments(cell).0;
+            // SAFETY: an interface cell of the slab, whose numbers are only read.
+            let density = 1.0 + unsafe { stencil.density(numbers, cell) };
             let fill = cells.fill_from(cell, cells.mass[cell], density);
             plane.fill[n] = fill;
             plane.kind[n] = match (gas, liquid) {

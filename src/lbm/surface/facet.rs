@@ -21,9 +21,11 @@ use super::carrier::{Carrier, dot, inertia};
 use super::cells::Cells;
 use super::cut;
 use super::ghosts::Around;
-use super::kind::LIQUID;
-use super::moments::{Moments, across, moments};
+use super::kind::{HELD, LIQUID, SOLID};
+use super::moments::{Moments, across};
+use super::stencil::{Numbers, Stencil};
 use crate::lanes::Stored;
+use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 
 /// Maximum ratio for the extrapolation of the traction inside beyond the surface: above it sound grows.
@@ -85,7 +87,7 @@ impl Facet {
     ///
     /// The dynamic part is bounded by the pressure of an acceleration, because sound of impacts grows at low viscosity.
     #[inline(always)]
-    pub(super) fn even(&self, c: [i8; 3], inside: f64) -> f64 {
+    pub(super) fn even(&self, c: [f64; 3], inside: f64) -> f64 {
         if self.inward == 0 {
             return inertia(c, 0.0, self.velocity);
         }
@@ -117,32 +119,41 @@ impl Facet {
 }
 
 /// Returns the normal from the gradient of the fill levels around a cell, with the weights of the velocity set.
-fn normal<S: Stored>(cells: &Cells, populations: &Populations<S>, cell: usize) -> Option<[f64; 3]> {
-    let velocities = populations.velocities();
+#[inline(always)]
+fn normal<L: Lattice<Q>, const Q: usize>(
+    cells: &Cells,
+    stencil: &Stencil<L, Q>,
+    (cell, kinds): (usize, &[u8; Q]),
+) -> Option<[f64; 3]> {
     let mut normal = [0.0; 3];
-    for i in super::directions(velocities) {
-        let level = cells.level_along(cell, velocities.c[i], i);
-        for (n, c) in normal.iter_mut().zip(velocities.c[i]) {
-            *n -= velocities.w[i] * f64::from(c) * level;
+    unroll!(populations i < Q => {
+        if i > 0 {
+            let level = if matches!(kinds[i], SOLID | HELD) {
+                cells.mirrored_level(cell, L::C[i])
+            } else {
+                cells.fill[stencil.neighbour(cell, i)].clamp(0.0, 1.0)
+            };
+            let part = L::W[i] * level;
+            unroll!(axes a < 3 => {
+                match L::C[i][a] {
+                    1 => normal[a] -= part,
+                    -1 => normal[a] += part,
+                    _ => {}
+                }
+            });
         }
-    }
+    });
     let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
     (length > 0.0).then(|| normal.map(|n| n / length))
 }
 
 /// Returns the direction to the liquid neighbour closest to the inward normal; 0 if none is close enough.
-fn inward<S: Stored>(
-    cells: &Cells,
-    populations: &Populations<S>,
-    (cell, normal): (usize, [f64; 3]),
-) -> usize {
-    let velocities = populations.velocities();
+#[inline(always)]
+fn inward<L: Lattice<Q>, const Q: usize>(kinds: &[u8; Q], normal: [f64; 3]) -> usize {
     let mut best = (INWARD, 0);
-    for i in super::directions(velocities) {
-        if cells.kind_along(cell, i) == LIQUID {
-            let c = velocities.c[i];
-            let size = c.iter().map(|c| f64::from(c * c)).sum::<f64>().sqrt();
-            let down = -dot(c, normal) / size;
+    for i in 1..Q {
+        if kinds[i] == LIQUID {
+            let down = -dot(Stencil::<L, Q>::C[i], normal) / Stencil::<L, Q>::LENGTHS[i];
             if down > best.0 {
                 best = (down, i);
             }
@@ -151,34 +162,39 @@ fn inward<S: Stored>(
     best.1
 }
 
-/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water.
-pub(super) fn find<S: Stored>(
+/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water. No thread writes
+/// the numbers.
+#[inline(always)]
+pub(super) fn find<L: Lattice<Q>, S: Stored, const Q: usize>(
     (cells, around): (&Cells, &Around),
-    populations: &Populations<S>,
+    (populations, numbers, stencil): (&Populations<S>, &Numbers<S>, &Stencil<L, Q>),
     (half_force, viscosity): ([f64; 3], f64),
     cell: usize,
 ) -> Facet {
-    let (density, momentum) = populations.moments(cell);
+    // SAFETY: an interface cell of the slab, whose numbers are only read.
+    let (density, momentum) = unsafe { stencil.momentum(numbers, cell) };
     let mut facet = Facet {
         velocity: std::array::from_fn(|a| (half_force[a] + momentum[a]) / (1.0 + density)),
         ..Facet::default()
     };
-    let Some(normal) = normal(cells, populations, cell) else {
+    let kinds = stencil.kinds(cells, cell);
+    let Some(normal) = normal(cells, stencil, (cell, &kinds)) else {
         return facet;
     };
     facet.normal = normal;
-    let i = inward(cells, populations, (cell, normal));
+    let i = inward::<L, Q>(&kinds, normal);
     if i == 0 {
         return facet;
     }
-    let c = populations.velocities().c[i];
+    let c = Stencil::<L, Q>::C[i];
     let along = |v: [f64; 3]| v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2];
     facet.inner = -dot(c, normal);
     facet.distance = cut::distance(cells.fill[cell], normal) + 0.5 * along(facet.velocity);
     facet.at_rest = 6.0 * along(half_force);
     let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
     facet.most = MOST_ACCELERATION * weight * (0.5 + facet.inner);
-    let of_cell = |cell: usize| moments(populations, cell);
+    // SAFETY: as above.
+    let of_cell = |cell: usize| unsafe { stencil.moments(numbers, cell) };
     let found = around.moments_along(populations, (cell, i), of_cell);
     facet.inward = u8::try_from(i).unwrap_or(0);
     // Π = -σ = (1 - 1/(2τ)) times the non-equilibrium second moment.
@@ -203,7 +219,7 @@ pub(super) fn find<S: Stored>(
 /// Decides if the liquid cell inside carries a cell, and computes the velocity.
 ///
 /// The velocity is extrapolated with the rate of strain inside, from its second moment, as in an irrotational flow.
-fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [i8; 3], relaxation_time: f64) {
+fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [f64; 3], relaxation_time: f64) {
     let inner = [found[1], found[2], found[3]];
     let excess = facet.inside + (facet.distance + facet.inner) * facet.at_rest;
     let change: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
@@ -213,7 +229,7 @@ fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [i8; 3], rela
     facet.carried = facet.distance < 0.0 && smooth;
     if facet.carried {
         let factor = -1.5 / (relaxation_time * (1.0 + found[0]));
-        let strained = across(found, c.map(|c| -f64::from(c)));
+        let strained = across(found, c.map(|c| -c));
         facet.given = std::array::from_fn(|a| inner[a] + factor * strained[a]);
     }
 }

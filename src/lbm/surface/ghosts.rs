@@ -319,6 +319,18 @@ impl Around {
         corners
     }
 
+    /// Returns `true` if a position is that of a ghost cell beyond a plane of symmetry.
+    pub(super) fn reflects<S: Stored>(&self, populations: &Populations<S>, cell: usize) -> bool {
+        if !self.ghost[cell] {
+            return false;
+        }
+        let at = populations.coordinates(cell);
+        (0..self.dimension).any(|a| {
+            let [lower, upper] = self.ends.mirrored[a];
+            lower && at[a] < 0 || upper && at[a] >= self.cells[a].cast_signed()
+        })
+    }
+
     /// Returns the moments of a cell of the slab or of a ghost cell; `inside` returns the moments at a position in
     /// the slab.
     fn moments(

@@ -7,6 +7,12 @@ use base::number::to_u32;
 /// Number of cells of a row that are processed together: the widest vector of the pass.
 const TOGETHER: usize = 8;
 
+/// Bits of kinds of cells that hold water, in as many bytes: these kinds have numbers from 2 on.
+const WET: u64 = u64::from_le_bytes([!1; TOGETHER]);
+
+/// Kinds of as many cells full of water.
+const FULL: u64 = u64::from_le_bytes([LIQUID; TOGETHER]);
+
 /// Lists of one plane of the slab.
 #[derive(Debug, Default)]
 pub(crate) struct Plane {
@@ -18,8 +24,8 @@ pub(crate) struct Plane {
     pub(super) fill: Vec<f64>,
     /// Kind of each interface cell at the end of the step.
     pub(super) kind: Vec<u8>,
-    /// Positions of gas cells that the pass collides because their vectors contain water.
-    pub(super) dry: Vec<u32>,
+    /// Runs of cells of gas that the pass collides because their vectors hold water: first position and end.
+    pub(super) dry: Vec<[u32; 2]>,
     /// `true` if kinds of cells have changed since the lists were made.
     pub(super) changed: bool,
     /// Index of the first span of each row, and total.
@@ -52,7 +58,14 @@ impl Plane {
             self.begins.push(to_u32(begin));
             let row = &kinds[first..first + length];
             for (n, some) in row.chunks(TOGETHER).enumerate() {
-                if some.iter().all(|&kind| !is_wet(kind)) {
+                let (dry, full) = match <&[u8; TOGETHER]>::try_from(some) {
+                    Ok(some) => {
+                        let all = u64::from_le_bytes(*some);
+                        (all & WET == 0, all == FULL)
+                    }
+                    Err(_) => (some.iter().all(|&kind| !is_wet(kind)), false),
+                };
+                if dry {
                     continue;
                 }
                 let at = n * TOGETHER;
@@ -61,7 +74,7 @@ impl Plane {
                     Some(span) if span[1] == to_u32(at) => span[1] = end,
                     _ => self.spans.push([to_u32(at), end]),
                 }
-                if some.iter().all(|&kind| kind == LIQUID) {
+                if full {
                     continue;
                 }
                 for (k, &kind) in some.iter().enumerate() {
@@ -69,7 +82,10 @@ impl Plane {
                     if is_surface(kind) {
                         self.surface.push(cell);
                     } else if kind == GAS {
-                        self.dry.push(cell);
+                        match self.dry.last_mut() {
+                            Some(run) if run[1] == cell => run[1] = cell + 1,
+                            _ => self.dry.push([cell, cell + 1]),
+                        }
                     }
                 }
             }
@@ -100,6 +116,9 @@ mod tests {
         assert_eq!(plane.spans(0), [[0, 8], [16, 24]]);
         assert_eq!(plane.spans(1), [[8, 30]]);
         assert_eq!(plane.surface, [17]);
-        assert_eq!(plane.dry.len(), 7 + 6 + 3);
+        assert_eq!(
+            plane.dry,
+            [[0, 3], [4, 8], [16, 17], [18, 20], [21, 24], [59, 62]]
+        );
     }
 }

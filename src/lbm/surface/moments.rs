@@ -7,38 +7,24 @@ use crate::populations::Populations;
 pub(super) type Moments = [f64; 10];
 
 /// Pairs of axes of the second moments, in their order.
-const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+pub(super) const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
-/// Returns the moments of a cell whose incoming population i is `number(i)`.
+/// Returns the moments from the sums of g, c g and c c g over the populations.
 ///
 /// With the velocity without the force, the second moment is that of the stress: the contribution of a force (Z.
 /// Guo, C. Zheng, B. Shi, Phys. Rev. E 65 (2002) 046308) cancels with the force in the velocity, except for a term
 /// quadratic in the force.
 #[inline(always)]
-pub(super) fn sums<S: Stored>(
-    populations: &Populations<S>,
-    number: impl Fn(usize) -> f64,
+pub(super) fn from_sums(
+    dimension: usize,
+    density: f64,
+    momentum: [f64; 3],
+    mut second: [f64; 6],
 ) -> Moments {
-    let velocities = populations.velocities();
-    let mut density = 0.0;
-    let mut momentum = [0.0; 3];
-    let mut second = [0.0; 6];
-    for (i, c) in velocities.c.iter().enumerate() {
-        let g = number(i);
-        let c = c.map(f64::from);
-        density += g;
-        for (sum, c) in momentum.iter_mut().zip(c) {
-            *sum += c * g;
-        }
-        for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
-            *sum += c[a] * c[b] * g;
-        }
-    }
     let velocity = momentum.map(|m| m / (1.0 + density));
     for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
         *sum -= momentum[a] * velocity[b];
     }
-    let dimension = velocities.dimension;
     let trace = second[..dimension].iter().sum::<f64>() / base::number::real(dimension);
     for sum in &mut second[..dimension] {
         *sum -= trace;
@@ -51,9 +37,22 @@ pub(super) fn sums<S: Stored>(
 /// Returns the moments of a cell.
 pub(super) fn moments<S: Stored>(populations: &Populations<S>, cell: usize) -> Moments {
     let numbers = populations.numbers();
-    sums(populations, |i| {
-        numbers[populations.incoming(cell, i)].to_f64()
-    })
+    let velocities = populations.velocities();
+    let mut density = 0.0;
+    let mut momentum = [0.0; 3];
+    let mut second = [0.0; 6];
+    for (i, c) in velocities.c.iter().enumerate() {
+        let g = numbers[populations.incoming(cell, i)].to_f64();
+        let c = c.map(f64::from);
+        density += g;
+        for (sum, c) in momentum.iter_mut().zip(c) {
+            *sum += c * g;
+        }
+        for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
+            *sum += c[a] * c[b] * g;
+        }
+    }
+    from_sums(velocities.dimension, density, momentum, second)
 }
 
 /// Returns the moments reflected at a symmetry plane; `sign` is -1 along reversed axes.

@@ -404,7 +404,8 @@ impl Opening {
             }
             Outside::Air => {
                 let enters = |face: &Face, crossed: &Crossed, ends: &Ends| {
-                    2.0 * crossed.weight * inertia(crossed.c, 0.0, face.velocity) - ends.out
+                    2.0 * crossed.weight * inertia(crossed.c.map(f64::from), 0.0, face.velocity)
+                        - ends.out
                 };
                 self.give(cells, populations, fed, enters, mirrored);
             }

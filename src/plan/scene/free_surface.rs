@@ -3,8 +3,10 @@
 //! The initial pressure is hydrostatic: the weight of the water above, up to the first surface.
 
 mod openings;
+mod solitary;
 
 pub use openings::Opening;
+pub use solitary::SolitaryForm;
 
 use super::block::AlignedBox;
 use super::boundaries::ScenePatch;
@@ -53,6 +55,8 @@ pub enum WaterPart {
     Solid(#[serde(skip)] Arc<Images>),
     /// Water below a wave.
     Wave(WaveForm),
+    /// Water below a solitary wave.
+    Solitary(SolitaryForm),
 }
 
 /// A wave in SI.
@@ -89,17 +93,19 @@ impl FreeSurface {
             };
             (depth / h).clamp(0.0, 1.0)
         };
+        let mean = |axis: usize, height: &dyn Fn([f64; 3]) -> f64| {
+            let samples = 2 * SAMPLES;
+            let parts = (0..samples).map(|n| {
+                let mut at = low;
+                at[axis] += (real(n) + 0.5) / real(samples) * h;
+                below(height(at), low[self.axis])
+            });
+            parts.sum::<f64>() / real(samples)
+        };
         match part {
             WaterPart::Level(height) => below(*height, low[self.axis]),
-            WaterPart::Wave(wave) => {
-                let samples = 2 * SAMPLES;
-                let parts = (0..samples).map(|n| {
-                    let mut at = low;
-                    at[wave.axis] += (real(n) + 0.5) / real(samples) * h;
-                    below(wave.height(at), low[self.axis])
-                });
-                parts.sum::<f64>() / real(samples)
-            }
+            WaterPart::Wave(wave) => mean(wave.axis, &|at| wave.height(at)),
+            WaterPart::Solitary(wave) => mean(wave.axis(), &|at| self.crest_at(wave, at)),
             WaterPart::Solid(solid) => {
                 let middle = low.map(|x| x + 0.5 * h);
                 let distance = solid.distance(middle);
@@ -164,6 +170,7 @@ impl FreeSurface {
         match part {
             WaterPart::Level(height) => Some(*height),
             WaterPart::Wave(wave) => Some(wave.height(at)),
+            WaterPart::Solitary(wave) => Some(self.crest_at(wave, at)),
             WaterPart::Solid(solid) => {
                 let length = self.size[axis];
                 let mut along = [0.0; 3];
@@ -174,6 +181,36 @@ impl FreeSurface {
                 Some(at[axis] + chord[1] * along[axis])
             }
         }
+    }
+
+    /// Returns the coordinate of the surface of a solitary wave along the axis of gravity \[m\].
+    fn crest_at(&self, wave: &SolitaryForm, at: [f64; 3]) -> f64 {
+        wave.level + self.upwards() * wave.elevation(at)
+    }
+
+    /// Returns 1 if up is towards larger coordinates, else -1.
+    fn upwards(&self) -> f64 {
+        if self.rises { 1.0 } else { -1.0 }
+    }
+
+    /// Returns the velocity [m/s] that the waves of the start have at a place; zero in the air.
+    #[must_use]
+    pub fn velocity(&self, at: [f64; 3]) -> [f64; 3] {
+        let mut velocity = [0.0; 3];
+        for part in &self.parts {
+            let WaterPart::Solitary(wave) = part else {
+                continue;
+            };
+            let height = self.upwards() * (at[self.axis] - wave.level);
+            let elevation = wave.elevation(at);
+            // A cell that the surface crosses holds water although its centre may lie outside.
+            if height <= elevation + self.spacing {
+                let [along, up] = wave.velocity(at, height.min(elevation));
+                velocity[wave.axis()] += along;
+                velocity[self.axis] += self.upwards() * up;
+            }
+        }
+        velocity
     }
 
     /// Returns the height of a coordinate along the axis of gravity above the lowest point of the domain \[m\].
@@ -194,6 +231,7 @@ impl FreeSurface {
         let lowest = |part: &WaterPart| match part {
             WaterPart::Level(height) => self.above(*height),
             WaterPart::Wave(wave) => self.above(wave.level) - wave.amplitude.abs(),
+            WaterPart::Solitary(wave) => self.above(wave.level),
             WaterPart::Solid(_) => f64::INFINITY,
         };
         let inside = self.parts.iter().map(lowest);
@@ -216,10 +254,8 @@ impl FreeSurface {
         let above = |height: f64| self.above(height).clamp(0.0, self.size[self.axis]);
         let inside = self.parts.iter().map(|part| match part {
             WaterPart::Level(height) => above(*height),
-            WaterPart::Wave(wave) => {
-                let sign = if self.rises { 1.0 } else { -1.0 };
-                above(wave.level + sign * wave.amplitude.abs())
-            }
+            WaterPart::Wave(wave) => above(wave.level + self.upwards() * wave.amplitude.abs()),
+            WaterPart::Solitary(wave) => above(wave.level + self.upwards() * wave.crest_height()),
             WaterPart::Solid(solid) => {
                 let end = usize::from(self.rises);
                 let ends = solid.extents().map(|extent| above(extent[end][self.axis]));
@@ -313,6 +349,17 @@ fn part(
         Water::Wave(wave) => {
             level("wave.level", wave.level);
             wave_form(grid, axis, wave, path, findings).map(WaterPart::Wave)
+        }
+        Water::SolitaryWave(wave) => {
+            level("solitary_wave.level", wave.level);
+            let above = if weight <= 0.0 {
+                wave.level
+            } else {
+                grid.size[axis] - wave.level
+            };
+            let written = (wave, path);
+            solitary::resolve(grid, (axis, weight), written, above, findings)
+                .map(WaterPart::Solitary)
         }
     }
 }

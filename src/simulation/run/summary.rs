@@ -27,6 +27,9 @@ use serde_json::{Value, json};
 /// Relative change of the mass of enclosed water above which a run warns.
 const LOST: f64 = 1e-3;
 
+/// Part of the water with a free surface that is lost, from which a run warns.
+const LOST_WATER: f64 = 1e-2;
+
 /// Ratio of the speed of a grain to the largest speed that water can give it, above which the grain counts as
 /// thrown by contacts.
 const LEAPS: f64 = 1.1;
@@ -66,8 +69,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// If a file cannot be written, the same on all ranks.
     pub(super) fn summarise(&mut self, outcome: &str, as_json: bool) -> Result<(), Error> {
         let measures = self.measure();
-        let warnings = self.warnings(&measures);
+        let mut warnings = self.warnings(&measures);
         let mut values = self.values(outcome, &measures);
+        warnings.extend(self.add_water(&mut values));
         if let Some(seepage) = self.simulation.now.seepage() {
             self.add_seepage(seepage, &measures.extremes, &mut values);
         }
@@ -79,7 +83,6 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if !feeds.is_empty() {
             values["feeds"] = json!(feeds);
         }
-        self.add_water(&mut values);
         let probes = self.read_probes();
         values["settled"] = json!(probes.settled.values);
         values["not_known_to_have_settled"] = json!(probes.settled.unknown);
@@ -255,16 +258,12 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         values
     }
 
-    /// Adds the values of water below a free surface: its mass [kg; kg/m in 2-D], the mass lost by errors, and the
-    /// masses that entered and left through the openings. Collective.
-    fn add_water(&self, values: &mut Value) {
+    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], what of it is lost, and what entered and left
+    /// through the openings. Returns a warning if much is lost. Collective.
+    fn add_water(&self, values: &mut Value) -> Option<String> {
         let now = &self.simulation.now;
-        let Some(surface) = now.lattice().and_then(|flow| flow.fluid().surface()) else {
-            return;
-        };
-        let Some(units) = now.plan.units.as_ref() else {
-            return;
-        };
+        let surface = now.lattice().and_then(|flow| flow.fluid().surface())?;
+        let units = now.plan.units.as_ref()?;
         let dimension = if now.plan.scene.grid.dimension == 2 {
             2
         } else {
@@ -302,6 +301,13 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             });
             values["water"]["openings"] = rows.collect();
         }
+        (lost.abs() > LOST_WATER * handled).then(|| {
+            format!(
+                "{:.1} % of the water is lost in drops of one cell and in air that water enclosed: finer cells lose \
+                 less",
+                100.0 * lost / handled
+            )
+        })
     }
 
     fn add_joints(&self, joints: &JointWater, values: &mut Value) {

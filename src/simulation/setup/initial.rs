@@ -34,8 +34,11 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
             if let Some(surface) = plan.scene.surface.clone() {
                 let (h, force) = (units.spacing, flow.density * surface.gravity);
                 return Some(Box::new(move |p: [f64; 3]| {
-                    let pressure = force * surface.depth(p.map(|x| x * h));
-                    (units.pressure_to_density_deviation(pressure), v)
+                    let at = p.map(|x| x * h);
+                    let pressure = force * surface.depth(at);
+                    let wave = surface.velocity(at).map(|u| units.velocity_to_lattice(u));
+                    let velocity = std::array::from_fn(|a| v[a] + wave[a]);
+                    (units.pressure_to_density_deviation(pressure), velocity)
                 }));
             }
             let Some(weight) = weight else {
