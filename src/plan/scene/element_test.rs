@@ -42,6 +42,10 @@ pub(crate) fn resolve(
     findings: &mut Findings,
 ) -> Option<ElementTest> {
     let written = case.analysis.element_test.as_ref()?;
+    // A wrong probe or wall has a finding of its own.
+    if findings.wrong_in(&["probes", "walls", "box_walls"]) {
+        return None;
+    }
     let names = [0, 1].map(|k| (&written.axial[k], format!("{PATH}.axial[{k}]")));
     let axial = names.map(|(name, path)| find(case, probes, name, Kind::Wall, &path, findings));
     let lateral = written.lateral.iter().enumerate();
