@@ -335,7 +335,7 @@ impl JointWater {
             released,
             ..
         } = self.balance;
-        (stored + released - initial - entered) / stored.max(f64::MIN_POSITIVE)
+        (stored + released - initial - entered) / self.flow.water().max(f64::MIN_POSITIVE)
     }
 
     /// Returns the discharge of a mouth into the network \[m³/s\] and the mean pressure in front of it \[Pa\].

@@ -6,12 +6,12 @@
 //! ```text
 //! d(W + V (r(p) - 1))/dt = sum of Q into the node
 //! V = integral of the aperture, at least the residual one, over the cell
-//! W = integral of the gap and the residual aperture
+//! W = integral of the gap
 //! ```
 //!
-//! `V` and `W` change alike where the joint is open. Where walls press on each other the gap is negative and the
-//! aperture stays the residual one; `W` still follows the walls, which squeeze the water of their roughness, so that
-//! force and change of volume belong together everywhere.
+//! `V` and `W` are equal where the joint is open. Where walls press on each other the gap is negative and the aperture
+//! stays the residual one; `W` still follows the walls, which squeeze the water of their roughness, so that force and
+//! change of volume belong together everywhere.
 //!
 //! A junction has no volume. The discharge of a link follows from its drive `P = p_from - p_to + rho g.(x_to -
 //! x_from)`, less the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar resistance
@@ -321,7 +321,19 @@ impl JointFlow {
         &self.gaps
     }
 
-    /// Returns the volume of water in the network at the density of atmospheric pressure \[m³\].
+    /// Returns the volume of water between the walls at the density of atmospheric pressure \[m³\].
+    #[must_use]
+    pub fn water(&self) -> f64 {
+        let mut sum = ExactSum::new();
+        for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
+            sum.add(*volume);
+            sum.add(volume * self.settings.water.compression(*pressure).0);
+        }
+        sum.value()
+    }
+
+    /// Returns the sum whose change is the water that entered, at the density of atmospheric pressure \[m³\]: the water
+    /// of the network, less the roughness of walls that press on each other.
     #[must_use]
     pub fn stored(&self) -> f64 {
         let mut sum = ExactSum::new();
@@ -412,7 +424,7 @@ impl JointFlow {
         for (number, (cell, &joint)) in cells.enumerate() {
             let at = &cell.centroid;
             self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
-            self.fills[number] = cell.area * (self.base_gaps[joint].value(at) + residual);
+            self.fills[number] = cell.area * self.base_gaps[joint].value(at);
             // Apart, so that small displacements keep their digits.
             self.opened[number] = cell.area * self.openings[joint].value(at);
         }

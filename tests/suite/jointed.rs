@@ -4,7 +4,7 @@ use crate::ranks::{Study, beside_others};
 use decomposition::{Domain, SplitAxis};
 use serde_json::{Value, json};
 use solver::case::Document;
-use solver::coupling::{Flow, FluidView};
+use solver::coupling::Flow;
 use solver::dem::particles::Particles;
 use solver::dem::space::Volume;
 use solver::error::Problem;
