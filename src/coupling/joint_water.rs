@@ -325,8 +325,8 @@ impl JointWater {
         &self.report
     }
 
-    /// Returns the water that follows from no discharge through a mouth since the beginning, over the largest of the water
-    /// in the network now and at the beginning and of what passed.
+    /// Returns the water that follows from no discharge through a mouth since the beginning, over the largest of the
+    /// water in the network now and at the beginning and of what passed.
     #[must_use]
     pub fn mass_error(&self) -> f64 {
         let stored = self.flow.stored();

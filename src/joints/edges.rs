@@ -82,9 +82,9 @@ impl Edge {
         self.direction.dot(&(point - self.ends[0]))
     }
 
-    /// Returns `true` if another edge runs along this one within the apertures of both. Of an aperture wider than a limit
-    /// \[m\] half counts: the edge of a joint lies in the middle between its faces, and the other end of a neighbour may
-    /// be as near as its whole aperture.
+    /// Returns `true` if another edge runs along this one within the apertures of both. Of an aperture wider than a
+    /// limit \[m\] half counts: the edge of a joint lies in the middle between its faces, and the other end of a
+    /// neighbour may be as near as its whole aperture.
     fn meets(&self, other: &Self, parallel: f64, limit: f64) -> bool {
         if self.direction.dot(&other.direction).abs() < parallel {
             return false;
