@@ -70,9 +70,9 @@ pub struct JointNetwork {
     pub mouths: Vec<Mouth>,
 }
 
-/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of
-/// the lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction of
-/// a laminar layer at each frequency. The network begins at rest at the reference pressure. Needs the coupling
+/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of the
+/// lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction
+/// of a laminar layer at each frequency. The network begins at rest at the reference pressure. Needs the coupling
 /// `bounce_back`. Blocks that move make one step with each step of the lattice, and can open their joints up to
 /// `largest_aperture`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -325,8 +325,8 @@ impl JointWater {
         &self.report
     }
 
-    /// Returns the change of the water volume that no discharge through a mouth explains, divided by the volume in
-    /// the network.
+    /// Returns the water that follows from no discharge through a mouth since the beginning, over the largest of the
+    /// water in the network now and at the beginning and of what passed.
     #[must_use]
     pub fn mass_error(&self) -> f64 {
         let stored = self.flow.stored();
@@ -336,7 +336,10 @@ impl JointWater {
             released,
             ..
         } = self.balance;
-        (stored + released - initial - entered) / stored.max(f64::MIN_POSITIVE)
+        // A network whose blocks have left may hold no water.
+        let handled = [initial, entered, released].map(f64::abs);
+        let handled = handled.into_iter().fold(self.flow.water(), f64::max);
+        (stored + released - initial - entered) / handled.max(f64::MIN_POSITIVE)
     }
 
     /// Returns the discharge of a mouth into the network \[m³/s\] and the mean pressure in front of it \[Pa\].

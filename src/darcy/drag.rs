@@ -261,7 +261,7 @@ mod tests {
         for text in [
             "Stokes 1851.",
             "exclusiveMinimum",
-            "Multiplies the drag",
+            "Dimensionless factor of the drag.",
             "di_felice",
         ] {
             assert!(schema.contains(text), "{text}: {schema}");

@@ -83,8 +83,10 @@ impl Edge {
         self.direction.dot(&(point - self.ends[0]))
     }
 
-    /// Returns `true` if another edge is parallel to this one, at a distance within the apertures of both.
-    fn meets(&self, other: &Self, parallel: f64) -> bool {
+    /// Returns `true` if another edge runs along this one within the apertures of both. Of an aperture wider than a
+    /// limit \[m\] half counts: the edge of a joint lies in the middle between its faces, and the other end of a
+    /// neighbour may be as near as its whole aperture.
+    fn meets(&self, other: &Self, parallel: f64, limit: f64) -> bool {
         if self.direction.dot(&other.direction).abs() < parallel {
             return false;
         }
@@ -97,8 +99,15 @@ impl Edge {
         let along = 0.5 * (from + to);
         let middle = self.position(along);
         let there = other.along(&middle);
-        let near =
-            self.aperture(along) + other.aperture(there) + TOUCHING * self.length.max(other.length);
+        let reach = |aperture: f64| {
+            if aperture > limit {
+                0.5 * aperture
+            } else {
+                aperture
+            }
+        };
+        let reaches = reach(self.aperture(along)) + reach(other.aperture(there));
+        let near = reaches + TOUCHING * self.length.max(other.length);
         (other.position(there) - middle).norm() <= near
     }
 
@@ -131,7 +140,7 @@ pub fn ends(
     residual: f64,
 ) -> Ends {
     let edges = edges(joints, cells, firsts, residual);
-    let groups = groups(&edges, limits.angle.cos());
+    let groups = groups(&edges, limits);
     let mut found = Ends::default();
     for group in groups {
         divide(&group, &edges, (joints, cells), &mut found);
@@ -174,7 +183,8 @@ fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> V
 }
 
 /// Returns groups of edges on a common line, each in the order of the edges, in the order of their first edges.
-fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
+fn groups(edges: &[Edge], limits: &PairLimits) -> Vec<Vec<usize>> {
+    let parallel = limits.angle.cos();
     let mut parents: Vec<usize> = (0..edges.len()).collect();
     let widest = |edge: &Edge| edge.apertures[0].max(edge.apertures[1]);
     let most = edges.iter().map(widest).fold(0.0, f64::max);
@@ -196,7 +206,10 @@ fn groups(edges: &[Edge], parallel: f64) -> Vec<Vec<usize>> {
             }
             let apart =
                 (1..3).any(|k| low(&edges[b])[k] > reach[k] || high(&edges[b])[k] < from[k]);
-            if apart || edges[a].joint == edges[b].joint || !edges[a].meets(&edges[b], parallel) {
+            if apart
+                || edges[a].joint == edges[b].joint
+                || !edges[a].meets(&edges[b], parallel, limits.distance)
+            {
                 continue;
             }
             let (one, other) = (root(&mut parents, a), root(&mut parents, b));

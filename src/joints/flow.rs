@@ -6,12 +6,12 @@
 //! ```text
 //! d(W + V (r(p) - 1))/dt = sum of Q into the node
 //! V = integral of the aperture, at least the residual one, over the cell
-//! W = integral of the gap and the residual aperture
+//! W = integral of the gap
 //! ```
 //!
-//! `V` and `W` change alike where the joint is open. Where walls press on each other the gap is negative and the
-//! aperture stays the residual one; `W` still follows the walls, which squeeze the water of their roughness, so that
-//! force and change of volume belong together everywhere.
+//! `V` and `W` are equal where the joint is open. Where walls press on each other the gap is negative and the aperture
+//! stays the residual one; `W` still follows the walls, which squeeze the water of their roughness, so that force and
+//! change of volume belong together everywhere.
 //!
 //! A junction has no volume. The discharge of a link follows from its driving pressure `P = p_from - p_to + rho
 //! g.(x_to - x_from)`, minus the turbulent excess `X(Q)` ([`crate::friction`]), as `Q = (P - X)/R` with the laminar
@@ -53,9 +53,8 @@ const CHANGE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
 /// line search.
 const ROUNDING: f64 = 1e-8;
-/// Change of the velocity of a block at which Newton's method may end, over that which the loads on it would make
-/// without water.
-const STILL: f64 = 1e-11;
+/// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
+const STILL: f64 = 1e-14;
 /// Largest system whose unknowns are eliminated in the order of their degree.
 const SMALL: usize = 4000;
 /// Maximum number of halvings of a Newton step.
@@ -187,15 +186,6 @@ fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors
     Factors::in_order(dissection(&positions, pairs), pairs)
 }
 
-/// Returns the area of each block in joints \[m²\].
-fn areas(touches: &[Touch], movers: usize) -> Vec<f64> {
-    let mut areas = vec![0.0; movers];
-    for touch in touches {
-        areas[touch.mover] += touch.arm.fixed_rows::<3>(0).norm();
-    }
-    areas
-}
-
 /// Buffers of a stage.
 #[derive(Clone, Debug, Default)]
 struct Work {
@@ -211,9 +201,7 @@ struct Work {
     pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
-    /// Areas of the moving blocks in joints \[m²\].
-    faces: Vec<f64>,
-    /// Displacements and velocities of the moving blocks at the start of a stage.
+    /// Displacements and velocities of the moving blocks at the base of a stage.
     starts: Vec<[Vector6<f64>; 2]>,
 }
 
@@ -278,7 +266,6 @@ impl JointFlow {
                 trial: vec![0.0; unknowns],
                 net: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
-                faces: areas(&touches, movers.len()),
             },
             movers,
             touches,
@@ -321,7 +308,19 @@ impl JointFlow {
         &self.gaps
     }
 
-    /// Returns the volume of water in the network at atmospheric density \[m³\].
+    /// Returns the volume of water between the walls at the density of atmospheric pressure \[m³\].
+    #[must_use]
+    pub fn water(&self) -> f64 {
+        let mut sum = ExactSum::new();
+        for (volume, pressure) in self.volumes.iter().zip(&self.pressure) {
+            sum.add(*volume);
+            sum.add(volume * self.settings.water.compression(*pressure).0);
+        }
+        sum.value()
+    }
+
+    /// Returns the sum whose change is the water that entered, at the density of atmospheric pressure \[m³\]: the water
+    /// of the network, less the roughness of walls that press on each other.
     #[must_use]
     pub fn stored(&self) -> f64 {
         let mut sum = ExactSum::new();
@@ -412,7 +411,7 @@ impl JointFlow {
         for (number, (cell, &joint)) in cells.enumerate() {
             let at = &cell.centroid;
             self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
-            self.fills[number] = cell.area * (self.base_gaps[joint].value(at) + residual);
+            self.fills[number] = cell.area * self.base_gaps[joint].value(at);
             // Apart, so that small displacements keep their digits.
             self.opened[number] = cell.area * self.openings[joint].value(at);
         }
@@ -661,7 +660,7 @@ impl JointFlow {
             let full = largest(0.0, &direction[..nodes]);
             let slow = largest(0.0, &direction[nodes..])
                 <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..])
-                    + STILL * self.free_change(size, interval);
+                    + self.small_change(interval);
             let mut trial = std::mem::take(&mut self.work.trial);
             let (mut part, mut new) = (1.0, 0.0);
             // Laminar flow needs no line search: its imbalance is concave.
@@ -699,15 +698,10 @@ impl JointFlow {
         })
     }
 
-    /// Returns the largest change of a velocity that external loads and a pressure \[Pa\] on all faces would make in a
-    /// time \[s\].
-    fn free_change(&self, pressure: f64, interval: f64) -> f64 {
-        let forces = self.movers.iter().zip(&self.work.faces);
-        let change = |(mover, area): (&Mover, &f64)| {
-            let force = mover.load.fixed_rows::<3>(0).norm() + pressure * area;
-            force * interval / mover.mass
-        };
-        forces.map(change).fold(0.0, f64::max)
+    /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
+    fn small_change(&self, interval: f64) -> f64 {
+        let gaps = self.gaps.iter().map(|gap| gap.constant);
+        STILL * gaps.fold(self.network.settings.residual, f64::max) / interval
     }
 
     /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.

@@ -3,8 +3,7 @@
 //! The unknowns are divided into two halves along the longest axis of their box; those of one half that are joined to
 //! the other one separate them and come last (George, SIAM J. Numer. Anal. 10, 345 (1973); by coordinates: Miller,
 //! Teng, Thurston and Vavasis, J. ACM 44, 1 (1997)). The halves are divided in the same way down to small sets, which
-//! approximate minimum degree orders. Networks of joints in a rock mass are three-dimensional: dissection leaves them
-//! much less fill than minimum degree, and is found much faster.
+//! approximate minimum degree orders. The time for the order grows like the number of unknowns times its logarithm.
 
 use crate::ldl::minimum_degree;
 use nalgebra::Vector3;
@@ -157,8 +156,8 @@ mod tests {
     use crate::ldl::Factors;
 
     #[test]
-    fn a_lattice_in_space_is_divided_into_every_unknown_once_and_fills_less() {
-        let n = 16;
+    fn a_lattice_in_space_is_divided_into_every_unknown_once_and_fills_little() {
+        let n = 24;
         let at = |x: usize, y: usize, z: usize| x + n * (y + n * z);
         let (mut positions, mut pairs) = (Vec::new(), Vec::new());
         for z in 0..n {
@@ -178,17 +177,21 @@ mod tests {
                 }
             }
         }
+        let start = std::time::Instant::now();
         let order = dissection(&positions, &pairs);
+        println!("dissection in {:?}", start.elapsed());
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert!(sorted.into_iter().eq(0..n * n * n));
         let count = positions.len();
         let divided = Factors::in_order(order, &pairs).entries();
         let natural = Factors::in_order((0..count).collect(), &pairs).entries();
+        let start = std::time::Instant::now();
         let degree = Factors::new(count, &pairs).entries();
+        println!("order by degree, and its factors, in {:?}", start.elapsed());
         println!(
             "entries: {divided} by dissection, {degree} by degree, {natural} point after point"
         );
-        assert!(3 * divided < natural);
+        assert!(3 * divided < natural && 2 * divided < 3 * degree);
     }
 }

@@ -51,7 +51,10 @@ fn the_schema_takes_the_texts_of_the_operators() {
     let schema = schemars::schema_for!(Operators).to_value();
     let choices = schema["oneOf"].as_array().unwrap();
     assert_eq!(choices.len(), 1);
-    assert_eq!(choices[0]["description"], "A toy. It scales what comes in.");
+    assert_eq!(
+        choices[0]["description"],
+        "Toy operator, which scales the incoming populations."
+    );
     assert!(choices[0]["properties"]["toy"].get("description").is_none());
     assert_eq!(
         choices[0]["properties"]["toy"]["properties"]["strength"]["description"],

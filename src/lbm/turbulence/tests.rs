@@ -21,7 +21,7 @@ fn an_eddy_viscosity_is_one_file_and_one_line() {
     assert_eq!(toy.viscosity(&gradient), 0.02);
     assert_eq!(toy.fraction(&gradient), (0.02, 1.0));
     let schema = schemars::schema_for!(Models).to_value();
-    assert_eq!(schema["oneOf"][0]["description"], "A toy.");
+    assert_eq!(schema["oneOf"][0]["description"], "Toy eddy viscosity.");
 }
 
 /// WALE is refused in 2-D at its place in the case.

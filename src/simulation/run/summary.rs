@@ -325,7 +325,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "joints": scene.counts.joints,
             "cells": scene.counts.cells,
             "mouths": mouths.collect::<Vec<_>>(),
-            "stored_water": joints.flow().stored(),
+            "stored_water": joints.flow().water(),
             "initial_water": balance.initial,
             "water_in": balance.entered,
             "water_released": balance.released,
