@@ -36,7 +36,13 @@ const DISCS: [(&str, &str); 9] = [
     ),
 ];
 
-/// Checks that the mass of the water is conserved.
+/// Checks that what the water lost of its momentum is what bodies, walls and the body force gave and took.
+fn closes_momentum(summary: &Value) {
+    let error = summary["momentum_error"].as_f64().unwrap();
+    assert!(error < 1e-9, "{error}");
+}
+
+/// Checks that the water has kept its mass.
 fn keeps_water(water: &Value, within: f64) {
     let error = water["mass_error"].as_f64().unwrap();
     assert!(error.abs() < within, "{water}");
@@ -149,6 +155,7 @@ fn discs_in_a_stream_between_openings() {
     study.restart("parts", 3, &["time.end=0.12"]).expect(0);
     study.same("straight", "parts");
     keeps_water(&study.summary("straight")["water"], 1e-12);
+    closes_momentum(&study.summary("straight"));
 }
 
 /// Returns a disc in a basin at rest.

@@ -128,10 +128,14 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Starts or leaves out the balance of the momentum of the next step with a free surface.
+    /// Starts or leaves out the balance of the momentum of the next step with a free surface. It is left out in 3-D
+    /// with planes of symmetry, where not every link that leads from one into the gas is known to both sums.
     pub fn balance_surface(&mut self, wanted: bool) {
+        let planes = self.boundaries.mirrored();
+        let mirrored = planes.as_flattened().contains(&true);
+        let known = self.populations.velocities().dimension == 2 || !mirrored;
         if let Some(surface) = &mut self.surface {
-            surface.balance(wanted);
+            surface.balance(wanted && known);
         }
     }
 

@@ -151,7 +151,7 @@ pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
     populations: &mut Populations<S>,
 ) {
     let mut mass = std::mem::take(&mut cells.mass);
-    let masses = Numbers::of(&mut mass);
+    let masses = Numbers::from_list(&mut mass);
     let masses = &masses;
     let numbers = Numbers::new(populations);
     let (numbers, populations) = (&numbers, &*populations);

@@ -29,7 +29,7 @@ impl<S: Stored> Numbers<S> {
     }
 
     /// Returns the numbers of a list.
-    pub(super) fn of(list: &mut [S]) -> Self {
+    pub(super) fn from_list(list: &mut [S]) -> Self {
         Self(list.as_mut_ptr())
     }
 
@@ -161,8 +161,8 @@ impl<L: Lattice<Q>, const Q: usize> Stencil<L, Q> {
         kinds
     }
 
-    /// Asks for the numbers of the links of the cell that comes some cells after the one at `n` in a list. Behind a pass
-    /// they lie in memory, on a line for each direction, and their loads would wait for each other.
+    /// Prefetches the numbers of the links of the cell that comes some cells after the one at `n` in a list. Behind a
+    /// pass they lie in memory, on a line for each direction, and their loads would wait for each other.
     #[inline(always)]
     pub(super) fn prefetch<S: Stored>(&self, numbers: &Numbers<S>, list: &[u32], n: usize) {
         let (Some(&cell), Some(&before)) = (list.get(n + AHEAD), list.get(n + AHEAD - 1)) else {
