@@ -97,7 +97,7 @@ pub struct LatticeBoltzmann {
     pub porous_zones: Vec<PorousZone>,
     /// Water in the joints between blocks that are thinner than a cell.
     #[serde(default)]
-    pub joints: Option<LatticeJoints>,
+    pub joints: Option<Box<LatticeJoints>>,
     /// Speed and pressure in a run on coarse cells, for the automatic choices; `solver plan --pilot` writes it.
     /// Default: the estimates of the plan.
     #[serde(default)]

@@ -384,11 +384,11 @@ fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Finding
             let centre = at.map(|number| (number + 0.5) * grid.spacing);
             let offset = centre - joint.origin;
             let flat = Vector2::new(joint.axes[0].dot(&offset), joint.axes[1].dot(&offset));
-            let edges = joint.overlap.edges();
+            let mut edges = joint.overlap.edges();
             let inside = |(from, to, _): (Vector2<f64>, Vector2<f64>, usize)| {
                 (to - from).perp(&(flat - from)) >= 0.0
             };
-            if joint.normal.dot(&offset).abs() <= half && edges.map(inside).all(|inside| inside) {
+            if joint.normal.dot(&offset).abs() <= half && edges.all(inside) {
                 let [x, y, z] = centre.into();
                 findings.error(
                     UNDER,
