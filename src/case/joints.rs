@@ -1,6 +1,5 @@
 //! Water in the joints between blocks, without a lattice.
 
-use super::fluid::LatticeBoltzmann;
 use super::geometry::Extent;
 use joints::history::PressureHistory;
 use schemars::JsonSchema;
@@ -18,8 +17,8 @@ pub struct JointNetwork {
     /// Dynamic viscosity [Pa s]. Water at 20 °C: 1e-3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub viscosity: f64,
-    /// Time step [s]. Any time step is stable for the water alone; a wave needs some twenty steps per period. Blocks that
-    /// move make the same step, which their contacts limit.
+    /// Time step [s]. Any time step is stable for the water alone; a wave needs some twenty steps per period. Blocks
+    /// that move make the same step, which their contacts limit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
@@ -120,12 +119,13 @@ pub struct LatticeJoints {
 }
 
 impl LatticeJoints {
-    /// Returns the network with the water of a lattice whose time step is `time_step` \[s\].
+    /// Returns the network with the water of a lattice: its density [kg/m3], kinematic viscosity [m2/s] and time step
+    /// \[s\].
     #[must_use]
-    pub fn network(&self, water: &LatticeBoltzmann, time_step: f64) -> JointNetwork {
+    pub fn network(&self, [density, viscosity]: [f64; 2], time_step: f64) -> JointNetwork {
         JointNetwork {
-            density: water.density,
-            viscosity: water.density * water.kinematic_viscosity,
+            density,
+            viscosity: density * viscosity,
             time_step,
             largest_aperture: self.largest_aperture,
             residual_aperture: self.residual_aperture,

@@ -30,8 +30,8 @@ use nalgebra::Vector3;
 pub struct MouthFront {
     /// Pressure at the datum over time.
     pub pressure: PressureHistory,
-    /// Lower and upper corner of the box of its edges \[m\]: lower faces belong to it, upper ones do not. The pressure is
-    /// that at its centre; elsewhere it is hydrostatic relative to it.
+    /// Lower and upper corner of the box of its edges \[m\]: lower faces belong to it, upper ones do not. The pressure
+    /// is that at its centre; elsewhere it is hydrostatic relative to it.
     pub region: [[f64; 3]; 2],
     /// `true` if the water also presses on blocks that can move, where no joint covers them.
     pub presses_on_blocks: bool,
@@ -206,8 +206,8 @@ pub struct JointWater {
 }
 
 impl JointWater {
-    /// Returns the steady flow under the pressures at time 0 between blocks that do not move. `blocks` are all blocks of
-    /// the network, whose ids begin at `first`; `interval` is the time step \[s\].
+    /// Returns the steady flow under the pressures at time 0 between blocks that do not move. `blocks` are all blocks
+    /// of the network, whose ids begin at `first`; `interval` is the time step \[s\].
     ///
     /// # Errors
     /// If there is no steady flow.

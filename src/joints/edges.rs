@@ -9,8 +9,8 @@
 //! the cell size, is neglected.
 
 use crate::cells::{Cell, Side};
-use crate::network::root;
 use crate::pairs::{Joint, PairLimits};
+use crate::sets::root;
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
 

@@ -54,6 +54,7 @@ pub mod network;
 mod order;
 pub mod pairs;
 pub mod polygon;
+mod sets;
 pub mod slot;
 pub mod water;
 

@@ -6,6 +6,7 @@
 use crate::cells::{Cell, Side, divide};
 use crate::edges::{Junction, Piece, ends};
 use crate::pairs::{Joint, PairLimits, Rock, RockFace, joints, joints_after, joints_of};
+use crate::sets::root;
 use nalgebra::{Vector2, Vector3};
 
 /// Settings of a network.
@@ -182,15 +183,6 @@ impl Network {
             .map(|node| root(&mut parents, node))
             .collect()
     }
-}
-
-/// Returns the first member of a set, and halves the way to it.
-pub(crate) fn root(parents: &mut [usize], mut member: usize) -> usize {
-    while parents[member] != member {
-        parents[member] = parents[parents[member]];
-        member = parents[member];
-    }
-    member
 }
 
 /// Returns the links between the cells of each joint.

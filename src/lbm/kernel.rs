@@ -419,8 +419,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
             // SAFETY: promised by the caller.
             for &[begin, end] in unsafe { shared.spans(plane, row) } {
                 let (mut k, end) = (begin as usize, end as usize);
-                // The addresses advance with the cells, so that each number is at an address plus at most one
-                // distance.
+                // The addresses advance with the cells: each number is at an address plus at most one distance.
                 let mut at = [std::ptr::null_mut::<S>(); 9];
                 unroll!(nine n < 9 => {
                     let first = shared.first[Places::<L, Q>::FIRST[n]];

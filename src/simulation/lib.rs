@@ -10,7 +10,8 @@
 //! | `resume`, `recorders` | continuation from a checkpoint; states of the recorders in it |
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
-//! | `removal`, `gates`, `servos` | regions that remove and generate grains; walls that are inserted or removed; servo walls |
+//! | `removal`, `gates` | regions that remove and generate grains; walls that are inserted or removed |
+//! | `servos` | stresses that servo walls follow |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |

@@ -56,16 +56,16 @@ pub struct JetApparatus {
     pub density: f64,
     /// Gravity [m/s2].
     pub gravity: f64,
-    /// Coefficient of friction C_f [1].
+    /// Coefficient of friction C_f \[1\].
     pub friction: f64,
-    /// Length of the core of the jet over the diameter of the nozzle [1].
+    /// Length of the core of the jet over the diameter of the nozzle \[1\].
     pub core: f64,
 }
 
 impl JetApparatus {
-    /// Coefficient of friction in common use [1].
+    /// Coefficient of friction in common use \[1\].
     pub const FRICTION: f64 = 0.00416;
-    /// Length of the core in common use, over the diameter of the nozzle [1].
+    /// Length of the core in common use, over the diameter of the nozzle \[1\].
     pub const CORE: f64 = 6.3;
 
     /// Returns the velocity at the nozzle [m/s].

@@ -9,9 +9,9 @@
 //! resolved flow.
 //!
 //! In lattice units the force on a cell of density ρ is D = -ρ (a + b |u|) u with a = ν Δt/K and b = β h,
-//! multiplied by φ if the zone fills the fraction φ of the cell. The velocity contains half of every force, u = (m
-//! + (G + D)/2)/ρ with the momentum m that comes in and the body force G, so that D is known without iteration (Guo
-//! and Zhao 2002, equations 15 to 17):
+//! multiplied by φ if the zone fills the fraction φ of the cell. The velocity contains half of every force,
+//! u = (m + (G + D)/2)/ρ with the momentum m that comes in and the body force G, so that D is known without iteration
+//! (Guo and Zhao 2002, equations 15 to 17):
 //!
 //! ```text
 //! u = 2 v/(c + (c² + 2 b |v|)^½),   v = (m + G/2)/ρ,   c = 1 + a/2

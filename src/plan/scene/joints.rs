@@ -142,7 +142,10 @@ impl JointScene {
             Some(Fluid::LatticeBoltzmann(water)) => {
                 let written = water.joints.as_ref()?;
                 let step = flow.map_or(1.0, |flow| flow.time_step);
-                (written.network(water, step), UNDER)
+                (
+                    written.network([water.density, water.kinematic_viscosity], step),
+                    UNDER,
+                )
             }
             _ => return None,
         };
