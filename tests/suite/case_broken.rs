@@ -811,7 +811,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "servo without grains",
         "biaxial",
         Set(&["grains=null", "probes=[]", "analysis={}", "output={}"]),
-        "walls[0].servo",
+        "fluid",
     ),
     (
         "load on an unknown wall",

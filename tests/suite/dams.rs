@@ -534,7 +534,7 @@ fn what_has_no_place_in_the_ground_is_refused_by_name() {
             "earth-dam",
             dip_in_dam.to_owned(),
             "fluid.darcy.zones[0].dip",
-            "computed in saturated ground",
+            "require saturated ground",
         ),
         (
             "infiltration",

@@ -84,7 +84,7 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     );
     assert_eq!(
         choice["properties"]["toy"]["properties"]["returned"]["description"],
-        "The part r that is returned, without unit."
+        "Returned fraction r, without unit."
     );
 }
 

@@ -102,12 +102,16 @@ fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
             Remedy::take_out("remove the servo, or use another law", path),
         );
     } else if case.grains.is_none() && case.bodies.is_empty() && case.regions.is_empty() {
-        findings.error(
-            path,
-            "there are no grains and no bodies that could bear the stress of the wall",
-            Remedy::take_out("add `grains`, or remove the servo", path),
-        );
-        findings.depends(&["grains", "bodies"]);
+        // One cause is one finding, of the first such wall.
+        let first = case.walls.iter().position(|wall| wall.servo.is_some());
+        if first.is_some_and(|first| path == format!("walls[{first}].servo")) {
+            findings.error(
+                path,
+                "there are no grains and no bodies that could bear the stress of the wall",
+                Remedy::take_out("add `grains`, or remove the servo", path),
+            );
+            findings.depends(&["grains", "bodies", "fluid"]);
+        }
     } else if case.contact.is_none() || without_stiffness(case) {
         findings.error(
             "contact",
