@@ -13,6 +13,7 @@ use crate::pairs::{Joint, PairLimits};
 use crate::sets::root;
 use base::number::real;
 use nalgebra::{Vector2, Vector3};
+use std::collections::BTreeMap;
 
 /// Maximum distance of touching edges, divided by their length.
 const TOUCHING: f64 = 1e-6;
@@ -83,18 +84,18 @@ impl Edge {
         self.direction.dot(&(point - self.ends[0]))
     }
 
-    /// Returns `true` if another edge runs along this one within the apertures of both. Of an aperture wider than a
-    /// limit \[m\] half counts: the edge of a joint lies in the middle between its faces, and the other end of a
-    /// neighbour may be as near as its whole aperture.
-    fn meets(&self, other: &Self, parallel: f64, limit: f64) -> bool {
+    /// Returns the distance \[m\] of another edge that runs along this one within the apertures of both; none if it does
+    /// not. Of an aperture wider than a limit \[m\] half counts: the edge of a joint lies in the middle between its faces,
+    /// and the other end of a neighbour may be as near as its whole aperture.
+    fn meets(&self, other: &Self, parallel: f64, limit: f64) -> Option<f64> {
         if self.direction.dot(&other.direction).abs() < parallel {
-            return false;
+            return None;
         }
         let ends = other.ends.map(|end| self.along(&end));
         let from = ends[0].min(ends[1]).max(0.0);
         let to = ends[0].max(ends[1]).min(self.length);
         if to - from <= SHORT * self.length.max(other.length) {
-            return false;
+            return None;
         }
         let along = 0.5 * (from + to);
         let middle = self.position(along);
@@ -108,7 +109,13 @@ impl Edge {
         };
         let reaches = reach(self.aperture(along)) + reach(other.aperture(there));
         let near = reaches + TOUCHING * self.length.max(other.length);
-        (other.position(there) - middle).norm() <= near
+        let distance = (other.position(there) - middle).norm();
+        (distance <= near).then_some(distance)
+    }
+
+    /// Returns `true` if the edge has an aperture above a limit \[m\].
+    fn is_wide(&self, limit: f64) -> bool {
+        self.apertures.iter().any(|aperture| *aperture > limit)
     }
 
     /// Returns the half link of a piece of the edge between two positions along the edge \[m\].
@@ -197,6 +204,7 @@ fn groups(edges: &[Edge], limits: &PairLimits) -> Vec<Vec<usize>> {
         let (one, other) = (low(&edges[a]).x, low(&edges[b]).x);
         one.total_cmp(&other).then(a.cmp(&b))
     });
+    let mut met = Vec::new();
     for (at, &a) in order.iter().enumerate() {
         let reach = high(&edges[a]).add_scalar(margin);
         let from = low(&edges[a]).add_scalar(-margin);
@@ -206,15 +214,34 @@ fn groups(edges: &[Edge], limits: &PairLimits) -> Vec<Vec<usize>> {
             }
             let apart =
                 (1..3).any(|k| low(&edges[b])[k] > reach[k] || high(&edges[b])[k] < from[k]);
-            if apart
-                || edges[a].joint == edges[b].joint
-                || !edges[a].meets(&edges[b], parallel, limits.distance)
-            {
+            if apart || edges[a].joint == edges[b].joint {
                 continue;
             }
-            let (one, other) = (root(&mut parents, a), root(&mut parents, b));
-            parents[one.max(other)] = one.min(other);
+            if let Some(distance) = edges[a].meets(&edges[b], parallel, limits.distance) {
+                met.push((a, b, distance));
+            }
         }
+    }
+    // A wide joint reaches beyond the near end of a short neighbour to its far end, which does not meet it.
+    let wide = |a: usize, b: usize| {
+        let both = [&edges[a], &edges[b]];
+        both.iter().any(|edge| edge.is_wide(limits.distance))
+    };
+    let mut nearest: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+    for &(a, b, distance) in met.iter().filter(|(a, b, _)| wide(*a, *b)) {
+        for key in [(a, edges[b].joint), (b, edges[a].joint)] {
+            let least = nearest.entry(key).or_insert(distance);
+            *least = least.min(distance);
+        }
+    }
+    for (a, b, distance) in met {
+        let tolerance = TOUCHING * longest;
+        let is_nearest = |key: (usize, usize)| distance <= nearest[&key] + tolerance;
+        if wide(a, b) && !(is_nearest((a, edges[b].joint)) && is_nearest((b, edges[a].joint))) {
+            continue;
+        }
+        let (one, other) = (root(&mut parents, a), root(&mut parents, b));
+        parents[one.max(other)] = one.min(other);
     }
     let mut groups: Vec<Vec<usize>> = vec![Vec::new(); edges.len()];
     for edge in 0..edges.len() {
