@@ -161,6 +161,10 @@ pub(super) fn check(
             ),
             remedy(scene, clock, sure),
         );
+        if scene.joints.is_some() && scene.flow.is_none() {
+            // The step is that of the water in joints.
+            findings.depends(&["fluid"]);
+        }
     } else if dt > worst {
         let reason = format!(
             "a solid time step of {step} s is above {} s, the stability limit of bodies with contacts on all sides",

@@ -18,11 +18,8 @@
 //! domain for a body that touches nothing at the start. In water on a lattice no body falls faster than its
 //! settling speed.
 //!
-//! Blocks of a rock mass are supported by others at the start, and no rule says which of them come loose. The plan
-//! therefore shows the overlap of one that falls to the end of the domain and hits it with the corner of a cube, and
-//! the limit of the guard that ends the run. The corner has the section 3 sqrt(3)/2 z^2 at the distance z from its tip,
-//! so that a pressure k per overlap stores the energy k 3 sqrt(3)/24 delta^4. This is no verdict: a block that slides
-//! and collides on its way is slower.
+//! Blocks of a rock mass are supported by others at the start. Which of them come loose and how far they fall is not
+//! known before the run, and their impacts are not judged.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -47,9 +44,6 @@ const LARGE: f64 = 0.1;
 const THROUGH: f64 = 1.0;
 /// Gap in radii below which a body is supported by its neighbour instead of falling onto it.
 const BESIDE: f64 = 0.05;
-
-/// Path of the blocks of a rock mass.
-const BLOCKS: &str = "blocks.initial";
 
 /// Body that moves under forces.
 struct Moving {
@@ -152,7 +146,7 @@ impl Things {
             } else {
                 let faces = solid.shape.half_spaces().iter();
                 self.moving.push(Moving {
-                    path: BLOCKS.into(),
+                    path: "blocks.initial".into(),
                     material: block.material,
                     mass: scene.density(block.material) * solid.shape.volume(),
                     radius: faces.map(|face| face.offset).fold(f64::INFINITY, f64::min),
@@ -440,33 +434,6 @@ fn deepest<'a>(
     deepest
 }
 
-/// Returns the overlap \[m\] of a block that hits a plane with a corner at `speed`; dashpots are left out.
-fn corner_overlap(law: &dyn ContactModel, one: &Moving, speed: f64) -> f64 {
-    let material = to_u32(one.material);
-    let stiffness = |diameter: f64| law.normal_stiffness([material, material], diameter);
-    let (whole, double) = (stiffness(2.0 * one.radius), stiffness(4.0 * one.radius));
-    if double <= whole * 1.5 {
-        // The stiffness is that of a contact, of whatever area.
-        return speed * (one.mass / whole).sqrt();
-    }
-    let per_area = whole / (std::f64::consts::PI * one.radius * one.radius);
-    let section = 1.5 * 3.0_f64.sqrt();
-    let energy = 0.5 * one.mass * speed * speed;
-    (12.0 * energy / (per_area * section)).powf(0.25)
-}
-
-/// Returns the largest overlap of a block of a rock mass that falls to the end of the domain, divided by its radius;
-/// none without such blocks.
-fn falling_block(scene: &Scene, law: &dyn ContactModel, moving: &[Moving]) -> Option<f64> {
-    let settling = settling_speed(scene);
-    let blocks = moving.iter().filter(|one| one.path == BLOCKS);
-    let parts = blocks.map(|one| {
-        let speed = fall_speed(scene, one, settling);
-        corner_overlap(law, one, speed) / one.radius
-    });
-    parts.max_by(f64::total_cmp)
-}
-
 /// Compares the overlaps of impacts with the radii.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let Some(contact) = &scene.contact else {
@@ -478,14 +445,6 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         standing,
     } = Things::new(scene);
     at_rest(scene, &mut moving, &standing);
-    if let Some(part) = falling_block(scene, contact.model(), &moving) {
-        margins.push(margin(
-            "overlap of an impact of a block that comes loose and falls to the end of the domain / radius",
-            part,
-            scene.guards.max_overlap,
-            "contact",
-        ));
-    }
     let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
         return;
     };
@@ -606,27 +565,6 @@ mod tests {
         let lies = "grains.initial.list=[{\"position\": [0.08, 0.01], \"radius\": 0.01}]";
         let floor = "box_walls=[\"y_min\"]";
         assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
-    }
-
-    /// Checks the overlap of a falling block against the energy of a corner: 16 times the stiffness halves it.
-    #[test]
-    fn a_block_that_may_fall_has_a_margin() {
-        let text = case::examples::find("avalanche").unwrap().text;
-        let falling = |stiffness: &str| {
-            let change = [format!(
-                "contact.blocks.normal_stiffness.per_area={stiffness}"
-            )];
-            let document = Document::read(text, &change, Path::new(".")).unwrap();
-            let plan = Plan::prepare(document).unwrap();
-            let mut found = plan
-                .margins
-                .iter()
-                .filter(|m| m.limit.contains("comes loose"));
-            found.next().unwrap().value
-        };
-        let (soft, stiff) = (falling("1e8"), falling("1.6e9"));
-        assert!(soft > 0.5, "{soft}");
-        approx::assert_relative_eq!(soft, 2.0 * stiff, max_relative = 1e-9);
     }
 
     /// Checks that a grain of 1.3 mg that hits a boulder of 10 kg compresses the contact by its own mass, not by
