@@ -85,8 +85,8 @@ impl Edge {
     }
 
     /// Returns the distance \[m\] of another edge that runs along this one within the apertures of both; none if it
-    /// does not. Of an aperture wider than a limit \[m\] half counts: the edge of a joint lies in the middle between its
-    /// faces, and the other end of a neighbour may be as near as its whole aperture.
+    /// does not. Of an aperture wider than a limit \[m\] half counts: the edge of a joint lies in the middle between
+    /// its faces, and the other end of a neighbour may be as near as its whole aperture.
     fn meets(&self, other: &Self, parallel: f64, limit: f64) -> Option<f64> {
         if self.direction.dot(&other.direction).abs() < parallel {
             return None;
