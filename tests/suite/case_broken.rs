@@ -1150,6 +1150,12 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "grains.bond_at_start",
     ),
     (
+        "bonds of a law that has none",
+        "collision",
+        Set(&["grains.bond_at_start=true"]),
+        "grains.bond_at_start",
+    ),
+    (
         "elastic grains that fall softly",
         "deposition",
         Set(&[ELASTIC, "contact={\"hertz_mindlin\": {}}"]),

@@ -4,6 +4,7 @@ use super::Scene;
 use super::findings::Findings;
 use super::grains::{GrainSource as Resolved, Grains};
 use super::has_polyhedra;
+use base::error::Remedy;
 use base::number::to_u32;
 use case::Case;
 use case::grains::GrainSource;
@@ -81,8 +82,20 @@ impl ContactTable {
             bond_at_start: grains.is_some_and(|grains| grains.bond_at_start),
             fastest_approach: fastest_approach(case, sample),
         };
+        let law = written.resolve(&facts, findings)?;
+        let path = "grains.bond_at_start";
+        if facts.bond_at_start && !law.model().bonds() && !findings.wrong_in(&[path]) {
+            findings.error(
+                path,
+                "the contact law of this case has no bonds",
+                Remedy::take_out(
+                    "remove it, or use contact_bond or cohesive_frictional",
+                    path,
+                ),
+            );
+        }
         Some(Self {
-            law: written.resolve(&facts, findings)?,
+            law,
             local_damping: written.local_damping(),
         })
     }
