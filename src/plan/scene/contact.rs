@@ -88,10 +88,8 @@ impl ContactTable {
             findings.error(
                 path,
                 "the contact law of this case has no bonds",
-                Remedy::take_out(
-                    "remove it, or use contact_bond or cohesive_frictional",
-                    path,
-                ),
+                Remedy::from("write false, or use contact_bond or cohesive_frictional")
+                    .set(path, false),
             );
         }
         Some(Self {
