@@ -1,8 +1,8 @@
 //! Time of a round in which all threads do one piece of work each and meet, for pieces of 1 µs to 1 ms, with a serial
 //! part between the rounds in which the helpers wait.
 //!
-//! A row has the piece and the pause, and for each pool the median time of a round beyond the piece \[µs\], and the
-//! processor time over the wall time: the share of the cores that waiting helpers burn. `--busy` starts another process
+//! A row has the pool, the piece and the pause, the median time of a round beyond the piece \[µs\], and the processor
+//! time over the wall time: the cores that waiting helpers and the pause burn. `--busy` starts another process
 //! that never waits, as another user of the machine does.
 
 use std::hint::{black_box, spin_loop};
@@ -93,45 +93,51 @@ fn main() {
             spin_loop();
         }
     }
-    let threads = words.iter().position(|word| word == "--threads");
-    let threads = threads
-        .and_then(|n| words.get(n + 1)?.parse().ok())
+    let value = |name: &str| {
+        let at = words.iter().position(|word| word == name)?;
+        words.get(at + 1)
+    };
+    let threads = value("--threads")
+        .and_then(|n| n.parse().ok())
         .unwrap_or(2_usize);
+    // Helpers of one pool would take cores from another: each pool has a process of its own.
+    let Some(pool) = value("--pool") else {
+        println!("pool,piece,pause,overhead,cores");
+        println!("# -,us,us,us,-");
+        for pool in ["base", "rayon", "chili", "fork_union"] {
+            let mut own = Command::new(&words[0]);
+            own.args(&words[1..]).args(["--pool", pool]);
+            own.status().expect("this program can be started again");
+        }
+        return;
+    };
     let other: Option<Child> = words.iter().any(|word| word == "--busy").then(|| {
         let spin = Command::new(&words[0]).arg("--spin").spawn();
         spin.expect("this program can be started again")
     });
+    let rate = turns_in_a_microsecond();
     let rayon = rayon::ThreadPoolBuilder::new().num_threads(threads);
     rayon.build_global().expect("the pool is built once");
-    let config = chili::Config {
-        thread_count: NonZero::new(threads - 1),
-        ..chili::Config::default()
+    let mut union = (pool == "fork_union")
+        .then(|| fork_union::ThreadPool::try_spawn(threads).expect("threads can be started"));
+    let chili = (pool == "chili").then(|| {
+        chili::ThreadPool::with_config(chili::Config {
+            thread_count: NonZero::new(threads - 1),
+            ..chili::Config::default()
+        })
+    });
+    let mut round = |turns: u64| match (&mut union, &chili) {
+        (Some(union), _) => drop(union.for_threads(|_, _| work(turns))),
+        (_, Some(chili)) => halve(&mut chili.scope(), 0, threads, turns),
+        _ if pool == "rayon" => {
+            rayon::broadcast(|_| work(turns));
+        }
+        _ => base::thread_pool::each(threads, |_| work(turns)),
     };
-    let chili = chili::ThreadPool::with_config(config);
-    let mut union = fork_union::ThreadPool::try_spawn(threads).expect("threads can be started");
-    let rate = turns_in_a_microsecond();
-    println!(
-        "piece,pause,base,rayon,chili,fork_union,base_cores,rayon_cores,chili_cores,fork_union_cores"
-    );
-    println!("# us,us,us,us,us,us,-,-,-,-");
     for pause in PAUSES {
         for piece in PIECES {
-            let ours = measure(piece, pause, rate, &mut |turns| {
-                base::thread_pool::each(threads, |_| work(turns));
-            });
-            let rayons = measure(piece, pause, rate, &mut |turns| {
-                rayon::broadcast(|_| work(turns));
-            });
-            let chilis = measure(piece, pause, rate, &mut |turns| {
-                halve(&mut chili.scope(), 0, threads, turns);
-            });
-            let unions = measure(piece, pause, rate, &mut |turns| {
-                drop(union.for_threads(|_, _| work(turns)));
-            });
-            let all = [ours, rayons, chilis, unions];
-            let overheads = all.map(|(overhead, _)| format!("{overhead:.2}")).join(",");
-            let shares = all.map(|(_, share)| format!("{share:.2}")).join(",");
-            println!("{piece},{pause},{overheads},{shares}");
+            let (overhead, cores) = measure(piece, pause, rate, &mut round);
+            println!("{pool},{piece},{pause},{overhead:.2},{cores:.2}");
         }
     }
     if let Some(mut other) = other {
