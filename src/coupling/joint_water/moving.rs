@@ -9,8 +9,8 @@
 //! so that the gyroscopic moment needs no term of its own. The network is made again when a block has moved by a small
 //! part of a cell.
 //!
-//! Where a mouth presses on blocks, its water covers every part of the surface of a block that no joint covers: the top
-//! of a block flush with its bed, and what emerges as it rises. Such blocks are those with a face whose centroid lies
+//! The water of a mouth that presses on blocks covers every part of the surface of a block that no joint covers: the
+//! top of a block flush with its bed, and its sides as it rises. Such blocks are those with a face whose centroid lies
 //! in the box of the mouth at the beginning.
 
 use super::{JointWater, Mouths, NetworkBlock, rocks};
