@@ -124,4 +124,8 @@ impl Solid for Rod {
         facets.face(&ring.iter().rev().copied().collect::<Vec<_>>());
         facets
     }
+
+    fn deviation(&self, tolerance: f64) -> f64 {
+        super::facets::sagitta(self.radius, tolerance)
+    }
 }

@@ -81,4 +81,8 @@ impl Solid for Round {
     fn facets(&self, _: f64) -> Facets {
         Facets::default()
     }
+
+    fn deviation(&self, tolerance: f64) -> f64 {
+        facets::sagitta(self.radius, tolerance)
+    }
 }

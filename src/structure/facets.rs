@@ -134,6 +134,12 @@ pub(super) fn segments(radius: f64, tolerance: f64) -> usize {
     8 * whole((count / 8.0).ceil())
 }
 
+/// Returns the distance of the edges of this polygon from the circle.
+pub(super) fn sagitta(radius: f64, tolerance: f64) -> f64 {
+    let half = std::f64::consts::PI / real(segments(radius, tolerance));
+    2.0 * radius * (0.5 * half).sin().powi(2)
+}
+
 /// Returns the corners of a regular polygon around the origin, counter-clockwise.
 pub(super) fn circle(radius: f64, tolerance: f64) -> impl Iterator<Item = [f64; 2]> {
     let n = segments(radius, tolerance);

@@ -119,6 +119,12 @@ impl Images {
         }
     }
 
+    /// Returns the maximum distance \[m\] of [`Self::facets`] for a tolerance \[m\] from the true surface.
+    #[must_use]
+    pub fn deviation(&self, tolerance: f64) -> f64 {
+        self.solid.deviation(tolerance)
+    }
+
     /// Returns the axis along which the solid is longer than the period although [`Self::facets`] cannot be cut to
     /// one period, so that it may overlap its images.
     #[must_use]

@@ -40,6 +40,12 @@ pub trait Solid: Debug + Send + Sync {
     /// one.
     fn facets(&self, tolerance: f64) -> Facets;
 
+    /// Returns the maximum distance \[m\] of the facets or the outline for a tolerance \[m\] from the true surface:
+    /// above the tolerance where the number of facets is at its limit, 0 for solids with plane faces.
+    fn deviation(&self, _tolerance: f64) -> f64 {
+        0.0
+    }
+
     /// Returns the part between two coordinates \[m\] of an axis, for a solid that extends beyond both and has a
     /// constant section along this axis.
     fn length(&self, _axis: usize, _between: [f64; 2]) -> Option<Arc<dyn Solid>> {

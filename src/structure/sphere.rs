@@ -45,6 +45,14 @@ struct Ball {
     radius: f64,
 }
 
+impl Ball {
+    /// Returns the number of rings of facets from pole to pole for a tolerance \[m\].
+    fn rings(&self, tolerance: f64) -> usize {
+        let rings = super::facets::segments(self.radius, 0.5 * tolerance).div_ceil(2);
+        rings.clamp(8, MOST_RINGS)
+    }
+}
+
 /// Finds the part of a line inside a ball (or disc) about the origin.
 pub(super) fn through(from: Point, along: Point, radius: f64, found: &mut Vec<[f64; 2]>) {
     let (aa, ab) = (dot(along, along), dot(along, from));
@@ -84,8 +92,7 @@ impl Solid for Ball {
     /// Returns rings of quadrilaterals, with triangles at the poles. The distance of a facet from the sphere is the
     /// sagitta of its diagonal.
     fn facets(&self, tolerance: f64) -> Facets {
-        let rings = super::facets::segments(self.radius, 0.5 * tolerance).div_ceil(2);
-        let rings = rings.clamp(8, MOST_RINGS);
+        let rings = self.rings(tolerance);
         let around = 2 * rings;
         let step = std::f64::consts::PI / base::number::real(rings);
         let at = |ring: usize, k: usize| {
@@ -122,5 +129,11 @@ impl Solid for Ball {
             }
         }
         facets
+    }
+
+    /// Returns the sagitta of the diagonal of a facet at the equator.
+    fn deviation(&self, tolerance: f64) -> f64 {
+        let half = 0.5 * std::f64::consts::PI / base::number::real(self.rings(tolerance));
+        self.radius * half.sin().powi(2)
     }
 }

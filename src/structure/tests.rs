@@ -3,7 +3,7 @@
 use super::*;
 use base::error::Remedy;
 use base::geometry::Mesh;
-use base::number::real;
+use base::number::{real, to_u32};
 use base::random::Stream;
 
 const SPACE: Frame = Frame {
@@ -174,6 +174,36 @@ fn facets_close_the_volume_of_a_solid() {
     let triangles = mesh::TriangleMesh::new(&ell()).unwrap();
     assert!((triangles.volume() / 3.08 - 1.0).abs() < 1e-12);
     assert_eq!(triangles.open_edges(), 0);
+}
+
+/// The middle of the largest facet of a round solid lies at the stated distance below its surface, also where the number of
+/// facets is at its limit.
+#[test]
+fn deviation_is_that_of_the_largest_facet() {
+    for text in [
+        r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
+        r#"{"cylinder": {"from": [1, 1, 0.5], "to": [1, 1, 1.5], "radius": 0.5}}"#,
+    ] {
+        let solid = made(text, &SPACE, &none).unwrap();
+        for tolerance in [1e-2, 1e-3, 1e-9] {
+            let facets = solid.facets(tolerance);
+            let middle = |face: &Vec<u32>| {
+                let sum = (face.iter().map(|&k| facets.vertices[k as usize])).fold([0.0; 3], plus);
+                solid.distance(times(sum, 1.0 / f64::from(to_u32(face.len()))))
+            };
+            let sides = facets.faces.iter().filter(|face| face.len() == 4);
+            let deepest = sides.map(middle).fold(0.0, f64::min);
+            let deviation = solid.deviation(tolerance);
+            assert!(
+                (deepest / -deviation - 1.0).abs() < 1e-2,
+                "{text} {tolerance}: {deepest} {deviation}"
+            );
+            assert!(
+                deviation <= tolerance || tolerance < 1e-8,
+                "{text} {tolerance}: {deviation}"
+            );
+        }
+    }
 }
 
 /// The distance of the L of triangles is that of the L in closed form, near its edges and corners too.

@@ -564,6 +564,49 @@ fn problems(case: &Value) -> Vec<Problem> {
     }
 }
 
+/// Grains much smaller than the curved structures would need millions of facets: their number has a limit, and the plan
+/// states how far from the surface they lie then, once.
+#[test]
+fn facets_are_limited_and_their_distance_is_stated() {
+    let case = |count: u32, radius: f64| {
+        let spheres: Vec<Value> = (0..count)
+            .map(|k| {
+                let centre = [0.1 + 0.2 * f64::from(k % 10), 0.1 + 0.2 * f64::from(k / 10), 0.1];
+                json!({"name": format!("s{k}"), "material": "rock", "shape": {"sphere": {"centre": centre, "radius": 0.05}}})
+            })
+            .collect();
+        json!({
+            "domain": {"size": [2, 2, 2]},
+            "gravity": [0, 0, -9.81],
+            "materials": {"rock": {"density": 2650}},
+            "grains": {"material": "rock", "initial": {"list": [{"position": [1, 1, 1.5], "radius": radius}]}},
+            "contact": {"linear": {"normal_stiffness": {"absolute": 1e5}}},
+            "structures": spheres,
+            "time": {"end": 0.1}
+        })
+    };
+    for (count, radius, stated) in [
+        (100, 0.02, false),
+        (1, 0.02, false),
+        (1, 1e-4, true),
+        (100, 1e-4, true),
+    ] {
+        let found = problems(&case(count, radius));
+        let about = |p: &&Problem| {
+            p.path.ends_with(".shape") && p.reason.contains("facets of this surface")
+        };
+        assert_eq!(
+            found.iter().filter(about).count(),
+            usize::from(stated),
+            "{count} {radius}: {found:?}"
+        );
+        assert!(
+            found.iter().all(|p| p.severity != Severity::Error),
+            "{count} {radius}: {found:?}"
+        );
+    }
+}
+
 #[test]
 fn structures_that_cannot_be_are_refused_by_name() {
     let changed = |pointer: &str, value: Value| {

@@ -5,7 +5,7 @@ use crate::scene::auto::features::grain_diameters;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
 use crate::scene::structures::Structure;
-use base::error::Remedy;
+use base::error::{Remedy, number};
 use base::number::real;
 use case::Case;
 use case::darcy::Enclosure;
@@ -15,10 +15,15 @@ use dem::FacetSurface;
 use dem::polyhedron::PlacedPolyhedron;
 use nalgebra::Vector3;
 use std::sync::Arc;
+use structure::{Facets, Images};
 
 /// Maximum distance between a facet and the round surface that it approximates, as a fraction of the smallest grain
 /// radius.
 const SAGITTA: f64 = 0.01;
+/// Number of facets that the curved structures of a scene share: a million facets take seconds and 2 GB.
+const FACETS: usize = 400_000;
+/// Number of facets that each structure may have in any case.
+const LEAST_FACETS: usize = 1_000;
 
 /// Returns the walls of structures for grains.
 pub(super) fn of_structures(
@@ -36,6 +41,8 @@ pub(super) fn of_structures(
         .copied()
         .fold(0.0, f64::max);
     let smallest = grain_diameters(case).map_or(0.01 * extent, |(low, _)| low);
+    let share = (FACETS / structures.len().max(1)).max(LEAST_FACETS);
+    let mut coarsest = None;
     let mut walls = Vec::new();
     for (n, structure) in structures.iter().enumerate() {
         let Some(material) = structure.material.filter(|_| structure.stops.grains()) else {
@@ -94,7 +101,10 @@ pub(super) fn of_structures(
             );
         }
         // In 2-D the facets are strips normal to the plane.
-        let facets = structure.solid.facets(0.5 * SAGITTA * smallest, extent);
+        let (facets, ratio) = divided(&structure.solid, 0.5 * smallest, extent, share);
+        if ratio > coarsest.map_or(SAGITTA * (1.0 + 1e-9), |(_, ratio)| ratio) {
+            coarsest = Some((n, ratio));
+        }
         let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
         let made = FacetSurface::new(vertices.collect(), &facets.faces)
             .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
@@ -112,7 +122,35 @@ pub(super) fn of_structures(
             walls.push(wall);
         }
     }
+    if let Some((n, ratio)) = coarsest {
+        findings.warn(
+            &format!("structures[{n}].shape"),
+            format!(
+                "grains meet the facets of this surface, which lie up to {} m inside it, {} of the smallest \
+                 grain radius (at most {SAGITTA} is sought): a structure of this scene has at most {share} facets",
+                number(0.5 * smallest * ratio),
+                number(ratio)
+            ),
+            "use larger grains, or a smaller or flatter structure",
+        );
+    }
     walls
+}
+
+/// Returns the facets of a surface, at most `share` where the tolerance has an effect, and their largest distance from
+/// it as a fraction of a radius \[m\].
+fn divided(solid: &Images, radius: f64, extent: f64, share: usize) -> (Facets, f64) {
+    let mut tolerance = SAGITTA * radius;
+    let mut facets = solid.facets(tolerance, extent);
+    while facets.faces.len() > share && solid.deviation(tolerance) > 0.0 {
+        tolerance *= real(facets.faces.len()) / real(share);
+        let coarser = solid.facets(tolerance, extent);
+        if coarser.faces.len() == facets.faces.len() {
+            break;
+        }
+        facets = coarser;
+    }
+    (facets, solid.deviation(tolerance) / radius)
 }
 
 /// Maximum thickness \[cells\] of a water layer behind a wall that counts as a joint under blocks.
