@@ -679,9 +679,21 @@ impl Communicator {
     }
 
     /// Returns the bytes of every rank, by rank, on every rank.
+    ///
+    /// Two collective calls, which take a number of rounds that grows with the logarithm of the number of ranks. Only
+    /// where all parts together exceed the limit of a message, each rank broadcasts its part in turn.
     #[must_use]
     pub fn all_gather_bytes(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
+        if let Some(post) = self.post() {
+            return post.all_gather(bytes);
+        }
         let lengths = self.all_gather_u64(bytes.len() as u64);
+        let total = lengths
+            .iter()
+            .fold(0_u64, |sum, length| sum.saturating_add(*length));
+        if total <= self.message_limit as u64 {
+            return self.all_gather_at_once(bytes, &lengths);
+        }
         let mut parts = Vec::with_capacity(lengths.len());
         for (rank, &length) in lengths.iter().enumerate() {
             let mut part = vec![0; length_in_memory(length)];
@@ -692,6 +704,49 @@ impl Communicator {
             parts.push(part);
         }
         parts
+    }
+
+    /// Returns the bytes of every rank, whose `lengths` are known and fit in one message together.
+    fn all_gather_at_once(&self, bytes: &[u8], lengths: &[u64]) -> Vec<Vec<u8>> {
+        let Some(raw) = self.raw() else {
+            return vec![bytes.to_vec()];
+        };
+        let counts: Vec<c_int> = lengths
+            .iter()
+            .map(|&length| count(length_in_memory(length)))
+            .collect();
+        let mut end = 0;
+        let starts: Vec<c_int> = (counts.iter())
+            .map(|length| {
+                let start = end;
+                end += length;
+                start
+            })
+            .collect();
+        let total: usize = lengths.iter().map(|&length| length_in_memory(length)).sum();
+        // The address of an empty slice may be that of MPI_IN_PLACE: neither buffer is empty.
+        let mut all = vec![0_u8; total.max(1)];
+        let mine = if bytes.is_empty() { &[0] } else { bytes };
+        // SAFETY: each rank passes as many bytes as `lengths` has for it; `all` has room for all of them at `starts`.
+        self.waits(Wait::Collectives, || unsafe {
+            ffi::MPI_Allgatherv(
+                mine.as_ptr().cast(),
+                count(bytes.len()),
+                ffi::RSMPI_UINT8_T,
+                all.as_mut_ptr().cast(),
+                counts.as_ptr(),
+                starts.as_ptr(),
+                ffi::RSMPI_UINT8_T,
+                raw,
+            )
+        });
+        let mut rest = all.as_slice();
+        let mut part = |&length: &u64| {
+            let (first, others) = rest.split_at(length_in_memory(length));
+            rest = others;
+            first.to_vec()
+        };
+        lengths.iter().map(&mut part).collect()
     }
 
     /// Returns one number of every rank, by rank, on every rank.
