@@ -4,6 +4,7 @@ use super::Unsaturated;
 use crate::SeepageError;
 use crate::pressure::Pressure;
 use crate::reproducible::{dot, power_above};
+use crate::retention::RetentionLaw;
 use base::number::single;
 
 /// Maximum number of halvings of a step.
@@ -17,6 +18,20 @@ const FORCING: f64 = 1e-5;
 const CLOSURE: f64 = 1e-3;
 /// Ratio of imbalance to the largest term of a cell that is rounding.
 const ROUNDING: f64 = 1e-15;
+
+/// Pressure head at the edge of saturation, as a fraction of the capillary length: well above the rounding of a
+/// pressure, and the water released by it well below that of a step.
+const EDGE: f64 = -1e-11;
+/// Minimum ratio of the capacity at the edge of saturation to the content over the capillary length that is a jump.
+const JUMP: f64 = 1e-3;
+
+/// Returns the pressure head at the edge of saturation \[m\] of a soil whose capacity has a jump there.
+fn edge_of_saturation(soil: &dyn RetentionLaw) -> Option<f64> {
+    let length = soil.capillary_length();
+    let edge = EDGE * length;
+    let state = soil.state(edge);
+    (state.capacity * length > JUMP * state.content).then_some(edge)
+}
 
 /// Vectors of the linear solver.
 pub(super) struct Krylov {
@@ -91,12 +106,7 @@ impl Pressure {
             let mut length = 1.0;
             let mut halvings = 0;
             loop {
-                let (start, change) = (&own.start, &own.krylov.change);
-                for row in self.slab.layout.rows(&self.slab.layout.whole()) {
-                    for at in row {
-                        self.phi[at] = start[at] + length * change[at];
-                    }
-                }
+                self.try_change(own, length);
                 self.evaluate(own);
                 let next = self.norm();
                 if next <= (1.0 - DECREASE * length) * norm {
@@ -120,6 +130,34 @@ impl Pressure {
             iterations,
             residual,
         })
+    }
+
+    /// Sets the pressure after a fraction of a Newton step.
+    ///
+    /// A saturated cell without storage does not know in advance how little suction releases water from a soil whose
+    /// capacity has a jump at saturation, and the shorter the time step, the smaller that suction is. Such a cell
+    /// changes only to the edge of saturation, where the next Newton step has its capacity.
+    fn try_change(&mut self, own: &Unsaturated, length: f64) {
+        let stores = own
+            .transient
+            .as_ref()
+            .is_some_and(|transient| transient.advances());
+        let edges: Vec<Option<f64>> = (own.soils.iter())
+            .map(|soil| edge_of_saturation(soil.model()).filter(|_| stores))
+            .collect();
+        let (start, change) = (&own.start, &own.krylov.change);
+        for row in self.slab.layout.rows(&self.slab.layout.whole()) {
+            for at in row {
+                let mut phi = start[at] + length * change[at];
+                if let Some(edge) = edges[usize::from(own.soil_of[at])] {
+                    let least = own.weight * (own.elevation[at] + edge) - self.level;
+                    if start[at] > least && phi < least {
+                        phi = least;
+                    }
+                }
+                self.phi[at] = phi;
+            }
+        }
     }
 
     /// Returns the norm of the imbalances. Collective.

@@ -234,6 +234,48 @@ fn a_column_drains_to_rest() {
     assert!((found / exact - 1.0).abs() < 2e-3, "{found} {exact}");
 }
 
+/// A water table falls through Gardner's soil, whose capacity has a jump at saturation, in cells above and below its
+/// capillary length, in short and in long steps: the water that left in the end is that of the curve of retention over
+/// the height of the ground.
+#[test]
+fn a_soil_with_a_jump_of_capacity_drains() {
+    for (alpha, cells) in [(3.94, [9, 13]), (3.94, [18, 52]), (0.5, [9, 13])] {
+        let grid = plane(cells, [4.5, 6.5]);
+        let soil = Retention::Gardner(Gardner {
+            alpha,
+            saturated_content: 0.4,
+            residual_content: 0.05,
+        });
+        // A water table between the centres of cells has the content of a cell to about a per cent.
+        for (interval, head, within) in [
+            (60.0, 1.5795, None),
+            (1e9, 1.5795, Some(1e-2)),
+            (1e9, 3.5, Some(1e-3)),
+        ] {
+            let level = Condition::Head { value: 1.0 };
+            let patches = vec![patch(&grid, 0, false, [0.0, 6.5], level)];
+            let settings = transient(InitialWater::Head(head), interval);
+            let mut solver = advancing(&grid, patches, soil, settings);
+            let conductivity = conductivity(&grid, 5.45e-7);
+            for _ in 0..3 {
+                solver.solve(still(&conductivity)).unwrap();
+                closes(&solver);
+            }
+            let balance = solver.water_balance().unwrap();
+            let found = balance.left - balance.entered;
+            // Saturated height, and that of the water under suction.
+            let height = |table: f64| table + (1.0 - (alpha * (table - 6.5)).exp()) / alpha;
+            let exact = 0.35 * 4.5 * (height(head) - height(1.0));
+            println!("{alpha} {cells:?} {interval}: {found} {exact}");
+            if let Some(within) = within {
+                assert!((found / exact - 1.0).abs() < within, "{found} {exact}");
+            } else {
+                assert!(found > 0.0 && found < exact, "{found} {exact}");
+            }
+        }
+    }
+}
+
 /// Rain above the conductivity of a dry soil: all of it enters until the surface is wet, less from then on.
 #[test]
 fn rain_ponds_where_the_soil_cannot_take_it() {
