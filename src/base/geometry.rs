@@ -28,7 +28,7 @@ impl Vector {
         if have != dimension {
             report.error(
                 path,
-                format!("this has {have} components in a {dimension}-D problem"),
+                format!("this has {have} components, but the problem is {dimension}-D"),
                 format!("write {dimension} numbers").into(),
             );
         }

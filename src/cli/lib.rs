@@ -622,7 +622,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
         Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
         _ => String::new(),
     };
-    format!("{}: {sentence}; nothing was run{how}", name.display())
+    format!("{}: {sentence}; the case was not run{how}", name.display())
 }
 
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {

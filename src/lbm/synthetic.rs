@@ -48,7 +48,7 @@ impl Fluctuations {
             report.error(
                 &path,
                 format!(
-                    "eddies of this length fall between the cells, which are {} m wide",
+                    "eddies of this length are too small for the cells, which are {} m wide",
                     number(spacing)
                 ),
                 Remedy::from(format!(

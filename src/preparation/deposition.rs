@@ -144,8 +144,8 @@ impl<S: Space> Deposition<S> {
                 grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
-                        "all {before} grains came to rest above the level of trimming, {level} m \
-                         (grains.initial.deposition.trim_above): raise it above the floor"
+                        "all {before} grains settled above the trimming level of {level} m and would be removed \
+                         (grains.initial.deposition.trim_above): raise the level"
                     )));
                 }
                 if grains.len() == before {
@@ -278,7 +278,8 @@ impl<S: Space> Deposition<S> {
             });
             let Some(at) = free else {
                 return Err(Error::Numerical(format!(
-                    "no room for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
+                    "the cloud has no free position for a grain of radius {radius} m: use a larger box or fewer \
+                     grains"
                 )));
             };
             places[id] = at;
@@ -421,7 +422,7 @@ impl<'a, S: Space> Falling<'a, S> {
         saved: SavedSample<S>,
     ) -> Result<Self, Error> {
         let progress: Progress = serde_json::from_value(saved.progress)
-            .map_err(|e| Error::Io(format!("the saved deposition: {e}")))?;
+            .map_err(|e| Error::Io(format!("the saved deposition cannot be used: {e}")))?;
         let mut particles = saved.particles;
         let bodies = particles.body[..particles.owned()].to_vec();
         let mut dem = deposition.dem(deposition.law(progress.stage)?, &bodies, progress.landed)?;
@@ -579,7 +580,7 @@ mod tests {
                 .run(&Supervision::none())
                 .unwrap_err()
                 .to_string()
-                .contains("no room")
+                .contains("no free position")
         );
     }
 

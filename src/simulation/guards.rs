@@ -279,7 +279,7 @@ impl Guards {
             && at.value.abs() > guards.warn_compression
         {
             all.push(format!(
-                "the density was up to {}: above guards.warn_compression = {}",
+                "the density reached {}, above guards.warn_compression = {}",
                 failure::density(at.value, plan),
                 guards.warn_compression
             ));
@@ -356,8 +356,8 @@ impl Guards {
             )
         } else {
             format!(
-                "{both}: they differ by {:.0} % after sound has crossed the domain many times; \
-                 the difference changes the density",
+                "{both}: they still differ by {:.0} % after sound has crossed the domain many times, which \
+                 changes the density",
                 100.0 * mean.imbalance().abs()
             )
         })
@@ -690,8 +690,9 @@ impl Guards {
             self.warned[0] = true;
             let cell = Order::from_flow(flow).cell(squeezed.cell);
             self.news.push(format!(
-                "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {limit}: \
-                 pressures have an error of this size, which decreases with the square of the time step",
+                "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = \
+                 {limit}: pressures have an error of this size, which is proportional to the square of the time \
+                 step",
                 failure::point(plan.scene.grid.centre(cell), plan),
                 failure::density(squeezed.value, plan),
             ));
@@ -733,9 +734,9 @@ pub(super) fn mach(lattice_velocity: f64) -> f64 {
 /// Returns the warning for a speed whose square is not small compared with the square of the speed of sound.
 fn too_fast(speed: f64) -> String {
     format!(
-        "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
-         above {USUAL_LATTICE_VELOCITY} the error of compressibility, which grows with its square, \
-         exceeds a few per cent; half the time step halves both",
+        "the lattice velocity |u| dt/h reached {speed:.3} (Mach number {:.3}): above {USUAL_LATTICE_VELOCITY} \
+         the compressibility error, which grows with the square of the velocity, exceeds a few per cent; half \
+         the time step halves lattice velocity and Mach number",
         mach(speed)
     )
 }

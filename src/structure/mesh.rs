@@ -110,7 +110,7 @@ impl TriangleMesh {
             norm(cross(minus(b, a), minus(c, a))) > 1e-10 * longest
         });
         if triangles.is_empty() {
-            return Err("the file holds no triangle with an area".into());
+            return Err("the file contains no triangle with an area above 0".into());
         }
         once(&mut triangles);
         let shells = shells::wind(&mut triangles)?;

@@ -59,8 +59,8 @@ impl BoundaryModel for Discharge {
         {
             report.error(
                 &path,
-                "a discharge enters the domain: it is 0 or more".into(),
-                "let water out by `level`, `outfall` or a `velocity` that points out of the domain"
+                "a discharge flows into the domain and must be 0 or more".into(),
+                "for an outlet use `level`, `outfall` or a `velocity` that points out of the domain"
                     .into(),
             );
         }

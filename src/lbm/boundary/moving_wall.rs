@@ -47,9 +47,9 @@ impl BoundaryModel for MovingWall {
         if velocity[site.face.axis()] != 0.0 {
             report.error(
                 &path,
-                "a wall slides in its own plane, but this velocity has a part normal to the face"
+                "a wall can only slide in its own plane, but this velocity has a component normal to the face"
                     .into(),
-                "make that component 0, or impose a velocity".into(),
+                "set that component to 0, or impose a velocity".into(),
             );
         }
         if let Some(table) = &self.history {

@@ -148,17 +148,17 @@ impl BoundaryModel for Pressure {
         if along[site.face.axis()] != 0.0 {
             report.error(
                 &path,
-                "the gradient of a pressure on a face has no part along the normal of the face"
-                    .into(),
-                "make that component 0".into(),
+                "the pressure gradient on a face cannot have a component normal to the face".into(),
+                "set that component to 0".into(),
             );
         }
         if self.held == Some(Held::Mean) {
             report.error(
                 &path,
-                "a pressure imposed on the mean has the gradient of the flow, so that none can be stated"
+                "with a pressure that is imposed as a mean, the flow determines the gradient, and it cannot be \
+                 prescribed"
                     .into(),
-                "leave the gradient out, or write \"held\": \"each_cell\"".into(),
+                "remove the gradient, or write \"held\": \"each_cell\"".into(),
             );
         }
     }

@@ -65,8 +65,8 @@ const KIND: BoundaryKind = BoundaryKind {
 };
 
 const OUTWARD: &str =
-    "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
-const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
+    "the mean flow carries the turbulence into the domain, but this profile points out of it";
+const TURN_ROUND: &str = "reverse the profile, or remove `turbulence`";
 
 impl BoundaryModel for Velocity {
     fn kind(&self) -> BoundaryKind {
@@ -83,7 +83,7 @@ impl BoundaryModel for Velocity {
             report.error(
                 &path,
                 "an opening through which turbulence enters does not absorb sound".into(),
-                "let the outlet absorb it, and take this field out".into(),
+                "let the outlet absorb sound, and remove this field".into(),
             );
         }
         if let Some(table) = &self.history {
@@ -209,7 +209,7 @@ fn synthetic(
         return Err(Error::Case(vec![Problem {
             path: site.path.into(),
             value: format!("mean velocity of {speed} into the domain, in lattice units"),
-            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
+            reason: "the mean flow carries the turbulence into the domain, but the profile points out of it"
                 .into(),
             remedy: TURN_ROUND.into(),
             severity: Severity::Error,

@@ -85,7 +85,8 @@ impl Outside {
             Ok(()) => folder.forget_preparation(),
             Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
                 self.progress.note(&format!(
-                    "the preparation is not saved: it needs {needed} bytes, {path} has {free}; it continues"
+                    "the preparation is not saved, because it needs {needed} bytes and {path} has only {free} \
+                     free; it continues"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),

@@ -378,7 +378,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 }
             }
             Err(io::Error::Space { needed, free, path }) => {
-                let lack = format!("it needs {needed} bytes, {path} has {free}");
+                let lack = format!("it needs {needed} bytes, but {path} has only {free} free");
                 self.unsaved.get_or_insert_with(|| (step, lack.clone()));
                 match occasion {
                     Occasion::Asked => self.progress.note(&format!(

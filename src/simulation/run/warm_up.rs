@@ -132,7 +132,9 @@ fn line(steps: u64, change: f64, limit: f64) -> String {
     let short = if change < limit {
         String::new()
     } else {
-        format!("; warning: not steady, time.warm_up asks for {limit:.1e} and allows no more steps")
+        format!(
+            "; warning: the flow is not steady: time.warm_up requires {limit:.1e}, but allows no more steps"
+        )
     };
     format!(
         "fluid warmed up for {steps} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"

@@ -245,7 +245,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
         true,
         "#D55E00",
         Style::OpenSquare,
-        "refused, but finished",
+        "refused by the plan, but finished",
     ),
     (
         Verdict::Refused,

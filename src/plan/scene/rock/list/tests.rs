@@ -65,7 +65,7 @@ fn what_is_written_is_read_again() {
 fn what_is_no_block_is_refused_by_its_number() {
     let refused = |text: &str| read(text).unwrap_err().join("; ");
     assert!(refused("{").contains("not JSON"));
-    assert!(refused(r#"{"blocks": []}"#).contains("holds no block"));
+    assert!(refused(r#"{"blocks": []}"#).contains("contains no block"));
     assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
     let text = r#"{"blocks": [
         {"id": 0, "vertices": [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]},
