@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 pub struct MovingWall {
     /// Velocity of the wall, tangential to the face [m/s].
     pub velocity: Vector,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity: linear
-    /// between, constant before and after; two factors at one time are a jump.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity [1]: linear
+    /// between the rows, constant before and after; two factors at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

@@ -31,21 +31,23 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Velocity {
-    /// The profile over the face or patch.
+    /// Velocity profile over the face or patch.
     pub profile: VelocityProfile,
     /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
+    /// Default: the full velocity from the first step on.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub ramp_time: Option<f64>,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile: linear
-    /// between, constant before and after; two factors at one time are a jump. A factor below 0 draws the water out.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile [1]: linear
+    /// between the rows, constant before and after; two factors at one time are a jump. A factor below 0 reverses the
+    /// flow. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
-    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
+    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity. Default: none.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
-    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the mean of the profile then holds over
-    /// several times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the profile is then imposed as a mean over
+    /// several transit times of sound through the domain, and exactly once the flow is steady. `reflect` keeps the
     /// profile at every step.
     #[serde(default = "reflect")]
     pub sound: Sound,

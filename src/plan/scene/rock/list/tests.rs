@@ -76,7 +76,7 @@ fn what_is_no_block_is_refused_by_its_number() {
     let problems = refused(text);
     for expected in [
         "block 0: the block is flat",
-        "block 1: the half-spaces are not bounded",
+        "block 1: the half-spaces do not bound the block",
         "block 2: the half-spaces have no point in common",
         "block 2: another block has this id",
         "block 3: it needs either `half_spaces` or `vertices`",
