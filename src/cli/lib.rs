@@ -709,7 +709,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     pilot::write(&tree, &path)?;
     report(&format!(
         "{}; `solver {}` runs the case with it",
-        pilot::told(&found),
+        pilot::description(&found),
         path.display()
     ));
     let directory = case.case.parent().unwrap_or_else(|| Path::new(""));

@@ -318,7 +318,7 @@ impl<Sp: Space> Seepage<Sp> {
             .as_flattened_mut()
             .copy_from_slice(&state[5 * n..8 * n]);
         water.speed.copy_from_slice(&state[8 * n..9 * n]);
-        water.steepen();
+        water.update_gradient_magnitudes();
         self.has_before = true;
         Ok(())
     }

@@ -173,7 +173,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Deactivates the walls of these indices, or activates them again; contacts with other walls stay.
-    pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
+    pub(super) fn set_walls_open(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
                 wall.open = open;

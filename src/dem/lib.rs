@@ -83,7 +83,7 @@ pub use deepest::Deepest;
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, ParticlesView};
 pub use region::GrainDomain;
-pub use relax::{Relaxation, Stillness};
+pub use relax::{EquilibriumState, Relaxation};
 pub use servo::Servo;
 pub use space::{Components, PlaneSpace, Space, Volume};
 pub use surface::FacetSurface;
@@ -423,7 +423,7 @@ impl<S: Space> Dem<S> {
     }
 
     /// Changes the stress \[Pa\] that a control, by its place in the list, aims at. The same on all ranks.
-    pub fn aim_servo(&mut self, place: usize, stress: f64) {
+    pub fn set_servo_stress(&mut self, place: usize, stress: f64) {
         if let Some(servo) = self.engine.servos_mut().get_mut(place) {
             servo.stress = stress;
         }

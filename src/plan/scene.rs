@@ -244,7 +244,7 @@ impl Scene {
     ) -> (Option<Self>, Findings<'a>) {
         let mut chosen = auto::Chosen::default();
         spacing.note(&mut chosen);
-        spacing.tell_of_rounding(written, &mut findings);
+        spacing.warn_of_rounding(written, &mut findings);
         let case = &*auto::filled(written, spacing, &mut chosen);
         // A restarted run has no initial state to check.
         let starts = like.is_none();

@@ -78,7 +78,7 @@ pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
 /// One check of the settling of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Look {
+pub struct SettlingCheck {
     /// Steps since the grains began to fall.
     pub steps: u64,
     /// Mean kinetic energy divided by m g d of the mean grain.
@@ -105,7 +105,7 @@ pub struct DepositionReport {
     /// `true` if all relaxations ended by the criterion rather than by the limit of steps.
     pub settled: bool,
     /// Kinetic energy and force balance during the deposition.
-    pub convergence: Vec<Look>,
+    pub convergence: Vec<SettlingCheck>,
 }
 
 const PLACES: u32 = 12;
@@ -315,7 +315,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
+    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> SettlingCheck {
         let (mut energy, mut scale, mut resultant, mut grains) = (0.0, 0.0, 0.0, 0.0);
         let g = self.gravity.length();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
@@ -332,7 +332,7 @@ impl<S: Space> Deposition<S> {
         });
         // There is no balance of forces before grains have landed.
         let balance = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::MAX };
-        Look {
+        SettlingCheck {
             steps: began + dem.steps(),
             kinetic_energy: balance(energy, scale),
             unbalanced: balance(resultant * contacts, force * grains),

@@ -459,7 +459,7 @@ impl<'a, S: Space> Growing<'a, S> {
                 limit,
             } => {
                 let taken = taken + self.progress.batch;
-                let still = self.dem.stillness(&self.particles, &alone());
+                let still = self.dem.equilibrium_state(&self.particles, &alone());
                 if taken < limit && still.unbalanced() > self.tolerance(purpose) {
                     self.progress.stage = Stage::Rest {
                         purpose,
@@ -632,7 +632,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 
     fn packing(self) -> Result<Packing<S>, Error> {
-        let still = self.dem.stillness(&self.particles, &alone());
+        let still = self.dem.equilibrium_state(&self.particles, &alone());
         let report = PackingReport {
             unbalanced: still.unbalanced(),
             ..self.measure()
@@ -664,7 +664,7 @@ mod tests {
     use super::*;
     use decomposition::Domain;
     use dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use dem::{PlaneSpace, Relaxation, Stillness, Volume};
+    use dem::{EquilibriumState, PlaneSpace, Relaxation, Volume};
     use nalgebra::{Vector2, Vector3};
 
     /// Advances with damping until the grains are stationary, and restores the damping.
@@ -673,7 +673,7 @@ mod tests {
         particles: &mut Particles<S>,
         domain: &Domain,
         until: &Relaxation,
-    ) -> Stillness {
+    ) -> EquilibriumState {
         let damping = dem.settings().local_damping;
         dem.set_local_damping(until.local_damping);
         let mut steps = 0;
@@ -681,7 +681,7 @@ mod tests {
             let batch = until.look_every.max(1).min(until.limit - steps);
             dem.advance_many(particles, domain, batch).unwrap();
             steps += batch;
-            let now = dem.stillness(particles, domain);
+            let now = dem.equilibrium_state(particles, domain);
             if steps >= until.limit || now.unbalanced() <= until.tolerance {
                 break now;
             }

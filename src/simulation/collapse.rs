@@ -215,7 +215,7 @@ impl CollapseRecorder {
     }
 
     /// Returns one line for each stage that began since the last call; on rank 0 only.
-    pub fn take_news(&mut self) -> Vec<String> {
+    pub fn take_events(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 

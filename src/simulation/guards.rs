@@ -40,7 +40,7 @@ use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
 use lbm::surface::SlabSurface;
-use look::{At, Look, Order, Seen};
+use look::{Extreme, Order, Seen, StateCheck};
 use openings::Openings;
 use plan::Plan;
 use plan::margin::USUAL_LATTICE_VELOCITY;
@@ -83,7 +83,7 @@ pub struct Guards {
     speed: [Option<f64>; 2],
     /// Density deviation of the largest magnitude and the position of its cell: latest value, and maximum over the
     /// run.
-    squeezed: [Option<At>; 2],
+    squeezed: [Option<Extreme>; 2],
     /// `true` if a step was taken since the start: before it, no mass has crossed a face.
     stepped: bool,
     /// `true` if the last check found a failure whose description needs the populations.
@@ -100,7 +100,7 @@ pub struct Guards {
     /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
     news: Vec<String>,
-    look: Look,
+    look: StateCheck,
     /// Sums over rows in buffers that are reused between checks.
     rows: Vec<RowSums>,
 }
@@ -139,7 +139,7 @@ impl Guards {
         self.squeezed[1] = state
             .squeezed
             .and_then(|(value, cell)| value.zip(cell))
-            .map(|(value, cell)| At { value, cell });
+            .map(|(value, cell)| Extreme { value, cell });
         self.openings.restore(state.openings);
         self.warned = state.warned;
         self.fast = state.fast;
@@ -214,7 +214,7 @@ impl Guards {
 
     /// Includes the largest speed relative to C that another recorder measured, so that its values never exceed the
     /// reported maximum.
-    pub fn also_seen(&mut self, speed: Option<f64>) {
+    pub fn include_speed(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
 
@@ -266,7 +266,7 @@ impl Guards {
     }
 
     /// Returns the messages since the last call.
-    pub fn take_news(&mut self) -> Vec<String> {
+    pub fn take_events(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
@@ -377,7 +377,7 @@ impl Guards {
 
     /// Returns the next step after `step` at which a check or a balance needs the state.
     #[must_use]
-    pub fn next_look(&self, step: u64) -> u64 {
+    pub fn next_check(&self, step: u64) -> u64 {
         // A balance compares the state before a step with that after it.
         let within = |every: u64| (step / every + 1) * every;
         let balanced = if Self::balances(step) {
@@ -766,7 +766,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 }
 
 /// Returns the value of the largest magnitude on all ranks, and the first cell that has it. Collective.
-fn agreed(mine: At, communicator: &Communicator) -> At {
+fn agreed(mine: Extreme, communicator: &Communicator) -> Extreme {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
     // The sign is that of the value in the chosen cell.
     let place = if mine.value.abs() >= size && mine.cell != u64::MAX {
@@ -775,7 +775,7 @@ fn agreed(mine: At, communicator: &Communicator) -> At {
         u64::MAX
     };
     let place = communicator.all_reduce_min_u64(place);
-    At {
+    Extreme {
         value: if place % 2 == 1 && place != u64::MAX {
             -size
         } else {

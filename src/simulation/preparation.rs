@@ -138,7 +138,7 @@ pub fn grains<S: Space>(
         supervisor.watch.into_inner().finish(communicator);
         made
     } else {
-        watch.attend(communicator);
+        watch.answer_checks(communicator);
         Ok(Prepared::default())
     };
     let mut prepared = agreement::agree(communicator, mine)?;

@@ -253,7 +253,7 @@ fn collect(
     ];
     if let Some(axes) = &study.map {
         let map = picture::Map::from_table(axes, study, members, &table);
-        report(&map.confusion());
+        report(&map.agreement_table());
         files.push(("map.csv", map.to_csv()));
         files.push(("map.svg", map.figure().to_svg()));
     }

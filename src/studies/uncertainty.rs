@@ -251,7 +251,7 @@ impl Members {
     /// If the case has no such ends, [`Error::Usage`].
     pub fn add_ends(&mut self, plan: &Plan) -> Result<(), Error> {
         let mut case = self.compared(plan, &grids::stated(plan)?);
-        let change = ends::move_away(&mut case, plan).ok_or_else(|| {
+        let change = ends::move_ends(&mut case, plan).ok_or_else(|| {
             Error::Usage(
                 "--ends: the case has no ends that can be moved; they must be closed horizontal ends of seepage \
                  without grains, beyond the imposed heads, in a case without rasters and without meshes that \

@@ -474,7 +474,7 @@ impl<Sp: Space> Seepage<Sp> {
                 }
             });
         }
-        self.water.steepen();
+        self.water.update_gradient_magnitudes();
         self.weigh();
         let mut change = 0.0_f64;
         let mut grounds = std::mem::take(&mut self.water.ground);

@@ -652,7 +652,7 @@ impl Seepage {
             );
             return;
         };
-        if !zones.stand_alone() {
+        if !zones.need_no_grains() {
             findings.error(
                 &format!("{PATH}.zones"),
                 "the case has no grains, and a zone has no permeability that applies without grains",

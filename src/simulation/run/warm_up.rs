@@ -46,7 +46,7 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
     else {
         return Ok(0);
     };
-    let mut look = Look::new(flow, reached.velocities);
+    let mut look = SteadyCheck::new(flow, reached.velocities);
     let mut step = reached.steps;
     let mut ask_at = step + outside.steps();
     while step < plan.clock.warm_up_steps {
@@ -87,14 +87,14 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
 }
 
 /// Velocities at the last check, and their relative change since the check before.
-struct Look {
+struct SteadyCheck {
     /// Cell indices in the order of the velocities.
     cells: Vec<usize>,
     velocities: Vec<f64>,
     change: f64,
 }
 
-impl Look {
+impl SteadyCheck {
     fn new<Sp: Space, S: SavedNumber>(
         flow: &dyn LatticeFlow<Sp, S>,
         velocities: Option<Vec<f64>>,

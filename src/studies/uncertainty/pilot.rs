@@ -135,7 +135,7 @@ fn read(plan: &Plan, pilot: &Member, output: &Path) -> Result<Pilot, Error> {
 
 /// Returns a description of the result of a pilot.
 #[must_use]
-pub fn told(pilot: &Pilot) -> String {
+pub fn description(pilot: &Pilot) -> String {
     format!(
         "the water reached {} m/s and {} Pa",
         number(pilot.speed),

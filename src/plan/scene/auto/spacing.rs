@@ -34,7 +34,7 @@ impl Spacing {
     }
 
     /// Warns of each edge that was lengthened.
-    pub(crate) fn tell_of_rounding(&self, case: &Case, findings: &mut Findings) {
+    pub(crate) fn warn_of_rounding(&self, case: &Case, findings: &mut Findings) {
         let rounded = self.rounded.iter().flatten();
         for (axis, (written, size)) in case.domain.size.0.iter().zip(rounded).enumerate() {
             if written < size {
