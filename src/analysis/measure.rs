@@ -37,7 +37,7 @@ pub struct Measure {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Take {
-    /// The last one.
+    /// Value of the last row.
     #[default]
     Last,
     /// The largest.

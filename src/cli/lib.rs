@@ -218,7 +218,8 @@ struct JetArgs {
     /// Length of the core of the jet over the diameter of the nozzle [1].
     #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::CORE)]
     jet_core: f64,
-    /// Bulk density of the dry soil [kg/m3], for the coefficient in s/m, as that of a hole.
+    /// Bulk density of the dry soil [kg/m3]. With it the coefficient is also given in s/m, the unit of hole erosion
+    /// tests.
     #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle")]
     bulk_density: Option<f64>,
 }

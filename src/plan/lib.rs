@@ -226,8 +226,8 @@ impl Plan {
         self.estimate.on(machine, &self.scene, &self.clock);
     }
 
-    /// Applies a number of ranks and threads to the time estimate; `crowded` is the speed of a core among them
-    /// relative to one core alone.
+    /// Applies a number of ranks and threads to the time estimate; `crowded` is the speed of each core when all of them
+    /// compute, relative to a single core.
     pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }

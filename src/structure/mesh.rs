@@ -352,8 +352,8 @@ impl TriangleMesh {
     }
 }
 
-/// Keeps one of several triangles with the same corners; none of two triangles back to back, which separate two
-/// solids, such as adjacent cubes.
+/// Keeps one of several equal triangles, and removes both of two triangles with opposite orientation, which separate
+/// two solids such as adjacent cubes.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;

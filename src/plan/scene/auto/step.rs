@@ -437,7 +437,8 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
         && scene.grid.spacing > KOLMOGOROV_LENGTHS * kolmogorov
     {
         let text = format!(
-            "at the Reynolds number {} of {} m there are eddies of {} m, and cells are {} m wide",
+            "the Reynolds number is {} for a length of {} m, so that there are eddies of {} m, and cells are {} \
+             m wide",
             number(reynolds),
             number(size),
             number(kolmogorov),
