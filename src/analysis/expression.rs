@@ -17,7 +17,7 @@ pub const DEEPEST: usize = 100;
 pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
     if text.len() > LONGEST {
         return Err(format!(
-            "{}: a formula of {} bytes; at most {LONGEST} are read",
+            "{}: the formula has {} bytes; at most {LONGEST} are allowed",
             excerpt(text),
             text.len()
         ));
@@ -171,7 +171,7 @@ impl Reader<'_> {
         match word {
             "pi" => Ok(std::f64::consts::PI),
             _ => (self.lookup)(word)
-                .ok_or_else(|| format!("there is no value named {}", excerpt(word))),
+                .ok_or_else(|| format!("there is no value with the name {}", excerpt(word))),
         }
     }
 
@@ -210,7 +210,11 @@ fn function(name: &str, x: f64, second: Option<f64>) -> Result<f64, String> {
         ("atan2", Some(y)) => x.atan2(y),
         ("min", Some(y)) => x.min(y),
         ("max", Some(y)) => x.max(y),
-        _ => return Err(format!("no function {name:?} with these arguments")),
+        _ => {
+            return Err(format!(
+                "there is no function {name:?} with these arguments"
+            ));
+        }
     })
 }
 
@@ -262,11 +266,11 @@ mod tests {
         assert_eq!(value(&format!("1{}", " + 1".repeat(2000))), Ok(2001.0));
         for (bad, says) in [
             (nested(101), "nest more than 100 deep"),
-            (nested(40_000), "a formula of 80001 bytes"),
+            (nested(40_000), "the formula has 80001 bytes"),
             (format!("{}1", "-".repeat(5000)), "nest more than 100 deep"),
             (format!("1{}", "^1".repeat(4000)), "nest more than 100 deep"),
             (format!("{}1", "sqrt(".repeat(1500)), "nest more than"),
-            ("-".repeat(100_000), "a formula of 100000 bytes"),
+            ("-".repeat(100_000), "the formula has 100000 bytes"),
         ] {
             let error = value(&bad).unwrap_err();
             assert!(error.contains(says) && error.len() < 300, "{error}");

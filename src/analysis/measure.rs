@@ -37,7 +37,7 @@ pub struct Measure {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Take {
-    /// The last one.
+    /// Value of the last row.
     #[default]
     Last,
     /// The largest.
@@ -162,7 +162,10 @@ impl Measure {
         if let Take::Count = self.take {
             return Ok(real(rows.kept.len()));
         }
-        let of = self.of.as_ref().ok_or("no formula `of` the columns")?;
+        let of = self
+            .of
+            .as_ref()
+            .ok_or("the formula `of` of the columns is missing")?;
         let values = rows.numbers(of)?;
         let last = *values.last().ok_or("no row")?;
         match &self.take {
@@ -200,7 +203,10 @@ impl Measure {
         known: &dyn Fn(&str) -> Option<f64>,
     ) -> Result<Profile, String> {
         let rows = self.rows(output, known)?.of_last_time()?;
-        let of = self.of.as_ref().ok_or("no formula `of` the columns")?;
+        let of = self
+            .of
+            .as_ref()
+            .ok_or("the formula `of` of the columns is missing")?;
         Ok(Profile {
             x: rows.numbers(over)?,
             y: rows.numbers(of)?,
@@ -212,7 +218,10 @@ impl Measure {
         output: &Path,
         known: &'a dyn Fn(&str) -> Option<f64>,
     ) -> Result<Rows<'a>, String> {
-        let file = self.file.as_ref().ok_or("neither a formula nor a file")?;
+        let file = self
+            .file
+            .as_ref()
+            .ok_or("the value has neither a formula nor a file")?;
         let table = Table::read(&output.join(file))?;
         let mut rows = Rows {
             kept: (0..table.rows.len()).collect(),
@@ -308,7 +317,7 @@ fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
 /// Returns the cubic interpolation through the four points nearest to `at`; `x` is ascending.
 fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
-        return Err("a profile needs four or more points in rising order".into());
+        return Err("a profile needs at least four points in increasing order".into());
     }
     let above = x.partition_point(|&v| v < at);
     let first = above.saturating_sub(2).min(x.len() - 4);
@@ -333,7 +342,7 @@ fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
         .collect();
     match crossings[..] {
         [first, .., last] => Ok((last - first) / real(crossings.len() - 1)),
-        _ => Err("fewer than two upward crossings of the mean".into()),
+        _ => Err("the values cross their mean upwards fewer than two times".into()),
     }
 }
 

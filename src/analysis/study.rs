@@ -263,7 +263,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
             window.rate_median = 0.0;
         }
         warnings.push(format!(
-            "{}: no bond broke: the {left} grains that left were loose after the cut and do not count as erosion",
+            "{}: no bond broke: the {left} grains that were removed were loose after the cut and do not count as \
+             erosion",
             folder.display()
         ));
     }
@@ -288,8 +289,8 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         && moved > MOVED
     {
         warnings.push(format!(
-            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass had left; the \
-             law describes erosion of the faces",
+            "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass was \
+             eroded, but the law describes erosion of the faces only",
             folder.display(),
         ));
     }

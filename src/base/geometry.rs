@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// A point, direction or velocity: two numbers in 2-D, three in 3-D.
+/// A point, direction or velocity: a list of two numbers in 2-D and of three in 3-D.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 #[schemars(inline, extend("minItems" = 2, "maxItems" = 3))]
@@ -28,7 +28,7 @@ impl Vector {
         if have != dimension {
             report.error(
                 path,
-                format!("this has {have} components in a {dimension}-D problem"),
+                format!("this has {have} components, but the problem is {dimension}-D"),
                 format!("write {dimension} numbers").into(),
             );
         }
@@ -118,21 +118,21 @@ pub struct Extent {
 pub enum Region {
     /// An axis-parallel box.
     Box(Extent),
-    /// All that lies between two planes across an axis.
+    /// The space between two planes normal to an axis.
     Layer(Layer),
 }
 
-/// All that lies between two planes across an axis.
+/// The space between two planes normal to an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Layer {
-    /// Axis across the layer. Default: y in 2-D, z in 3-D.
+    /// Axis normal to the layer. Default: y in 2-D, z in 3-D.
     #[serde(default)]
     pub axis: Option<Axis>,
-    /// Lower plane [m]. Default: the layer has no lower end.
+    /// Coordinate of the lower plane [m]. Default: no lower plane.
     #[serde(default)]
     pub from: Option<f64>,
-    /// Upper plane [m]. Default: the layer has no upper end.
+    /// Coordinate of the upper plane [m]. Default: no upper plane.
     #[serde(default)]
     pub to: Option<f64>,
 }
@@ -143,11 +143,11 @@ pub struct Layer {
 pub struct Mesh {
     /// STL file, text or binary, relative to the case.
     pub path: PathBuf,
-    /// Length of the file's unit [m]: 0.001 for a file in mm.
+    /// Length of the unit of the file [m]: 0.001 for a file in mm.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
-    /// Position of the file's origin [m]. Default: the origin of the domain.
+    /// Position of the origin of the file in the domain [m]. Default: the origin of the domain.
     #[serde(default)]
     pub origin: Option<Vector>,
 }

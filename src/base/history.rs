@@ -73,7 +73,7 @@ pub fn check(table: &[[f64; 2]], path: &str, report: &mut dyn Report) -> bool {
         )
     } else if table.windows(2).any(falls) {
         (
-            "the times of the table do not rise",
+            "the times of the table do not increase",
             "sort the rows by time",
         )
     } else {

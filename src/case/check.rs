@@ -98,7 +98,7 @@ fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
     let clipped = clipped(name);
     if let Some((feature, field)) = absent::elsewhere(name) {
         return (
-            format!("there is no {kind} `{clipped}` here: {feature} is stated elsewhere"),
+            format!("there is no {kind} `{clipped}` here: {feature} is set in another field"),
             format!("use `{field}`"),
         );
     }
@@ -192,7 +192,7 @@ impl<'a> Walk<'a> {
                 let choices = words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
                     let remedy = nearest_word(path, text, &choices, &choices);
-                    let reason = "there is no such choice here".into();
+                    let reason = "this choice does not exist here".into();
                     self.report(path, value, reason, remedy);
                 }
             }
@@ -395,7 +395,7 @@ impl<'a> Walk<'a> {
                     (reason, remedy.into())
                 } else {
                     (
-                        "there is no such choice here".into(),
+                        "this choice does not exist here".into(),
                         nearest_word(path, text, &all, &plain),
                     )
                 };
@@ -425,7 +425,7 @@ impl<'a> Walk<'a> {
                 self.report(path, value, reason, choose(&names));
             }
             _ => {
-                let reason = format!("this is {}, but a choice is needed", kind(value));
+                let reason = format!("this is {}, but one of the choices is needed", kind(value));
                 self.report(path, value, reason, choose(&all));
             }
         }

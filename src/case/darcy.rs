@@ -30,12 +30,12 @@ pub struct Darcy {
     /// Drains, wells and cavities inside the ground. A later one takes precedence.
     #[serde(default)]
     pub drains: Vec<Drain>,
-    /// Layers, boxes and rasters with a permeability or porosity of their own. A later zone takes precedence in what it
-    /// states.
+    /// Layers, boxes and rasters with their own permeability or porosity. A later zone replaces the values of an
+    /// earlier one that it also defines.
     #[serde(default)]
     pub zones: Vec<Zone>,
-    /// Soil that drains: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces.
-    /// Needs gravity and zones that fill the ground, and allows no grains. Default: all ground is saturated.
+    /// Unsaturated ground: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces. Needs
+    /// gravity and zones that fill the ground, and allows no grains. Default: all ground is saturated.
     #[serde(default)]
     pub unsaturated: Option<Unsaturated>,
     /// Form of the equations.
@@ -50,9 +50,8 @@ pub struct Darcy {
     /// Law of flow resistance. Default: `gidaspow`; `kozeny_carman` with the equations of the paper.
     #[serde(default)]
     pub resistance: Option<Resistance>,
-    /// Largest porosity in the permeability [1]: open water has at least the resistance of a bed at this
-    /// porosity. Default: 0.9999, which leaves it the
-    /// friction and the inertia of its channel; 0.7 with the
+    /// Largest porosity in the permeability [1]: open water has at least the resistance of a bed at this porosity.
+    /// Default: 0.9999, so that the friction and the inertia of a channel determine its resistance; 0.7 with the
     /// equations of the paper.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
@@ -73,7 +72,7 @@ pub struct Darcy {
     #[serde(default)]
     pub transient_porosity: Option<bool>,
     /// Drag law. Any other law than `reaction` is independent of the resistance: the forces on the grains then differ
-    /// from the loss of pressure, and the closure of momentum in the log states by how much. Default: `reaction`;
+    /// from the pressure loss, and the closure of momentum in the log gives the difference. Default: `reaction`;
     /// `di_felice` with the equations of the paper.
     #[serde(default)]
     pub drag: Option<DragLaw>,
@@ -81,13 +80,13 @@ pub struct Darcy {
     /// interval.
     #[serde(default = "yes")]
     pub semi_implicit_drag: bool,
-    /// Solid steps between two couplings. Default: as many as contacts, drag and bed allow, at most those
-    /// that `accuracy` allows, or 100
-    /// without `accuracy`. A longer interval than contacts, drag and bed allow is unstable.
+    /// Solid steps between two couplings. Default: the largest number for which contacts, drag and bed are stable,
+    /// limited by `accuracy`, or to 100 without `accuracy`. A longer interval is unstable.
     #[serde(default)]
     #[schemars(range(min = 1, max = 1_000_000))]
     pub coupling_interval: Option<u32>,
-    /// Relative tolerance of the pressure solver: largest imbalance of a cell over the one at uniform pressure [1].
+    /// Relative tolerance of the pressure solver: largest imbalance of a cell, relative to the imbalance at uniform
+    /// pressure [1].
     #[serde(default = "default_tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.01))]
     pub tolerance: f64,
@@ -150,14 +149,14 @@ fn yes() -> bool {
     true
 }
 
-/// Soil that drains.
+/// Unsaturated ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Unsaturated {
-    /// Content of water and relative permeability as functions of the suction. The permeability at saturation is
-    /// that of the zones.
+    /// Water content and relative permeability as functions of the suction. The zones define the permeability at
+    /// saturation.
     pub retention: Retention,
-    /// Flow that changes with time. Default: steady flow.
+    /// Transient flow. Default: steady flow.
     #[serde(default)]
     pub transient: Option<TransientFlow>,
 }
@@ -234,8 +233,8 @@ pub struct EnclosurePlane {
     pub normal: Vector,
 }
 
-/// A region of the ground with its own permeability or porosity. A cell that a boundary of zones cuts conducts as its
-/// layers do: by the harmonic mean across them, by the arithmetic mean along them.
+/// A region of the ground with its own permeability or porosity. A cell that is cut by a boundary between zones has the
+/// harmonic mean of their permeabilities across the boundary and the arithmetic mean along it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
@@ -261,13 +260,13 @@ pub struct Zone {
     #[serde(default)]
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub anisotropy: Option<f64>,
-    /// Angle of the bedding against the horizontal in 2-D [deg], positive where the beds rise along x. The flow is then
-    /// that of a full tensor of permeability. Needs `anisotropy`, gravity along y, a permeability as a number, and
-    /// saturated ground without grains. Default: 0.
+    /// Angle of the bedding against the horizontal in 2-D [deg], positive where the beds rise along x. The permeability
+    /// is then a full tensor. Needs `anisotropy`, gravity along y, a permeability as a number, and saturated ground
+    /// without grains. Default: 0.
     #[serde(default)]
     #[schemars(range(min = -90.0, max = 90.0))]
     pub dip: Option<f64>,
-    /// Retention of the zone in ground that drains. Default: that of `unsaturated`.
+    /// Retention of the zone in unsaturated ground. Default: that of `unsaturated`.
     #[serde(default)]
     pub retention: Option<Retention>,
     /// Values that vary within the region.
@@ -298,7 +297,8 @@ pub enum ZonePermeability {
     Value(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Hydraulic conductivity under the gravity of the case [m/s]. Sand: 1e-5 to 1e-3; silt: 1e-8 to 1e-6.
     HydraulicConductivity(#[schemars(extend("exclusiveMinimum" = 0))] f64),
-    /// Factor of the permeability that follows from the grains [1], such as 0.1 for fines that the grains leave out.
+    /// Factor of the permeability that follows from the grains [1], such as 0.1 for fine particles that the case does
+    /// not contain.
     Factor(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     /// Another law of flow resistance.
     Resistance(Resistance),
@@ -329,8 +329,8 @@ pub struct SeepageBoundary {
     /// The condition.
     pub condition: Condition,
     /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
-    /// rate): linear between them, constant before and after; two values at one time give a jump. Needs
-    /// `unsaturated.transient`.
+    /// rate): linear between the rows, constant before and after; two values at one time give a jump. Default:
+    /// constant. Needs `unsaturated.transient`.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 pub struct Domain {
     /// Edge lengths [m]. Two numbers make the problem 2-D (per metre of depth), three make it 3-D.
     pub size: Vector,
-    /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h,
-    /// so that half-way walls coincide with the faces of the domain. Default: enough cells across the smallest
-    /// body, grain, gap or opening to meet `accuracy`; if no such spacing divides all edges, it divides the
-    /// shortest one, the others are lengthened to whole cells, and a warning states by how much.
+    /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h, so
+    /// that half-way walls coincide with the faces of the domain. Default: enough cells across the smallest body,
+    /// grain, gap or opening to meet `accuracy`; if no such spacing divides all edges, it divides the shortest edge,
+    /// and the others are lengthened to whole cells with a warning that states by how much.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: Option<f64>,
@@ -50,7 +50,7 @@ pub enum Split {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Material {
-    /// Density of the solid [kg/m3]. Required for everything that moves freely, not for walls.
+    /// Density of the solid [kg/m3]. Required for grains, blocks and bodies that move freely, but not for walls.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: Option<f64>,
     /// Young's modulus [Pa]. Required by the Hertz-Mindlin law, also for walls; 1e18 makes a wall rigid.

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Test of a sample between two opposite planes, as in a laboratory: oedometer, triaxial and biaxial test, unconfined
-/// compression, shear. The answers follow from the records of probes, all with the same `every`; `summary.json` and the
-/// table at the end have each with its interval.
+/// compression, shear. The results follow from the records of probes, all with the same `every`; `summary.json` and the
+/// table at the end contain each result with its interval.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ElementTest {
@@ -25,9 +25,9 @@ pub struct ElementTest {
     pub answers: Vec<TestAnswer>,
 }
 
-/// An answer of an element test. It is the mean of all measures of the quantity, and its interval is their range: the
-/// two planes of the axis, each lateral wall or component. Walls of a sample at rest measure the same; what they differ
-/// by is not in equilibrium.
+/// A result of an element test. It is the mean of all measurements of the quantity, and its interval is their range:
+/// the two planes of the axis, each lateral wall or component. Around a sample in equilibrium all walls measure the
+/// same value, so that the interval shows the lack of equilibrium.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TestAnswer {

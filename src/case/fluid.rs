@@ -32,7 +32,7 @@ pub enum Fluid {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatticeBoltzmann {
-    /// Reference density [kg/m3].
+    /// Density of the fluid at the reference pressure [kg/m3].
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub density: f64,
     /// Kinematic viscosity [m2/s]. Water at 20 °C: 1e-6.
@@ -71,9 +71,9 @@ pub struct LatticeBoltzmann {
     /// time step of a 3-D run with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
-    /// Device that the fluid runs on. A GPU runs a lattice between walls and periodic axes on one rank: d3q27 with bgk,
-    /// trt or mrt, with trt and mrt also bodies in partially saturated cells; d3q19 with trt; in f64 without a force
-    /// d3q19 and d2q9 with bgk. The state is the same on both.
+    /// Device that computes the fluid. A GPU computes a lattice between walls and periodic axes on one rank: d3q27 with
+    /// bgk, trt or mrt (with trt and mrt also bodies in partially saturated cells), d3q19 with trt, and, in f64 and
+    /// without a force, d3q19 and d2q9 with bgk. Both devices give the same state.
     #[serde(default)]
     pub device: Device,
     /// Body force that drives the fluid [N/m3], in addition to gravity.
@@ -95,11 +95,11 @@ pub struct LatticeBoltzmann {
     /// Zones that resist the flow: screens, racks, filters, rockfill.
     #[serde(default)]
     pub porous_zones: Vec<PorousZone>,
-    /// Water in the joints between blocks that are thinner than a cell.
+    /// Water in joints between blocks, for joints that are thinner than a cell. Default: no water in joints.
     #[serde(default)]
     pub joints: Option<Box<LatticeJoints>>,
-    /// Speed and pressure in a run on coarse cells, for the automatic choices; `solver plan --pilot` writes it.
-    /// Default: the estimates of the plan.
+    /// Largest speed and pressure of a run on coarse cells, for the automatic choices; `solver plan --pilot` writes
+    /// this field. Default: the estimates of the plan.
     #[serde(default)]
     pub pilot: Option<Box<Pilot>>,
 }
@@ -110,7 +110,7 @@ pub struct LatticeBoltzmann {
 pub struct PorousZone {
     /// Name of the zone.
     pub name: String,
-    /// Shape and position.
+    /// Shape and position of the zone.
     pub shape: Shape,
     /// Law of the resistance.
     pub resistance: Resistance,
@@ -130,14 +130,14 @@ pub struct Pilot {
     pub of: String,
 }
 
-/// Along which axes gravity acts on the fluid.
+/// Axes along which gravity acts on the fluid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 #[schemars(inline)]
 pub enum GravityOnFluid {
     /// Along all axes, or along none.
     All(bool),
-    /// Choice by axis.
+    /// Choice of the axes by a word.
     Where(Where),
 }
 
@@ -152,10 +152,10 @@ impl Default for GravityOnFluid {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Where {
-    /// Like `along_periodic_axes` below a surface, a face of free slip that gravity points away from; otherwise along
-    /// no axis.
+    /// Along the periodic axes if the case has a water surface (a face of free slip that gravity points away from);
+    /// otherwise along no axis.
     Auto,
-    /// Along the periodic axes, where it drives a stream down its slope.
+    /// Along the periodic axes, where gravity drives a stream down its slope.
     AlongPeriodicAxes,
 }
 
@@ -241,8 +241,8 @@ pub enum BodyForce {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Initial {
-    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic: that of the
-    /// openings with a pressure, or with a mean of zero without such openings.
+    /// At rest, at the reference density. Where gravity acts on the fluid, the pressure is hydrostatic; it equals that
+    /// of the openings with a pressure, or has a mean of zero without such openings.
     Rest {},
     /// Uniform velocity and pressure: the list of the components of the velocity [m/s], or an object with `velocity`
     /// and `pressure`.
@@ -277,17 +277,17 @@ pub enum Initial {
     Channel {
         /// Axis of the flow.
         flow: super::geometry::Axis,
-        /// Axis from wall to wall.
+        /// Axis normal to the walls of the channel.
         across: super::geometry::Axis,
         /// Coordinate at which the flow begins along `across` [m], such as the surface of a bed. Default: 0.
         #[serde(default)]
         from: Option<f64>,
-        /// Coordinate at which it ends [m]. Default: the size of the domain.
+        /// Coordinate at which the flow ends along `across` [m]. Default: the size of the domain.
         #[serde(default)]
         to: Option<f64>,
         /// Velocity at the centre of the channel [m/s].
         peak: f64,
-        /// Fluctuations that trigger turbulence.
+        /// Fluctuations that trigger turbulence. Default: none.
         #[serde(default)]
         fluctuations: Option<Fluctuations>,
     },

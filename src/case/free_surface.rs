@@ -5,14 +5,14 @@ use super::structures::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A free surface: cells are water, air, or partly water. Air has no flow, and its pressure is the datum of
-/// all pressures; enclosed air is not compressed but lost, and the loss is reported. Walls, faces of free slip and
-/// structures bound the water; it enters and leaves through faces with `velocity`, `discharge`, `level` and
-/// `outfall`. Bodies float, sink and move in it by partially saturated cells.
+/// A free surface: cells are water, air, or partly water. The flow of air is not computed. Air has the reference
+/// pressure; enclosed air is not compressed but disappears, and the lost volume is reported. Walls, faces of free slip
+/// and structures bound the water; it enters and leaves through faces with `velocity`, `discharge`, `level` and
+/// `outfall`. Bodies in the water need partially saturated cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FreeSurface {
-    /// Water at the start. Where parts overlap, the larger fill level counts.
+    /// Parts of the water at the start. Where parts overlap, the larger fill level applies.
     pub water: Vec<Water>,
 }
 
@@ -22,11 +22,11 @@ pub struct FreeSurface {
 pub enum Water {
     /// Water below this height [m] along the axis of gravity, measured from the lower corner of the domain.
     Level(f64),
-    /// A solid full of water, such as a reservoir behind a gate or a drop.
+    /// Water inside a solid shape, such as a reservoir behind a gate or a drop.
     Shape(Shape),
     /// Water below a wave.
     Wave(Wave),
-    /// All that lies below a solitary wave, with its velocity, which is added to that of `initial`.
+    /// Water below a solitary wave. The velocity of the wave is added to that of `initial`.
     SolitaryWave(SolitaryWave),
 }
 
@@ -47,8 +47,8 @@ pub struct Wave {
     pub waves: f64,
 }
 
-/// A solitary wave on water of one depth, by the theory of the third order (Grimshaw 1971, Fenton 1972): it runs with
-/// about (g (depth + height))^½ without a change of its shape.
+/// A solitary wave on water of uniform depth, by third-order theory (Grimshaw 1971, Fenton 1972): it travels at a speed
+/// of about (g (depth + height))^½ and keeps its shape.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SolitaryWave {

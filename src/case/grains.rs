@@ -19,9 +19,9 @@ pub struct Grains {
     /// the output folder, different from the output files of the program.
     #[serde(default)]
     pub save: Option<PathBuf>,
-    /// Regions whose grains have a material and an initial velocity of their own after the preparation, such as the
-    /// layers of a ground. A later zone takes precedence. Density follows from the material; friction, cohesion and
-    /// strength of bonds from `pairs` of the contact law.
+    /// Regions whose grains have their own material and initial velocity after the preparation, such as the layers of
+    /// the ground. A later zone takes precedence. Density follows from the material; friction, cohesion and strength of
+    /// bonds from `pairs` of the contact law.
     #[serde(default)]
     pub zones: Vec<GrainZone>,
     /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the
@@ -41,10 +41,10 @@ pub struct Grains {
 pub struct GrainZone {
     /// Name in the tables of `plan`.
     pub name: String,
-    /// A layer or a box. A grain belongs to it if its centre does.
+    /// A layer or a box. A grain belongs to the zone if its centre lies in the region.
     #[serde(default)]
     pub region: Option<Region>,
-    /// A solid, such as a polygon in 2-D or a mesh in 3-D. A grain belongs to it if its centre does.
+    /// A solid, such as a polygon in 2-D or a mesh in 3-D. A grain belongs to the zone if its centre lies in the solid.
     #[serde(default)]
     pub shape: Option<Shape>,
     /// Material of the grains. It needs a density.
@@ -80,13 +80,13 @@ pub struct SampleFile {
     /// LIGGGHTS as text (the last snapshot), text files of YADE and lists of `ball create` commands of PFC are read
     /// as well, without types, groups and forces.
     pub path: PathBuf,
-    /// Length of the file's unit [m]: 0.001 for a file in mm without units in brackets. Centres, radii and velocities
-    /// are multiplied by it.
+    /// Length of the unit of the file [m]: 0.001 for a file in mm without units in brackets. Centres, radii and
+    /// velocities are multiplied by it.
     #[serde(default = "one")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scale: f64,
-    /// Position of the file's origin [m], for samples that were made round the origin. Default: the origin of the
-    /// domain.
+    /// Position of the origin of the file in the domain [m], for samples that are centred at the origin. Default: the
+    /// origin of the domain.
     #[serde(default)]
     pub origin: Option<Vector>,
 }
@@ -122,8 +122,8 @@ pub struct Growth {
 }
 
 /// Preparation by gravity deposition, without cohesion and fluid: a loose cloud falls, settles on `walls` and
-/// `box_walls`, and is trimmed. No grain starts in a structure, or in a closed hollow of one that has no connection
-/// with the surface. Equal seeds give equal samples on any number of ranks.
+/// `box_walls`, and is trimmed. No grain starts in a structure or in a closed cavity of a structure that is not
+/// connected to the surface. Equal seeds give equal samples on any number of ranks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deposition {
@@ -135,8 +135,8 @@ pub struct Deposition {
     /// Box of the initial cloud [m]. Its solid fraction is at most 0.3 (2-D: 0.45).
     #[serde(rename = "box")]
     pub region: Extent,
-    /// Further clouds of the same deposition with gradings and materials of their own, such as the upper layers of a
-    /// ground. All fall at once, each from its box; the grains of the lowest box come to rest at the bottom.
+    /// Further clouds of the same deposition with their own gradings and materials, such as the upper layers of the
+    /// ground. All clouds fall at the same time, each from its box; the grains of the lowest box settle at the bottom.
     #[serde(default)]
     pub layers: Vec<DepositedLayer>,
     /// Seed of the random numbers.
@@ -336,7 +336,8 @@ pub struct Stop {
     /// breaks bonds.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub mean_overlap: f64,
-    /// Largest number of solid steps of the preparation. A sample that is not ready by then is an error.
+    /// Largest number of solid steps of the preparation. If the sample is not ready by then, the run ends with an
+    /// error.
     pub at_most_steps: u32,
 }
 

@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Water in the joints between blocks: a network of thin layers with pressures and discharges in their planes.
-/// Pressures in front of mouths drive it. Its pressures load the blocks; those that are not fixed move together with
-/// the water, and their contacts. No `coupling` is needed.
+/// Pressures in front of mouths drive it. The pressures load the blocks. Blocks that are not fixed move under water
+/// pressure and contact forces, and their motion is solved together with the water. No `coupling` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointNetwork {
@@ -39,7 +39,7 @@ pub struct JointNetwork {
     #[serde(default = "bulk_modulus")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub bulk_modulus: f64,
-    /// Volume of air over that of water and air at atmospheric pressure [1].
+    /// Ratio of the volume of air to the volume of water and air together, at atmospheric pressure [1].
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
     pub air_content: f64,
@@ -70,10 +70,10 @@ pub struct JointNetwork {
 }
 
 /// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of the
-/// lattice, whose cells in front of open edges drive it and take its discharge. Its inertia counts, with the friction
-/// of a laminar layer at each frequency. The network begins at rest at the reference pressure. Needs the coupling
-/// `bounce_back`. Blocks that move make one step with each step of the lattice, and can open their joints up to
-/// `largest_aperture`.
+/// lattice. Lattice cells in front of open edges impose their pressure and receive the discharge. The inertia of the
+/// water is included, with the friction of a laminar layer at each frequency. The network starts at rest at the
+/// reference pressure. Needs the coupling `bounce_back`. Blocks that move make one step with each step of the lattice,
+/// and can open their joints up to `largest_aperture`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LatticeJoints {
@@ -95,7 +95,7 @@ pub struct LatticeJoints {
     #[serde(default = "bulk_modulus")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub bulk_modulus: f64,
-    /// Volume of air over that of water and air at atmospheric pressure [1].
+    /// Ratio of the volume of air to the volume of water and air together, at atmospheric pressure [1].
     #[serde(default)]
     #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
     pub air_content: f64,
@@ -103,7 +103,7 @@ pub struct LatticeJoints {
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
     pub air_exponent: f64,
-    /// Absolute pressure where that of the lattice is 0 [Pa].
+    /// Absolute pressure [Pa] at which the pressure of the lattice is 0.
     #[serde(default = "atmosphere")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub atmospheric_pressure: f64,

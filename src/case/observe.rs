@@ -113,10 +113,11 @@ pub enum ProbeAt {
         /// Name of the body.
         name: String,
     },
-    /// Force [N] and torque [N m] of the fluid on a structure (2-D: per metre of depth). On a lattice the pressure
-    /// is that of the lattice: without gravity on the fluid it is the excess over hydrostatic. The force is the
-    /// mean over the last step, and `time` the middle of this step. In seepage the pore pressure acts on all of its
-    /// surface in the ground: uplift, and the thrust on piles and walls. Water above the ground is not included.
+    /// Force [N] and torque [N m] of the fluid on a structure (2-D: per metre of depth). On a lattice the force follows
+    /// from the pressure of the lattice, which is the excess over the hydrostatic pressure if gravity does not act on
+    /// the fluid. The force is the mean over the last step, and `time` the middle of this step. In seepage the pore
+    /// pressure acts on the whole surface of the structure in the ground: uplift, and the thrust on piles and walls.
+    /// Water above the ground is not included.
     Structure {
         /// Name of the structure.
         name: String,
@@ -154,7 +155,7 @@ pub enum ProbeAt {
     Section {
         /// Axis normal to the plane; the discharge along it is positive.
         axis: Axis,
-        /// Coordinate of the plane [m]; the nearest plane between cells is taken.
+        /// Coordinate of the plane [m]; the nearest plane between cells is used.
         position: f64,
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it; its extent along the axis has
         /// no effect. The column `open_area` shows the part that was used. Default: the whole plane.
@@ -172,7 +173,7 @@ pub enum ProbeAt {
     Uplift {
         /// Axis normal to the base; the water is on its lower side and pushes along the axis.
         axis: Axis,
-        /// Coordinate of the base [m]; the nearest plane between cells is taken.
+        /// Coordinate of the base [m]; the nearest plane between cells is used.
         position: f64,
         /// Box that selects a part of the plane [m]: the cells whose centres lie in it. Default: the whole plane.
         #[serde(default)]
@@ -429,8 +430,8 @@ pub struct ErosionLaw {
     /// Region whose removed grains count as eroded. Default: all regions that remove grains.
     #[serde(default)]
     pub outlet: Option<String>,
-    /// Fraction of the mass of the grains whose removal ends the run, even before `time.end` [1]: the remaining channel
-    /// only flows faster. Default: the run continues to `time.end`.
+    /// Fraction of the mass of the grains whose removal ends the run, even before `time.end` [1], because the flow in
+    /// the remaining channel only becomes faster. Default: the run continues to `time.end`.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub end_at_eroded_fraction: Option<f64>,

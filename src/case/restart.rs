@@ -32,8 +32,8 @@ pub const CHANGEABLE: [Changeable; 41] = [
     may("domain.slab_bounds", "affects the cost only"),
     may(
         "output",
-        "from the checkpoint on; averages whose first sample lies after the checkpoint begin anew, and others keep \
-         `from` and `sample_every`",
+        "takes effect from the checkpoint on; averages whose first sample comes after the checkpoint start \
+         again, all others keep `from` and `sample_every`",
     ),
     may("probes", "from the checkpoint on"),
     may("checkpoint", "from the checkpoint on"),
@@ -51,7 +51,10 @@ pub const CHANGEABLE: [Changeable; 41] = [
         "walls may be added, removed, and change their velocity and servo; a wall that remains keeps its shape, \
          material and times",
     ),
-    may("box_walls", "walls on faces may be added and removed"),
+    may(
+        "box_walls",
+        "walls on faces of the domain may be added and removed",
+    ),
     may(
         "regions",
         "regions may be added, removed and changed; a region that keeps its name keeps its counts",
@@ -149,10 +152,13 @@ pub const CHANGEABLE: [Changeable; 41] = [
 
 /// Reasons why the other fields may not change, by the first matching beginning of the path.
 const KEPT: [(&str, &str); 12] = [
-    ("domain", "the saved state has the cells of this domain"),
+    (
+        "domain",
+        "the saved state belongs to the cells of this domain",
+    ),
     (
         "materials",
-        "the saved bodies and contacts are of these materials",
+        "the saved bodies and contacts have these materials",
     ),
     ("contact", "the saved contacts hold forces of this law"),
     ("grains", "the grains are in the checkpoint"),
@@ -163,7 +169,7 @@ const KEPT: [(&str, &str); 12] = [
     ),
     (
         "coupling",
-        "the saved loads and covered cells are those of this coupling",
+        "the saved loads and covered cells belong to this coupling",
     ),
     (
         "fluid.lattice_boltzmann.boundaries",
@@ -173,8 +179,8 @@ const KEPT: [(&str, &str); 12] = [
         "fluid.darcy.boundaries",
         "a face keeps its kind of condition; its drive may change",
     ),
-    ("fluid", "the saved fluid is scaled by it"),
-    ("time", "the saved step number counts these steps"),
+    ("fluid", "the saved state of the fluid is scaled with it"),
+    ("time", "the saved step number counts steps of this length"),
     ("analysis", "its records start with the run"),
 ];
 
@@ -264,8 +270,8 @@ fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {
         path,
         value: format!("{} (was {})", brief(new), brief(old)),
         reason: format!("a restart may not change this: {reason}"),
-        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists what may \
-            change".into(),
+        remedy: "undo the change, or start a new run with it in another folder; `solver reference` lists the \
+                 fields that may change".into(),
         severity: Severity::Error,
     }
 }

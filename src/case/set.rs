@@ -41,7 +41,7 @@ pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>>
         return Err(problem(
             path,
             text,
-            "not a path of a case",
+            "this is not a path of a field",
             "write for example fluid.lattice_boltzmann.density or probes[0].every",
         ));
     };

@@ -89,15 +89,18 @@ pub fn spans(curve: &[Sieve]) -> impl Iterator<Item = Span> {
 /// If the curve is invalid; the text names the sieve.
 pub fn check(curve: &[Sieve]) -> Result<(), String> {
     if curve.len() < 2 {
-        return Err("a sieve curve needs two sieves at least".into());
+        return Err("a sieve curve needs at least two sieves".into());
     }
     for (n, sieve) in curve.iter().enumerate() {
         if !(sieve.diameter > 0.0 && sieve.diameter.is_finite()) {
-            return Err(format!("sieve {n}: a diameter of {} m", sieve.diameter));
+            return Err(format!(
+                "sieve {n} has a diameter of {} m; it must be above 0",
+                sieve.diameter
+            ));
         }
         if !(0.0..=1.0).contains(&sieve.passing) {
             return Err(format!(
-                "sieve {n}: {} of the mass passes; this is a fraction from 0 to 1, not per cent",
+                "sieve {n} passes {} of the mass; write a fraction from 0 to 1, not per cent",
                 sieve.passing
             ));
         }
@@ -105,7 +108,8 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     for (n, pair) in curve.windows(2).enumerate() {
         if pair[1].diameter <= pair[0].diameter * (1.0 + 1e-9) {
             return Err(format!(
-                "sieve {} of {} m stands after one of {} m: diameters rise from sieve to sieve",
+                "sieve {} has a diameter of {} m and follows one of {} m; diameters must increase from sieve to \
+                 sieve",
                 n + 1,
                 pair[1].diameter,
                 pair[0].diameter
@@ -123,14 +127,14 @@ pub fn check(curve: &[Sieve]) -> Result<(), String> {
     let (finest, coarsest) = (curve[0], curve[curve.len() - 1]);
     if finest.passing > 0.0 {
         return Err(format!(
-            "{} of the mass passes the finest sieve of {} m, and no size is known below it: begin with a diameter \
-             that nothing passes",
+            "{} of the mass passes the finest sieve of {} m, so that the size of these grains is not known: \
+             begin with a diameter that no grain passes",
             finest.passing, finest.diameter
         ));
     }
     if (coarsest.passing - 1.0).abs() > 1e-9 {
         return Err(format!(
-            "{} of the mass passes the coarsest sieve of {} m: end with a diameter that all of it passes",
+            "only {} of the mass passes the coarsest sieve of {} m: end with a diameter that all grains pass",
             coarsest.passing, coarsest.diameter
         ));
     }

@@ -5,7 +5,7 @@ use super::geometry::{Extent, Rotation, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A wall for grains and blocks. It does not act on the fluid; `structures` do.
+/// A wall for grains and blocks. It does not act on the fluid; use `structures` for solids that do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -25,8 +25,8 @@ pub struct Wall {
     /// and is removed when the run begins.
     #[serde(default)]
     pub during: WallStage,
-    /// Time of the run from which the wall exists [s]. A body that it cuts into then ends the run. Default: the wall
-    /// exists from the start.
+    /// Time of the run from which the wall exists [s]. If it cuts into a body at this time, the run ends. Default: the
+    /// wall exists from the start.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub from: Option<f64>,
@@ -38,23 +38,23 @@ pub struct Wall {
 }
 
 /// Control of a plane wall during the run: it moves along its normal so that the mean normal stress of the grains on it
-/// follows a value or a table. The area is that of the plane within the domain and between the other plane walls, where
-/// they are at the time. `velocity` may have a part along the plane, which remains.
+/// follows a value or a table. The area is the part of the plane inside the domain and between the other plane walls at
+/// their current positions. `velocity` may have a component along the plane, which is kept.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Servo {
-    /// Mean normal stress [Pa], 0 or more: compression.
+    /// Mean normal stress [Pa], 0 or more; compression is positive.
     #[schemars(range(min = 0.0))]
     pub stress: f64,
-    /// Table of times [s] and stresses [Pa] that replace the stress: linear between, constant before and after; two
-    /// stresses at one time are a jump.
+    /// Table of times [s] and stresses [Pa] that replace the stress: linear between the rows, constant before and
+    /// after; two stresses at one time are a jump. Default: constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub history: Option<Vec<[f64; 2]>>,
     /// Largest velocity along the normal [m/s]. Grains that cannot bear the stress are deformed at this velocity.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity_limit: f64,
-    /// Part of the missing force that the springs of the present contacts gain in a solid step [1]: the velocity is
-    /// gain (stress area - force)/(stiffness of the contacts x solid step).
+    /// Fraction of the missing force that the servo adds in a solid step [1]: the velocity is gain (stress area -
+    /// force)/(stiffness of the present contacts x solid step).
     #[serde(default = "default_gain")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub gain: f64,

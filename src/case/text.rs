@@ -59,7 +59,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
                 path: format!("line {} column {}", error.line(), error.column()),
                 value: "not JSON".into(),
                 reason: format!("the text is not valid JSON ({error})"),
-                remedy: "correct the text there".into(),
+                remedy: "correct the text at this position".into(),
                 severity: Severity::Error,
             });
             (None, problems)
@@ -68,7 +68,7 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
 }
 
 /// Beginning of the message about an object whose last keys were not read.
-const TOO_MANY: &str = "an object has too many keys, and only the first ones are read:";
+const TOO_MANY: &str = "an object has too many keys, and only the first of them are read:";
 
 /// Returns `true` if an object of the text was only partly read.
 #[must_use]

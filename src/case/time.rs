@@ -10,7 +10,7 @@ pub struct Time {
     /// Physical end time [s], counted from the end of the warm-up.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub end: f64,
-    /// Solid steps per fluid step. `auto` takes the smallest number that keeps the solid time step below
+    /// Solid steps per fluid step. `auto` is the smallest number that keeps the solid time step below
     /// `solid_time_step_safety` times the critical time step.
     #[serde(default)]
     pub solid_steps_per_fluid_step: SolidSteps,
@@ -18,14 +18,14 @@ pub struct Time {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub solid_time_step: Option<f64>,
-    /// Largest solid time step over the critical one [1]. The critical time step is 2 sqrt(m/k) of the lightest grain;
-    /// for Hertz-Mindlin contacts the shorter of that and the Rayleigh time. Above about 0.2 the plan checks every
-    /// grain with all of its contacts.
+    /// Ratio of the largest solid time step to the critical time step [1]. The critical time step is 2 sqrt(m/k) of the
+    /// lightest grain; for Hertz-Mindlin contacts it is the smaller of this value and the Rayleigh time. Above about
+    /// 0.2 the plan checks every grain with all of its contacts.
     #[serde(default = "default_safety")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub solid_time_step_safety: f64,
-    /// Skin of the neighbour lists over the mean grain radius [1]. A larger skin gives longer lists that are rebuilt
-    /// less often. Results do not depend on it.
+    /// Ratio of the skin of the neighbour lists to the mean grain radius [1]. A larger skin gives longer lists that are
+    /// rebuilt less often. Results do not depend on it.
     #[serde(default = "default_skin")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 4))]
     pub neighbour_skin: f64,
@@ -133,9 +133,9 @@ pub struct Guards {
     /// flows may need more than the default.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_compression: f64,
-    /// Overlap of a contact over the radius of the smaller body above which the run ends (exit code 4) [1]; of a
-    /// polyhedron the radius is that from its centroid to the nearest face. Every solid step counts. At 1 the
-    /// centre of a body has reached the surface of the other: it passes through a thin wall.
+    /// Overlap of a contact, relative to the radius of the smaller body, above which the run ends (exit code 4) [1].
+    /// The radius of a polyhedron is the distance from its centroid to the nearest face. Every solid step counts. At 1
+    /// the centre of a body has reached the surface of the other: it passes through a thin wall.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub max_overlap: f64,
     /// Memory of all nodes of the run together [GiB]. Default: the memory of this node.

@@ -29,7 +29,8 @@ pub(super) struct Arguments {
     /// `true` if the closed ends of a seepage move away in one more run.
     #[arg(
         long,
-        help = "Move the closed ends of a seepage away in one more run, for their share of the answers"
+        help = "Add a run with the closed ends of the seepage farther away, to measure how much they change the \
+                results"
     )]
     ends: bool,
     /// Folder of the runs [default: results/NAME-OF-THE-CASE-estimate].

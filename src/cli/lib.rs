@@ -218,7 +218,8 @@ struct JetArgs {
     /// Length of the core of the jet over the diameter of the nozzle [1].
     #[arg(long, value_parser = positive, requires = "nozzle", default_value_t = JetApparatus::CORE)]
     jet_core: f64,
-    /// Bulk density of the dry soil [kg/m3], for the coefficient in s/m, as that of a hole.
+    /// Bulk density of the dry soil [kg/m3]. With it the coefficient is also given in s/m, the unit of hole erosion
+    /// tests.
     #[arg(long, value_name = "KG/M3", value_parser = positive, requires = "nozzle")]
     bulk_density: Option<f64>,
 }
@@ -622,7 +623,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
         Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
         _ => String::new(),
     };
-    format!("{}: {sentence}; nothing was run{how}", name.display())
+    format!("{}: {sentence}; the case was not run{how}", name.display())
 }
 
 fn options(run: RunArgs, json: bool, begun: Instant) -> RunOptions {
@@ -709,7 +710,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     pilot::write(&tree, &path)?;
     report(&format!(
         "{}; `solver {}` runs the case with it",
-        pilot::told(&found),
+        pilot::description(&found),
         path.display()
     ));
     let directory = case.case.parent().unwrap_or_else(|| Path::new(""));

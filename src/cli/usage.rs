@@ -38,7 +38,8 @@ pub(super) fn threads(text: &str) -> Result<u16, String> {
     match text.parse() {
         Ok(threads) if (1..=MOST_THREADS).contains(&threads) => Ok(threads),
         _ => Err(format!(
-            "a rank has 1 to {MOST_THREADS} threads, best not more than the {} core(s) that it may use here",
+            "a rank can have 1 to {MOST_THREADS} threads, preferably no more than the {} core(s) that it may use \
+             here",
             cores()
         )),
     }

@@ -347,7 +347,7 @@ impl BodyMap {
         self.changes.clear();
         self.again.clear();
         if !self.adopted {
-            self.adopt(particles);
+            self.assign_maps(particles);
         }
         self.look_again();
         if self.again.is_empty() && self.changes.is_empty() {

@@ -98,7 +98,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         if let Some(structures) = &structures {
             self.map.stand_in(structures.cells(), structures.sheets());
             structures.bound_surface(&mut self.fluid);
-            structures.tell_gradients(&mut self.fluid);
+            structures.register_links(&mut self.fluid);
         }
         self.structures = structures;
         self
@@ -118,7 +118,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
     }
 
     /// Registers the links with the gradients of the eddy viscosity.
-    fn tell_gradients(&mut self) {
+    fn register_links(&mut self) {
         if self.fluid.velocities().is_none() {
             return;
         }
@@ -134,16 +134,16 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             self.fluid.know_links::<3>(links, motion);
         }
         if let Some(structures) = &self.structures {
-            structures.tell_gradients(&mut self.fluid);
+            structures.register_links(&mut self.fluid);
         }
     }
 
     /// Updates the ends of links of structures that bodies cover.
-    fn see_bodies(&mut self) {
+    fn update_covered_ends(&mut self) {
         if let Some(structures) = &mut self.structures
             && !self.map.is_as_before()
         {
-            structures.see_bodies(&self.map);
+            structures.update_covered_ends(&self.map);
         }
     }
 
@@ -268,8 +268,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
             self.fresh = false;
             self.map
                 .update_bodies(particles, self.fluid.populations(), None);
-            self.see_bodies();
-            self.tell_gradients();
+            self.update_covered_ends();
+            self.register_links();
             log::debug!(
                 "rank {}: {} bodies on the lattice by {} links",
                 domain.rank(),
@@ -282,8 +282,8 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         let mut loads = std::mem::take(&mut self.loads);
         self.map
             .update_bodies(particles, self.fluid.populations(), Some(&mut loads));
-        self.see_bodies();
-        self.tell_gradients();
+        self.update_covered_ends();
+        self.register_links();
         let reduced = particles.reduce_to_owners(&mut loads, domain);
         self.loads = loads;
         reduced?;

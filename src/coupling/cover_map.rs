@@ -221,7 +221,7 @@ impl CoverMap {
                 .zip(particles.body.iter().zip(&particles.shift))
                 .all(|(old, (body, shift))| old.name == (body.id, *shift));
         if !same {
-            self.adopt(particles, cover);
+            self.assign_maps(particles, cover);
         }
         let spheres = (0..self.bodies.len()).map(|k| sphere(particles, k, &self.grid));
         self.alone
@@ -253,7 +253,7 @@ impl CoverMap {
                     name: body.name.into(),
                     motion,
                     frame,
-                    alone: self.alone.is(k),
+                    alone: self.alone.is_separate(k),
                 },
             );
         }
@@ -400,7 +400,7 @@ impl CoverMap {
 
     /// Assigns to each entry of the particles the map of the same body and image, and removes the cover of bodies
     /// that are gone.
-    fn adopt<Sp: Space>(&mut self, particles: &Particles<Sp>, cover: &mut Cover) {
+    fn assign_maps<Sp: Space>(&mut self, particles: &Particles<Sp>, cover: &mut Cover) {
         let mut old: HashMap<Name, Mapped> = self
             .bodies
             .drain(..)

@@ -109,7 +109,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             let populations = self.fluid.populations();
             self.map
                 .close(structures.positions(populations), populations);
-            structures.tell_gradients(&mut self.fluid);
+            structures.register_links(&mut self.fluid);
         }
         self.structures = structures;
         self
@@ -329,7 +329,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             let filled = self.map.filled_cells();
             self.fluid.meet_bodies(filled);
         }
-        self.fluid.give_cover().map_err(Error::Internal)?;
+        self.fluid.send_cover().map_err(Error::Internal)?;
         let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
         if changed && self.fluid.velocities().is_some() {
             let map = &self.map;
@@ -340,7 +340,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
                 self.fluid.know_covered::<3, _>(surfaces);
             }
             if let Some(structures) = &self.structures {
-                structures.tell_gradients(&mut self.fluid);
+                structures.register_links(&mut self.fluid);
             }
         }
         if let Some(structures) = &self.structures {

@@ -318,7 +318,7 @@ impl<Sp: Space> Seepage<Sp> {
             .as_flattened_mut()
             .copy_from_slice(&state[5 * n..8 * n]);
         water.speed.copy_from_slice(&state[8 * n..9 * n]);
-        water.steepen();
+        water.update_gradient_magnitudes();
         self.has_before = true;
         Ok(())
     }
@@ -336,9 +336,9 @@ impl<Sp: Space> Seepage<Sp> {
         let (balance, settings) = (&self.extremes.unwrap_or_default(), &self.settings);
         if balance.closure > OPEN {
             all.push(format!(
-                "the forces of the water on the grains differ from the loss of pressure by {:.0} % of it (closure of \
-                 momentum {:.2}); \
-                 above {OPEN} the drag law and the resistance do not belong together",
+                "the forces of the water on the grains differ from the pressure loss by {:.0} % (closure of \
+                 momentum {:.2}); above {OPEN} the drag law and the law of resistance are inconsistent: choose a \
+                 matching pair",
                 100.0 * balance.closure,
                 balance.closure
             ));
@@ -346,9 +346,8 @@ impl<Sp: Space> Seepage<Sp> {
         if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
         {
             all.push(format!(
-                "the water seeps at a Reynolds number of up to {:.1}: from about {DARCY} on there are inertial \
-                 losses, which the law of \
-                 resistance leaves out",
+                "the Reynolds number of the seepage reaches {:.1}: above about {DARCY} there are inertial \
+                 losses, which the law of resistance does not include",
                 balance.reynolds
             ));
         }

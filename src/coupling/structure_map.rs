@@ -152,7 +152,7 @@ impl StructureMap {
     }
 
     /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those already registered.
-    pub fn tell_gradients<S: Stored>(&self, fluid: &mut Fluid<S>) {
+    pub fn register_links<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if self.dimension == 2 {
             fluid.know_fixed_links::<2>(&self.links);
         } else {
@@ -519,7 +519,7 @@ impl StructureMap {
     }
 
     /// Updates which ends of links moving bodies cover.
-    pub fn see_bodies(&mut self, bodies: &BodyMap) {
+    pub fn update_covered_ends(&mut self, bodies: &BodyMap) {
         for (links, group) in self.links.iter_mut().zip(&self.groups) {
             for (link, ends) in links.iter_mut().zip(&group.places) {
                 for end in 0..2 {

@@ -72,9 +72,9 @@ pub use reproducible::power_above;
 pub enum SeepageError {
     /// Connected cells without a face with an imposed pressure, whose pressure is undetermined.
     #[error(
-        "a pocket of {cells} cells of the seepage grid, among them the one at ({:.6}, {:.6}, {:.6}) m, is connected \
-         to no \
-         face with an imposed pressure or head: the water there has no outlet and its pressure is undetermined",
+        "a group of {cells} cells of the seepage grid, which contains the cell at ({:.6}, {:.6}, {:.6}) m, is \
+         not connected to any face with an imposed pressure or head: its water has no outlet and its pressure is \
+         undetermined",
         .at[0], .at[1], .at[2]
     )]
     Pocket {
@@ -88,8 +88,8 @@ pub enum SeepageError {
     NoOpenCell,
     /// Iteration that did not reach its tolerance.
     #[error(
-        "the seepage pressure did not converge: residual {residual:.3e} of the first after {iterations} iterations, \
-         {tolerance:.1e} wanted"
+        "the seepage pressure did not converge: after {iterations} iterations the residual is {residual:.3e} of \
+         its first value, and {tolerance:.1e} is required"
     )]
     NotConverged {
         /// Number of iterations done.
@@ -113,9 +113,9 @@ pub enum SeepageError {
     },
     /// Unsaturated transient flow that did not converge even in the shortest step.
     #[error(
-        "the flow in unsaturated ground did not converge at {time:.6e} s in steps as short as the clock allows: use \
-         cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` or \
-         `n`), or an initial state closer to the conditions of the boundary"
+        "the flow in unsaturated ground did not converge at {time:.6e} s even with the shortest time step: use \
+         cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` \
+         or `n`), or an initial state closer to the conditions of the boundary"
     )]
     UnsteadyFlow {
         /// Time \[s\].

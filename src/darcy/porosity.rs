@@ -84,7 +84,7 @@ pub struct Pores {
 }
 
 impl Pores {
-    /// Returns pores without grains.
+    /// Returns the pore space of a grid without grains.
     #[must_use]
     pub fn new(grid: SeepageGrid, method: PorosityMethod, mean: MeanDiameter) -> Self {
         let n = grid.count();

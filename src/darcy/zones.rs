@@ -359,7 +359,7 @@ impl Zones {
 
     /// Returns `true` if the zones state nothing except permeabilities that need no grains.
     #[must_use]
-    pub fn stand_alone(&self) -> bool {
+    pub fn need_no_grains(&self) -> bool {
         self.media.len() > 1 && self.media[1..].iter().all(Medium::fills)
     }
 

@@ -154,7 +154,7 @@ impl<S: Space> Particles<S> {
         let Some(solid) = self.shapes.get(shape as usize) else {
             let count = self.shapes.len();
             return Err(Error::Internal(format!(
-                "block {} has shape {shape} of a table of {count}",
+                "block {} has the shape number {shape}, but the table has {count} shapes",
                 body.id
             )));
         };
@@ -253,7 +253,7 @@ impl<S: Space> Particles<S> {
         match entries.find(|(_, shape)| unknown(**shape)) {
             None => Ok(()),
             Some((body, shape)) => Err(Error::Internal(format!(
-                "block {} has shape {shape} of a table of {count}",
+                "block {} has the shape number {shape}, but the table has {count} shapes",
                 body.id
             ))),
         }

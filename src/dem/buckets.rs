@@ -92,7 +92,7 @@ impl Buckets {
         });
     }
 
-    /// Returns the numbers of a bucket.
+    /// Returns the indices of the items in a bucket.
     pub(super) fn numbers_in(&self, bucket: usize) -> &[u32] {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }

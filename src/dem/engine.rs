@@ -173,7 +173,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
     /// Deactivates the walls of these indices, or activates them again; contacts with other walls stay.
-    pub(super) fn swing_walls(&mut self, walls: &[usize], open: bool) {
+    pub(super) fn set_walls_open(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
                 wall.open = open;
@@ -339,7 +339,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let removed: u64 = census.iter().map(|one| one.removed).sum();
             if before + added != total + removed {
                 return Err(Error::Internal(format!(
-                    "grains were lost: {before} + {added} added - {removed} removed are now {total}"
+                    "grains were lost: there were {before}, {added} were added and {removed} removed, but now \
+                     there are {total}"
                 )));
             }
         }
@@ -362,8 +363,8 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let reach = reach.fold(f64::INFINITY, f64::min);
         if largest + gap > reach {
             return Err(Error::Numerical(format!(
-                "a body of radius {largest} m with a neighbour gap of {gap} m reaches further than half a period of \
-                 the domain, {reach} m: its contacts with walls of facets are not known"
+                "a body with a radius of {largest} m and a neighbour gap of {gap} m reaches farther than half a \
+                 period of the domain, {reach} m, so that its contacts with walls of facets are ambiguous"
             )));
         }
         ghosts::make(

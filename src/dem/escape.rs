@@ -15,7 +15,7 @@ pub struct Escape {
     pub upper: bool,
 }
 
-const OUTSIDE: &str = " is more than a box length outside the box, beyond ";
+const OUTSIDE: &str = " is more than one domain length outside the domain, beyond ";
 const AXES: [&str; 3] = ["x", "y", "z"];
 const ENDS: [(&str, bool); 2] = [("min", false), ("max", true)];
 

@@ -28,7 +28,7 @@ pub(super) fn make<S: Space>(
     let owned = particles.owned();
     if owned >= u32::MAX as usize / 2 {
         return Err(Error::Internal(format!(
-            "{owned} grains on one rank are more than the lists can number"
+            "{owned} grains on one rank are too many for the index lists; use more ranks"
         )));
     }
     let split = domain.axis().index();

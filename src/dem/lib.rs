@@ -83,7 +83,7 @@ pub use deepest::Deepest;
 pub use neighbors::Search;
 pub use particles::{Body, EXTRA, Kind, Load, Motion, Particles, ParticlesView};
 pub use region::GrainDomain;
-pub use relax::{Relaxation, Stillness};
+pub use relax::{EquilibriumState, Relaxation};
 pub use servo::Servo;
 pub use space::{Components, PlaneSpace, Space, Volume};
 pub use surface::FacetSurface;
@@ -229,23 +229,32 @@ impl<S: Space> Dem<S> {
         let refuse = |what: String| Err(Error::Numerical(what));
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !positive(settings.time_step) {
-            return refuse(format!("a solid time step of {} s", settings.time_step));
+            return refuse(format!(
+                "the solid time step is {} s; it must be above 0",
+                settings.time_step
+            ));
         }
         if !positive(settings.skin) {
-            return refuse(format!("a neighbour skin of {} m", settings.skin));
+            return refuse(format!(
+                "the neighbour skin is {} m; it must be above 0",
+                settings.skin
+            ));
         }
         if !(0.0..1.0).contains(&settings.local_damping) {
-            return refuse(format!("a local damping of {}", settings.local_damping));
+            return refuse(format!(
+                "the local damping is {}; it must be at least 0 and below 1",
+                settings.local_damping
+            ));
         }
         for axis in (0..S::DIMENSION).filter(|&axis| settings.region.periodic[axis]) {
             if walls.iter().any(|wall| wall.normal.get(axis).abs() > 0.0) {
-                return refuse(format!("a wall across the periodic axis {axis}"));
+                return refuse(format!("a wall lies across the periodic axis {axis}"));
             }
         }
         let (lower, lengths) = (settings.region.origin(), settings.region.periodic_lengths());
         let mut surfaces = walls.iter().filter_map(|wall| wall.surface.as_ref());
         if !surfaces.all(|surface| surface.repeats_by(lower, lengths)) {
-            return refuse("a wall of facets that does not repeat with the domain".into());
+            return refuse("a wall of facets does not repeat with the periodic domain".into());
         }
         log::info!(
             "contacts: solid time step {:.3e} s, skin {:.3e} m, local damping {}, {} walls",
@@ -414,7 +423,7 @@ impl<S: Space> Dem<S> {
     }
 
     /// Changes the stress \[Pa\] that a control, by its place in the list, aims at. The same on all ranks.
-    pub fn aim_servo(&mut self, place: usize, stress: f64) {
+    pub fn set_servo_stress(&mut self, place: usize, stress: f64) {
         if let Some(servo) = self.engine.servos_mut().get_mut(place) {
             servo.stress = stress;
         }

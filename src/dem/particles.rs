@@ -50,7 +50,7 @@ impl Kind {
             1 => Ok(Self::Fixed),
             2 => Ok(Self::Driven),
             other => Err(Error::Io(format!(
-                "{other} is no kind of grain (0, 1 or 2)"
+                "{other} is not a kind of grain (0, 1 or 2)"
             ))),
         }
     }

@@ -34,7 +34,7 @@ impl Default for Relaxation {
 
 /// Unbalanced force and speed of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stillness {
+pub struct EquilibriumState {
     /// Largest resultant force on a free grain \[N\].
     pub resultant: f64,
     /// Largest spring force of a contact \[N\], compressive or tensile.
@@ -43,7 +43,7 @@ pub struct Stillness {
     pub speed: f64,
 }
 
-impl Stillness {
+impl EquilibriumState {
     /// Returns the largest resultant divided by the largest contact force; 0 without forces.
     #[must_use]
     pub fn unbalanced(&self) -> f64 {
@@ -68,9 +68,9 @@ pub fn unbalanced_text(share: f64) -> String {
 impl<S: Space> Dem<S> {
     /// Measures the unbalanced force and the speed of the grains. Collective.
     #[must_use]
-    pub fn stillness(&self, particles: &Particles<S>, domain: &Domain) -> Stillness {
+    pub fn equilibrium_state(&self, particles: &Particles<S>, domain: &Domain) -> EquilibriumState {
         let gravity = self.settings().gravity;
-        let mut now = Stillness::default();
+        let mut now = EquilibriumState::default();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
             let total = particles.contact[k].force
                 + particles.fluid_load(k).force

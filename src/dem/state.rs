@@ -182,7 +182,7 @@ pub(super) fn restore<S: Space, L: Bodies<S>>(
         || origins.iter().flatten().any(|&old| old >= faces.rows())
     {
         return Err(Error::Io(format!(
-            "{} walls saved, {} here",
+            "the saved state has {} walls, but the case has {}",
             faces.rows(),
             engine.walls.len()
         )));

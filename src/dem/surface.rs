@@ -130,7 +130,7 @@ impl FacetSurface {
             across: None,
         };
         if facets.is_empty() {
-            return Err(Error::Numerical("a surface without facets".into()));
+            return Err(Error::Numerical("the surface has no facets".into()));
         }
         for (k, corners) in facets.iter().enumerate() {
             let points: Option<Vec<Vector3<f64>>> = corners
@@ -138,10 +138,10 @@ impl FacetSurface {
                 .map(|&c| surface.vertices.get(c as usize).copied())
                 .collect();
             let Some(points) = points else {
-                return refuse(k, "names a vertex that is not there");
+                return refuse(k, "refers to a vertex that does not exist");
             };
             if points.len() < 3 || points.iter().any(|p| !p.norm_squared().is_finite()) {
-                return refuse(k, "needs three corners or more, all finite");
+                return refuse(k, "needs at least three corners with finite coordinates");
             }
             // Newell's normal: twice the vector area, for any corners.
             let mut area = Vector3::zeros();
@@ -162,7 +162,7 @@ impl FacetSurface {
                     &points[(n + 2) % points.len()],
                 );
                 if normal.dot(&(a - points[0])).abs() > 1e-6 * size {
-                    return refuse(k, "is not plane");
+                    return refuse(k, "is not planar");
                 }
                 if (b - a).cross(&(c - b)).dot(&normal) < -1e-9 * size * size {
                     return refuse(k, "is not convex");
@@ -646,7 +646,7 @@ mod tests {
         let refused = |vertices: Vec<Vector3<f64>>, facets: &[Vec<u32>]| {
             FacetSurface::new(vertices, facets).unwrap_err().to_string()
         };
-        assert!(refused(square.clone(), &[]).contains("without facets"));
+        assert!(refused(square.clone(), &[]).contains("has no facets"));
         assert!(refused(square.clone(), &[vec![0, 1]]).contains("three corners"));
         assert!(refused(square.clone(), &[vec![0, 1, 9]]).contains("not there"));
         assert!(refused(square.clone(), &[vec![0, 1, 1]]).contains("no area"));

@@ -57,7 +57,7 @@ impl FromStr for Published {
                     coefficient,
                 })
             }
-            _ => Err("three numbers above 0 are needed: C/d [N/m], tau_c [Pa], k_d [s/m]".into()),
+            _ => Err("write three numbers above 0: C/d [N/m], tau_c [Pa], k_d [s/m]".into()),
         }
     }
 }

@@ -130,7 +130,7 @@ fn read(table: &Path) -> Result<Vec<JetReading>, String> {
     let sheet = Sheet::new(&text, &COLUMNS).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => sentence,
         Refusal::Unknown(name) => {
-            format!("the column `{name}` is none of a jet erosion test. Known: time, distance")
+            format!("the column `{name}` is unknown. A jet erosion test has: time, distance")
         }
     })?;
     let mut readings = Vec::new();

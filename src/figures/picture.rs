@@ -117,7 +117,7 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
         return Ok(());
     };
     if !found.is_file() {
-        return refused("this is no plain file; name a file");
+        return refused("this is not a regular file; choose another name");
     }
     let folder = output.parent().unwrap_or(output);
     let of_a_run = ["case.json", "summary.json", "run.lock"]
@@ -128,8 +128,8 @@ fn check_output(output: &Path, usual: &Path, overwrite: bool) -> Result<(), Erro
         return Ok(());
     }
     refused(
-        "this file is there, and it is no picture, or it lies in the folder of a run; choose another name, or replace \
-         it with --overwrite",
+        "this file exists and is not a picture, or it lies in the folder of a run; choose another name, or \
+         replace it with --overwrite",
     )
 }
 
@@ -168,7 +168,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     if request.contacts && contacts.is_none() {
         return Err(failed(
             run,
-            "holds no contacts.xmf with outputs: set output.contacts",
+            "contains no contacts.xmf with outputs: set output.contacts",
         ));
     }
     let structures = open("structures")
@@ -179,7 +179,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
     let Some(clock) = grains.as_ref().or(blocks.as_ref()).or(fluid.as_ref()) else {
         return Err(failed(
             run,
-            "holds neither grains.xmf nor blocks.xmf nor fluid.xmf with outputs",
+            "contains no grains.xmf, blocks.xmf or fluid.xmf with outputs",
         ));
     };
     let moments: Vec<OutputTime> = clock.moments().collect();
@@ -340,11 +340,11 @@ impl Water {
                 .collect()
         };
         let (Some(origin), Some(spacing)) = (numbers("Origin"), numbers("Spacing")) else {
-            return Err(failed(path, "is no image with origin and spacing"));
+            return Err(failed(path, "is not an image with origin and spacing"));
         };
         let column = read_column(path, field).map_err(wrong)?;
         let [z, y, x] = column.shape[..3.min(column.shape.len())] else {
-            return Err(failed(path, format!("{field} is no field on cells")));
+            return Err(failed(path, format!("{field} is not a field on cells")));
         };
         let values = magnitudes(&column, z * y * x);
         let solid = read_column(path, "solid")

@@ -77,7 +77,7 @@ pub struct FlowSettings {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FlowError {
     /// The system has no unique solution at a node.
-    #[error("the pressure of node {0} of the joints follows from no equation")]
+    #[error("no equation determines the pressure of node {0} of the joints")]
     Singular(usize),
     /// Newton's method did not converge.
     #[error(

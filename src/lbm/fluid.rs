@@ -474,7 +474,7 @@ impl<S: Stored> Fluid<S> {
                 .close_covered(fraction, &mut self.populations);
         }
         if let Some(surface) = &mut self.surface {
-            surface.silence(&mut self.populations);
+            surface.clear_gas_populations(&mut self.populations);
         }
         self.complete_velocities(unfollowed(planes, threads));
     }

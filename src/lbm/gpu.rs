@@ -530,7 +530,7 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn give_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
+    pub fn send_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
         match &mut self.cover {
             Some(there) => {
                 let done = there.update(cover, &self.program);

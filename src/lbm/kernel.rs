@@ -135,7 +135,7 @@ impl<S> Shared<S> {
     /// # Safety
     /// The cells of the row must be done, and no other thread may access them.
     #[inline(always)]
-    unsafe fn go_round(&self, start: usize) {
+    unsafe fn wrap_row(&self, start: usize) {
         let row = self.base.wrapping_add(start);
         let [forth, back] = &self.around;
         for &first in forth {
@@ -523,7 +523,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                 }
             }
             // SAFETY: the row is done, and no other thread works on it.
-            unsafe { shared.go_round(start) };
+            unsafe { shared.wrap_row(start) };
         }
     }
 }

@@ -31,7 +31,7 @@ impl<S: Stored> Pages<S> {
         let start = allocator::map(bytes);
         if start.is_null() {
             return Err(format!(
-                "no memory for a lattice of {bytes} bytes: {}",
+                "the memory for a lattice of {bytes} bytes is not available: {}",
                 std::io::Error::last_os_error()
             ));
         }

@@ -402,12 +402,12 @@ impl<S: Stored> Populations<S> {
     }
 
     /// Returns `true` if the current values are on the GPU.
-    pub(crate) fn are_away(&self) -> bool {
+    pub(crate) fn are_on_device(&self) -> bool {
         self.away
     }
 
     /// Sets if the current numbers are on the GPU.
-    pub(crate) fn set_away(&mut self, away: bool) {
+    pub(crate) fn set_on_device(&mut self, away: bool) {
         self.away = away;
     }
 

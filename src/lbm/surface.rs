@@ -446,9 +446,12 @@ impl SlabSurface {
     }
 
     /// Sets the populations that gas cells sent in the pass to zero.
-    pub(crate) fn silence<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    pub(crate) fn clear_gas_populations<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let planes = &mut self.planes[..];
-        with_set!(populations, exchange::silence(planes, populations));
+        with_set!(
+            populations,
+            exchange::clear_gas_populations(planes, populations)
+        );
         exchange::bounce(&self.corners, populations);
     }
 

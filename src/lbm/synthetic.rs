@@ -24,7 +24,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// Synthetic turbulence: isotropic fluctuations made of random Fourier modes (Kraichnan 1970), without divergence.
+/// Synthetic turbulence: isotropic, divergence-free fluctuations that are sums of random Fourier modes (Kraichnan
+/// 1970).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fluctuations {
@@ -34,7 +35,7 @@ pub struct Fluctuations {
     /// Longitudinal integral length scale L [m]; the correlation is exp(-pi r²/(4 L²)).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub length_scale: f64,
-    /// Seed of the random numbers.
+    /// Seed of the random numbers. Equal seeds give equal fluctuations.
     #[serde(default)]
     pub seed: u64,
 }
@@ -48,7 +49,7 @@ impl Fluctuations {
             report.error(
                 &path,
                 format!(
-                    "eddies of this length fall between the cells, which are {} m wide",
+                    "eddies of this length are too small for the cells, which are {} m wide",
                     number(spacing)
                 ),
                 Remedy::from(format!(

@@ -525,7 +525,7 @@ fn finite(name: &str, all_finite: bool) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::Io(format!(
-        "the checkpoint: its {name} are not all finite"
+        "the checkpoint is damaged: not all values of its {name} are finite"
     )))
 }
 

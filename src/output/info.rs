@@ -63,9 +63,9 @@ fn file(path: &Path) -> Result<Value, Error> {
         "json" => read_json(path),
         _ if path.exists() => Err(failed(
             path,
-            "no file of a run; info reads folders, .vtkhdf, .h5, .xmf, .csv and .json",
+            "this is not a file of a run; `info` reads folders, .vtkhdf, .h5, .xmf, .csv and .json",
         )),
-        _ => Err(failed(path, "there is no such file or folder")),
+        _ => Err(failed(path, "this file or folder does not exist")),
     }
 }
 
@@ -109,7 +109,7 @@ fn folder(path: &Path) -> Result<Value, Error> {
         }
     }
     if all.is_empty() {
-        return Err(failed(path, "no file of a run is in this folder"));
+        return Err(failed(path, "this folder contains no file of a run"));
     }
     Ok(Value::Object(all))
 }
@@ -176,7 +176,7 @@ fn series(path: &Path) -> Result<Value, Error> {
         .map(|stem| stem.to_string_lossy().into_owned())
         .unwrap_or_default();
     if !path.exists() {
-        return Err(failed(path, "there is no such file or folder"));
+        return Err(failed(path, "this file or folder does not exist"));
     }
     let series =
         Series::open(parent, &stem, &Alone).map_err(|error| Error::Io(error.to_string()))?;

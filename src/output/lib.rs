@@ -214,7 +214,7 @@ impl Outputs {
         }
         self.next = self.earliest();
         log::debug!(
-            "what was due at step {} took {:.4} s; next at step {}",
+            "the outputs of step {} took {:.4} s; the next are due at step {}",
             view.step,
             begun.elapsed().as_secs_f64(),
             self.next

@@ -31,7 +31,7 @@ pub(crate) fn sorted<const N: usize>(
             let (whole, torn) = numbers.as_chunks::<N>();
             if !rest.is_empty() || !torn.is_empty() {
                 return Err(Error::Internal(format!(
-                    "{} bytes of rows from rank {source}",
+                    "rank {source} sent {} bytes, which is not a whole number of rows",
                     bytes.len()
                 )));
             }

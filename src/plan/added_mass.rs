@@ -240,8 +240,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let remedy = Remedy::from(text).set(&*path, dense);
     let reason = |word: &str, bound: f64| {
         format!(
-            "a {} with a radius of {} cells is {} times as dense as the fluid: {word} {} its added mass makes it \
-             unstable",
+            "a {} with a radius of {} cells is {} times as dense as the fluid: its added mass {word} unstable at \
+             density ratios below {}",
             if kind.packed {
                 "grain in a bed"
             } else {
@@ -253,9 +253,9 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         )
     };
     if ratio < bounds.fails {
-        findings.error(&path, reason("below", bounds.fails), remedy);
+        findings.error(&path, reason("makes it", bounds.fails), remedy);
     } else {
-        findings.unstable(&path, reason("below up to", bounds.holds), remedy);
+        findings.unstable(&path, reason("can make it", bounds.holds), remedy);
     }
 }
 

@@ -274,12 +274,15 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     };
     if opening > A_GRAIN_BETWEEN * smallest {
         let than = format!(
-            "more than the smallest grain, {} m: it would act across other grains",
+            "more than the size of the smallest grain, {} m: the bond would act across other grains",
             number(smallest)
         );
         findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
     } else if opening > LONG * smallest {
-        let than = format!("a large part of the smallest grain, {} m", number(smallest));
+        let than = format!(
+            "a large part of the size of the smallest grain, {} m",
+            number(smallest)
+        );
         findings.warn(path, reason(than), remedy(LONG));
     }
 }

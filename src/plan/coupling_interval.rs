@@ -68,7 +68,7 @@ impl Limits {
     fn deciding(&self) -> (&'static str, f64) {
         let slow = [
             ("the time in which drag stops a bed", self.drag),
-            ("what the dashpots of the contacts take out", self.damping),
+            ("the damping by the dashpots of the contacts", self.damping),
             ("the oscillation and consolidation of the bed", self.bed),
         ];
         let least = slow.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
@@ -207,9 +207,8 @@ pub(super) fn check(
     findings.unstable(
         PATH,
         format!(
-            "the load of the water stays constant for {} s, longer than {} s, the limit by {name}: \
-             in runs beds oscillated, \
-             settled by a wrong amount or exploded",
+            "the load of the water is constant for {} s, longer than the limit of {} s, which follows from \
+             {name}: in runs above this limit beds oscillated, settled by a wrong amount or exploded",
             number(interval),
             number(longest)
         ),

@@ -90,9 +90,9 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.error(
             &path,
             format!("a GPU does not run {} yet", against.join(", ")),
-            Remedy::from("use cpu, or auto for a GPU where it can; a GPU runs d3q27 with bgk, trt and mrt, with trt \
-                and mrt also bodies in saturated cells, d3q19 with trt, and in f64 without a force d3q19 and d2q9 \
-                with bgk")
+            Remedy::from("use cpu, or auto, which uses a GPU where possible; a GPU runs d3q27 with bgk, trt and \
+                          mrt (trt and mrt also with bodies in partially saturated cells), d3q19 with trt, and, \
+                          in f64 and without a force, d3q19 and d2q9 with bgk")
                 .set(&path, "cpu"),
         );
     }

@@ -55,8 +55,8 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
                 number(100.0 * loss)
             ),
             format!(
-                "place the ends at least {} m from the heads, three leakage lengths, or impose there what the ground \
-                 beyond would do",
+                "place the ends at least {} m (three leakage lengths) from the heads, or impose at the ends the \
+                 heads or fluxes of the ground beyond",
                 number(FAR * length)
             ),
         );

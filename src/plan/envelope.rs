@@ -104,8 +104,8 @@ fn lattice_velocity(
         let lattice_velocity = speed.value / c;
         if lattice_velocity > most || lattice_velocity.is_nan() {
             let reason = format!(
-                "{} gives {} m/s, a lattice velocity U dt/h of {}; it must be below {most}, \
-                 and preferably below {USUAL_LATTICE_VELOCITY}",
+                "{} leads to {} m/s, a lattice velocity U dt/h of {}, which must be below {most} and should be \
+                 below {USUAL_LATTICE_VELOCITY}",
                 speed.what,
                 number(speed.value),
                 number(lattice_velocity)
@@ -121,7 +121,8 @@ fn lattice_velocity(
             findings.warn(
                 &speed.path,
                 format!(
-                    "{} gives {} m/s, a lattice velocity U dt/h of {}, above {USUAL_LATTICE_VELOCITY}",
+                    "{} leads to {} m/s, a lattice velocity U dt/h of {}, which should not exceed \
+                     {USUAL_LATTICE_VELOCITY}",
                     speed.what,
                     number(speed.value),
                     number(lattice_velocity)
@@ -154,7 +155,7 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
         _ => format!("raise the reference velocity to {} m/s", number(velocity)),
     };
     let text = format!(
-        "{first}, or a spacing of at most {} m at the same relaxation time, or drive it less",
+        "{first}, or a spacing of at most {} m at the same relaxation time, or reduce the velocity",
         number(finer)
     );
     slower_clock(flow, h, dt / flow.time_step, text)
@@ -203,21 +204,25 @@ fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: 
             scene.grid.spacing,
             part,
             format!(
-                "use {} of the time step (the change goes with its square), or less pressure",
+                "multiply the time step by {} (the density change is proportional to its square), or reduce the \
+                 pressure",
                 number(part)
             ),
         );
         if change > most || change.is_nan() {
             findings.error(
                 &path,
-                format!("{reason}; at most {} %", number(100.0 * most)),
+                format!("{reason}; at most {} % is allowed", number(100.0 * most)),
                 remedy,
             );
         } else if change > USUAL_COMPRESSION * (1.0 + 1e-6) {
             // The automatic time step itself gives the usual density change.
             findings.warn(
                 &path,
-                format!("{reason}; better below {} %", 100.0 * USUAL_COMPRESSION),
+                format!(
+                    "{reason}; it should be below {} %",
+                    100.0 * USUAL_COMPRESSION
+                ),
                 remedy,
             );
         }
@@ -256,14 +261,15 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     let bound = (0.5 * most, h, flow.density);
     let part = density::longest_step(causes, bound).map_or(0.5, |(_, step)| 0.99 * step / dt);
     let ramp = if cause.sound > 0.0 && cause.path.starts_with(PATH) && cause.pressure == 0.0 {
-        ", let the velocity grow (`ramp_time`)"
+        ", increase the velocity gradually (`ramp_time`)"
     } else {
         ""
     };
     findings.unstable(
         &cause.path,
         format!(
-            "the flow changes the density of the lattice fluid by up to {} %, most of it by {}; the run ends at {} %",
+            "the flow changes the density of the lattice fluid by up to {} %, mainly because of {}; the run \
+             stops at {} %",
             number(100.0 * total),
             cause.what,
             number(100.0 * most)
@@ -272,7 +278,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
             flow,
             h,
             part,
-            format!("use {} of the time step{ramp}, or drive it less", number(part)),
+            format!("multiply the time step by {}{ramp}, or reduce the drive of the flow", number(part)),
         ),
     );
 }

@@ -288,7 +288,7 @@ impl Estimate {
                 reason.push_str("; the spacing was chosen for ");
                 reason.push_str(why);
             }
-            let machines = "or state the memory of all machines in guards.memory_gib";
+            let machines = "or set guards.memory_gib to the memory of all machines";
             let remedy = match self.spacing_within(scene, 0.75 * available) {
                 Some(spacing) => {
                     let text = format!(
@@ -308,7 +308,7 @@ impl Estimate {
                     size(self.memory_bytes),
                     size(available)
                 ),
-                "leave memory for the system",
+                "reduce the size of the case, so that memory is left for the operating system",
             );
         }
     }

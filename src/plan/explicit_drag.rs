@@ -66,8 +66,8 @@ pub(super) fn check(
     let remedy = Remedy::from(text).set("fluid.darcy.semi_implicit_drag", true);
     let reason = |time: f64| {
         format!(
-            "explicit drag stays constant for {} s, more than twice the {} s in which it stops a grain: its velocity \
-             changes sign and grows",
+            "explicit drag is constant for {} s, more than twice the {} s in which it stops a grain: the \
+             velocity of the grain changes sign and grows",
             number(interval),
             number(time)
         )

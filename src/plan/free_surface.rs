@@ -174,7 +174,8 @@ fn judge(
     let remedy = remedy(scene, flow, cell / limits.holds);
     if cell >= limits.fails {
         let why = format!(
-            "{found}: in the map `{}` runs with this operator were stable up to {} and failed from {} on",
+            "{found}: in the stability map `{}` runs with this operator were stable up to {} and failed at {} \
+             and above",
             limits.map,
             number(limits.holds),
             number(limits.fails),
@@ -182,8 +183,8 @@ fn judge(
         findings.unstable(path, why, remedy);
     } else {
         let why = format!(
-            "{found}: in the map `{}` runs with this operator held up to {} and failed from {} on; between the two \
-             nothing was run",
+            "{found}: in the stability map `{}` runs with this operator were stable up to {} and failed at {} \
+             and above; no value in between was tested",
             limits.map,
             number(limits.holds),
             number(limits.fails),

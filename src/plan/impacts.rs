@@ -458,7 +458,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         return;
     }
     let where_from = if impact.fall > 0.5 * impact.speed {
-        ", fallen to the end of the domain,"
+        ", after its fall to the end of the domain,"
     } else {
         ""
     };
@@ -468,8 +468,8 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         (impact.part / LARGE).powi(2)
     };
     let reason = format!(
-        "{} of {} kg meets others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; a \
-         contact is small up to {LARGE} of it",
+        "{} of {} kg hits others at up to {} m/s{where_from} and overlaps them by {} of its radius of {} m; the \
+         overlap should be at most {LARGE} of the radius",
         impact.one.path,
         number(impact.one.mass),
         number(impact.speed),
@@ -477,20 +477,20 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         number(impact.one.radius),
     );
     let remedy = Remedy::from(format!(
-        "use {} times the normal stiffness, or slower bodies",
+        "multiply the normal stiffness by {}, or use slower bodies",
         number(at_least(harder))
     ));
     let guard = scene.guards.max_overlap;
     if impact.part >= THROUGH {
         findings.unstable(
             "contact",
-            format!("{reason}; from {THROUGH} on bodies go through thin walls and each other"),
+            format!("{reason}; at {THROUGH} and above bodies pass through thin walls and through each other"),
             remedy,
         );
     } else if impact.part >= guard {
         findings.unstable(
             "contact",
-            format!("{reason}; above `guards.max_overlap` = {guard} the run ends"),
+            format!("{reason}; the run stops above `guards.max_overlap` = {guard}"),
             remedy,
         );
     } else {

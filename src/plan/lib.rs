@@ -151,8 +151,9 @@ impl Plan {
             self.warnings.push(Problem {
                 path: "fluid.lattice_boltzmann.pilot.of".into(),
                 value: pilot.of.clone(),
-                reason: "the case has changed since its pilot ran, so that speed and pressure may be others".into(),
-                remedy: "run `solver plan --pilot` again, or take the field `pilot` out".into(),
+                reason: "the case has changed since its pilot ran, so that its speed and pressure may be \
+                         different now".into(),
+                remedy: "run `solver plan --pilot` again, or remove the field `pilot`".into(),
                 severity: Severity::Warning,
             });
         }
@@ -225,8 +226,8 @@ impl Plan {
         self.estimate.on(machine, &self.scene, &self.clock);
     }
 
-    /// Applies a number of ranks and threads to the time estimate; `crowded` is the speed of a core among them
-    /// relative to one core alone.
+    /// Applies a number of ranks and threads to the time estimate; `crowded` is the speed of each core when all of them
+    /// compute, relative to a single core.
     pub fn on_cores(&mut self, ranks: usize, threads: usize, crowded: f64) {
         self.estimate.on_cores(&self.scene, ranks, threads, crowded);
     }
@@ -317,10 +318,10 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
             findings.error(
                 "fluid.lattice_boltzmann.joints",
                 format!(
-                    "blocks that move with the water of joints make one step with each step of the lattice, and this \
-                     case has {steps}"
+                    "blocks that move with the water of joints make exactly one solid step in each lattice step, \
+                     but stability requires {steps}"
                 ),
-                "use a shorter time step of the lattice, or softer contacts",
+                "use a shorter lattice time step, or softer contacts",
             );
         }
         (flow.time_step, steps)
@@ -332,7 +333,8 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
             findings.error(
                 "fluid.joints.time_step",
                 format!(
-                    "blocks that move make the same step, and it is above {} times the critical one of their contacts",
+                    "moving blocks use the same time step, and it is above {} times the critical time step of \
+                     their contacts",
                     time.solid_time_step_safety
                 ),
                 Remedy::from(format!("use at most {:?} s", at_most(allowed)))
@@ -348,11 +350,11 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         findings.error(
             "time.end",
             format!(
-                "this takes {} steps of {} s; at most {MOST_STEPS:e}",
+                "this takes {} steps of {} s; at most {MOST_STEPS:e} are allowed",
                 number(total),
                 number(time_step)
             ),
-            "use a shorter time or larger steps",
+            "use a shorter time or longer steps",
         );
         return None;
     }
@@ -363,7 +365,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         Some(_) => {
             findings.error(
                 "time.warm_up.fluid_only.at_most",
-                "the warm-up would never end",
+                "the warm-up would take too many steps to end",
                 "use a shorter time",
             );
             return None;
@@ -422,7 +424,7 @@ fn solid_steps_in_flow(
                 findings.error(
                     path,
                     format!(
-                        "the solid time step of {} s is above {} times the critical one",
+                        "the solid time step of {} s is above {} times the critical time step",
                         number(flow.time_step / f64::from(n.max(1))),
                         time.solid_time_step_safety
                     ),
@@ -453,7 +455,7 @@ fn dry_step(
         findings.error(
             "time.solid_time_step",
             format!(
-                "the time step is above {} times the critical one",
+                "the time step is above {} times the critical time step of the contacts",
                 time.solid_time_step_safety
             ),
             Remedy::from(format!("use at most {:?} s", at_most(allowed)))

@@ -40,8 +40,8 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
         wave.length(),
         number(100.0 * gain),
     );
-    let remedy =
-        Remedy::from("use mrt, of which none grow at rest").set(family, json!({"mrt": {}}));
+    let remedy = Remedy::from("use mrt, with which no waves grow in water at rest")
+        .set(family, json!({"mrt": {}}));
     if gain < FAILS {
         let steps = clock.steps;
         let long = format!(
@@ -50,7 +50,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
         findings.warn(path, long, remedy);
     } else {
         let failed = format!(
-            "{reason}, and runs failed from {} % on",
+            "{reason}, and runs failed at a growth of {} % and above",
             number(100.0 * FAILS)
         );
         findings.unstable(path, failed, remedy);
@@ -101,6 +101,9 @@ mod tests {
     #[test]
     fn rates_that_overshoot_are_called_unstable() {
         let words = said(r#"{"suga": {"q": 1.99, "xx": 1.2}}"#, 0.6, 10).unwrap();
-        assert!(words.contains("runs failed from 2.4 % on"), "{words}");
+        assert!(
+            words.contains("runs failed at a growth of 2.4 % and above"),
+            "{words}"
+        );
     }
 }

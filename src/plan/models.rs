@@ -154,7 +154,7 @@ impl Choices<'_> {
             self.add(
                 &format!("wall {name}"),
                 format!(
-                    "mean normal stress follows {stress}, at most {} m/s, gain {}",
+                    "a servo holds a mean normal stress of {stress}, with at most {} m/s and a gain of {}",
                     number(servo.velocity_limit),
                     number(servo.gain)
                 ),
@@ -218,15 +218,17 @@ impl Choices<'_> {
                 "mouths",
                 "cells of the lattice",
                 format!(
-                    "{closed} m of edges meet no other joint: those in front of a cell of water take its pressure and \
-                     give it their discharge, without the momentum of the jet; all others are closed"
+                    "{closed} m of edges meet no other joint: an edge in front of a water cell takes its \
+                     pressure and exchanges discharge with it, without the momentum of the jet; all other edges \
+                     are closed"
                 ),
             );
         } else {
             self.add(
                 "mouths",
                 format!("{open} m of open edges"),
-                format!("{closed} m of edges that meet no other joint lie in no box of a mouth and are closed"),
+                format!("{closed} m of edges meet no other joint and lie outside the boxes of all mouths: they \
+                         are closed"),
             );
         }
         if joints.movers > 0 {
@@ -234,8 +236,8 @@ impl Choices<'_> {
                 "blocks in joints",
                 "moved together with the water",
                 format!(
-                    "{} blocks can move: pressures and velocities are solved at once, contacts are explicit; the \
-                     network follows where a block has moved by a tenth of its cells",
+                    "{} blocks can move: pressures and velocities are solved together, contacts explicitly; the \
+                     network is rebuilt where a block has moved by a tenth of its cells",
                     joints.movers
                 ),
             );
@@ -246,14 +248,15 @@ impl Choices<'_> {
                 Some(_) => "laminar, Blasius and rough walls",
                 None => "laminar",
             },
-            "each discharge has the largest of these; losses at mouths and junctions are left out",
+            "each discharge has the largest of the three resistances; losses at mouths and junctions are \
+             neglected",
         );
         let settings = joints.settings(self.scene.gravity);
         let speed = settings.water.wave_speed(0.0);
         self.add(
             "waves in joints",
             if written.inertia {
-                "inertia with the friction of each frequency"
+                "inertia, and friction that depends on the frequency"
             } else {
                 "storage alone"
             },
@@ -286,7 +289,11 @@ impl Choices<'_> {
         };
         self.add("fluid", "Darcy seepage", cells);
         if without_grains {
-            self.add("permeability", "that of the zones", "there are no grains");
+            self.add(
+                "permeability",
+                "the resistance of the zones",
+                "there are no grains",
+            );
         } else {
             let resistance = written.resistance().model().description();
             let porosity = written.porosity.model().description();
@@ -354,7 +361,7 @@ impl Choices<'_> {
                 "time integration",
                 "two implicit stages of second order, adaptive steps",
                 format!(
-                    "error of the content of water below {} in a step",
+                    "error of the water content below {} in a step",
                     number(transient.content_error)
                 ),
             );
@@ -372,12 +379,12 @@ impl Choices<'_> {
             || "no pressure and no flux drives the water".to_owned(),
             |re| {
                 let re = number(re);
-                format!("the water seeps at a Reynolds number of about {re}")
+                format!("the Reynolds number of the seepage is about {re}")
             },
         );
         self.add("equations", format!("{:?}", written.equations), flow);
         let balance = if written.drag().model().balances() {
-            "balances the loss of pressure"
+            "balances the pressure loss"
         } else {
             "independent of the resistance: see the closure of momentum in the log"
         };
@@ -393,9 +400,10 @@ impl Choices<'_> {
                 "D3Q19",
                 "the domain is 3-D; the smallest velocity set that is accurate at these velocities",
             ),
-            VelocitySet::D3Q27 if operator.only_on().is_some() => {
-                ("D3Q27", "the moments of the operator are those of this set")
-            }
+            VelocitySet::D3Q27 if operator.only_on().is_some() => (
+                "D3Q27",
+                "the moments of the operator belong to this velocity set",
+            ),
             VelocitySet::D3Q27 => ("D3Q27", "requested: isotropic to fourth order"),
         };
         self.add("lattice", name, reason);
@@ -405,7 +413,7 @@ impl Choices<'_> {
             || {
                 Description::new(
                     "none",
-                    "not requested: all eddies are assumed to be resolved, no velocity field is stored",
+                    "not requested: all eddies are assumed to be resolved, and no velocity field is stored",
                 )
             },
             |model| model.describe(),
@@ -424,19 +432,19 @@ impl Choices<'_> {
                 "free surface",
                 "volume of fluid on the lattice",
                 format!(
-                    "water stands up to {} m; air has no flow and no pressure of its own: what water encloses is lost \
-                     and counted; \
-                     no surface tension, no entrainment of air{openings}",
+                    "water stands up to {} m; the flow and the pressure of air are not computed: air that water \
+                     encloses disappears, and its volume is counted; no surface tension, no entrainment of \
+                     air{openings}",
                     number(surface.head())
                 ),
             );
             if self.scene.coupling.is_some() {
                 self.add(
                     "bodies at the surface",
-                    "liquid and solid fraction in one cell",
-                    "the pressure of the air is the datum of loads; draught within 0.05 cells for boxes and discs at \
-                     rest; no water beneath a face that lies flush on a wall or on another body, and no \
-                     uplift there; impacts on the water: accuracy not known"
+                    "each cell has a liquid and a solid fraction",
+                    "loads are relative to the air pressure; the draught of boxes and discs at rest is accurate \
+                     to 0.05 cells; a face that lies flush on a wall or on another body has no water beneath it \
+                     and no uplift; the accuracy of impacts on water is not known"
                         .to_owned(),
                 );
             }
@@ -465,8 +473,8 @@ impl Choices<'_> {
             Device::Cpu => return,
             Device::Gpu => ("a GPU", "requested"),
             Device::Auto => (
-                "a GPU where there is one, else the processor",
-                "requested; the state is the same on both",
+                "a GPU if the machine has one, otherwise the processor",
+                "requested; the state is the same on GPU and processor",
             ),
         };
         self.add("device", device, reason);
@@ -492,13 +500,13 @@ impl Choices<'_> {
             self.add(
                 "contact damping",
                 "none",
-                "no damping is set: bodies rebound from an impact as fast as they came",
+                "no damping is set: bodies rebound from an impact with their full speed",
             );
         }
         self.add(
             "solid steps",
             format!("{} per fluid step", self.clock.solid_steps_per_step),
-            "the smallest number within the safety of the critical time step, or as requested",
+            "the smallest number that keeps the safety of the critical time step, or the requested number",
         );
     }
 

@@ -67,9 +67,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     findings.warn(
         PATH,
         format!(
-            "the water seeps at a Reynolds number of about {} (density x flux x diameter / viscosity): inertial \
-             losses count from about {} \
-             on, and a resistance in proportion to the flux overstates it",
+            "the Reynolds number of the seepage (density x flux x diameter / viscosity) is about {}: inertial \
+             losses matter above about {}, and a resistance proportional to the flux overestimates the flux",
             number(reynolds),
             number(DARCY)
         ),

@@ -43,8 +43,8 @@ pub(super) fn check(
         findings.error(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
-                "the zone `{}` takes {} times the momentum of its water in a step of {} s: the velocity swings from \
-                 step to step above 2",
+                "the resistance of the zone `{}` removes {} times the momentum of its water in a time step of {} \
+                 s: above 2 the velocity oscillates from step to step",
                 limit.zone.name,
                 number(2.0 * found.used),
                 number(flow.time_step)
@@ -52,7 +52,7 @@ pub(super) fn check(
             slower(
                 limit.stable,
                 format!(
-                    "use a time step of at most {} s; where the water creeps through soil, model it with `fluid.darcy`",
+                    "use a time step of at most {} s; for slow flow through soil use `fluid.darcy`",
                     number(PROPOSED * limit.stable)
                 ),
             ),
@@ -61,7 +61,7 @@ pub(super) fn check(
         findings.warn(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
-                "the eddy viscosity reads velocities that err by up to {} % at the surface of the zone `{}`",
+                "the eddy viscosity uses velocities with an error of up to {} % at the surface of the zone `{}`",
                 number(100.0 * found.used),
                 limit.zone.name
             ),

@@ -200,8 +200,8 @@ impl Plan {
                 format!("time on {} x {} cores", on.ranks, on.threads),
                 duration(on.seconds),
                 format!(
-                    "ranks x threads; the pass at {:.2} times the speed of one core alone, the thickest slab {:.2} \
-                     times the mean; no messages",
+                    "ranks x threads; each core computes at {:.2} times the speed of a single core, the largest \
+                     slab has {:.2} times the mean work; communication is not included",
                     on.crowded, on.unevenness
                 ),
             ]);

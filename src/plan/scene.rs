@@ -244,7 +244,7 @@ impl Scene {
     ) -> (Option<Self>, Findings<'a>) {
         let mut chosen = auto::Chosen::default();
         spacing.note(&mut chosen);
-        spacing.tell_of_rounding(written, &mut findings);
+        spacing.warn_of_rounding(written, &mut findings);
         let case = &*auto::filled(written, spacing, &mut chosen);
         // A restarted run has no initial state to check.
         let starts = like.is_none();
@@ -501,7 +501,7 @@ fn agree(case: &Case, findings: &mut Findings) {
         findings.error(
             &format!("materials.{name}"),
             "a material needs a name",
-            "give it one",
+            "write a name",
         );
     }
 }
@@ -526,7 +526,7 @@ fn of_contacts(case: &Case, findings: &mut Findings) {
             "contact",
             "bodies can move and touch, but there is no contact law",
             if polyhedra && flat {
-                "make the domain 3-D, and add a law of blocks".into()
+                "make the domain 3-D, and add a contact law for blocks".into()
             } else {
                 Remedy::from(format!("add for example \"contact\": {law}")).set("contact", law)
             },
@@ -556,12 +556,12 @@ fn of_times(case: &Case, findings: &mut Findings) {
         let (reason, remedy) = if fluid {
             match case.fluid {
                 Some(Fluid::Joints(_)) => (
-                    "the water in the joints has a time step of its own, and blocks make the same step",
+                    "the water in the joints has its own time step, and blocks use the same step",
                     "remove it",
                 ),
                 _ => (
-                    "with seepage, `coupling_interval` determines it",
-                    "use that one",
+                    "with seepage, `coupling_interval` determines the number of solid steps",
+                    "use `fluid.darcy.coupling_interval`",
                 ),
             }
         } else {
@@ -592,10 +592,10 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
         findings.error(
             "coupling.partially_saturated.solid_operator",
             format!(
-                "{} scales the one or two relaxation times of BGK and TRT",
+                "{} scales one or two relaxation times and therefore works with BGK and TRT only",
                 operator.name()
             ),
-            Remedy::from("take {\"trt\": {}} as the collision, or non_equilibrium_bounce_back")
+            Remedy::from("use the collision {\"trt\": {}}, or the solid operator non_equilibrium_bounce_back")
                 .set(
                     "coupling.partially_saturated.solid_operator",
                     "non_equilibrium_bounce_back",
@@ -675,8 +675,9 @@ pub(crate) fn unique<'a>(
     if name.is_empty() || name.len() > 100 || name.starts_with('.') || !name.chars().all(plain) {
         findings.error(
             path,
-            "a name has 1 to 100 letters, digits, spaces, and - _ . + only, and does not start with a dot",
-            "use such a name",
+            "a name has 1 to 100 characters: letters, digits, spaces and - _ . + only, and it does not start \
+             with a dot",
+            "choose another name",
         );
     }
     if known.contains(&name) {

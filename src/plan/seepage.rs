@@ -123,9 +123,10 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         findings.warn(
             "gravity",
             format!(
-                "gravity points along +{axis}: heads and pressures count as if {axis} went down into the ground"
+                "gravity points along +{axis}: heads and pressures are computed as if {axis} pointed down into \
+                 the ground"
             ),
-            format!("give the component along {axis} a minus sign if {axis} goes up"),
+            format!("write the component along {axis} with a minus sign if {axis} points up"),
         );
     }
     for (n, patch, head) in heads {
@@ -153,8 +154,8 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!(
-                    "the head of {} m lies below the highest point of `{}`, at an elevation of {} m: water passes \
-                     there under suction, which no face in air does",
+                    "the head of {} m lies below the highest point of `{}`, which is at an elevation of {} m: \
+                     water would pass there under suction, but no water leaves a face in air under suction",
                     number(head),
                     patch.name,
                     number(elevation)
@@ -166,15 +167,15 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             findings.warn(
                 &format!("{PATH}.boundaries[{n}].condition.head.value"),
                 format!(
-                    "the head of {} m lies {} m below the highest point of `{}`, at an elevation of {} m: the water \
-                     there is under suction, and saturated ground has no water table",
+                    "the head of {} m lies {} m below the highest point of `{}`, which is at an elevation of {} \
+                     m: the water there would be under suction, but saturated ground has no water table",
                     number(head),
                     number(elevation - head),
                     patch.name,
                     number(elevation)
                 ),
-                "heads count from the origin of the domain, not from the ground: add the elevation of the ground, or \
-                 end the patch at the water level",
+                "heads are measured from the origin of the domain, not from the ground: add the elevation of the \
+                 ground, or end the patch at the water level",
             );
         }
     }
@@ -188,7 +189,7 @@ fn nothing_drives(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     if !moves && !seepage.is_transient() && seepage.pressure_drop(scene.gravity) <= 0.0 {
         findings.warn(
             &format!("{PATH}.boundaries"),
-            "nothing drives the water: the conditions impose one and the same head, and no flux",
+            "nothing drives the water: all conditions impose the same head, and none imposes a flux",
             "impose two different heads or pressures, or a flux",
         );
     }
@@ -224,9 +225,9 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
         findings.warn(
             &format!("{PATH}.boundaries[{}].patch", pair[1]),
             format!(
-                "`{first}` and `{second}` impose different heads side by side at ({}) m, and no structure is between \
-                 them: water flows from one to the \
-                 other along the face, and the discharge depends on the size of the cells",
+                "`{first}` and `{second}` impose different heads on adjacent cells at ({}) m, and no structure \
+                 separates them: water flows from one to the other along the face, and the discharge depends on \
+                 the cell size",
                 place.join(", ")
             ),
             "let a structure reach the face where the patches meet, or leave a strip of the face between them without \
@@ -315,16 +316,17 @@ fn open_water(seepage: &Seepage, openness: &Openness, findings: &mut Findings) {
     );
     let (path, remedy) = (
         format!("{PATH}.zones"),
-        "let the zones meet and reach the ends of the ground, or begin with a zone without a region, which holds \
-         everywhere else",
+        "extend the zones until they meet and reach the ends of the ground, or list first a zone without a \
+         region, which applies everywhere else",
     );
     if seepage.written.unsaturated.is_some() {
-        let reason = format!("{counted}: open water and air have no retention");
+        let reason =
+            format!("{counted}: these cells are open water or air, which have no retention");
         findings.error(&path, reason, remedy);
     } else {
         findings.warn(
             &path,
-            format!("{counted}: without grains they are open water, which hardly resists the flow"),
+            format!("{counted}: without grains these cells are open water, which hardly resists the flow"),
             remedy,
         );
     }

@@ -104,8 +104,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!(
-                    "a stress of {} Pa presses grains by about {} of their radius of {} m into each other; contacts \
-                     are small up to {LARGE}",
+                    "under a stress of {} Pa grains overlap by about {} of their radius of {} m; the overlap \
+                     should be at most {LARGE} of the radius",
                     number(stress),
                     number(part),
                     number(radius)
@@ -121,13 +121,14 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             findings.unstable(
                 &path,
                 format!(
-                    "a stress of {} Pa makes contacts of {} N/m, and the solid time step is chosen for {} N/m",
+                    "a stress of {} Pa raises the contact stiffness to {} N/m, but the solid time step is chosen \
+                     for {} N/m",
                     number(stress),
                     number(deepest.stiffness),
                     number(deepest.expected)
                 ),
                 Remedy::from(format!(
-                    "set {field} to at least {} m/s, the impact that presses as deep",
+                    "set {field} to at least {} m/s, the speed of an impact with the same overlap",
                     number(least)
                 ))
                 .set(field, least),

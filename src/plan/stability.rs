@@ -84,8 +84,8 @@ fn links_at_faces(scene: &Scene, flow: &Flow, path: &str, cell: f64, findings: &
         findings.unstable(
             path,
             format!(
-                "the cell Reynolds number U h/nu is {}: runs with this operator and links that are interpolated to \
-                 the faces of polyhedra failed from {} on",
+                "the cell Reynolds number U h/nu is {}: runs with this operator and with interpolated links at \
+                 polyhedra failed at {} and above",
                 number(cell),
                 number(fails)
             ),
@@ -178,17 +178,17 @@ fn judge(
         if limit.holds > 0.0 && cell > limit.holds * slack {
             let beyond = if limit.fails.is_finite() {
                 format!(
-                    " and failed from {} on; between the two nothing was run",
+                    " and failed at {} and above; no value in between was tested",
                     number(limit.fails)
                 )
             } else {
-                ", the largest that was run".to_owned()
+                ", the largest value that was tested".to_owned()
             };
             findings.warn(
                 &speed.path,
                 format!(
-                    "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator held up \
-                     to {}{beyond}",
+                    "{} leads to a cell Reynolds number U h/nu of {}: in the stability map `{map}` runs with \
+                     this operator were stable up to {}{beyond}",
                     speed.what,
                     number(cell),
                     number(limit.holds),
@@ -203,7 +203,8 @@ fn judge(
         findings.unstable(
             &speed.path,
             format!(
-                "{} gives a Mach number U/C of {}: in the map `{map}` runs with this operator failed above {slower}",
+                "{} leads to a Mach number U/C of {}: in the stability map `{map}` runs with this operator \
+                 failed above {slower}",
                 speed.what,
                 number(lattice_velocity),
             ),
@@ -220,13 +221,13 @@ fn judge(
     findings.unstable(
         &speed.path,
         format!(
-            "{} gives a cell Reynolds number U h/nu of {}: in the map `{map}` runs with this operator were stable up \
-             to {} and failed from {} on{}",
+            "{} leads to a cell Reynolds number U h/nu of {}: in the stability map `{map}` runs with this \
+             operator were stable up to {} and failed at {} and above{}",
             speed.what,
             number(cell),
             number(limit.holds),
             number(limit.fails),
-            slower.map_or(String::new(), |mach| format!(" above Mach {mach}")),
+            slower.map_or(String::new(), |mach| format!(" for Mach numbers above {mach}")),
         ),
         finer_cells(scene, flow, finest),
     );
@@ -375,7 +376,7 @@ mod tests {
             let found = Plan::prepare(document).unwrap().warnings;
             found
                 .iter()
-                .any(|w| w.to_string().contains("faces of polyhedra"))
+                .any(|w| w.to_string().contains("links at polyhedra"))
         };
         assert!(said("interpolated", "trt", 1e-3));
         assert!(!said("interpolated", "trt", 1e-2));

@@ -78,7 +78,7 @@ pub type Placed<S> = (<S as Space>::Vector, f64, u32);
 
 /// One check of the settling of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Look {
+pub struct SettlingCheck {
     /// Steps since the grains began to fall.
     pub steps: u64,
     /// Mean kinetic energy divided by m g d of the mean grain.
@@ -105,7 +105,7 @@ pub struct DepositionReport {
     /// `true` if all relaxations ended by the criterion rather than by the limit of steps.
     pub settled: bool,
     /// Kinetic energy and force balance during the deposition.
-    pub convergence: Vec<Look>,
+    pub convergence: Vec<SettlingCheck>,
 }
 
 const PLACES: u32 = 12;
@@ -144,8 +144,8 @@ impl<S: Space> Deposition<S> {
                 grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
-                        "all {before} grains came to rest above the level of trimming, {level} m \
-                         (grains.initial.deposition.trim_above): raise it above the floor"
+                        "all {before} grains settled above the trimming level of {level} m and would be removed \
+                         (grains.initial.deposition.trim_above): raise the level"
                     )));
                 }
                 if grains.len() == before {
@@ -278,7 +278,8 @@ impl<S: Space> Deposition<S> {
             });
             let Some(at) = free else {
                 return Err(Error::Numerical(format!(
-                    "no room for a grain of radius {radius} m in the cloud: use a larger box or fewer grains"
+                    "the cloud has no free position for a grain of radius {radius} m: use a larger box or fewer \
+                     grains"
                 )));
             };
             places[id] = at;
@@ -314,7 +315,7 @@ impl<S: Space> Deposition<S> {
         }
     }
 
-    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> Look {
+    fn check(&self, dem: &Dem<S>, particles: &Particles<S>, began: u64) -> SettlingCheck {
         let (mut energy, mut scale, mut resultant, mut grains) = (0.0, 0.0, 0.0, 0.0);
         let g = self.gravity.length();
         for k in (0..particles.owned()).filter(|&k| particles.body[k].kind == Kind::Free) {
@@ -331,7 +332,7 @@ impl<S: Space> Deposition<S> {
         });
         // There is no balance of forces before grains have landed.
         let balance = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::MAX };
-        Look {
+        SettlingCheck {
             steps: began + dem.steps(),
             kinetic_energy: balance(energy, scale),
             unbalanced: balance(resultant * contacts, force * grains),
@@ -421,7 +422,7 @@ impl<'a, S: Space> Falling<'a, S> {
         saved: SavedSample<S>,
     ) -> Result<Self, Error> {
         let progress: Progress = serde_json::from_value(saved.progress)
-            .map_err(|e| Error::Io(format!("the saved deposition: {e}")))?;
+            .map_err(|e| Error::Io(format!("the saved deposition cannot be used: {e}")))?;
         let mut particles = saved.particles;
         let bodies = particles.body[..particles.owned()].to_vec();
         let mut dem = deposition.dem(deposition.law(progress.stage)?, &bodies, progress.landed)?;
@@ -579,7 +580,7 @@ mod tests {
                 .run(&Supervision::none())
                 .unwrap_err()
                 .to_string()
-                .contains("no room")
+                .contains("no free position")
         );
     }
 

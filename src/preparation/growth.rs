@@ -168,7 +168,7 @@ impl<S: Space> PackingSettings<S> {
         };
         if !(fraction > 0.0 && fraction < 1.0) {
             return Err(Error::Numerical(format!(
-                "a packing of solid fraction {fraction}"
+                "a packing cannot have a solid fraction of {fraction}; it must lie between 0 and 1"
             )));
         }
         let wanted = fraction * self.box_measure();
@@ -184,7 +184,8 @@ impl<S: Space> PackingSettings<S> {
                     let radius = 0.5 * (smallest + (largest - smallest) * draw);
                     if !(radius > 0.0 && radius.is_finite()) || radii.len() > 50_000_000 {
                         return Err(Error::Numerical(format!(
-                            "grains of radius {radius} m to pack"
+                            "grains of radius {radius} m cannot fill the box: at most 5e7 grains with a radius \
+                             above 0 can grow"
                         )));
                     }
                     // The last grain is included only if it brings the sum closer to the target.
@@ -197,7 +198,9 @@ impl<S: Space> PackingSettings<S> {
             }
         }
         if radii.is_empty() || radii.iter().any(|r| !(*r > 0.0 && r.is_finite())) {
-            return Err(Error::Numerical("grains without a size to pack".into()));
+            return Err(Error::Numerical(
+                "there are no grains to pack, or the radius of one is not above 0".into(),
+            ));
         }
         Ok(radii)
     }
@@ -303,12 +306,16 @@ impl<'a, S: Space> Growing<'a, S> {
         supervision: &'a Supervision<'a, S>,
         saved: SavedSample<S>,
     ) -> Result<Self, Error> {
-        let wrong = |what: String| Error::Io(format!("the saved growth of the sample: {what}"));
+        let wrong = |what: String| {
+            Error::Io(format!(
+                "the saved growth of the sample cannot be used: {what}"
+            ))
+        };
         let progress: Progress =
             serde_json::from_value(saved.progress).map_err(|e| wrong(e.to_string()))?;
         if saved.particles.owned() != radii.len() {
             return Err(wrong(format!(
-                "{} grains where the case has {}",
+                "it holds {} grains, and the case has {}",
                 saved.particles.owned(),
                 radii.len()
             )));
@@ -452,7 +459,7 @@ impl<'a, S: Space> Growing<'a, S> {
                 limit,
             } => {
                 let taken = taken + self.progress.batch;
-                let still = self.dem.stillness(&self.particles, &alone());
+                let still = self.dem.equilibrium_state(&self.particles, &alone());
                 if taken < limit && still.unbalanced() > self.tolerance(purpose) {
                     self.progress.stage = Stage::Rest {
                         purpose,
@@ -625,7 +632,7 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 
     fn packing(self) -> Result<Packing<S>, Error> {
-        let still = self.dem.stillness(&self.particles, &alone());
+        let still = self.dem.equilibrium_state(&self.particles, &alone());
         let report = PackingReport {
             unbalanced: still.unbalanced(),
             ..self.measure()
@@ -657,7 +664,7 @@ mod tests {
     use super::*;
     use decomposition::Domain;
     use dem::contact::cohesive_frictional::{self, CohesiveFrictional};
-    use dem::{PlaneSpace, Relaxation, Stillness, Volume};
+    use dem::{EquilibriumState, PlaneSpace, Relaxation, Volume};
     use nalgebra::{Vector2, Vector3};
 
     /// Advances with damping until the grains are stationary, and restores the damping.
@@ -666,7 +673,7 @@ mod tests {
         particles: &mut Particles<S>,
         domain: &Domain,
         until: &Relaxation,
-    ) -> Stillness {
+    ) -> EquilibriumState {
         let damping = dem.settings().local_damping;
         dem.set_local_damping(until.local_damping);
         let mut steps = 0;
@@ -674,7 +681,7 @@ mod tests {
             let batch = until.look_every.max(1).min(until.limit - steps);
             dem.advance_many(particles, domain, batch).unwrap();
             steps += batch;
-            let now = dem.stillness(particles, domain);
+            let now = dem.equilibrium_state(particles, domain);
             if steps >= until.limit || now.unbalanced() <= until.tolerance {
                 break now;
             }

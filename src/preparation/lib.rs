@@ -130,7 +130,7 @@ pub fn prepare<S: Space>(
         if all.len() < before {
             let taken = before - all.len();
             prepared.add(format!(
-                "{taken} of them lay in structures and were taken out"
+                "{taken} of them lay in structures and were removed"
             ));
         }
     }
@@ -189,7 +189,7 @@ impl Prepared {
         if closed > 0.0 {
             let unit = if S::DIMENSION == 2 { "m2" } else { "m3" };
             self.add(format!(
-                "{closed:.3e} {unit} of the clouds lie in closed hollows of structures and stay empty"
+                "{closed:.3e} {unit} of the clouds lie in closed cavities of structures and receive no grains"
             ));
         }
         self.report = json!({ "deposition": report });
@@ -198,7 +198,7 @@ impl Prepared {
             && top < level
         {
             self.add(format!(
-                "the surface is {:.3e} m below the level of trimming: use more grains",
+                "the surface is {:.3e} m below the trimming level: use more grains",
                 level - top
             ));
         }
@@ -270,7 +270,7 @@ fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<Stri
             .map_err(|e| Error::Io(e.to_string()))?;
     }
     Ok(format!(
-        "{} blocks of {} m3 in all, {} of them fixed",
+        "{} blocks with a total volume of {} m3, {} of them fixed",
         blocks.number,
         number(blocks.volume),
         blocks.fixed

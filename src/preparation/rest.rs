@@ -10,7 +10,7 @@ use decomposition::Domain;
 use dem::particles::Particles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space};
-use dem::{Dem, Relaxation, Stillness};
+use dem::{Dem, EquilibriumState, Relaxation};
 use plan::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -156,7 +156,7 @@ impl Rest {
         dem.drive_walls(&vec![S::Vector::default(); driven.len()]);
         dem.set_local_damping(until.local_damping);
         let communicator = domain.communicator();
-        let still: Stillness = loop {
+        let still: EquilibriumState = loop {
             // The checks follow the same steps, independently of interruptions between them.
             let to_check = until.look_every - self.steps % until.look_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
@@ -165,7 +165,7 @@ impl Rest {
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
             let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
             if checks {
-                let now = dem.stillness(particles, domain);
+                let now = dem.equilibrium_state(particles, domain);
                 if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
                     break now;
                 }

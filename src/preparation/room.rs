@@ -314,7 +314,7 @@ mod tests {
         // A centre is at least a radius from the plates: (26 - 1.6) mm by (18 - 1.6) mm, except for the cells at
         // the rim.
         assert!(
-            prepared.line.contains("closed hollows"),
+            prepared.line.contains("closed cavities"),
             "{}",
             prepared.line
         );
@@ -322,7 +322,7 @@ mod tests {
         // Without its roof the culvert is a trough, which fills.
         let open = made(&scene(FALLING, 4));
         assert!(in_hollow(&open) > 10, "{}", in_hollow(&open));
-        assert!(!open.line.contains("closed hollows"), "{}", open.line);
+        assert!(!open.line.contains("closed cavities"), "{}", open.line);
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         }}"#;
         let plan = scene(growing, 1);
         let prepared = made(&plan);
-        assert!(prepared.line.contains("taken out"), "{}", prepared.line);
+        assert!(prepared.line.contains("were removed"), "{}", prepared.line);
         assert!((50..150).contains(&prepared.grains.len()));
         let weir = &plan.scene.structures[0].solid;
         for grain in &prepared.grains {

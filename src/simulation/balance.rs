@@ -234,8 +234,8 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
         (least.min(n), most.max(n))
     });
     format!(
-        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank computes {:.2} times the mean \
-         instead of {:.2}",
+        "slabs of equal cost: {least} to {most} planes of cells; the busiest rank now has {:.2} times the mean \
+         work instead of {:.2} times",
         imbalance(slabs, planes),
         imbalance(before, planes)
     )

@@ -215,7 +215,7 @@ impl CollapseRecorder {
     }
 
     /// Returns one line for each stage that began since the last call; on rank 0 only.
-    pub fn take_news(&mut self) -> Vec<String> {
+    pub fn take_events(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
@@ -293,7 +293,7 @@ impl CollapseRecorder {
         };
         if state.points.len() != asked.points.len() {
             return Err(Error::Io(format!(
-                "{} seepage points saved, {} here",
+                "the checkpoint has {} seepage points, but the case has {}",
                 state.points.len(),
                 asked.points.len()
             )));
@@ -307,7 +307,7 @@ impl CollapseRecorder {
                 && ground.cells.size.iter().all(|h| *h > 0.0 && h.is_finite());
             if !good {
                 return Err(Error::Io(
-                    "the checkpoint: the ground at time 0 does not fit its own cells".into(),
+                    "the checkpoint cannot be used: the ground at time 0 does not fit its own cells".into(),
                 ));
             }
         }
@@ -428,8 +428,9 @@ impl CollapseRecorder {
         for stage in self.state.stages.note(time, &evidence, &thresholds) {
             let began = self.state.stages.times[stage].unwrap_or(time);
             self.news.push(format!(
-                "t{} {} began at {began:.6} s: {} grains left through a point, void {:.2e} m3, {:.0} % of the cover \
-                 over a void moves (shape {:.2}), settled {:.2e} m, depression {:.2e} m long",
+                "stage t{} ({}) began at {began:.6} s: {} grains lost through a seepage point, void {:.2e} m3, \
+                 {:.0} % of the cover above a void moving (shape {:.2}), settlement {:.2e} m, depression {:.2e} \
+                 m long",
                 stage + 1,
                 NAMES[stage],
                 evidence.eroded_grains,

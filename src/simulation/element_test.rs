@@ -25,7 +25,7 @@ impl TestResults {
         let record = match record(plan, test, folder) {
             Ok(record) => record,
             Err(error) => {
-                log::warn!("the answers of the element test are not known: {error}");
+                log::warn!("the results of the element test could not be computed: {error}");
                 TestRecord::default()
             }
         };

@@ -22,8 +22,8 @@ pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Erro
     let mut closed: Vec<Face> = scene.walls.iter().filter_map(|wall| wall.face).collect();
     let remedy = if closed.contains(&face) {
         format!(
-            "the face {name} has a wall, which it went through within one solid step: use a smaller solid time step \
-             or a stiffer contact"
+            "the grain passed through the wall of the face {name} within one solid step: use a smaller solid \
+             time step or a stiffer contact"
         )
     } else {
         closed.push(face);

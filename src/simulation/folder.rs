@@ -115,7 +115,7 @@ impl Holder {
             .as_ref()
             .map_or(String::new(), |[job, _]| format!(" (job {job})"));
         format!(
-            "process {} on {}{job} has been running there for {} (h:min:s)",
+            "process {} on {}{job} has been running in it for {} (h:min:s)",
             self.process,
             self.host,
             clock(Duration::from_secs(since).as_secs_f64())
@@ -284,7 +284,7 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
     let name = file.file_name().and_then(|name| name.to_str());
     if file.parent() == Some(&folder) && name.is_some_and(is_of_a_run) {
         return Err(Error::Usage(format!(
-            "the run would replace its own case: {} is the name of a file that it writes into {}; choose another \
+            "the run would overwrite its own case, because it writes a file named {} into {}; choose another \
              --output, or rename the case",
             case.display(),
             folder.display()
@@ -363,7 +363,10 @@ fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
 
 fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
     let folder = path.parent().unwrap_or(path).display();
-    let who = holder.map_or_else(|| "another process runs there".to_owned(), Holder::describe);
+    let who = holder.map_or_else(
+        || "another process is running in it".to_owned(),
+        Holder::describe,
+    );
     Error::Usage(format!(
         "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if \
          that process certainly no longer exists, remove {}",

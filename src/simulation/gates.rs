@@ -94,7 +94,7 @@ impl Gates {
     }
 
     /// Returns the events since the last call, one line each.
-    pub(super) fn take_news(&mut self) -> Vec<String> {
+    pub(super) fn take_events(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 }

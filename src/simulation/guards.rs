@@ -40,7 +40,7 @@ use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
 use lbm::surface::SlabSurface;
-use look::{At, Look, Order, Seen};
+use look::{Extreme, Order, Seen, StateCheck};
 use openings::Openings;
 use plan::Plan;
 use plan::margin::USUAL_LATTICE_VELOCITY;
@@ -83,7 +83,7 @@ pub struct Guards {
     speed: [Option<f64>; 2],
     /// Density deviation of the largest magnitude and the position of its cell: latest value, and maximum over the
     /// run.
-    squeezed: [Option<At>; 2],
+    squeezed: [Option<Extreme>; 2],
     /// `true` if a step was taken since the start: before it, no mass has crossed a face.
     stepped: bool,
     /// `true` if the last check found a failure whose description needs the populations.
@@ -100,7 +100,7 @@ pub struct Guards {
     /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
     news: Vec<String>,
-    look: Look,
+    look: StateCheck,
     /// Sums over rows in buffers that are reused between checks.
     rows: Vec<RowSums>,
 }
@@ -139,7 +139,7 @@ impl Guards {
         self.squeezed[1] = state
             .squeezed
             .and_then(|(value, cell)| value.zip(cell))
-            .map(|(value, cell)| At { value, cell });
+            .map(|(value, cell)| Extreme { value, cell });
         self.openings.restore(state.openings);
         self.warned = state.warned;
         self.fast = state.fast;
@@ -214,7 +214,7 @@ impl Guards {
 
     /// Includes the largest speed relative to C that another recorder measured, so that its values never exceed the
     /// reported maximum.
-    pub fn also_seen(&mut self, speed: Option<f64>) {
+    pub fn include_speed(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
     }
 
@@ -266,7 +266,7 @@ impl Guards {
     }
 
     /// Returns the messages since the last call.
-    pub fn take_news(&mut self) -> Vec<String> {
+    pub fn take_events(&mut self) -> Vec<String> {
         std::mem::take(&mut self.news)
     }
 
@@ -279,7 +279,7 @@ impl Guards {
             && at.value.abs() > guards.warn_compression
         {
             all.push(format!(
-                "the density was up to {}: above guards.warn_compression = {}",
+                "the density reached {}, above guards.warn_compression = {}",
                 failure::density(at.value, plan),
                 guards.warn_compression
             ));
@@ -356,8 +356,8 @@ impl Guards {
             )
         } else {
             format!(
-                "{both}: they differ by {:.0} % after sound has crossed the domain many times; \
-                 the difference changes the density",
+                "{both}: they still differ by {:.0} % after sound has crossed the domain many times, which \
+                 changes the density",
                 100.0 * mean.imbalance().abs()
             )
         })
@@ -377,7 +377,7 @@ impl Guards {
 
     /// Returns the next step after `step` at which a check or a balance needs the state.
     #[must_use]
-    pub fn next_look(&self, step: u64) -> u64 {
+    pub fn next_check(&self, step: u64) -> u64 {
         // A balance compares the state before a step with that after it.
         let within = |every: u64| (step / every + 1) * every;
         let balanced = if Self::balances(step) {
@@ -690,8 +690,9 @@ impl Guards {
             self.warned[0] = true;
             let cell = Order::from_flow(flow).cell(squeezed.cell);
             self.news.push(format!(
-                "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = {limit}: \
-                 pressures have an error of this size, which decreases with the square of the time step",
+                "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = \
+                 {limit}: pressures have an error of this size, which is proportional to the square of the time \
+                 step",
                 failure::point(plan.scene.grid.centre(cell), plan),
                 failure::density(squeezed.value, plan),
             ));
@@ -733,9 +734,9 @@ pub(super) fn mach(lattice_velocity: f64) -> f64 {
 /// Returns the warning for a speed whose square is not small compared with the square of the speed of sound.
 fn too_fast(speed: f64) -> String {
     format!(
-        "the lattice velocity |u| dt/h was up to {speed:.3}, the Mach number {:.3}: \
-         above {USUAL_LATTICE_VELOCITY} the error of compressibility, which grows with its square, \
-         exceeds a few per cent; half the time step halves both",
+        "the lattice velocity |u| dt/h reached {speed:.3} (Mach number {:.3}): above {USUAL_LATTICE_VELOCITY} \
+         the compressibility error, which grows with the square of the velocity, exceeds a few per cent; half \
+         the time step halves lattice velocity and Mach number",
         mach(speed)
     )
 }
@@ -765,7 +766,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 }
 
 /// Returns the value of the largest magnitude on all ranks, and the first cell that has it. Collective.
-fn agreed(mine: At, communicator: &Communicator) -> At {
+fn agreed(mine: Extreme, communicator: &Communicator) -> Extreme {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
     // The sign is that of the value in the chosen cell.
     let place = if mine.value.abs() >= size && mine.cell != u64::MAX {
@@ -774,7 +775,7 @@ fn agreed(mine: At, communicator: &Communicator) -> At {
         u64::MAX
     };
     let place = communicator.all_reduce_min_u64(place);
-    At {
+    Extreme {
         value: if place % 2 == 1 && place != u64::MAX {
             -size
         } else {

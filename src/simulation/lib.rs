@@ -309,7 +309,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
             // The checks may end the run: write the records first.
             self.recorder.flush(view.domain)?;
         }
-        self.guards.also_seen(self.recorder.take_speed());
+        self.guards.include_speed(self.recorder.take_speed());
         self.collapse.record_due(&view, removed)?;
         self.phases.done(Phase::Analysis);
         Ok(())

@@ -61,7 +61,7 @@ pub(super) fn read(plan: &Plan, folder: &Path) -> Vec<Means> {
                 }
                 all.extend(means);
             }
-            Err(error) => log::warn!("its means are not known: {error}"),
+            Err(error) => log::warn!("its means could not be computed: {error}"),
         }
     }
     all
@@ -107,8 +107,8 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mut doubts = Vec::new();
     if obstacles {
         doubts.push(
-            "the balance of forces, and the Shields number with it, include what structures and bodies in the stream \
-             bear".to_owned(),
+            "the balance of forces and the Shields number include the forces on structures and bodies in the \
+             stream".to_owned(),
         );
     }
     match (balance, profile) {
@@ -116,14 +116,15 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
             let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
             if apart > ALIKE {
                 doubts.push(format!(
-                    "the two shear stresses differ by {:.0} %: the stream is not steady, or something else than the \
-                     bed bears a part of the drive",
+                    "the two shear stresses differ by {:.0} %: the stream is not steady, or other solids than \
+                     the bed resist it",
                     100.0 * apart
                 ));
             }
         }
         (Some(_), None) => doubts.push(
-            "no shear stress by the profile: solids or side walls reach through the stream"
+            "the velocity profile gives no shear stress, because solids or side walls extend through the whole \
+             stream"
                 .to_owned(),
         ),
         _ => {}
@@ -177,7 +178,7 @@ mod tests {
         };
         assert_eq!(of(Some(0.43), Some(0.46), false), "");
         assert!(of(Some(15.8), Some(4.18), false).contains("differ by 74 %"));
-        assert!(of(Some(15.8), None, false).contains("no shear stress by the profile"));
+        assert!(of(Some(15.8), None, false).contains("the velocity profile gives no shear stress"));
         assert!(of(Some(0.43), Some(0.46), true).contains("structures and bodies"));
     }
 

@@ -75,8 +75,8 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
             )),
             Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
                 (self.report)(&format!(
-                    "the unfinished sample is not saved: it needs {needed} bytes, {path} has {free}; the preparation \
-                     continues"
+                    "the unfinished sample is not saved, because it needs {needed} bytes and {path} has only \
+                     {free} free; the preparation continues"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),
@@ -138,7 +138,7 @@ pub fn grains<S: Space>(
         supervisor.watch.into_inner().finish(communicator);
         made
     } else {
-        watch.attend(communicator);
+        watch.answer_checks(communicator);
         Ok(Prepared::default())
     };
     let mut prepared = agreement::agree(communicator, mine)?;

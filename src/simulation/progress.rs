@@ -25,7 +25,7 @@ pub struct ProgressState {
 
 /// Printer of progress lines at intervals of wall time, on the first rank.
 pub struct Progress {
-    speaks: bool,
+    prints_messages: bool,
     terminal: bool,
     every: Duration,
     start: Instant,
@@ -47,13 +47,13 @@ fn decimals_of(end: f64) -> usize {
 }
 
 impl Progress {
-    /// Returns a printer for a run that starts at `step`; without `speaks` it prints nothing.
+    /// Returns a printer for a run that starts at `step`; without `prints_messages` it prints nothing.
     #[must_use]
-    pub fn new(speaks: bool, step: u64) -> Self {
+    pub fn new(prints_messages: bool, step: u64) -> Self {
         let terminal = on_terminal();
         let now = Instant::now();
         Self {
-            speaks,
+            prints_messages,
             terminal,
             every: if terminal { BAR_EVERY } else { LINE_EVERY },
             start: now,
@@ -66,11 +66,11 @@ impl Progress {
     /// Returns `true` if a progress line is due (called every few steps).
     #[must_use]
     pub fn due(&self) -> bool {
-        self.speaks && self.last.elapsed() >= self.every
+        self.prints_messages && self.last.elapsed() >= self.every
     }
 
     /// Prints the progress of the run.
-    pub fn say(&mut self, moment: &ProgressState) {
+    pub fn print_step(&mut self, moment: &ProgressState) {
         let since = self.last.elapsed().as_secs_f64().max(1e-9);
         let number = base::number::real;
         let rate = number(moment.step.saturating_sub(self.last_step)) / since;
@@ -114,7 +114,7 @@ impl Progress {
 
     /// Prints a message on a line of its own, which later progress does not overwrite.
     pub fn note(&self, text: &str) {
-        if self.speaks && !text.is_empty() {
+        if self.prints_messages && !text.is_empty() {
             let before = if self.terminal { "\r\x1b[2K" } else { "" };
             write(&format!("{before}{text}\n"));
         }

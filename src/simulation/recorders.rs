@@ -26,8 +26,11 @@ impl Recorders {
     /// # Errors
     /// If a state is missing or broken, [`Error::Io`].
     pub(super) fn read(attributes: &Value) -> Result<Self, Error> {
-        Self::deserialize(attributes)
-            .map_err(|error| Error::Io(format!("the saved state of the recorders: {error}")))
+        Self::deserialize(attributes).map_err(|error| {
+            Error::Io(format!(
+                "the saved state of the recorders cannot be used: {error}"
+            ))
+        })
     }
 
     /// Adds the states to the attributes of a checkpoint.
@@ -54,6 +57,10 @@ pub(super) fn saved_guards(attributes: &Value) -> Result<Option<guards::GuardSta
         Value::Null => Ok(None),
         saved => guards::GuardState::deserialize(saved)
             .map(Some)
-            .map_err(|error| Error::Io(format!("the saved state of the guards: {error}"))),
+            .map_err(|error| {
+                Error::Io(format!(
+                    "the saved state of the guards cannot be used: {error}"
+                ))
+            }),
     }
 }

@@ -230,11 +230,10 @@ impl Removal {
         all.sort_unstable_by_key(|departed| departed.grain.id);
         for departed in &all {
             // Masses are summed in the order of the rows, independently of ranks and restarts.
-            let taken = self
-                .state
-                .taken
-                .get_mut(departed.region)
-                .ok_or_else(|| Error::Internal("a grain left through no region".into()))?;
+            let taken =
+                self.state.taken.get_mut(departed.region).ok_or_else(|| {
+                    Error::Internal("a grain was removed outside all regions".into())
+                })?;
             taken.grains += 1;
             taken.mass += departed.grain.mass;
         }
@@ -278,7 +277,7 @@ impl Removal {
                 .and_then(|material| material.density)
                 .ok_or_else(|| {
                     Error::Numerical(format!(
-                        "regions[{n}]: the material of grains that appear needs a density"
+                        "regions[{n}]: the material of generated grains needs a density"
                     ))
                 })?;
             let owed = owed(rate, time, at_most);
@@ -306,8 +305,9 @@ impl Removal {
                         motion.position.set(axis, at[axis]);
                         motion.velocity.set(axis, velocity[axis]);
                     }
-                    let material = u32::try_from(material)
-                        .map_err(|_| Error::Internal("more than 2^32 materials".into()))?;
+                    let material = u32::try_from(material).map_err(|_| {
+                        Error::Internal("the case has more than 2^32 materials".into())
+                    })?;
                     particles.insert(Body::uniform::<S>(id, radius, density, material), motion);
                 }
                 self.state.next_id = Some(id + 1);
@@ -347,7 +347,7 @@ impl Removal {
             || state.next_id.is_some_and(|id| id > 1 << 32)
         {
             return Err(Error::Io(format!(
-                "the checkpoint contains counts of {known} regions, the case has {regions}"
+                "the checkpoint contains counts of {known} regions, but the case has {regions}"
             )));
         }
         for (region, origin) in origins.iter().enumerate() {
@@ -387,7 +387,7 @@ pub(super) fn rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[u64; N]>, Error>
 }
 
 fn whole_index(number: u64) -> Result<usize, Error> {
-    usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is no index")))
+    usize::try_from(number).map_err(|_| Error::Internal(format!("{number} is not an index")))
 }
 
 /// Returns a position in the box: its periodic coordinates are wrapped into [0, length).

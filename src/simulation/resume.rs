@@ -172,7 +172,7 @@ pub(super) fn fits(plan: &Plan, resumed: &Resumed) -> Result<(), Error> {
     };
     if (manifest.time - time).abs() > 1e-9 * time.abs() {
         return wrong(format!(
-            "it states {} s at step {}; the case is at {time} s",
+            "its time is {} s at step {}, but the time of the case at this step is {time} s",
             manifest.time, manifest.step
         ));
     }
@@ -440,8 +440,8 @@ pub(super) fn plan(
             Error::Case(vec![refusal(
                 path,
                 format!("{} (was {})", written(&plan), written(&old)),
-                "the sums of the checkpoint hold samples at the times of the run before",
-                "undo the change, or let `from` be after the checkpoint: then the averages begin anew",
+                "the sums in the checkpoint contain samples at the times of the original run",
+                "undo the change, or choose `from` after the checkpoint, so that the averages start again",
             )])
         })?;
         plan
@@ -480,8 +480,8 @@ fn of_an_older_version(document: Document, resumed: Resumed) -> Result<(Plan, Re
     let theirs = resumed.found.manifest.attributes["case_hash"].as_str();
     if theirs != Some(plan.case_hash.as_str()) {
         return Err(Error::Io(format!(
-            "{} was written by a version that did not store the case, and belongs to another case (hash {}, this case \
-             {}); restart it without --set",
+            "{} belongs to another case (hash {}, this case {}) and was written by a version that did not store \
+             the case; restart it without --set",
             resumed.found.path.display(),
             theirs.unwrap_or("missing"),
             plan.case_hash
@@ -510,7 +510,7 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
             problems.push(refusal(
                 name,
                 format!("{ours} (was {theirs})"),
-                "the saved state is in the old scale",
+                "the saved state has the scale of the original run",
                 "restart with the version and the case of the original run",
             ));
         }
@@ -525,7 +525,10 @@ fn check_scales(plan: &Plan, attributes: &Value, resumed: &Resumed) -> Result<()
                 "the checkpoint is already at {} s",
                 resumed.found.manifest.time
             ),
-            &format!("use at least {}", resumed.found.manifest.time),
+            &format!(
+                "use an end time of at least {}",
+                resumed.found.manifest.time
+            ),
         ));
     }
     if problems.is_empty() {
@@ -552,7 +555,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
             if !same {
                 problems.push(refusal(
                     &format!("walls[{n}].{field}"),
-                    format!("changed, of the wall `{}`", wall.name),
+                    format!("changed for the wall `{}`", wall.name),
                     "a restart may not change this: the saved contacts belong to the original wall",
                     "remove this wall and add one with another name",
                 ));
@@ -584,8 +587,8 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         return Err(Error::Case(vec![refusal(
             &format!("regions[{n}].action.generate"),
             "new".into(),
-            "the run did not generate grains, so that the free ids are not known",
-            "start a new run with it",
+            "the original run did not generate grains, so that the free ids are not known",
+            "start a new run with this change",
         )]));
     }
     let regions = new.scene.regions.iter();

@@ -229,8 +229,8 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     match affinity::provide(threads) {
         // A launcher gives the same number of cores to all its ranks, so that one message suffices.
         Cores::TooFew(had) if first => log::warn!(
-            "{threads} threads of a rank have {had} core(s) and take turns, which is slower than {had} thread(s): \
-             use `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
+            "the {threads} threads of a rank share {had} core(s), which is slower than {had} thread(s): use \
+             `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
         ),
         Cores::Widened(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
@@ -241,8 +241,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
     let known = local.is_some() || communicator.size() == 1;
     if known && ranks * threads > cores && first {
         log::warn!(
-            "{ranks} rank(s) with {threads} thread(s) each share the {cores} core(s) that may be used here and take \
-             turns, \
+            "{ranks} rank(s) with {threads} thread(s) each are more than the {cores} core(s) available here, \
              which is slower than `--threads {}`",
             (cores / ranks).max(1)
         );
@@ -329,7 +328,7 @@ fn listed_slabs(grid: &Grid, ranks: usize) -> Result<Option<Slabs>, Error> {
                 inner.len() + 1
             ),
             remedy: format!(
-                "start {} ranks, give {} numbers, or leave the list out",
+                "start {} ranks, write {} numbers, or remove the list",
                 inner.len() + 1,
                 ranks - 1
             )

@@ -37,7 +37,7 @@ impl Schedule {
             1
         } else {
             let save = saves.map_or(u64::MAX, |every| every.next_from(now.step + 1));
-            let look = simulation.guards.next_look(now.step);
+            let look = simulation.guards.next_check(now.step);
             let next = end.min(output).min(save).min(look);
             next.saturating_sub(now.step).clamp(1, most)
         };

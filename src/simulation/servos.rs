@@ -41,7 +41,7 @@ impl Servos {
     #[inline]
     pub(super) fn aim<S: Space>(&self, time: f64, dem: &mut Dem<S>) {
         for (place, table) in self.0.iter().enumerate() {
-            dem.aim_servo(place, table.value(time));
+            dem.set_servo_stress(place, table.value(time));
         }
     }
 }

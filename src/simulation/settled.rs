@@ -123,7 +123,7 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
                     unknown.push(probe.name.clone());
                 }
             }
-            Err(error) => log::warn!("whether its values have settled is not known: {error}"),
+            Err(error) => log::warn!("it is not known whether its values are steady: {error}"),
         }
     }
     End {
@@ -274,8 +274,8 @@ pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
             .map(|name| format!("`{name}`"))
             .collect();
         lines.push(format!(
-            "not known to have settled: {}{}, with fewer than {FEWEST} samples in each of the last two thirds of the \
-             run; a shorter `every` shows it",
+            "it is not known whether these values are steady: {}{}, with fewer than {FEWEST} samples in each of \
+             the last two thirds of the run; use a shorter `every`",
             names.join(", "),
             if end.unknown.len() > NAMED { " and others" } else { "" }
         ));

@@ -19,7 +19,7 @@
 //! exit code is that of the signal. SIGHUP remains ignored if the process was started to ignore it (`nohup`).
 //!
 //! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call
-//! [`attend`](Watch::attend), so that a request to any rank takes effect.
+//! [`answer_checks`](Watch::answer_checks), so that a request to any rank takes effect.
 
 use base::error::Error;
 use decomposition::Communicator;
@@ -192,7 +192,7 @@ impl Watch {
 
     /// Answers the checks of the first rank until it has [`finished`](Self::finish) the work that it does alone.
     /// Called on all other ranks.
-    pub fn attend(&mut self, communicator: &Communicator) {
+    pub fn answer_checks(&mut self, communicator: &Communicator) {
         loop {
             let mine = self.mine(communicator) as u64;
             if communicator.all_reduce_max_u64(mine << 32) >> 32 == DONE {
@@ -202,7 +202,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// Ends [`attend`](Self::attend) on the other ranks. Called on the first rank.
+    /// Ends [`answer_checks`](Self::answer_checks) on the other ranks. Called on the first rank.
     pub fn finish(&mut self, communicator: &Communicator) {
         let _ = communicator.all_reduce_max_u64(DONE << 32);
         self.begin_anew();

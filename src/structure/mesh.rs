@@ -110,7 +110,7 @@ impl TriangleMesh {
             norm(cross(minus(b, a), minus(c, a))) > 1e-10 * longest
         });
         if triangles.is_empty() {
-            return Err("the file holds no triangle with an area".into());
+            return Err("the file contains no triangle with an area above 0".into());
         }
         once(&mut triangles);
         let shells = shells::wind(&mut triangles)?;
@@ -352,8 +352,8 @@ impl TriangleMesh {
     }
 }
 
-/// Keeps one of several triangles with the same corners; none of two triangles back to back, which separate two
-/// solids, such as adjacent cubes.
+/// Keeps one of several equal triangles, and removes both of two triangles with opposite orientation, which separate
+/// two solids such as adjacent cubes.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;

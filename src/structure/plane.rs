@@ -36,7 +36,7 @@ impl Plane {
         if !(length > 0.0 && length.is_finite()) {
             report.error(
                 &path,
-                "a normal needs a direction".into(),
+                "the normal has zero length".into(),
                 "write for example [0, 1]".into(),
             );
             return None;

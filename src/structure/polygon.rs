@@ -62,7 +62,7 @@ impl Polygon {
             report.error(
                 &path,
                 "a polygon has at least three corners".into(),
-                "give its corners in order".into(),
+                "list its corners in their order along the outline".into(),
             );
             return None;
         }
@@ -72,7 +72,7 @@ impl Polygon {
                 format!(
                     "the polygon crosses or touches itself: its edges from corners {k} and {n} meet"
                 ),
-                "give the corners in order round the solid, each once".into(),
+                "list the corners in their order along the outline, each once".into(),
             );
             return None;
         }
@@ -86,7 +86,7 @@ impl Polygon {
             report.error(
                 &path,
                 "the polygon has no area".into(),
-                "give the corners of an area; a thin sheet has a thickness".into(),
+                "give corners that enclose an area; a thin sheet also needs its thickness".into(),
             );
             return None;
         }

@@ -54,7 +54,7 @@ impl Surface {
             report.error(
                 path,
                 format!(
-                    "the surface is open: {} of its edges have one triangle only, so that nothing is inside",
+                    "the surface is open: {} of its edges belong to one triangle only, so that it has no inside",
                     mesh.open_edges()
                 ),
                 "close the surface, or add a `thickness` to make it a sheet".into(),
@@ -90,10 +90,10 @@ pub fn judge_unit(
     let [x, y, z] = lengths;
     let scale = mesh.scale * 1e-3;
     let remedy =
-        "state the length of the unit of the file [m]; drawings are often in millimetres (0.001)";
+        "state the length unit of the file in m; drawings are often in millimetres (0.001)";
     report.error(
         &format!("{path}.mesh.scale"),
-        format!("the surface is {x} x {y} x {z} m large, {times:.0} times the domain"),
+        format!("the surface measures {x} x {y} x {z} m, {times:.0} times the domain"),
         Remedy::from(remedy).set(format!("{path}.mesh.scale"), serde_json::json!(scale)),
     );
     false

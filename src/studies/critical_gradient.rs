@@ -226,8 +226,8 @@ fn driving<'a>(
         refusal(
             "--boundary",
             name.cloned().unwrap_or_else(|| "missing".into()),
-            "there is no boundary of this name that drives the water",
-            "name one of fluid.darcy.boundaries",
+            "no boundary with this name drives the water",
+            "use the name of one of `fluid.darcy.boundaries`",
         )
     })
 }
@@ -238,9 +238,9 @@ impl Inlet {
             return Err(if plan.scene.flow.is_some() {
                 refusal(
                     "fluid.lattice_boltzmann",
-                    "a flow on a lattice".into(),
-                    "this command searches the head, pressure or flux of a seepage, not the velocity of a stream",
-                    "vary the velocity with `solver sweep`, and read where grains start to move",
+                    "the fluid of the case is computed on a lattice".into(),
+                    "this command varies the head, pressure or flux of seepage, not the velocity of a stream",
+                    "vary the velocity with `solver sweep`, and find the velocity at which grains start to move",
                 )
             } else {
                 refusal(
@@ -262,8 +262,8 @@ impl Inlet {
         if !plan.scene.regions.iter().any(removes) {
             return Err(refusal(
                 "regions",
-                "no region that removes".into(),
-                "erosion is measured by the number of grains that leave",
+                "no region of the case removes grains".into(),
+                "erosion is measured by the number of grains that regions remove",
                 "add a region with the action `remove` below the openings",
             ));
         }
@@ -285,8 +285,8 @@ impl Inlet {
                 return Err(refusal(
                     "--boundary",
                     patch.name.clone(),
-                    "nothing flows through this boundary",
-                    "name one with a pressure, head, flux or rain",
+                    "no water flows through this boundary",
+                    "use a boundary with a pressure, head, flux or rain",
                 ));
             }
         };
@@ -353,8 +353,8 @@ impl Searching<'_> {
                 .map(|trial| trial.early + trial.late)
                 .sum();
             return Err(Error::Usage(format!(
-                "{} already erodes at {low} {}: {left} grains left; use a lower --from, or --grains above \
-                 {left} if these lay loose in an opening",
+                "{} already erodes at {low} {}, where {left} grains were removed; use a lower --from, or \
+                 --grains above {left} if these grains lay loose in an opening",
                 self.inlet.name, self.inlet.quantity
             )));
         }
@@ -434,7 +434,7 @@ impl Searching<'_> {
         let erodes = early + late >= self.search.grains;
         let gradient = self.inlet.gradient(drive);
         self.speaker.note(&format!(
-            "{drive:.6e} {}{}: {early} grains left in the first half, {late} in the second: {}",
+            "{drive:.6e} {}{}: {early} grains were removed in the first half, {late} in the second: {}",
             self.inlet.quantity,
             gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),
             if erodes { "erodes" } else { "holds" }

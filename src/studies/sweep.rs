@@ -94,7 +94,7 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
                     return Err(one_problem(
                         "the study",
                         format!("{text:?}"),
-                        "its path holds a line break or another control character, which would end a line of the \
+                        "its path contains a line break or another control character, which would break the \
                          script".into(),
                         "rename it, or choose another --output".into(),
                     ));
@@ -178,10 +178,10 @@ pub fn enough_cores(run: &Run) -> Result<(), Error> {
             run.at_once, run.ranks, run.threads
         ),
         format!(
-            "this needs {used} cores and the machine has {cores}: the cost of members that share a core is not \
-             meaningful"
+            "this needs {used} cores, but the machine has {cores}: members that share a core have no meaningful \
+             cost"
         ),
-        "lower one of the three".into(),
+        "reduce one of the three numbers".into(),
     ))
 }
 
@@ -233,7 +233,7 @@ fn list(
         ));
     }
     report(&format!(
-        "{} members, about {seconds:.0} core-seconds as planned",
+        "{} members, planned cost about {seconds:.0} core-seconds",
         members.len()
     ));
     Ok(())
@@ -253,7 +253,7 @@ fn collect(
     ];
     if let Some(axes) = &study.map {
         let map = picture::Map::from_table(axes, study, members, &table);
-        report(&map.confusion());
+        report(&map.agreement_table());
         files.push(("map.csv", map.to_csv()));
         files.push(("map.svg", map.figure().to_svg()));
     }

@@ -121,9 +121,10 @@ impl Members {
                 .position(|members| Some(members.usable()) == best);
             found.unwrap_or(0)
         });
-        let mut members = each.into_iter().nth(rule).ok_or_else(|| {
-            Error::Internal("an estimate without a rule for the time step".into())
-        })?;
+        let mut members = each
+            .into_iter()
+            .nth(rule)
+            .ok_or_else(|| Error::Internal("the estimate has no rule for the time step".into()))?;
         if has_grid && members.usable() < 2 {
             return Err(Error::Case(members.refusals()));
         }
@@ -250,10 +251,11 @@ impl Members {
     /// If the case has no such ends, [`Error::Usage`].
     pub fn add_ends(&mut self, plan: &Plan) -> Result<(), Error> {
         let mut case = self.compared(plan, &grids::stated(plan)?);
-        let change = ends::move_away(&mut case, plan).ok_or_else(|| {
+        let change = ends::move_ends(&mut case, plan).ok_or_else(|| {
             Error::Usage(
-                "--ends: the case has no closed ends of a seepage without grains that can be moved: \
-                 horizontal ends beyond imposed heads, without rasters and without meshes that state no origin"
+                "--ends: the case has no ends that can be moved; they must be closed horizontal ends of seepage \
+                 without grains, beyond the imposed heads, in a case without rasters and without meshes that \
+                 have no `origin`"
                     .into(),
             )
         })?;
@@ -305,7 +307,8 @@ impl Members {
         if self.grids.len() > 1 {
             self.scaling.meaning()
         } else {
-            "one grid: a seepage through grains and dry grains have no cells that can be refined alone"
+            "only one grid is used: the cells of seepage through grains, or of dry grains, cannot be refined \
+             independently of the grains"
         }
     }
 
@@ -377,7 +380,7 @@ pub fn command(
     }
     let (_, sum) = members.costs();
     report(&format!(
-        "{} runs, about {sum:.1} core-seconds as planned, in {}",
+        "{} runs, planned cost about {sum:.1} core-seconds, in {}",
         members.list.len(),
         options.output.display()
     ));
@@ -403,7 +406,8 @@ pub fn command(
         if let Some(member) = members.list.last() {
             let seconds = member.prepared.as_ref().map_or(0.0, |p| p.seconds);
             report(&format!(
-                "{usable} of {} grids can be used: {} is added, about {seconds:.1} core-seconds",
+                "only {usable} of {} grids can be used: {} is added, planned cost about {seconds:.1} \
+                 core-seconds",
                 members.grids.len() - 1,
                 member.name
             ));
@@ -456,7 +460,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
         let first = &members.list[0];
         let record = Record::read(&output.join(&first.name));
         let failed = record.is_some_and(|record| record.outcome == Outcome::NumericalRefusal);
-        let reason = format!("the run of the case has no answers: {why}");
+        let reason = format!("the run of the case gives no results: {why}");
         return Err(if failed {
             Error::Numerical(reason)
         } else {
@@ -496,7 +500,7 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
         let missing = match (&found[*place], &found[members.beside]) {
             (Ok(_), Ok(_)) => String::new(),
             (Err(why), _) => why.clone(),
-            (_, Err(why)) => format!("{beside}, which it is compared with, {why}"),
+            (_, Err(why)) => format!("{beside}, the run for comparison, {why}"),
         };
         let answers = [of(members.beside), of(*place)];
         table::sensitivity(setting, [folder, beside], answers, &missing, noise)

@@ -177,7 +177,8 @@ fn a_linear_law_needs_no_stiffness() {
     assert!((stiffness(&open, 0.002) / stiffness(&none, 0.002) - 1.0).abs() < 1e-12);
     assert!((stiffness(&open, 0.004) / stiffness(&none, 0.004) - 1.0).abs() < 1e-12);
     // The friction is the one that was written, and nothing is assumed about it.
-    let assumed = |plan: &Plan| format!("{:?}", plan.warnings).contains("no contact law is given");
+    let assumed =
+        |plan: &Plan| format!("{:?}", plan.warnings).contains("the case has no contact law");
     assert!(assumed(&none) && !assumed(&open));
     assert!(open.scene.chosen.why("contact law").is_some());
     let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
@@ -187,7 +188,7 @@ fn a_linear_law_needs_no_stiffness() {
     let silent = |law: &str| {
         let plan = case(&format!(r#""contact": {{{law}}},"#));
         let said = plan.warnings.iter();
-        said.filter(|w| w.reason.contains("states no friction angle"))
+        said.filter(|w| w.reason.contains("has no friction angle"))
             .count()
     };
     assert_eq!(silent(r#""linear": {}"#), 1);
@@ -332,7 +333,7 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
         ("domain.size[0]", "0.12")
     );
     assert!(
-        warned[0].reason.contains("more than written"),
+        warned[0].reason.contains("more than the case states"),
         "{}",
         warned[0]
     );

@@ -358,7 +358,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
             "/gravity",
             json!([9.81, 0]),
             "probes[0].at.bed",
-            "no gravity acts across the stream",
+            "no gravity acts normal to the stream",
         ),
         (
             "/gravity",
@@ -388,7 +388,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
             "/probes/0/at/bed",
             json!({"mean_from": 2}),
             "mean_from",
-            "before the means begin",
+            "before the averaging begins",
         ),
         (
             "/probes/0/at/bed",
@@ -581,7 +581,7 @@ fn the_median_of_what_left_is_that_of_the_record() {
     let mut late = case.clone();
     late["probes"][0]["at"]["grains"] = json!({"mean_from": 7});
     let found = errors(&late);
-    assert!(found.contains("before the means begin"), "{found}");
+    assert!(found.contains("before the averaging begins"), "{found}");
     let mut none = case;
     none.as_object_mut().unwrap().remove("grains");
     let found = errors(&none);

@@ -54,7 +54,7 @@ fn broken_cases_are_refused_by_one_voice() {
             .stderr
             .lines()
             .any(|line| line.starts_with(&format!("error: {path} ")));
-        let voices = done.stderr.matches("nothing was run").count();
+        let voices = done.stderr.matches("the case was not run").count();
         assert!(
             (named && voices == 1) || (voices == 0 && !patient),
             "{name}: {}",
@@ -82,7 +82,7 @@ fn slabs_for_another_number_of_ranks_are_refused() {
     assert!(!done.stderr.contains("MPI_ABORT"), "{}", done.stderr);
     // The output is a single verdict; there is neither a plan nor a folder.
     assert_eq!(done.stdout.trim(), "");
-    let verdict = ": refused, 1 problem; nothing was run";
+    let verdict = ": refused, 1 problem; the case was not run";
     assert_eq!(done.stderr.matches(verdict).count(), 1, "{}", done.stderr);
     assert!(!study.path("run").exists());
     let mut arguments = study.arguments("run", 1, &[]);

@@ -476,19 +476,19 @@ fn what_has_no_place_in_the_ground_is_refused_by_name() {
             "sheet-pile",
             heave(prism, "y_min"),
             "probes[0].at.heave.at",
-            "an upright face",
+            "a vertical face",
         ),
         (
             "sheet-pile",
             heave(r#"{"from": [3, 0.5], "to": [3.001, 1]}"#, "x_min"),
             "probes[0].at.heave.prism",
-            "holds no cell along x",
+            "contains no cell along x",
         ),
         (
             "sheet-pile",
             r#"probes[0].at={"crossing": {"from": [1, 1], "to": [1, 1]}}"#.to_owned(),
             "probes[0].at.crossing.to",
-            "two points are one",
+            "two points are equal",
         ),
         (
             "sheet-pile",
@@ -506,7 +506,7 @@ fn what_has_no_place_in_the_ground_is_refused_by_name() {
                 r#"{"rain": {"rate": 1e-6}}"#,
             ),
             "fluid.darcy.drains[0].condition",
-            "those of a face of the grid",
+            "act on faces of the grid",
         ),
         (
             "sheet-pile",
@@ -515,20 +515,20 @@ fn what_has_no_place_in_the_ground_is_refused_by_name() {
                 r#"{"seepage_face": {}}"#,
             ),
             "fluid.darcy.drains[0].condition",
-            "needs ground that drains",
+            "needs unsaturated ground",
         ),
         (
             "sheet-pile",
             r#"fluid.darcy.boundaries[1].condition={"evaporation": {"rate": 1e-8, "suction": 10}}"#
                 .to_owned(),
             "fluid.darcy.boundaries[1].condition",
-            "evaporation needs ground that drains",
+            "evaporation needs unsaturated ground",
         ),
         (
             "sheet-pile",
             dip.to_owned(),
             "fluid.darcy.zones[0].dip",
-            "changes nothing",
+            "has no effect",
         ),
         (
             "earth-dam",

@@ -155,14 +155,17 @@ fn grids_that_a_guard_ends_are_replaced_and_told() {
     // The coarsest of three grids fails: an intermediate one replaces it, and three remain.
     let (said, block, force, usable) = run("three", 0.099);
     assert!(
-        said.contains("no answers: numerical refusal") && said.contains("max_lattice_velocity"),
+        said.contains("no results: numerical refusal") && said.contains("max_lattice_velocity"),
         "{said}"
     );
     assert_eq!(usable, 3, "{block}");
     assert_eq!(force["values"].as_array().unwrap().len(), 3);
     // All coarser grids fail: the finer one and the case remain, with the larger factor of safety.
     let (said, block, force, usable) = run("two", 0.0517);
-    assert!(said.contains("an estimate of two grids: 2 of"), "{said}");
+    assert!(
+        said.contains("the estimate uses two grids, because 2 of"),
+        "{said}"
+    );
     assert_eq!(usable, 2, "{block}");
     assert!(
         block["conclusion"]
@@ -218,7 +221,7 @@ fn the_failure_of_the_case_is_a_numerical_one() {
     let errors = String::from_utf8_lossy(&done.stderr);
     assert_eq!(done.status.code(), Some(4), "{errors}");
     assert!(
-        errors.contains("numerical failure: the run of the case has no answers"),
+        errors.contains("numerical failure: the run of the case gives no results"),
         "{errors}"
     );
 }

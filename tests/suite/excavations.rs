@@ -122,11 +122,14 @@ fn a_way_around_the_pile_is_named() {
     };
     let mut short = excavation(0.25);
     short["structures"][0]["shape"]["box"]["to"] = json!([15.0001, 5.7]);
-    named(&short, "impose different heads side by side at (15, 6) m");
+    named(
+        &short,
+        "impose different heads on adjacent cells at (15, 6) m",
+    );
     let mut depth_as_height = excavation(0.25);
     depth_as_height["structures"][0]["shape"]["box"] =
         json!({"from": [14.99, 0], "to": [15.01, 2.5]});
-    named(&depth_as_height, "impose different heads side by side");
+    named(&depth_as_height, "impose different heads on adjacent cells");
     let mut gap = excavation(0.25);
     let layer = |from: f64, to: f64| {
         json!({"name": format!("{from}"), "permeability": {"hydraulic_conductivity": 1e-4}, "without_grains": true,
@@ -162,7 +165,7 @@ fn a_field_of_heads_is_one_of_seepage_and_a_probe_in_a_pile_is_refused() {
     assert_eq!(warnings(&case), Vec::<String>::new());
     let mut eddies = case.clone();
     eddies["output"]["fluid"]["fields"] = json!(["vorticity"]);
-    assert!(problems(&eddies).contains("seepage has no such field"));
+    assert!(problems(&eddies).contains("seepage does not have this field"));
     let mut inside = case;
     inside["probes"][0]["at"]["point"]["position"] = json!([15.0, 5.0]);
     assert!(problems(&inside).contains("the point lies in the structure `pile`"));

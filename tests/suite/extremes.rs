@@ -353,13 +353,13 @@ fn fractions() -> Vec<Row> {
             "no grain in the list",
             SETTLING,
             &["grains={\"material\": \"rock\", \"initial\": {\"list\": []}}"],
-            Refused("grains.initial.list", "holds no grain"),
+            Refused("grains.initial.list", "contains no grain"),
         ),
         row(
             "no block in the list",
             SETTLING,
             &block(&["blocks={\"material\": \"rock\", \"initial\": {\"list\": []}}"]),
-            Refused("blocks.initial.list", "holds no block"),
+            Refused("blocks.initial.list", "contains no block"),
         ),
     ]
 }

@@ -116,9 +116,9 @@ fn remedies_that_are_named_are_those_that_help() {
         "numerical failure: step ",
         " m moves at lattice velocity ",
         " m/s, above guards.max_lattice_velocity = 0.3; its density is ",
-        " Pa); nearest to it is boundary ",
+        " Pa); the nearest object is boundary ",
         " m away; the nearest limit of the plan is `cell Reynolds number U h/nu",
-        "a smaller time step did not help; a cell Reynolds number of at most 10 did",
+        "a smaller time step did not help, but a cell Reynolds number of at most 10 did",
         "a slower flow or a larger viscosity",
     ] {
         assert!(said.contains(words), "{words}: {said}");
@@ -133,12 +133,12 @@ fn remedies_that_are_named_are_those_that_help() {
 fn compression_is_warned_of_and_ends_the_run() {
     let failed = ran(0, &hammer(0.8), &[]).done.expect(4);
     for words in [
-        "% above that at rest (pressure ",
+        "% above the density at rest (pressure ",
         "beyond guards.max_compression = 0.2",
-        "nearest to it is boundary inlet",
+        "the nearest object is boundary inlet",
         "density change: the imposed pressure",
         "inflow ",
-        "with an imposed pressure a smaller time step",
+        "with an imposed pressure, a smaller time step",
     ] {
         assert!(failed.stderr.contains(words), "{words}: {}", failed.stderr);
     }
@@ -359,7 +359,7 @@ fn a_mach_number_above_the_usual_is_said() {
     let fast = ran(0, &case(1.5), &[]);
     assert!((fast.number("lattice_velocity") - 0.15).abs() < 1e-9);
     assert!((fast.number("mach") - 0.15 * 3.0_f64.sqrt()).abs() < 1e-9);
-    assert!(fast.warned("was up to 0.150, the Mach number 0.260: above 0.1"));
+    assert!(fast.warned("reached 0.150 (Mach number 0.260): above 0.1"));
     let said = fast.done.expect(0).stdout;
     assert!(
         said.contains("largest lattice velocity 1.5e-1, largest Mach number 2.6e-1"),
@@ -367,7 +367,7 @@ fn a_mach_number_above_the_usual_is_said() {
     );
     let once = |words: &str| said.lines().filter(|line| line.contains(words)).count();
     assert_eq!(
-        once(": warning: the lattice velocity |u| dt/h was up to"),
+        once(": warning: the lattice velocity |u| dt/h reached"),
         1,
         "{said}"
     );

@@ -218,7 +218,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
             json!("checkpoint_1.h5/../../x.h5"),
             "no file of a checkpoint",
         ),
-        ("/time", json!(1e9), "it states 1000000000 s at step"),
+        ("/time", json!(1e9), "its time is 1000000000 s at step"),
         ("/bytes", json!(huge), "for arrays of"),
         ("/bytes", json!(17), "does not fit into a file of 17 bytes"),
         (

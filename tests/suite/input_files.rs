@@ -134,7 +134,7 @@ fn huge_and_deep_texts_cost_little() {
     ends(
         &["validate", name, "--set", &deep],
         3,
-        "not a path of a case",
+        "not a path of a field",
     );
 }
 
@@ -144,10 +144,10 @@ fn formulas_of_a_study_are_bounded() {
     let path = folder.path().join("study.json");
     let nested = |n: usize| format!("={}1{}", "(".repeat(n), ")".repeat(n));
     for (formula, reason) in [
-        (nested(40_000), "a formula of 80001 bytes"),
+        (nested(40_000), "the formula has 80001 bytes"),
         (
             format!("={}1", "-".repeat(100_000)),
-            "a formula of 100001 bytes",
+            "the formula has 100001 bytes",
         ),
         (nested(2000), "nest more than 100 deep"),
     ] {
@@ -282,7 +282,7 @@ fn a_sample_is_read_in_full_or_refused() {
         &with(wide, &[("domain", domain)]),
         here,
         path,
-        "overlap itself round the periodic axis y: its diameter is at most 0.1 m",
+        "overlap itself across the periodic axis y: its diameter can be at most 0.1 m",
     );
     let weightless = json!({"glass": {"density": 2500}, "light": {}});
     let mixed = "x,y,radius,material\n0.1,0.05,0.01,light\n";
@@ -299,7 +299,7 @@ fn a_sample_is_read_in_full_or_refused() {
         "shape": {"plane": {"point": [0.15, 0], "normal": [-1, 0]}}
     }]);
     let held = with(good, &[("walls", gate)]);
-    says(&held, here, "walls[0].during", "never stands");
+    says(&held, here, "walls[0].during", "never acts");
     assert!(
         problems(&held, here)
             .iter()
@@ -453,7 +453,7 @@ fn an_initial_field_of_other_cells_is_refused_by_validate() {
     assert!(problems(&case, &here).iter().all(|p| p.path != path));
     let size = case["domain"]["size"][0].as_f64().unwrap();
     case["domain"]["size"][0] = json!(2.0 * size);
-    says(&case, &here, path, "which is not that of");
+    says(&case, &here, path, "but the case has");
     // The run reads the field on two ranks as on one.
     let set = format!("fluid.lattice_boltzmann.initial={{\"file\": {{\"path\": {last:?}}}}}");
     study.run("again", 0, 1, &[&set]);
@@ -499,7 +499,12 @@ fn a_run_writes_into_its_own_folder_only() {
     );
     let mut case = example("avalanche");
     case["blocks"]["save"] = json!("../blocks.json");
-    says(&case, Path::new(""), "blocks.save", "a name in the folder");
+    says(
+        &case,
+        Path::new(""),
+        "blocks.save",
+        "the name of a file in the folder",
+    );
 }
 
 #[test]
@@ -509,7 +514,7 @@ fn the_folder_of_the_case_is_no_output_folder() {
     let before = std::fs::read(study.path("case.json")).unwrap();
     let done = run(0, &study.arguments("", 1, &[])).expect(2);
     assert!(
-        done.stderr.contains("would replace its own case"),
+        done.stderr.contains("would overwrite its own case"),
         "{}",
         done.stderr
     );
@@ -638,14 +643,9 @@ fn planes_across_a_periodic_axis_are_refused_before_the_run() {
     let path = "walls[0].shape.plane.normal";
     for normal in [[1.0, 0.0], [1e-3, 1.0]] {
         let closed = case(wall(normal), json!([]), json!(["x"]));
-        says(&closed, here, path, "along which the domain repeats");
+        says(&closed, here, path, "the periodic axis");
         let closed = case(json!([]), solid(normal), json!(["x"]));
-        says(
-            &closed,
-            here,
-            "structures[0].stops",
-            "along which the domain repeats",
-        );
+        says(&closed, here, "structures[0].stops", "the periodic axis");
     }
     let errors = |case: &Value| {
         let all = problems(case, here).into_iter();
@@ -782,8 +782,8 @@ fn a_picture_replaces_no_other_file() {
     pipe(&fifo);
     let own = run.join("case.json");
     for (output, reason) in [
-        (fifo.to_str().unwrap(), "no plain file"),
-        ("/dev/null", "no plain file"),
+        (fifo.to_str().unwrap(), "not a regular file"),
+        ("/dev/null", "not a regular file"),
         (own.to_str().unwrap(), "--overwrite"),
     ] {
         ends(&["picture", name, "--output", output], 2, reason);

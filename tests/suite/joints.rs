@@ -239,7 +239,7 @@ fn wrong_joints_are_refused_with_one_finding_each() {
             "/mouths/0/box/from/2",
             json!(0.405),
             "fluid.joints.mouths[0].box",
-            "no edge",
+            "midpoint of any edge",
         ),
         (
             "/mouths/1/name",

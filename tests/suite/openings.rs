@@ -17,7 +17,7 @@ fn warned(plan: &Plan, words: &str) -> bool {
     plan.warnings.iter().any(|w| w.to_string().contains(words))
 }
 
-/// An outlet is as wide as its cells, which the plan reports; the values of an inlet are weighted by area in the
+/// An outlet consists of whole cells, which the plan reports; the values of an inlet are weighted by area in the
 /// cells that its ends intersect.
 #[test]
 fn an_opening_that_cells_move_is_named() {
@@ -33,16 +33,16 @@ fn an_opening_that_cells_move_is_named() {
             "time": {"end": 0.1}
         })
     };
-    let words = "`jet` is as wide as its cells: \
+    let words = "`jet` consists of whole cells: \
         along x it reaches from 0.188 to 0.208 m instead of from 0.19 to 0.21 m";
     let out = json!({"pressure": {"value": 100}});
     assert!(warned(&plan(&pool(0.19, 0.21, out.clone())), words));
     let on_faces = plan(&pool(0.188, 0.212, out));
-    assert!(!warned(&on_faces, "as wide as its cells"));
+    assert!(!warned(&on_faces, "consists of whole cells"));
     let jet = json!({"velocity": {"profile": {"uniform": [0, -1.5]}, "ramp_time": 0.05}});
     assert!(!warned(
         &plan(&pool(0.19, 0.21, jet)),
-        "as wide as its cells"
+        "consists of whole cells"
     ));
 }
 
@@ -157,7 +157,7 @@ fn flume(more: &[(&str, Value)]) -> Value {
 
 #[test]
 fn grains_without_a_floor_are_named_with_the_face() {
-    assert!(!warned(&plan(&flume(&[])), "where nothing stops them"));
+    assert!(!warned(&plan(&flume(&[])), "where no wall stops them"));
     let bottomless = plan(&flume(&[("box_walls", json!([]))]));
     let warning = bottomless
         .warnings
@@ -167,7 +167,7 @@ fn grains_without_a_floor_are_named_with_the_face() {
     assert!(
         warning
             .reason
-            .contains("gravity pulls the grains through z_min"),
+            .contains("gravity pulls the grains through the face z_min"),
         "{warning}"
     );
     let proposal = format!("{:?}", warning.remedy.proposal());

@@ -117,7 +117,9 @@ fn a_resistance_that_a_step_cannot_follow_is_refused_with_the_step_that_can() {
 fn a_zone_without_resistance_or_outside_the_domain_is_refused() {
     let found = problems(&gravel(&Value::Null, 2e-3));
     assert!(
-        found.iter().any(|p| p.reason.contains("resists nothing")),
+        found
+            .iter()
+            .any(|p| p.reason.contains("does not resist the flow")),
         "{found:#?}"
     );
     let found = problems(&gravel(&json!(-1e-9), 2e-3));

@@ -118,7 +118,7 @@ fn a_pocket_is_named() {
     );
     let done = run(2, &study.arguments("cut", 1, &[])).expect(4);
     assert!(
-        done.stderr.contains("a pocket of 70 cells"),
+        done.stderr.contains("a group of 70 cells"),
         "{}",
         done.stderr
     );
@@ -324,7 +324,7 @@ fn zones_that_need_grains_are_refused_without_them() {
     let found = problems(&format!("fluid.darcy.zones={by_grains}"));
     let told = found
         .iter()
-        .any(|p| p.path == "fluid.darcy.zones" && p.reason.contains("holds without grains"));
+        .any(|p| p.path == "fluid.darcy.zones" && p.reason.contains("applies without grains"));
     assert!(told, "{found:#?}");
     let found = problems("fluid.darcy.zones=[]");
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");

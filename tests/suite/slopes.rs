@@ -117,9 +117,9 @@ fn the_weight_of_the_water_counts_once() {
     assert!(problems(&conduit).iter().all(|p| p.path != path));
     // The weight as a body force in addition to the full buoyancy, and in addition to gravity that acts.
     for (acts, why) in [
-        (json!(false), "solids get the buoyancy"),
-        (json!("auto"), "gravity acts on the water"),
-        (json!(true), "gravity acts on the water"),
+        (json!(false), "solids already receive the buoyancy"),
+        (json!("auto"), "gravity already acts on the water"),
+        (json!(true), "gravity already acts on the water"),
     ] {
         let mut twice = stream(&acts);
         twice["fluid"]["lattice_boltzmann"]["body_force"] = json!({"constant": [513.4, 0, 0]});

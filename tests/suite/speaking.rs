@@ -191,7 +191,7 @@ fn a_grain_that_left_names_face_place_time_and_remedies() {
         let arguments = [text(&case), "--output".into(), text(&output)];
         let errors = run(ranks, &arguments).expect(4).stderr;
         for part in [
-            "grain 1 is more than a box length outside the box, beyond x_max: position (",
+            "grain 1 is more than one domain length outside the domain, beyond x_max: position (",
             " m/s, in step ",
             " at t = ",
             r#""box_walls": ["x_min","x_max","y_min"]"#,

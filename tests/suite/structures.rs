@@ -640,7 +640,7 @@ fn structures_that_cannot_be_are_refused_by_name() {
         (
             changed(shape, json!({"box": {"from": [-1, -1], "to": [0.001, 1]}})),
             "fluid.lattice_boltzmann.boundaries[0]",
-            "structures cover all of `in`",
+            "structures cover `in` completely",
         ),
         (
             changed(
@@ -658,7 +658,7 @@ fn structures_that_cannot_be_are_refused_by_name() {
         (
             changed("/probes/0/at/structure/name", json!("dam")),
             "probes[0].at.structure.name",
-            "no structure of this name",
+            "no structure with this name",
         ),
     ] {
         let found = problems(&case);

@@ -187,7 +187,7 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{errors}");
     assert!(
-        errors.contains("the cost of members that share a core is not meaningful"),
+        errors.contains("members that share a core have no meaningful cost"),
         "{errors}"
     );
     assert!(!file.with_extension("").exists());

@@ -175,7 +175,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
         (
             "fluid.darcy.unsaturated=null".to_owned(),
             condition,
-            "a seepage face needs ground that drains",
+            "a seepage face needs unsaturated ground",
         ),
         (
             format!(
@@ -194,7 +194,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
         (
             format!(r#"{condition}={{"head": {{"value": 2}}}}"#),
             condition,
-            "water passes there under suction",
+            "water would pass there under suction",
         ),
         (
             format!(

@@ -280,7 +280,7 @@ fn check(readings: &[JetReading]) -> Result<(), String> {
     let wrong = |r: &&JetReading| !(r.distance > 0.0 && r.distance.is_finite() && r.time >= 0.0);
     if let Some(reading) = readings.iter().find(wrong) {
         return Err(format!(
-            "the distance {} m at {} s is none from a nozzle to a soil: it is above 0, at a time from 0",
+            "the distance of {} m at {} s is not valid: a distance must be above 0 and its time at least 0",
             reading.distance, reading.time
         ));
     }
@@ -289,7 +289,7 @@ fn check(readings: &[JetReading]) -> Result<(), String> {
         .find(|pair| pair[1].time <= pair[0].time)
     {
         Some(pair) => Err(format!(
-            "the reading at {} s stands after that at {} s: times increase from row to row",
+            "the reading at {} s follows that at {} s, but times must increase from row to row",
             pair[1].time, pair[0].time
         )),
         None => Ok(()),

@@ -296,7 +296,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
     let earlier = (R::COLUMNS.iter().copied()).filter(|name| !ADDED.contains(name));
     if !given().eq(R::COLUMNS.iter().copied()) && !given().eq(earlier) {
         return Err(fail(format!(
-            "the columns are `{}`, expected `{}`",
+            "the columns are `{}`, but `{}` are needed",
             names.join(","),
             R::header()
         )));
@@ -488,6 +488,6 @@ mod tests {
         let error = read_rows::<RemovedGrain>(&path, |row| row.id)
             .unwrap_err()
             .to_string();
-        assert!(error.contains("expected `step"), "{error}");
+        assert!(error.contains("but `step"), "{error}");
     }
 }

@@ -143,7 +143,7 @@ impl Board {
         }
         assert!(
             !self.failed.load(Ordering::Relaxed),
-            "a helper's share of the work panicked"
+            "another thread panicked in its part of the work"
         );
     }
 

@@ -36,7 +36,7 @@ pub const ABSENT: [Absent; 12] = [
     absent(
         &["capillary", "liquidbridge"],
         "capillary bridges between grains",
-        "state the cohesion of the contact law",
+        "set the cohesion of the contact law",
     ),
     absent(
         &[
@@ -48,7 +48,7 @@ pub const ABSENT: [Absent; 12] = [
             "immiscible",
         ],
         "two fluids, gas and bubbles",
-        "compute one liquid",
+        "compute with one liquid",
     ),
     absent(
         &[
@@ -70,7 +70,7 @@ pub const ABSENT: [Absent; 12] = [
     absent(
         &["temperature", "thermal", "heat", "buoyancy"],
         "heat and buoyancy",
-        "state density and viscosity at the temperature of the water",
+        "set density and viscosity to the values at the temperature of the water",
     ),
     absent(
         &[
@@ -95,8 +95,8 @@ pub const ABSENT: [Absent; 12] = [
             "powerlawfluid",
             "rheology",
         ],
-        "fluids that are not Newtonian",
-        "state one viscosity, at the shear rate of the flow",
+        "non-Newtonian fluids",
+        "use one viscosity, for the shear rate of the flow",
     ),
     absent(
         &[
@@ -119,7 +119,7 @@ pub const ABSENT: [Absent; 12] = [
             "nestedgrid",
         ],
         "grids with local refinement",
-        "choose one spacing for the smallest feature, and run on more ranks",
+        "choose one spacing that resolves the smallest feature, and run on more ranks",
     ),
     absent(
         &["electrostatic", "magnetic", "vanderwaals", "jkr", "dlvo"],

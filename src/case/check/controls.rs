@@ -41,7 +41,7 @@ fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut 
                     "the text contains the control character U+{:04X}",
                     u32::from(c)
                 ),
-                remedy: "write a text of one line without control characters".into(),
+                remedy: "write the text in one line, without control characters".into(),
                 severity: Severity::Error,
             });
         }

@@ -11,8 +11,8 @@ pub(super) fn choose(names: &[&str]) -> String {
 /// Returns the remedy for an unknown name.
 pub(super) fn nearest_remedy(name: &str, known: &[&str]) -> String {
     match nearest(name, known) {
-        _ if known.is_empty() => "remove it: there are no fields here".into(),
-        Some(close) => format!("did you mean `{close}`? Known here: {}", known.join(", ")),
+        _ if known.is_empty() => "remove it: this object has no fields".into(),
+        Some(close) => format!("did you mean `{close}`? Allowed here: {}", known.join(", ")),
         None => format!("remove it, or {}", choose(known)),
     }
 }

@@ -157,7 +157,7 @@ impl Nearest {
         self.others = self.others.min(beyond.abs());
     }
 
-    /// Watches a cell, unless enough others are nearer.
+    /// Adds a cell to the list of watched cells, unless the list is full of nearer cells.
     #[inline(always)]
     fn watch(&mut self, cell: [i32; 3], beyond: f64) {
         if beyond.abs() >= self.others {

@@ -44,7 +44,7 @@ struct Layers<'a> {
 impl BodyMap {
     /// Assigns to each entry of the particles the map of the same body and image, and clears the maps of bodies
     /// that are gone.
-    pub(super) fn adopt<Sp: Space>(&mut self, particles: &Particles<Sp>) {
+    pub(super) fn assign_maps<Sp: Space>(&mut self, particles: &Particles<Sp>) {
         let mut old: HashMap<(u64, [i32; 3]), (Mapped, Vec<BodyLink>)> = self
             .bodies
             .drain(..)

@@ -93,7 +93,7 @@ impl Work for Pairs<'_> {
 impl Alone {
     /// Returns `true` if a sphere of the last update is separate from all others.
     #[must_use]
-    pub(super) fn is(&self, k: usize) -> bool {
+    pub(super) fn is_separate(&self, k: usize) -> bool {
         self.alone[k]
     }
 
@@ -216,7 +216,7 @@ mod tests {
             FractionMethod::Exact,
             3,
         );
-        (0..spheres.len()).map(|k| alone.is(k)).collect()
+        (0..spheres.len()).map(|k| alone.is_separate(k)).collect()
     }
 
     fn sphere(x: f64, radius: f64) -> Sphere {
@@ -274,8 +274,8 @@ mod tests {
                 3,
             );
             // A gap above a quarter of a cell always counts as separate.
-            assert!(x > 18.25 || !alone.is(0), "{x}");
-            assert!(x < 18.75 || alone.is(1), "{x}");
+            assert!(x > 18.25 || !alone.is_separate(0), "{x}");
+            assert!(x < 18.75 || alone.is_separate(1), "{x}");
             x -= 0.01;
         }
     }

@@ -274,9 +274,9 @@ impl JointWater {
         match wide {
             None => Ok(()),
             Some((block, gap)) => Err(Error::Numerical(format!(
-                "a joint at block {block} has opened to {gap:.3e} m at time {:.6e} s, more than `largest_aperture`, \
-                 {limit:e} m: the lattice does not take over joints that open yet; end the run before, or use a larger \
-                 aperture on larger cells",
+                "a joint at block {block} has opened to {gap:.3e} m at time {:.6e} s, more than \
+                 `largest_aperture`, {limit:e} m: the lattice cannot yet compute the water of joints that open \
+                 this far; end the run earlier, or use a larger aperture on larger cells",
                 self.time()
             ))),
         }
@@ -462,7 +462,7 @@ fn gather<S: Space>(
     all.sort_unstable_by_key(|(id, _)| *id);
     if all.len() != expected {
         return Err(Error::Numerical(format!(
-            "{} of {expected} blocks that move in the water of joints are left",
+            "only {} of the {expected} blocks that move in the water of joints remain",
             all.len()
         )));
     }

@@ -474,7 +474,7 @@ impl<Sp: Space> Seepage<Sp> {
                 }
             });
         }
-        self.water.steepen();
+        self.water.update_gradient_magnitudes();
         self.weigh();
         let mut change = 0.0_f64;
         let mut grounds = std::mem::take(&mut self.water.ground);
@@ -540,9 +540,10 @@ impl<Sp: Space> Seepage<Sp> {
         let grid = &self.openness.grid;
         let [x, y, z] = grid.centre(grid.cell(worst));
         format!(
-            "the resistance of the water still changes by {change:.1e} after {rounds} solutions of the pressure; the \
-             water is fastest in the cell at ({x:.6}, {y:.6}, {z:.6}) m, with {:.3e} m/s at a porosity of {:.3}. Use a \
-             larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a smaller `fluid.darcy.coupling_interval`",
+            "the resistance of the water still changes by {change:.1e} after {rounds} solutions of the pressure; \
+             the highest velocity is in the cell at ({x:.6}, {y:.6}, {z:.6}) m: {:.3e} m/s at a porosity of \
+             {:.3}. Use a larger `fluid.darcy.tolerance` (up to 1e-4), larger cells, or a smaller \
+             `fluid.darcy.coupling_interval`",
             size(self.water.flux[worst]),
             self.pores.porosity()[worst]
         )

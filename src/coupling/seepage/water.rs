@@ -115,7 +115,7 @@ impl Water {
     }
 
     /// Computes the magnitudes of the gradients of a restored run.
-    pub(super) fn steepen(&mut self) {
+    pub(super) fn update_gradient_magnitudes(&mut self) {
         for (steepness, gradient) in self.steepness.iter_mut().zip(&self.gradient) {
             *steepness = size(*gradient);
         }

@@ -26,7 +26,7 @@ impl PermeabilityFormula for Ergun {
     }
 
     fn description(&self) -> String {
-        "Ergun, by repeated solutions".into()
+        "Ergun, solved iteratively".into()
     }
 
     fn permeability(&self, porosity: f64, diameter: f64, liquid: Liquid, gradient: f64) -> f64 {

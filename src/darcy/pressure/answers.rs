@@ -7,7 +7,7 @@ use base::number::real;
 use decomposition::ExactSum;
 use serde::Serialize;
 
-/// Steepest exit of water through a patch.
+/// Largest exit gradient on a patch, and its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExitGradient {
     /// Loss of head over length in the half cell below the face, outwards \[1\].

@@ -57,7 +57,7 @@ impl RetentionLaw for Haverkamp {
 
     fn description(&self) -> String {
         format!(
-            "Haverkamp, half drained at {} m, half the permeability at {} m",
+            "Haverkamp, half drained at {} m of suction, half the permeability at {} m",
             self.content_head, self.permeability_head
         )
     }
@@ -110,7 +110,7 @@ impl RetentionLaw for Haverkamp {
                 return Some(Fault {
                     path,
                     reason: format!("this is {value}; it must lie between {least} and {most}"),
-                    remedy: "state heads in m: of a printed A/(A + |psi|^b) the root A^(1/b)"
+                    remedy: "state the head in m: for a published A/(A + |psi|^b) it is A^(1/b)"
                         .into(),
                 });
             }

@@ -41,7 +41,10 @@ impl RetentionLaw for SaturatedOnly {
     }
 
     fn description(&self) -> String {
-        format!("saturated only, surface of {} m", self.capillary_length())
+        format!(
+            "saturated only, phreatic surface {} m thick",
+            self.capillary_length()
+        )
     }
 
     fn state(&self, head: f64) -> SoilState {

@@ -99,7 +99,8 @@ impl RetentionLaw for VanGenuchten {
             return Some(Fault {
                 path: "van_genuchten.alpha",
                 reason: format!("alpha is {} 1/m; it must be positive", self.alpha),
-                remedy: "state the reciprocal of the air-entry suction head in 1/m: values in 1/cm times 100".into(),
+                remedy: "state the reciprocal of the air-entry suction head in 1/m; multiply values in 1/cm by \
+                         100".into(),
             });
         }
         if !(LEAST_N..=MOST_N).contains(&self.n) {

@@ -178,14 +178,14 @@ impl BlockInput {
         if let Some(path) = source {
             report.error(
                 path,
-                "the law of blocks does not prepare grains".into(),
-                "prepare them with another law, and read the saved sample".into(),
+                "the contact law for blocks cannot prepare grains".into(),
+                "prepare them in another run with another law, and read the saved sample".into(),
             );
         }
         if scene.bond_at_start {
             report.error(
                 "grains.bond_at_start",
-                "the law of blocks has no bonds".into(),
+                "the contact law for blocks does not support bonds".into(),
                 "remove it".into(),
             );
         }
@@ -209,12 +209,11 @@ impl<F: From<BlockLaw>> ContactParameters<F> for BlockInput {
         if scene.dimension == 2 {
             report.error(
                 path,
-                "this law is for three dimensions".into(),
+                "this law works in 3-D only".into(),
                 if scene.polyhedra {
-                    "use a domain of three dimensions".into()
+                    "use a 3-D domain".into()
                 } else {
-                    Remedy::from("use linear, or a domain of three dimensions")
-                        .set("contact", linear::example())
+                    Remedy::from("use linear, or a 3-D domain").set("contact", linear::example())
                 },
             );
             return None;

@@ -139,7 +139,7 @@ impl HertzMindlinInput {
         if scene.grains == (Preparation::Deposition { softened: true }) {
             report.error(
                 "grains.initial.deposition.falling_stiffness",
-                "hertz_mindlin has no spring to soften".into(),
+                "hertz_mindlin has no spring stiffness that could be reduced".into(),
                 "remove it, or deposit the grains with a smaller young_modulus in another run and read the saved \
                  sample".into(),
             );
@@ -147,7 +147,7 @@ impl HertzMindlinInput {
         if scene.bond_at_start {
             report.error(
                 "grains.bond_at_start",
-                "hertz_mindlin has no bonds".into(),
+                "hertz_mindlin does not support bonds".into(),
                 "remove it, or use contact_bond".into(),
             );
         }
@@ -166,9 +166,9 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for HertzMindlinInput {
         if scene.dimension == 2 {
             report.error(
                 PATH,
-                "this law is for spheres: the force between two discs in 2-D is not a function of their overlap \
+                "this law is for spheres: in 2-D the force between two discs does not depend on their overlap \
                  alone".into(),
-                Remedy::from("use linear, or a domain of three dimensions").set("contact", linear::example()),
+                Remedy::from("use linear, or a 3-D domain").set("contact", linear::example()),
             );
             return None;
         }

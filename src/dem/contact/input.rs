@@ -124,7 +124,7 @@ pub(super) fn pair_table<P: Clone, O>(
         if seen.contains(&pair) {
             report.error(
                 &format!("{path}.materials"),
-                "this pair is given twice".into(),
+                "this pair of materials is listed twice".into(),
                 "keep one of the two".into(),
             );
         }
@@ -263,7 +263,7 @@ impl Pair {
                 let path = format!("{path}.{name}");
                 report.error(
                     &path,
-                    "this law has no bonds of given strength".into(),
+                    "this law does not support bonds of a given strength".into(),
                     Remedy::take_out("use contact_bond, or remove it", &path),
                 );
             }

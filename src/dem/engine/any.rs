@@ -155,11 +155,11 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
     }
 
     fn open_walls(&mut self, walls: &[usize]) {
-        self.swing_walls(walls, true);
+        self.set_walls_open(walls, true);
     }
 
     fn close_walls(&mut self, walls: &[usize]) {
-        self.swing_walls(walls, false);
+        self.set_walls_open(walls, false);
     }
 
     fn save(&self) -> Contacts {

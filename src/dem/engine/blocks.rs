@@ -265,7 +265,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
         walls: Vec<Wall<S>>,
     ) -> Result<Engine<S, Self>, Error> {
         if S::DIMENSION != 3 {
-            let what = "a contact law of blocks in two dimensions";
+            let what = "a contact law for blocks does not work in two dimensions";
             return Err(Error::Numerical(what.into()));
         }
         let mut engine = Engine::new(law, settings, walls);

@@ -39,7 +39,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         {
             None => Ok(()),
             Some((_, body)) => Err(Error::Internal(format!(
-                "body {} is a block, under a contact law of spheres",
+                "body {} is a block, but the contact law is for spheres",
                 body.id
             ))),
         }

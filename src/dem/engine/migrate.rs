@@ -69,7 +69,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 let id = reader.integer()?;
                 let mut small = || {
                     u32::try_from(reader.integer()?)
-                        .map_err(|_| Error::Internal("a wall beyond 32 bits".into()))
+                        .map_err(|_| Error::Internal("the index of a wall exceeds 32 bits".into()))
                 };
                 let (wall, facet) = (small()?, small()?);
                 let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;

@@ -103,7 +103,7 @@ pub enum BlockContactModel {
     Patch,
     /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
-        /// Rounding of the corners [m]: more than an overlap, much less than a block.
+        /// Radius to which corners are rounded [m]: larger than an overlap, much smaller than a block.
         #[schemars(extend("exclusiveMinimum" = 0))]
         rounding: f64,
     },

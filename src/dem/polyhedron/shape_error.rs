@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// Too few items.
-    #[error("{found} {what}, where a block needs at least {least}")]
+    #[error("the block has {found} {what}, but needs at least {least}")]
     Few {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
@@ -14,7 +14,7 @@ pub enum ShapeError {
         least: usize,
     },
     /// Too many items.
-    #[error("{found} {what}, where at most {most} are allowed")]
+    #[error("the block has {found} {what}, but at most {most} are allowed")]
     Many {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
@@ -48,14 +48,14 @@ pub enum ShapeError {
         gap: f64,
     },
     /// Half-spaces that leave a direction open.
-    #[error("the half-spaces are not bounded towards ({}, {}, {})", .direction[0], .direction[1], .direction[2])]
+    #[error("the half-spaces do not bound the block towards ({}, {}, {})", .direction[0], .direction[1], .direction[2])]
     Unbounded {
         /// Unit vector along which the solid is unbounded.
         direction: [f64; 3],
     },
     /// Corner outside the plane of a facet.
     #[error(
-        "the surface is not convex: a corner stands {height:e} m outside the plane of triangle {triangle}"
+        "the surface is not convex: a corner lies {height:e} m outside the plane of triangle {triangle}"
     )]
     NotConvex {
         /// Number of the triangle.
@@ -64,7 +64,10 @@ pub enum ShapeError {
         height: f64,
     },
     /// Surface with holes, or with triangles of wrong orientation.
-    #[error("the triangles do not close: they enclose {enclosed:e} m³ of a block of {volume:e} m³")]
+    #[error(
+        "the triangles do not form a closed surface: they enclose {enclosed:e} m³ of a block of {volume:e} \
+             m³"
+    )]
     NotClosed {
         /// Volume by the sum over triangles \[m³\].
         enclosed: f64,

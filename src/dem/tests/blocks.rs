@@ -500,20 +500,20 @@ fn what_blocks_cannot_do_is_refused() {
     );
     assert!(refusal(flat.map(|_| ())).contains("two dimensions"));
     let settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-4, 0.1);
-    // Shapes that are not in the table, and blocks under a law of spheres.
+    // Shapes that are not in the table, and blocks under a law is for spheres.
     let shape = cuboid(0.1, 0.1, 0.1);
     let mut particles = Particles::<Volume>::new();
     let body = Body::of_block(1, &shape, DENSITY, 0);
     let still = Motion::default();
     let turn = UnitQuaternion::identity();
-    assert!(refusal(particles.add_block(body, still, 0, turn)).contains("table of 0"));
+    assert!(refusal(particles.add_block(body, still, 0, turn)).contains("table has 0"));
     particles.set_shapes([shape].into()).unwrap();
     particles.add_block(body, still, 0, turn).unwrap();
     let mut spheres = linear(SPRINGS, settings, vec![]);
-    assert!(refusal(spheres.prepare(&mut particles, &alone())).contains("law of spheres"));
+    assert!(refusal(spheres.prepare(&mut particles, &alone())).contains("law is for spheres"));
     let mut restored = Particles::<Volume>::from_table(&particles.table()).unwrap();
     let mut dem = Dem::new(law(1e8, 0.5, 0.0, 0.0), settings, vec![]).unwrap();
-    assert!(refusal(dem.prepare(&mut restored, &alone())).contains("table of 0"));
+    assert!(refusal(dem.prepare(&mut restored, &alone())).contains("table has 0"));
     assert!(
         Particles::<PlaneSpace>::new()
             .set_shapes(Arc::default())
@@ -526,7 +526,7 @@ fn the_critical_step_is_that_of_the_largest_face() {
     let shape = cuboid(0.1, 0.2, 0.4);
     let body = Body::of_block(1, &shape, DENSITY, 0);
     let Law::Blocks(springs) = law(1e9, 0.5, 0.0, 0.0) else {
-        panic!("a law of blocks");
+        panic!("a contact law for blocks");
     };
     // m = rho a b c, k = 1e9 b c: sqrt(rho a/1e9).
     let expected = (DENSITY * 0.1 / 1e9_f64).sqrt();

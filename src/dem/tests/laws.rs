@@ -764,7 +764,7 @@ fn a_lost_grain_is_named() {
         .unwrap_err()
         .to_string();
     assert!(
-        error.contains("grain 42 is more than a box length outside"),
+        error.contains("grain 42 is more than one domain length outside"),
         "{error}"
     );
     let mut particles = Particles::new();

@@ -84,7 +84,7 @@ fn a_plate_reaches_its_stress() {
     assert!((plate(&dem).velocity.x - 0.01).abs() < 1e-15);
     assert!(plate(&dem).velocity.y.abs() < 1e-8, "{:?}", plate(&dem));
     // It follows another stress, down to none.
-    dem.aim_servo(0, 1e3);
+    dem.set_servo_stress(0, 1e3);
     dem.advance_many(&mut particles, &domain, 20_000).unwrap();
     let height = 4.0 * RADIUS - plate(&dem).point.y;
     approx::assert_relative_eq!(height, 0.2 * known, max_relative = 1e-6);

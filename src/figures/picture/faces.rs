@@ -38,7 +38,7 @@ impl Faces {
         };
         let corners: Option<Vec<Vec<usize>>> = starts.windows(2).map(face).collect();
         let Some(corners) = corners else {
-            return Err(failed(path, "names corners that it does not hold"));
+            return Err(failed(path, "refers to corners that it does not contain"));
         };
         let column = read(quantity)?;
         Ok(Self {

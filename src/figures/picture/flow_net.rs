@@ -106,22 +106,22 @@ impl FlowNet {
             array.iter().map(Value::as_f64).collect()
         };
         let (Some(origin), Some(spacing)) = (numbers("Origin"), numbers("Spacing")) else {
-            return Err(failed(path, "is no image with origin and spacing"));
+            return Err(failed(path, "is not an image with origin and spacing"));
         };
         let read = |name: &str| {
             read_column(path, name).map_err(|_| {
                 failed(
                     path,
                     format!(
-                        "holds no {name}, which a flow net needs: write \"fields\": [\"velocity\", \"head\", \
-                         \"stream_function\"] in output.fluid"
+                        "does not contain {name}, which a flow net needs: write \"fields\": [\"velocity\", \
+                         \"head\", \"stream_function\"] in output.fluid"
                     ),
                 )
             })
         };
         let (head, stream) = (read("head")?, read("stream_function")?);
         let [1, rows, columns] = head.shape[..3.min(head.shape.len())] else {
-            return Err(failed(path, "is no plane flow"));
+            return Err(failed(path, "is not a plane flow"));
         };
         let drains = read_column(path, "saturation").is_ok();
         let pressure = drains.then(|| read_column(path, "pressure").ok()).flatten();

@@ -31,7 +31,7 @@ impl Arrows {
         if column.shape.get(1) != Some(&3) {
             return Err(failed(
                 path,
-                format!("{quantity} is no vector of the grains"),
+                format!("{quantity} is not a vector of the grains"),
             ));
         }
         Ok(Self {
@@ -101,7 +101,7 @@ impl Network {
                 forces: forces.values,
                 units: forces.units.unwrap_or_default(),
             }),
-            _ => Err(failed(path, "names ends that it does not hold")),
+            _ => Err(failed(path, "refers to ends that it does not contain")),
         }
     }
 

@@ -21,7 +21,7 @@ impl FromStr for Section {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("`{text}` is no plane such as y=0.08");
+        let wrong = || format!("`{text}` is not a plane; write for example y=0.08");
         let (axis, at) = text.split_once('=').ok_or_else(wrong)?;
         let axis = ["x", "y", "z"].iter().position(|name| *name == axis.trim());
         let at: f64 = at.trim().parse().map_err(|_| wrong())?;

@@ -47,8 +47,8 @@ pub struct ConvectiveOutflow {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity: Option<f64>,
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the
-    /// pressure floats.
+    /// Mean pressure over the face above the reference [Pa]. Default: 0 if no opening imposes a pressure; otherwise the
+    /// flow determines the pressure.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }

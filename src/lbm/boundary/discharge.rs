@@ -19,9 +19,9 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A discharge into water with a free surface: one velocity over the wet part of the face, whose level is free. Over a
-/// bed that is dry or carries less water it enters at its critical depth. A stream that enters faster has its
-/// velocity and its depth imposed: `velocity` on a patch.
+/// A discharge into water with a free surface: a uniform velocity over the wet part of the face, where the flow
+/// determines the level. Over a bed that is dry or carries less water, the discharge enters at its critical depth. For
+/// a supercritical inflow impose velocity and depth by `velocity` on a patch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -29,8 +29,8 @@ pub struct Discharge {
     /// Discharge into the domain [m3/s; in 2-D m2/s], 0 or more.
     #[schemars(range(min = 0.0))]
     pub value: f64,
-    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between, constant before
-    /// and after; two values at one time are a jump.
+    /// Table of times [s] and discharges [m3/s; in 2-D m2/s] that replace the value: linear between the rows, constant
+    /// before and after; two values at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }
@@ -59,8 +59,8 @@ impl BoundaryModel for Discharge {
         {
             report.error(
                 &path,
-                "a discharge enters the domain: it is 0 or more".into(),
-                "let water out by `level`, `outfall` or a `velocity` that points out of the domain"
+                "a discharge flows into the domain and must be 0 or more".into(),
+                "for an outlet use `level`, `outfall` or a `velocity` that points out of the domain"
                     .into(),
             );
         }

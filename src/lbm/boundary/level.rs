@@ -19,17 +19,17 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Water with a free surface outside: below its level the pressure is that of the depth, above it that of the air, and
-/// the velocity along the face is zero. Water enters or leaves as the flow has it. The level is that at the face: a
-/// stream that enters has its velocity head in addition. Waves are reflected.
+/// Open water of a given level outside the face: the pressure is hydrostatic below the level and that of the air above
+/// it, and the velocity along the face is zero. The flow determines whether water enters or leaves. The level applies
+/// at the face, so that an entering stream has its velocity head in addition. Waves are reflected.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Level {
     /// Level outside [m] along the axis of gravity, measured from the lower corner of the domain.
     pub value: f64,
-    /// Table of times [s] and levels [m] that replace the value: linear between, constant before and after; two levels
-    /// at one time are a jump.
+    /// Table of times [s] and levels [m] that replace the value: linear between the rows, constant before and after;
+    /// two levels at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

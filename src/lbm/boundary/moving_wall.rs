@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 pub struct MovingWall {
     /// Velocity of the wall, tangential to the face [m/s].
     pub velocity: Vector,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity: linear
-    /// between, constant before and after; two factors at one time are a jump.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the velocity [1]: linear
+    /// between the rows, constant before and after; two factors at one time are a jump. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }
@@ -47,9 +47,9 @@ impl BoundaryModel for MovingWall {
         if velocity[site.face.axis()] != 0.0 {
             report.error(
                 &path,
-                "a wall slides in its own plane, but this velocity has a part normal to the face"
+                "a wall can only slide in its own plane, but this velocity has a component normal to the face"
                     .into(),
-                "make that component 0, or impose a velocity".into(),
+                "set that component to 0, or impose a velocity".into(),
             );
         }
         if let Some(table) = &self.history {

@@ -11,9 +11,9 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A free outfall of water with a free surface: what reaches the face leaves as a free jet, with the pressure of the
-/// air at the face, and nothing comes back. A stream that is subcritical at the face passes the critical depth within
-/// some depths in front of it.
+/// A free outfall of water with a free surface: water that reaches the face leaves as a free jet at the pressure of the
+/// air, and no water returns. A subcritical stream passes through its critical depth within a few depths in front of
+/// the face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Outflow {
-    /// Mean pressure over the face above the reference [Pa]. Default: 0 where no opening imposes a pressure; else the
-    /// pressure floats.
+    /// Mean pressure over the face above the reference [Pa]. Default: 0 if no opening imposes a pressure; otherwise the
+    /// flow determines the pressure.
     #[serde(default)]
     pub mean_pressure: Option<f64>,
 }

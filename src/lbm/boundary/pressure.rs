@@ -43,22 +43,22 @@ use serde::{Deserialize, Serialize};
 pub struct Pressure {
     /// Pressure above the reference [Pa].
     pub value: f64,
-    /// Linear change to `value`. Without it the pressure acts at once and causes a pressure wave.
+    /// Linear change to `value`. Default: the pressure acts at once, which causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
-    /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` then holds on the mean over several
-    /// times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps `value` at every
-    /// step. Default: `absorb` where this is the only opening besides imposed velocities, else `reflect`.
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` is then imposed as a mean over
+    /// several transit times of sound through the domain, and exactly once the flow is steady. `reflect` keeps `value`
+    /// at every step. Default: `absorb` if all other openings impose velocities, otherwise `reflect`.
     #[serde(default)]
     pub sound: Option<Sound>,
-    /// Extent over the face at which the pressure holds. `mean`: on the mean; eddies leave, and the pressure varies
-    /// over the face. `each_cell`: in each cell, with no velocity along the face. Default: `mean` where this is the
-    /// only opening besides imposed velocities, else `each_cell`.
+    /// Extent over which the pressure is imposed. `mean`: as the mean over the face; eddies leave, and the pressure
+    /// varies over the face. `each_cell`: in each cell, without velocity along the face. Default: `mean` if all other
+    /// openings impose velocities, otherwise `each_cell`.
     #[serde(default)]
     pub held: Option<Held>,
-    /// Gradient of the pressure over the face [Pa/m], with no part along its normal; `value` then holds in the
-    /// middle of the opening, and the pressure in each cell. Water at rest in the gravity g has ρ g. Default: none;
-    /// a pressure that holds on the mean has the gradient of the flow.
+    /// Gradient of the pressure over the face [Pa/m], without a component normal to it; `value` is then the pressure in
+    /// the middle of the opening, and the pressure is imposed in each cell. Water at rest under the gravity g has the
+    /// gradient ρ g. Default: none; with `mean` the flow determines the gradient.
     #[serde(default)]
     pub gradient: Option<Vector>,
 }
@@ -67,9 +67,9 @@ pub struct Pressure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Held {
-    /// In each cell.
+    /// Imposed in each cell.
     EachCell,
-    /// On the mean over the face.
+    /// Imposed as the mean over the face.
     Mean,
 }
 
@@ -148,17 +148,17 @@ impl BoundaryModel for Pressure {
         if along[site.face.axis()] != 0.0 {
             report.error(
                 &path,
-                "the gradient of a pressure on a face has no part along the normal of the face"
-                    .into(),
-                "make that component 0".into(),
+                "the pressure gradient on a face cannot have a component normal to the face".into(),
+                "set that component to 0".into(),
             );
         }
         if self.held == Some(Held::Mean) {
             report.error(
                 &path,
-                "a pressure imposed on the mean has the gradient of the flow, so that none can be stated"
+                "with a pressure that is imposed as a mean, the flow determines the gradient, and it cannot be \
+                 prescribed"
                     .into(),
-                "leave the gradient out, or write \"held\": \"each_cell\"".into(),
+                "remove the gradient, or write \"held\": \"each_cell\"".into(),
             );
         }
     }

@@ -27,26 +27,26 @@ pub type ReadTable<'a> = &'a dyn Fn(&Path) -> Result<VelocityTable, String>;
 pub enum VelocityProfile {
     /// Uniform velocity [m/s]: the list of the components, or an object with `velocity`.
     Uniform(UniformVelocity),
-    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, s
-    /// from 0 to 1 between the ends of the patch. Round a periodic axis that the patch spans nothing bounds the flow:
-    /// it has no factor.
+    /// A parabola over the face or patch, along the inward normal: a factor 4 s (1 - s) for each axis of the face, with
+    /// s from 0 to 1 between the ends of the patch. A periodic axis that the patch spans has no factor, because no wall
+    /// bounds the flow along it.
     Parabolic {
         /// Velocity at the centre [m/s]. A positive value flows into the domain.
         peak: f64,
     },
-    /// A power law from the walls at the ends of the patch, along the inward normal: u grows as the distance from the
-    /// nearest wall to the exponent, and has the stated mean. Turbulent flow in ducts and channels.
+    /// A power law for turbulent flow in ducts and channels, along the inward normal: u is proportional to the distance
+    /// from the nearest wall, at the ends of the patch, raised to the exponent, and has the given mean.
     PowerLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
-        /// The exponent [1]; a seventh in smooth ducts at Reynolds numbers near 1e5 (Schlichting 1979).
+        /// Exponent [1]: one seventh in smooth ducts at Reynolds numbers near 1e5 (Schlichting 1979).
         #[serde(default = "seventh")]
         #[schemars(range(min = 0, max = 1))]
         exponent: f64,
     },
-    /// The law of the rough wall, along the inward normal: u grows as ln(1 + 30 y/k) with the distance y from the
-    /// nearest wall at the ends of the patch and the roughness k (Nikuradse 1933), and has the stated mean. Rivers,
-    /// canals and rough ducts.
+    /// The logarithmic law of rough walls for rivers, canals and rough ducts, along the inward normal: u is
+    /// proportional to ln(1 + 30 y/k), with the distance y from the nearest wall at the ends of the patch and the
+    /// roughness k (Nikuradse 1933), and has the given mean.
     LogLaw {
         /// Mean velocity over the patch [m/s]. A positive value flows into the domain.
         mean: f64,
@@ -54,7 +54,7 @@ pub enum VelocityProfile {
         #[schemars(extend("exclusiveMinimum" = 0))]
         roughness: f64,
     },
-    /// From a table.
+    /// Velocities from a table in a file.
     File {
         /// Table, relative to the case, whose first line names the columns: the tangential coordinates (`y` and, in
         /// 3-D, `z` on a face across x) [m] and the velocity components `u`, `v` and, in 3-D, `w` [m/s]. Values are

@@ -46,10 +46,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sound {
-    /// Lets plane waves out, and keeps the imposed value on the mean over several times that sound takes through the
-    /// domain.
+    /// Lets plane waves out, and imposes the value as a mean over several transit times of sound through the domain.
     Absorb,
-    /// Keeps the imposed value at every step, and returns sound.
+    /// Imposes the value at every step, which reflects sound.
     Reflect,
 }
 

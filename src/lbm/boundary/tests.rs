@@ -88,8 +88,8 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     );
 }
 
-/// Leakage from a box of fluid above its reference density: the water leaves through the toy boundary, as counted
-/// by its flux, and nowhere else.
+/// Leakage from a box of fluid above its reference density: the flux through the toy boundary equals the loss of mass,
+/// so that no water leaves through other faces.
 fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     let (toy, _) = resolved(&format!(r#"{{"toy": {{"returned": {returned}}}}}"#));
     let place = Place {

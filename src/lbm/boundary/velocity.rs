@@ -31,21 +31,23 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Velocity {
-    /// The profile over the face or patch.
+    /// Velocity profile over the face or patch.
     pub profile: VelocityProfile,
     /// Time over which the velocity grows linearly from zero [s], counted from the first fluid step, warm-up included.
+    /// Default: the full velocity from the first step on.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub ramp_time: Option<f64>,
-    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile: linear
-    /// between, constant before and after; two factors at one time are a jump. A factor below 0 draws the water out.
+    /// Table of times [s], counted from the first fluid step, warm-up included, and factors of the profile [1]: linear
+    /// between the rows, constant before and after; two factors at one time are a jump. A factor below 0 reverses the
+    /// flow. Default: constant.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
-    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity.
+    /// Turbulent fluctuations of the inflow. The profile is then the mean velocity. Default: none.
     #[serde(default)]
     pub turbulence: Option<Fluctuations>,
-    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the mean of the profile then holds over
-    /// several times that sound takes through the domain, and exactly once the flow is steady. `reflect` keeps the
+    /// Behaviour of the opening for sound. `absorb` lets plane waves out; the profile is then imposed as a mean over
+    /// several transit times of sound through the domain, and exactly once the flow is steady. `reflect` keeps the
     /// profile at every step.
     #[serde(default = "reflect")]
     pub sound: Sound,
@@ -65,8 +67,8 @@ const KIND: BoundaryKind = BoundaryKind {
 };
 
 const OUTWARD: &str =
-    "turbulence is carried in by the mean flow, but this profile does not flow into the domain";
-const TURN_ROUND: &str = "turn the profile round, or take the turbulence out";
+    "the mean flow carries the turbulence into the domain, but this profile points out of it";
+const TURN_ROUND: &str = "reverse the profile, or remove `turbulence`";
 
 impl BoundaryModel for Velocity {
     fn kind(&self) -> BoundaryKind {
@@ -83,7 +85,7 @@ impl BoundaryModel for Velocity {
             report.error(
                 &path,
                 "an opening through which turbulence enters does not absorb sound".into(),
-                "let the outlet absorb it, and take this field out".into(),
+                "let the outlet absorb sound, and remove this field".into(),
             );
         }
         if let Some(table) = &self.history {
@@ -209,7 +211,7 @@ fn synthetic(
         return Err(Error::Case(vec![Problem {
             path: site.path.into(),
             value: format!("mean velocity of {speed} into the domain, in lattice units"),
-            reason: "turbulence is carried in by the mean flow, but the profile does not flow in"
+            reason: "the mean flow carries the turbulence into the domain, but the profile points out of it"
                 .into(),
             remedy: TURN_ROUND.into(),
             severity: Severity::Error,

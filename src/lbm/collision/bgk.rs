@@ -39,7 +39,9 @@ impl CollisionModel for BgkParameters {
         let tau = number(relaxation_time);
         Description::new(
             "BGK",
-            format!("requested; walls lie half-way only near tau 0.933 (here {tau})"),
+            format!(
+                "requested; walls lie half-way between cells only near tau = 0.933 (here tau = {tau})"
+            ),
         )
     }
 

@@ -63,8 +63,9 @@ pub struct MrtParameters {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub bulk: Option<f64>,
-    /// Rate of all moments above the second order that are not given [1]. Default: the rates of Suga et al. A rate of 1
-    /// relaxes them fully in one step, as other codes do by default, and saves two fifths of the arithmetic.
+    /// Rate of all moments above the second order whose own rate is not given [1]. Default: the rates of Suga et al. A
+    /// rate of 1 relaxes these moments to equilibrium in one step, as other codes do by default, and saves two fifths
+    /// of the arithmetic.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 2))]
     pub higher: Option<f64>,

@@ -109,9 +109,9 @@ impl CollisionModel for SugaParameters {
             return (relaxation_time < SECOND_ORDER_GROWS).then(|| {
                 finding(
                     Severity::Warning,
-                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest with the \
-                        higher moments at 1"),
-                    "use mrt, of which none grow".into(),
+                    format!("{at}: below {SECOND_ORDER_GROWS} short waves grow slowly in water at rest if the \
+                             rates of the higher moments are 1"),
+                    "use mrt, with which no waves grow".into(),
                     json!({"mrt": {"higher": 1}}),
                 )
             });
@@ -121,13 +121,14 @@ impl CollisionModel for SugaParameters {
         }
         let reason = format!(
             "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of \
-             three cells are linearly unstable from {GROWS} on"
+             three cells are linearly unstable for tau of {GROWS} and above"
         );
-        let remedy = format!("use mrt, of which none grow at rest, or a tau below {GROWS}");
+        let remedy =
+            format!("use mrt, with which no waves grow in water at rest, or a tau below {GROWS}");
         let (severity, reason) = if relaxation_time >= FAILS {
             (
                 Severity::Unstable,
-                format!("{reason}, and runs failed from {FAILS} on"),
+                format!("{reason}, and runs failed for tau of {FAILS} and above"),
             )
         } else {
             (Severity::Warning, reason)

@@ -72,10 +72,10 @@ impl<S: Stored> Fluid<S> {
             unsafe { gpu.give(self.populations.numbers())? };
             self.shared_with_gpu = true;
         }
-        self.populations.set_away(true);
+        self.populations.set_on_device(true);
         for _ in 0..steps {
             if let Some(cover) = &mut self.cover {
-                gpu.give_cover(cover)?;
+                gpu.send_cover(cover)?;
                 gpu.clear_loads(cover)?;
             }
             #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
@@ -114,9 +114,9 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn give_cover(&mut self) -> Result<(), String> {
+    pub fn send_cover(&mut self) -> Result<(), String> {
         match (&mut self.gpu, &mut self.cover) {
-            (Some(gpu), Some(cover)) if self.populations.are_away() => gpu.give_cover(cover),
+            (Some(gpu), Some(cover)) if self.populations.are_on_device() => gpu.send_cover(cover),
             _ => Ok(()),
         }
     }
@@ -147,7 +147,7 @@ impl<S: Stored> Fluid<S> {
     /// Returns `true` if the populations are on a GPU.
     #[must_use]
     pub fn is_away(&self) -> bool {
-        self.populations.are_away()
+        self.populations.are_on_device()
     }
 
     /// Copies the populations back from a GPU, if they are there.
@@ -156,9 +156,9 @@ impl<S: Stored> Fluid<S> {
     /// If the GPU fails.
     pub fn fetch(&mut self) -> Result<(), String> {
         if let Some(gpu) = &self.gpu
-            && self.populations.are_away()
+            && self.populations.are_on_device()
         {
-            self.populations.set_away(false);
+            self.populations.set_on_device(false);
             gpu.take(self.populations.numbers_mut())?;
         }
         Ok(())
@@ -168,7 +168,10 @@ impl<S: Stored> Fluid<S> {
     /// [`Populations::rows`]; `None` if they are on the host. The list is empty if the GPU fails, which the next
     /// step reports.
     pub(crate) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
-        let gpu = self.gpu.as_ref().filter(|_| self.populations.are_away())?;
+        let gpu = self
+            .gpu
+            .as_ref()
+            .filter(|_| self.populations.are_on_device())?;
         let found = gpu.extremes(self.populations.parity(), self.half_force());
         let found = found.unwrap_or_else(|error| {
             log::error!("{error}");
@@ -190,7 +193,7 @@ impl<S: Stored> Fluid<S> {
     pub fn row_moments(&self, [plane, row]: [usize; 2], moments: &mut [Vec<f64>; 4]) {
         let [slow, middle, fast] = self.populations.order();
         match &self.gpu {
-            Some(gpu) if self.populations.are_away() => {
+            Some(gpu) if self.populations.are_on_device() => {
                 let (parity, at) = (self.populations.parity(), [to_u32(plane), to_u32(row)]);
                 if let Err(error) = gpu.row_moments(parity, at, moments) {
                     log::error!("{error}");

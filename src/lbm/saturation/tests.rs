@@ -573,7 +573,7 @@ solid_operators! {
     toy Toy,
 }
 
-/// The toy is its file and its line in the list above.
+/// The toy operator needs only its own file and one line in the list above.
 #[test]
 fn a_solid_operator_is_one_file_and_one_line() {
     let toy: Operators = serde_json::from_str("\"toy\"").unwrap();

@@ -72,7 +72,7 @@ impl Cells {
     }
 
     /// Clears the mark set by [`Self::feed`].
-    pub(super) fn starve(&mut self, cell: usize) {
+    pub(super) fn clear_feed(&mut self, cell: usize) {
         if let Some(bits) = self.closed.get_mut(cell) {
             *bits &= !1;
         }

@@ -72,7 +72,7 @@ pub(super) fn shore<S: Stored>(
 }
 
 /// Sets the populations to zero that gas cells in the vectors of the pass have sent.
-pub(super) fn silence<L: Lattice<Q>, S: Stored, const Q: usize>(
+pub(super) fn clear_gas_populations<L: Lattice<Q>, S: Stored, const Q: usize>(
     planes: &mut [Plane],
     populations: &mut Populations<S>,
 ) {

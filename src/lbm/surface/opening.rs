@@ -358,7 +358,7 @@ impl Opening {
     /// Clears the marks of the cells.
     pub(super) fn clear(&self, cells: &mut Cells) {
         for face in &self.faces {
-            cells.starve(face.cell);
+            cells.clear_feed(face.cell);
         }
     }
 

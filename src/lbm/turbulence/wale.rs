@@ -60,9 +60,9 @@ impl TurbulenceModel for Wale {
         (dimension == 2).then(|| Finding {
             path: format!("{path}.wale"),
             reason:
-                "WALE is made for turbulence, which is 3-D; in 2-D it is not zero in laminar flow"
+                "WALE is a model of 3-D turbulence; in 2-D its eddy viscosity does not vanish in laminar flow"
                     .into(),
-            remedy: Remedy::from("use smagorinsky, or a domain in 3-D")
+            remedy: Remedy::from("use smagorinsky, or a 3-D domain")
                 .set(path, json!({"smagorinsky": {}})),
             severity: Severity::Error,
         })

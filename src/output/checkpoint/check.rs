@@ -54,7 +54,7 @@ impl Expected {
         // The steps of a preparation are counted separately.
         if self.prepared && manifest.step > self.steps {
             return Err(format!(
-                "it is of step {}, and the case ends at step {}",
+                "it was written at step {}, but the case ends at step {}",
                 manifest.step, self.steps
             ));
         }
@@ -107,7 +107,7 @@ impl Expected {
             };
             if array.kind != *kind || array.shape != *shape {
                 return Err(format!(
-                    "its array {} has the shape {:?} of {:?}, and that of the case has {shape:?} of {kind:?}",
+                    "its array {} has the shape {:?} and the type {:?}; the case needs {shape:?} and {kind:?}",
                     array.name, array.shape, array.kind
                 ));
             }
@@ -137,7 +137,7 @@ impl Expected {
             };
             if rows > most {
                 return Err(format!(
-                    "it holds {rows} {kind}, and the case has {most} at most"
+                    "it holds {rows} {kind}, but the case has at most {most}"
                 ));
             }
             for column in attributes["columns"][n].as_array().into_iter().flatten() {
@@ -147,7 +147,12 @@ impl Expected {
                 let values = match values {
                     "real" => Kind::F64,
                     "whole" => Kind::U64,
-                    other => return Err(format!("its {kind} have a column of {other} numbers")),
+                    other => {
+                        return Err(format!(
+                            "a column of its {kind} has an unknown type or {other} numbers \
+                                                 per row"
+                        ));
+                    }
                 };
                 if rows > 0 {
                     known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
@@ -308,7 +313,7 @@ impl StateLimits {
             // In a scene with blocks, spheres have the identity as orientation, or zeros.
             let mut squares = squares.filter(|square| *square > 0.0);
             if squares.any(|square| (square - 1.0).abs() > 1e-6) {
-                return wrong("an orientation of the grains is no rotation");
+                return wrong("an orientation of a grain is not a rotation");
             }
         }
         Ok(())
@@ -335,7 +340,7 @@ impl StateLimits {
 }
 
 fn wrong(what: &str) -> Result<(), Error> {
-    Err(Error::Io(format!("the checkpoint: {what}")))
+    Err(Error::Io(format!("the checkpoint cannot be used: {what}")))
 }
 
 /// Returns `true` if all numbers lie in a range; none is NaN.

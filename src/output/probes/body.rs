@@ -98,7 +98,7 @@ fn body<S: Space>(view: &StateView<S>, id: u64) -> Result<[f64; 21], Error> {
         let (numbers, rest) = message.as_chunks::<8>();
         if !rest.is_empty() || !(numbers.is_empty() || numbers.len() == values.len()) {
             return Err(Error::Internal(format!(
-                "{} bytes about body {id}",
+                "a message about body {id} has {} bytes, which is not the expected length",
                 message.len()
             )));
         }

@@ -79,7 +79,7 @@ impl Wall {
         let whole = communicator.all_true(fluxes.len() == self.faces.len() + Face::ALL.len());
         if !whole {
             return Err(Error::Internal(
-                "the fluid has other patches than the scene".into(),
+                "the patches of the fluid differ from those of the scene".into(),
             ));
         }
         let mut total = Flux::default();

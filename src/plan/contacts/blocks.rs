@@ -177,22 +177,22 @@ pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
     match (law.model, pair.stiffness) {
         (BlockContactModel::Point { .. }, _) => findings.unstable(
             "contact.blocks.model",
-            "points of contact have no energy: in runs free blocks without damping gained up to 17 % of it in an \
-             impact of edges or corners",
+            "the model `point` does not conserve energy: in runs, free blocks without damping gained up to 17 % \
+             of their energy in an impact of edges or corners",
             remedy(),
         ),
         (_, Stiffness::PerContact { .. }) => findings.warn(
             "contact.blocks.normal_stiffness",
-            "with a stiffness per contact contacts have no energy: in runs free blocks without damping changed theirs \
-             by half over a thousand impacts",
+            "a stiffness per contact does not conserve energy: in runs, the energy of free blocks without \
+             damping changed by half over a thousand impacts",
             Remedy::from(
                 "use a stiffness `per_area` with the model `pressure`, or a normal damping ratio of 0.05 or more",
             ),
         ),
         (BlockContactModel::Patch, Stiffness::PerArea { .. }) => findings.warn(
             "contact.blocks.model",
-            "patches of contact have nearly an energy: in runs free blocks without damping gained or lost up to 8 % \
-             of it over a thousand impacts",
+            "the model `patch` conserves energy only approximately: in runs, free blocks without damping gained \
+             or lost up to 8 % of their energy over a thousand impacts",
             remedy(),
         ),
         (BlockContactModel::Pressure, Stiffness::PerArea { .. }) => {}

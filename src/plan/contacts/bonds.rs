@@ -55,8 +55,9 @@ pub(super) fn none(scene: &Scene, law: &dyn ContactModel, findings: &mut Finding
     if !held && bonded.is_continue() && !list.is_empty() {
         findings.warn(
             "grains.bond_at_start",
-            "no grain overlaps another at the start, so that there is nothing to bond",
-            "let neighbours overlap by a little, such as 1e-6 of a diameter, or use contact_bond with a bonding_gap",
+            "no grain overlaps another at the start, so that no bond can be made",
+            "let neighbours overlap slightly, such as by 1e-6 of a diameter, or use contact_bond with a \
+             bonding_gap",
         );
     }
 }

@@ -258,8 +258,8 @@ fn points_of_contact_want_damping() {
     assert!(!said(json!("pressure"), 0.0, "free"));
 }
 
-/// Three discs with strong dashpots: the automatic step is one that the program accepts, and a stated one above the
-/// limit is not.
+/// Three discs with strong dashpots: the program accepts its automatic time step and refuses a time step of the case
+/// above the limit.
 #[test]
 fn the_automatic_step_is_accepted() {
     let pile = |damping: f64, time: Value| {

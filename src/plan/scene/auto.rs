@@ -194,8 +194,8 @@ fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
         findings.warn(
             path,
             format!(
-                "no water passes along {axis}: the solids touch across the domain, and even at the widest place there \
-                 is no {}",
+                "no water can pass along {axis}: the solids touch across the domain, and even the widest opening \
+                 has no {}",
                 gap.what
             ),
             "move the solids apart, or make them smaller",

@@ -89,8 +89,8 @@ pub(crate) fn blocks(
     if grid.dimension == 2 {
         findings.error(
             "blocks",
-            "blocks are for three dimensions",
-            "give the domain a third size",
+            "blocks require a 3-D domain",
+            "add a third value to `domain.size`",
         );
         return None;
     }
@@ -117,7 +117,7 @@ pub(crate) fn blocks(
         findings.error(
             "blocks.initial",
             format!(
-                "the centroid of block {n} lies outside the domain, and those of {} in all",
+                "the centroid of block {n} lies outside the domain; this is the case for {} blocks in total",
                 number(all)
             ),
             "move them inside, or make the domain larger",
@@ -146,7 +146,7 @@ fn jointed(
         findings.error(
             &format!("{path}.sets"),
             format!(
-                "the joints make up to {} blocks; at most {}",
+                "the joints cut up to {} blocks; at most {} are allowed",
                 number(blocks),
                 number(MOST_BLOCKS)
             ),
@@ -159,7 +159,8 @@ fn jointed(
         findings.error(
             &format!("{path}.aperture"),
             format!(
-                "the aperture must be smaller than the thinnest block: at most {} m, half of smallest_thickness",
+                "the aperture must be smaller than the thinnest block: it can be at most {} m, half of \
+                 smallest_thickness",
                 number(narrowest)
             ),
             "use a smaller aperture, or a larger smallest_thickness",
@@ -217,9 +218,9 @@ fn rock_mass(
     } else {
         let left = Polyhedron::from_half_spaces(&planes).map_err(|e| match e {
             ShapeError::Empty { .. } | ShapeError::Flat { .. } => {
-                "nothing is left of the rock mass".to_owned()
+                "the cuts leave no block of the rock mass".to_owned()
             }
-            other => format!("the half-spaces after those of the mass: {other}"),
+            other => format!("the half-spaces after those of the rock mass are wrong: {other}"),
         });
         usable(left, &format!("{path}.excavation"), findings)?
     };
@@ -243,7 +244,8 @@ fn rock_mass(
             findings.error(
                 &format!("{path}.spacing"),
                 format!(
-                    "this makes {} joints between the origin of the set and the far end of the rock mass; at most {}",
+                    "this makes {} joints between the origin of the set and the far end of the rock mass; at \
+                     most {} are allowed",
                     number(planes),
                     number(MOST_PLANES)
                 ),
@@ -296,8 +298,8 @@ fn spacing(written: &WrittenSpacing, path: &str, findings: &mut Findings) -> Opt
             standard_deviation,
         } if standard_deviation > 0.5 * mean => Some((
             "normal.standard_deviation",
-            "the deviation is above half of the mean: too many draws are below zero",
-            "use a smaller one, or another distribution",
+            "the standard deviation is above half of the mean, so that too many spacings would be below zero",
+            "use a smaller deviation, or another distribution",
         )),
         other if other.mean() > 0.0 => None,
         _ => Some(("", "the spacing must be above 0", "give it in m")),
@@ -406,7 +408,7 @@ fn turned(
         }
         _ => findings.error(
             &format!("{path}.orientation.axis"),
-            "an axis needs a direction",
+            "the axis has zero length",
             "write for example [0, 1, 0]",
         ),
     }
@@ -460,7 +462,11 @@ fn listed(
 ) -> Option<Vec<RockBlock>> {
     let at = "blocks.initial.list";
     if written.is_empty() {
-        findings.error(at, "the list holds no block", "add one, or omit `blocks`");
+        findings.error(
+            at,
+            "the list contains no block",
+            "add one, or omit `blocks`",
+        );
     }
     let mut blocks = Vec::with_capacity(written.len());
     for (n, block) in written.iter().enumerate() {

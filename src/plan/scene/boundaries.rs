@@ -152,7 +152,7 @@ pub(super) fn faces(
             findings.error(
                 &format!("{path}.face"),
                 format!("the whole face {} has two conditions", face.name()),
-                "keep one, or give one of them a patch",
+                "keep one of them, or restrict one to a patch",
             );
         }
         let base = &mut patches[0];
@@ -199,8 +199,8 @@ fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) 
     if face.axis() >= grid.dimension {
         findings.error(
             path,
-            "there is no such face in a 2-D problem",
-            "take this condition out",
+            "a 2-D problem does not have this face",
+            "remove this condition",
         );
         return false;
     }
@@ -209,8 +209,10 @@ fn has_conditions(grid: &Grid, face: Face, path: &str, findings: &mut Findings) 
         let axis = ["x", "y", "z"][face.axis()];
         findings.error(
             path,
-            format!("the domain is periodic along {axis}: this face has no condition"),
-            format!("take this condition out, or {axis} out of domain.periodic"),
+            format!(
+                "the domain is periodic along {axis}, so that this face cannot have a condition"
+            ),
+            format!("remove this condition, or remove {axis} from domain.periodic"),
         );
     }
     !periodic
@@ -241,8 +243,8 @@ fn part(
         if cells[0] >= cells[1] && written[0] < written[1] {
             findings.error(
                 path,
-                "the patch holds the centre of no cell",
-                "make it larger, or the spacing finer",
+                "the patch does not contain the centre of any cell",
+                "enlarge the patch, or use a smaller spacing",
             );
         }
     }
@@ -270,7 +272,7 @@ fn check_overlap(patch: &ScenePatch, others: &[ScenePatch], path: &str, findings
         findings.error(
             path,
             format!("this patch overlaps the patch of `{}`", other.name),
-            "make them share no cell",
+            "separate them, so that they share no cell",
         );
     }
 }
@@ -298,14 +300,15 @@ fn moved(
             findings.warn(
                 path,
                 format!(
-                    "`{}` is as wide as its cells: along {axis} it reaches from {} to {} m instead of from {} to {} m",
+                    "`{}` consists of whole cells: along {axis} it reaches from {} to {} m instead of from {} to \
+                     {} m",
                     patch.name,
                     number(ends[0]),
                     number(ends[1]),
                     number(asked[0]),
                     number(asked[1])
                 ),
-                "let its ends lie on faces between cells, or use a spacing that divides them",
+                "place its ends on faces between cells, or use a spacing that divides their coordinates",
             );
         }
     }
@@ -366,10 +369,10 @@ fn closed_volume(faces: &[Vec<ScenePatch>; 6], grid: &Grid, findings: &mut Findi
         findings.error(
             &format!("{PATH}.boundaries"),
             format!(
-                "`{}` imposes a velocity, but no face lets as much fluid out",
+                "`{}` imposes a velocity, but no other face lets the same amount of fluid out",
                 patch.name
             ),
-            "give another face a pressure or an outflow",
+            "impose a pressure or an outflow on another face",
         );
     }
 }

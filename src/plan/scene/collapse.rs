@@ -72,7 +72,7 @@ pub(crate) fn resolve(
         findings.error(
             PATH,
             "this analysis requires a surface over two horizontal axes and therefore a 3-D domain; this one is 2-D",
-            Remedy::take_out("remove it; `erosion_law` is also for 2-D", PATH),
+            Remedy::take_out("remove it; `erosion_law` also works in 2-D", PATH),
         );
         return None;
     }
@@ -112,7 +112,7 @@ pub(crate) fn resolve(
             findings.error(
                 &path,
                 format!(
-                    "a cell is larger than the domain, which is {} m along its shortest axis",
+                    "a cell is larger than the domain, whose shortest edge is {} m",
                     number(least)
                 ),
                 Remedy::take_out("use about two mean diameters, or omit it", &path),
@@ -121,12 +121,12 @@ pub(crate) fn resolve(
             findings.error(
                 &path,
                 format!(
-                    "this makes {} cells; at most {}",
+                    "this makes {} cells; at most {} are allowed",
                     number(cells),
                     number(MOST_CELLS)
                 ),
                 format!(
-                    "use at least {}",
+                    "use cells of at least {}",
                     number((grid.size.iter().product::<f64>() / MOST_CELLS).cbrt())
                 ),
             );
@@ -199,14 +199,14 @@ fn points(
                     }
                     None if names.is_empty() => "give it a `box`".into(),
                     None => format!(
-                        "regions that remove: {}; or give it a `box`",
+                        "use one of the regions that remove grains: {}; or give it a `box`",
                         names.join(", ")
                     )
                     .into(),
                 };
                 findings.error(
                     &format!("{path}.name"),
-                    "there is no region of this name that removes grains",
+                    "no region with this name removes grains",
                     remedy,
                 );
             }

@@ -87,7 +87,7 @@ impl ContactTable {
         if facts.bond_at_start && !law.model().bonds() && !findings.wrong_in(&[path]) {
             findings.error(
                 path,
-                "the contact law of this case has no bonds",
+                "the contact law of this case does not support bonds",
                 Remedy::from("write false, or use contact_bond or cohesive_frictional")
                     .set(path, false),
             );
@@ -110,9 +110,8 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
     {
         findings.warn(
             "contact",
-            "the law states no friction angle: contacts have no friction, although friction is a property of the \
-             solids",
-            "state friction_angle_degrees as measured, or 0 if there is to be none",
+            "the contact law has no friction angle: the contacts have no friction, although real solids do",
+            "set friction_angle_degrees to the measured value, or to 0 for contacts without friction",
         );
     }
 }

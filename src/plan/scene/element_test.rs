@@ -72,8 +72,8 @@ pub(crate) fn resolve(
     if !planes || normals[0].dot(&normals[1]) > -ALONG || height <= 0.0 {
         findings.error(
             &format!("{PATH}.axial"),
-            "the two walls are no planes that face each other",
-            "name probes of two parallel planes whose normals point at each other",
+            "the two walls are not planes that face each other",
+            "choose probes of two parallel planes whose normals point at each other",
         );
         findings.depends(&["probes", "walls", "box_walls"]);
     }
@@ -81,8 +81,9 @@ pub(crate) fn resolve(
     if inside.is_some() && normals[0][axis].abs() < ALONG {
         findings.error(
             &path,
-            "the stress inside is known along the axes, and the axis of the test is none of them",
-            "use planes across an axis, or lateral walls",
+            "the inner stress is known along the axes of the domain only, and the test acts along another \
+             direction",
+            "use planes normal to an axis, or lateral walls",
         );
     }
     let lateral: Option<Vec<usize>> = lateral.into_iter().collect();
@@ -146,7 +147,7 @@ fn find(
         );
         findings.error(
             path,
-            format!("there is no probe `{kind}` of this name"),
+            format!("there is no probe `{kind}` with this name"),
             remedy,
         );
         findings.depends(&["probes"]);
@@ -168,7 +169,7 @@ fn check_answers(case: &Case, test: &ElementTest, findings: &mut Findings) {
     if sides && test.inside.is_some() {
         findings.error(
             &format!("{PATH}.inside"),
-            "the lateral stress is that of `lateral` or of `inside`, and both are given",
+            "the lateral stress comes from either `lateral` or `inside`, but both are given",
             Remedy::take_out("remove one of them", &format!("{PATH}.inside")),
         );
     }
@@ -176,23 +177,23 @@ fn check_answers(case: &Case, test: &ElementTest, findings: &mut Findings) {
         if answer.quantity.is_lateral() && !sides && test.inside.is_none() {
             findings.error(
                 &format!("{PATH}.answers[{n}].quantity"),
-                "this quantity needs a lateral stress, and the test has none",
-                "add `lateral`, probes of walls at the sides, or `inside`, a probe `grains`",
+                "this quantity needs a lateral stress, but the test has none",
+                "add `lateral` (probes of the side walls) or `inside` (a probe `grains`)",
             );
         }
     }
     if test.answers.is_empty() {
         findings.error(
             &format!("{PATH}.answers"),
-            "the test asks for no answer",
-            "name at least one quantity, for example [{\"quantity\": \"strength\"}]",
+            "the test requests no quantity",
+            "request at least one quantity, for example [{\"quantity\": \"strength\"}]",
         );
     }
     if test.from >= case.time.end {
         findings.error(
             &format!("{PATH}.from"),
             format!(
-                "the test begins at {} s, and the run ends at {} s",
+                "the test begins at {} s, but the run ends at {} s",
                 number(test.from),
                 number(case.time.end)
             ),
@@ -215,10 +216,11 @@ fn check_samples(case: &Case, test: &ElementTest, probes: &[Probe], findings: &m
             findings.error(
                 &path,
                 format!(
-                    "an element test reads this probe together with one of every {} s",
+                    "an element test reads this probe together with another that is written every {} s, and both \
+                     must have the same interval",
                     number(first)
                 ),
-                Remedy::from("use the same time").set(&*path, first),
+                Remedy::from("use the same interval").set(&*path, first),
             );
         }
     }

@@ -172,7 +172,7 @@ fn lattice(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Latt
     if only.is_some_and(|only| lattice != only) {
         findings.error(
             &format!("{PATH}.collision.{}", operator.name()),
-            "the moments of this operator are those of D3Q27",
+            "this operator works with the velocity set D3Q27 only",
             if grid.dimension == 2 {
                 Remedy::from("use trt in 2-D").set(format!("{PATH}.collision"), json!({"trt": {}}))
             } else {
@@ -263,7 +263,7 @@ fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings
     let path = format!("{PATH}.lattice_velocity");
     findings.error(
         &format!("{PATH}.{missing}"),
-        "`reference_velocity` and `lattice_velocity` fix the time step together",
+        "`reference_velocity` and `lattice_velocity` determine the time step together, so that both are needed",
         if of_lattice {
             Remedy::take_out(
                 format!("add `{missing}`, or omit `lattice_velocity`"),
@@ -279,13 +279,15 @@ fn check_velocities(lbm: &LatticeBoltzmann, alone: bool, findings: &mut Findings
 
 /// Refuses a time step determined by more than one field.
 fn too_many(lbm: &LatticeBoltzmann, given: &[&'static str], findings: &mut Findings) {
-    let remedy = Remedy::from("keep one of them, or none: the program then chooses the time step");
+    let remedy =
+        Remedy::from("keep one of them, or remove all: the program then chooses the time step");
     let others = given[1..].iter().copied();
     let more = lbm.lattice_velocity.is_some().then_some("lattice_velocity");
     findings.error(
         &format!("{PATH}.{}", given[1]),
         format!(
-            "one of relaxation_time, time_step and reference_velocity fixes the time step, but {} are given",
+            "only one of relaxation_time, time_step and reference_velocity can determine the time step, but {} \
+             are given",
             given.join(" and ")
         ),
         others.chain(more).fold(remedy, |remedy, name| {
@@ -318,7 +320,7 @@ fn check_time_step(
     if !(dt.is_finite() && dt > 0.0 && tau.is_finite()) {
         findings.error(
             &path,
-            "no finite time step follows from this",
+            "the time step that follows from this value is not finite",
             "check the units of viscosity and spacing",
         );
         findings.depends(&STEP);
@@ -345,7 +347,7 @@ fn check_time_step(
         findings.warn(
             &path,
             format!(
-                "the relaxation time is tau = {}: large values cost accuracy",
+                "the relaxation time is tau = {}: large values reduce the accuracy",
                 number(tau)
             ),
             of_time(lbm, remedy, at_most(0.49 * h * h / nu)),

@@ -321,8 +321,8 @@ fn part(
         if weight == 0.0 {
             findings.error(
                 path,
-                "without gravity no side of a level is below it",
-                "add `gravity`, or state a shape",
+                "without gravity a level has no lower side",
+                "add `gravity`, or define the water by a shape",
             );
         } else if !(height >= 0.0 && height <= grid.size[axis]) {
             findings.error(
@@ -375,7 +375,7 @@ fn wave_form(
     if axis >= grid.dimension || axis == up {
         findings.error(
             &format!("{path}.wave.axis"),
-            "a wave runs along an axis of the domain across gravity",
+            "a wave must run along an axis of the domain that is normal to gravity",
             "write another axis",
         );
         return None;
@@ -383,7 +383,7 @@ fn wave_form(
     if !wave.amplitude.is_finite() || wave.waves.is_nan() || wave.waves <= 0.0 {
         findings.error(
             &format!("{path}.wave"),
-            "a wave has a finite amplitude and a number of waves above 0",
+            "a wave needs a finite amplitude and a number of waves above 0",
             "correct them",
         );
         return None;
@@ -401,8 +401,8 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     if let Some(Coupling::BounceBack(_)) = &case.coupling {
         findings.error(
             "coupling.bounce_back",
-            "links of bodies do not work with a free surface: a body that moves through it would change the mass of \
-             the water",
+            "bounce-back links of bodies do not work with a free surface: a body that moves through the surface \
+             would change the mass of the water",
             Remedy::from("use partially saturated cells")
                 .set("coupling", serde_json::json!({"partially_saturated": {}})),
         );
@@ -415,11 +415,11 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
         findings.error(
             path,
             format!(
-                "{} is not verified with a free surface: a box at rest had up to 4 % too little buoyancy, and one that \
-                 plunged into the water became unstable, with viscosity_matched",
+                "{} is not verified with a free surface: with viscosity_matched a box at rest had up to 4 % too \
+                 little buoyancy, and a box that fell into the water became unstable",
                 operator.name()
             ),
-            Remedy::from("use non_equilibrium_bounce_back, which is the default there")
+            Remedy::from("use non_equilibrium_bounce_back, the default with a free surface")
                 .set(path, "non_equilibrium_bounce_back"),
         );
     }
@@ -429,7 +429,7 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
             &path,
             "porous zones in water with a free surface are not verified yet",
             Remedy::take_out(
-                "leave the zones out, or make the face free_slip (a rigid lid)",
+                "remove the zones, or replace the free surface by a face with free_slip (a rigid lid)",
                 &path,
             ),
         );
@@ -445,7 +445,7 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
     if !matches!(lbm.initial, Initial::Rest {} | Initial::Uniform(_)) {
         findings.error(
             &format!("{LATTICE_PATH}.initial"),
-            "water with a free surface starts at rest or with one velocity",
+            "water with a free surface can only start at rest or with a uniform velocity",
             Remedy::from("use rest").set(
                 format!("{LATTICE_PATH}.initial"),
                 serde_json::json!({"rest": {}}),
@@ -458,15 +458,16 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
         let path = format!("{LATTICE_PATH}.initial.uniform.pressure");
         findings.error(
             &path,
-            "the pressure at a free surface is the datum: below it follows from the depth",
-            Remedy::take_out("leave it out", &path),
+            "the pressure at a free surface is the reference pressure, and the pressure below follows from the \
+             depth",
+            Remedy::take_out("remove it", &path),
         );
     }
     if case.time.warm_up.is_some() {
         findings.error(
             "time.warm_up",
-            "a free surface moves from the start: there is no flow to warm up",
-            Remedy::take_out("leave it out", "time.warm_up"),
+            "a free surface moves from the start, so that there is no steady flow to warm up",
+            Remedy::take_out("remove it", "time.warm_up"),
         );
     }
 }

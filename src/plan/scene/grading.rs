@@ -116,22 +116,26 @@ impl Grading {
     pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
         let classes = self.classes();
         if classes.is_empty() {
-            return Err("a grading needs a class".into());
+            return Err("a grading needs at least one class".into());
         }
         for (n, class) in classes.iter().enumerate() {
             if !(class.min > 0.0 && class.min <= class.max && class.max.is_finite()) {
                 return Err(format!(
-                    "class {n}: radii from {} to {} m",
+                    "class {n} has radii from {} to {} m; both must be above 0, the first no larger than the \
+                     second",
                     class.min, class.max
                 ));
             }
             if !(class.part > 0.0 && class.part <= 1.0) {
-                return Err(format!("class {n}: a part of {}", class.part));
+                return Err(format!(
+                    "class {n} has a part of {}; it must be above 0 and at most 1",
+                    class.part
+                ));
             }
         }
         let sum: f64 = classes.iter().map(|class| class.part).sum();
         if (sum - 1.0).abs() > 1e-6 {
-            return Err(format!("the parts add up to {sum}, not to 1"));
+            return Err(format!("the parts add up to {sum}, but must add up to 1"));
         }
         let weight = |class: &Class| match self {
             Self::ByCount(_) => class.part,
@@ -155,8 +159,8 @@ impl Grading {
         }
         if let Some(n) = numbers.iter().position(|n| *n == 0) {
             return Err(format!(
-                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part cannot be met with fewer \
-                 than about {} grains",
+                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part needs at least about \
+                 {} grains in total",
                 classes[n].min,
                 classes[n].max,
                 exact[n],
@@ -225,7 +229,7 @@ mod tests {
         let refused =
             |classes: Vec<Class>, number| Grading::ByMass(classes).numbers(number, 3).unwrap_err();
         assert!(refused(classes(), 8).contains("class 1"));
-        assert!(refused(Vec::new(), 20).contains("needs a class"));
+        assert!(refused(Vec::new(), 20).contains("needs at least one class"));
         let mut wrong = classes();
         wrong[0].part = 0.7;
         assert!(refused(wrong.clone(), 100).contains("add up to"));

@@ -181,7 +181,7 @@ fn zones(
         if zone.region.is_none() && zone.shape.is_none() {
             findings.error(
                 &path,
-                "the zone has neither a region nor a shape: it would be the whole sample",
+                "the zone has neither a region nor a shape, so that it would contain the whole sample",
                 "add a `region`, or change `grains.material`",
             );
         }
@@ -340,7 +340,7 @@ fn count(
                 findings.warn(
                     &format!("grains.zones[{n}]"),
                     format!(
-                        "no grain lies in the zone `{}`, or later zones take all of them",
+                        "the zone `{}` contains no grain, or later zones overwrite all of its grains",
                         zones[n].name
                     ),
                     "correct the region, or the order of the zones",
@@ -362,7 +362,7 @@ fn listed(
     if list.is_empty() {
         findings.error(
             "grains.initial.list",
-            "the list holds no grain",
+            "the list contains no grain",
             "add one, or omit `grains`",
         );
     }
@@ -529,7 +529,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
         findings.error(
             path,
             format!(
-                "a radius of {} m is smaller than that of an atom; at least {} m",
+                "a radius of {} m is smaller than that of an atom; it must be at least {} m",
                 number(radius),
                 number(SMALLEST)
             ),
@@ -542,7 +542,8 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
         findings.error(
             path,
             format!(
-                "a grain with a radius of {} m covers the whole domain; at most {} m, its diagonal",
+                "a grain with a radius of {} m covers the whole domain; the radius can be at most {} m, the \
+                 diagonal of the domain",
                 number(radius),
                 number(diagonal)
             ),
@@ -558,13 +559,14 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
         findings.error(
             path,
             format!(
-                "a grain of {} m would overlap itself round the periodic axis {name}: its diameter is at most {} m, \
-                 the length of the domain",
+                "a grain with a radius of {} m would overlap itself across the periodic axis {name}: its \
+                 diameter can be at most {} m, the length of the domain",
                 number(2.0 * radius),
                 number(grid.size[axis])
             ),
             format!(
-                "use a radius of at most {} m, a longer domain, or take {name} out of domain.periodic; radii are in m",
+                "use a radius of at most {} m or a longer domain, or remove {name} from domain.periodic; radii \
+                 are in m",
                 number(0.5 * grid.size[axis])
             ),
         );
@@ -591,7 +593,7 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
             if !good {
                 findings.error(
                     &format!("{path}.list"),
-                    "radii must be above 0, and there must be one",
+                    "the list needs at least one radius, and all must be above 0",
                     "correct the list",
                 );
             }
@@ -661,7 +663,7 @@ fn cloud(
         findings.error(
             &format!("{path}.grading.{name}"),
             format!(
-                "a grain of {} m is wider than the box of {} m",
+                "the diameter of a grain with a radius of {} m exceeds the width of the box of {} m",
                 number(widest),
                 number(narrowest)
             ),
@@ -682,7 +684,7 @@ fn cloud(
                 // The class fractions allow slightly fewer grains than the proportion.
                 let fewer = (0.99 * real(number_of) * most / fraction).floor();
                 Remedy::from(format!(
-                    "use a box {} times as high, or smaller grains, or {fewer} of these at most",
+                    "use a box {} times as high, smaller grains, or at most {fewer} of these grains",
                     number(fraction / most)
                 ))
                 .set(format!("{path}.number"), base::number::whole(fewer))
@@ -748,9 +750,9 @@ fn falls(
             "gravity",
             "a deposition needs gravity along one axis",
             Remedy::from(format!(
-                "write for example {down}. For a slope prepare the sample so, with `grains.save`, and start from the \
-                 file under the inclined \
-                 gravity; a `body_force` of the fluid drives the water alone"
+                "write for example {down}. For a slope prepare the sample under this gravity, save it with \
+                 `grains.save`, and start another case with inclined gravity from this file; a `body_force` of \
+                 the fluid drives the water only"
             ))
             .set("gravity", down),
         );
@@ -814,7 +816,10 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     if number_of > 1e8 {
         findings.error(
             &amount_path,
-            format!("this makes {} grains; at most 1e8", number(number_of)),
+            format!(
+                "this makes {} grains; at most 1e8 are allowed",
+                number(number_of)
+            ),
             "use larger grains or a smaller box",
         );
         return None;
@@ -852,7 +857,7 @@ fn fits_box(growth: &Growth, block: &AlignedBox, path: &str, findings: &mut Find
         findings.error(
             path,
             format!(
-                "a grain of {} m is wider than the box of {} m",
+                "the diameter of a grain with a radius of {} m exceeds the width of the box of {} m",
                 number(largest),
                 number(narrowest)
             ),
@@ -882,13 +887,13 @@ impl Packing {
                 ),
                 match amount {
                     Amount::SolidFraction(_) => Remedy::from(format!(
-                        "use fewer or smaller grains, a fraction of {most} at most"
+                        "use fewer or smaller grains, with a fraction of at most {most}"
                     ))
                     .set(path, most),
                     Amount::Number(_) => {
                         let fewer = (self.number_of * most / fraction).floor();
                         Remedy::from(format!(
-                            "use fewer or smaller grains, {fewer} of these at most"
+                            "use smaller grains, or at most {fewer} of these grains"
                         ))
                         .set(path, base::number::whole(fewer))
                     }

@@ -38,11 +38,11 @@ pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
         findings.error(
             "gravity",
             format!(
-                "an acceleration of {} m/s2; at most {}",
+                "the acceleration is {} m/s2; at most {} is allowed",
                 number(size),
                 number(LARGEST)
             ),
-            "state it in m/s2: on Earth it is 9.81, in a centrifuge up to 1e7",
+            "write the value in m/s2: it is 9.81 on Earth and up to 1e7 in a centrifuge",
         );
     }
 }
@@ -64,7 +64,7 @@ pub(super) fn acts(
         findings.warn(
             &path,
             "there is no gravity in this case",
-            Remedy::from("add `gravity`, or leave this out").set(&*path, false),
+            Remedy::from("add `gravity`, or remove this field").set(&*path, false),
         );
     }
     let surface = faces.iter().flatten().find(|patch| {
@@ -77,8 +77,8 @@ pub(super) fn acts(
         if written != GravityOnFluid::All(true) && stated {
             findings.error(
                 &path,
-                "the water under a free surface bears its own weight: gravity acts on it along all axes",
-                Remedy::take_out("leave this out", &path),
+                "gravity acts along all axes on water with a free surface, so that this field has no effect",
+                Remedy::take_out("remove this field", &path),
             );
         }
         return std::array::from_fn(pulls);
@@ -92,11 +92,11 @@ pub(super) fn acts(
         findings.warn(
             &path,
             format!(
-                "under the surface `{}` nothing holds the weight of the water along {}, but solids get the buoyancy \
-                 of water that is held: it pushes them up the slope",
+                "under the surface `{}` no wall supports the weight of the water along {}, but solids receive \
+                 the buoyancy of supported water, which pushes them up the slope",
                 surface.name, AXES[axis]
             ),
-            Remedy::from("write along_periodic_axes; or, for a closed conduit, make that face a wall")
+            Remedy::from("write along_periodic_axes, or, for a closed conduit, replace this surface by a wall")
                 .set(&*path, "along_periodic_axes"),
         );
     }
@@ -111,18 +111,18 @@ pub(super) fn acts(
         let alone = (0..3).all(|other| other == a || force[other] == 0.0);
         let body = format!("{PATH}.body_force");
         let reason = format!(
-            "{} N/m3 along {} is the weight of the water, {} N/m3, which counts twice: {}",
+            "{} N/m3 along {} equals the weight of the water, {} N/m3, which would act twice: {}",
             number(force[a]),
             AXES[a],
             number(weight),
             if acts[a] {
-                "gravity acts on the water there"
+                "gravity already acts on the water along this axis"
             } else {
-                "solids get the buoyancy of water that does not flow"
+                "solids already receive the buoyancy of water at rest"
             }
         );
         let mut remedy = Remedy::from(
-            "let gravity drive the water, by along_periodic_axes, and take this component out",
+            "let gravity drive the water with along_periodic_axes, and remove this component",
         );
         if alone {
             remedy = Remedy::take_out(remedy, &body);
@@ -149,18 +149,19 @@ pub(crate) fn describe(gravity: [f64; 3], acts: [bool; 3]) -> Option<(String, St
         (true, false) => (
             "in the pressure".into(),
             format!(
-                "along {held}: pressure is the excess over the hydrostatic one, solids have their buoyancy"
+                "along {held}: the pressure is the excess over the hydrostatic pressure, and solids have their \
+                 buoyancy"
             ),
         ),
         (false, true) => (
             "acts".into(),
-            format!("along {driven}: the pressure that the lattice solves for holds or drives it"),
+            format!("along {driven}: the computed pressure of the lattice balances or drives it"),
         ),
         (false, false) => (
             format!("acts along {driven}"),
             format!(
-                "it drives the water there; along {held} pressure is the excess over the hydrostatic one, solids have \
-                 their buoyancy"
+                "gravity drives the water along these axes; along {held} the pressure is the excess over the \
+                 hydrostatic pressure, and solids have their buoyancy"
             ),
         ),
     })

@@ -70,7 +70,7 @@ impl Grid {
                 findings.error(
                     &path,
                     format!(
-                        "this is {} cells; at most {MOST_CELLS:e} along an axis",
+                        "this makes {} cells; at most {MOST_CELLS:e} are allowed along an axis",
                         number(ratio)
                     ),
                     "check the units: size and spacing are in m",
@@ -130,7 +130,7 @@ impl Grid {
             if planes.windows(2).any(|w| w[0] > w[1]) || planes.iter().any(|p| *p > most) {
                 findings.error(
                     "domain.slab_bounds",
-                    format!("the planes must rise and lie between 0 and {most}"),
+                    format!("the planes must increase and lie between 0 and {most}"),
                     Remedy::take_out(
                         "sort them, or omit them for slabs of equal cost",
                         "domain.slab_bounds",

@@ -266,7 +266,7 @@ fn check_channel(
     if flow == across || flow.max(across) >= grid.dimension {
         findings.error(
             path,
-            "the flow and the direction across it must be two different axes of the domain",
+            "`flow` and `across` must be two different axes of the domain",
             "write for example \"flow\": \"x\", \"across\": \"y\"",
         );
     }
@@ -279,7 +279,7 @@ fn check_channel(
                  but the domain goes from 0 to {size} m along {}",
                 ["x", "y", "z"][across]
             ),
-            "state `from` below `to`, both inside the domain",
+            "choose `from` below `to`, both inside the domain",
         );
     }
 }
@@ -290,7 +290,8 @@ fn checked(file: PathBuf, grid: &Grid, path: &str, findings: &mut Findings) -> P
         findings.error(
             path,
             reason,
-            "name a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the case",
+            "choose a field output (fluid_*.vtkhdf) of a run with the same cells; the path is relative to the \
+             case",
         );
     }
     file
@@ -303,7 +304,7 @@ fn holds_fields(file: &Path, grid: &Grid) -> Result<(), String> {
         let numbers = shape.iter().try_fold(1_usize, |all, n| all.checked_mul(*n));
         if numbers != grid.cell_count().checked_mul(components) {
             return Err(format!(
-                "{}: `{name}` has the shape {shape:?}, which is not that of {:?} cells",
+                "{}: `{name}` has the shape {shape:?}, but the case has {:?} cells",
                 file.display(),
                 grid.cells
             ));

@@ -161,7 +161,7 @@ impl JointScene {
         if case.blocks.is_none() {
             findings.error(
                 path,
-                "there are no blocks in this case, so that there are no joints",
+                "the case has no blocks and therefore no joints",
                 "add `blocks` with a list, a file or a jointed rock mass",
             );
             findings.depends(&["blocks"]);
@@ -223,7 +223,7 @@ impl JointScene {
             let path = format!("{path}.largest_aperture");
             findings.error(
                 &path,
-                "no two faces of different blocks are parallel and closer than this",
+                "no two faces of different blocks are parallel and closer than this aperture",
                 "use a larger aperture, or move the blocks closer to each other",
             );
             return;
@@ -241,7 +241,7 @@ impl JointScene {
             if mouth.width <= 0.0 {
                 findings.error(
                     &format!("{path}.mouths[{n}].box"),
-                    "the middle of no edge of a joint lies in this box",
+                    "this box does not contain the midpoint of any edge of a joint",
                     "move the box or make it larger: an edge ends where one of its two blocks ends",
                 );
             }
@@ -301,9 +301,11 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
     ];
     for (path, _) in fields.iter().filter(|(_, given)| *given) {
         let reason = match *path {
-            "time.solid_time_step" => "the water in the joints has a time step of its own",
-            "output.fluid" | "output.averages" => "there are no cells of a grid in joints",
-            "time.warm_up" => "the water in the joints begins with its steady flow",
+            "time.solid_time_step" => "the water in the joints has its own time step",
+            "output.fluid" | "output.averages" => {
+                "joints contain no grid cells that could be written"
+            }
+            "time.warm_up" => "the water in the joints starts with its steady flow",
             _ => "the water in joints acts on blocks only",
         };
         findings.error(path, reason, Remedy::take_out("remove it", path));
@@ -325,7 +327,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
     if !matches!(case.coupling, Some(Coupling::BounceBack(_))) {
         findings.error(
             "coupling",
-            "water in joints under a lattice needs the coupling whose loads act on faces between cells",
+            "water in joints under a lattice needs a coupling whose loads act on the faces between cells",
             Remedy::from("use bounce_back").set("coupling", json!({"bounce_back": {}})),
         );
     }
@@ -334,7 +336,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
         let path = format!("{UNDER}.largest_aperture");
         findings.error(
             &path,
-            "cells of the lattice may have their centres in joints wider than half a cell",
+            "in joints wider than half a cell, lattice cells may have their centres in the joint",
             Remedy::from(format!("use at most {} m", number(limit))).set(&*path, limit),
         );
     }
@@ -343,7 +345,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
         (
             "storage",
             water.storage == Some(Precision::F32),
-            "populations in f32, which do not keep the water of small discharges",
+            "populations in f32, which lose the water of small discharges by rounding",
         ),
         ("device", water.device == Device::Gpu, "a GPU"),
     ];
@@ -396,12 +398,12 @@ fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Finding
                 findings.error(
                     UNDER,
                     format!(
-                        "the cell of the lattice at ({}, {}, {}) m has its centre in a joint",
+                        "the lattice cell at ({}, {}, {}) m has its centre in a joint",
                         number(x),
                         number(y),
                         number(z)
                     ),
-                    "move the blocks so that their faces lie between the centres of cells, or change the spacing",
+                    "move the blocks so that their faces lie between cell centres, or change the spacing",
                 );
                 return;
             }
@@ -427,9 +429,9 @@ fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut
     ];
     for (path, _) in fields.iter().filter(|(_, given)| *given) {
         let reason = if *path == "regions" {
-            "blocks that the water of their joints moves cannot be removed"
+            "regions cannot remove blocks that are moved by the water of their joints"
         } else {
-            "the water of the joints moves the blocks, and damps them alone"
+            "the water of the joints damps the blocks, so that no other damping may act"
         };
         findings.error(path, reason, Remedy::take_out("remove it", path));
     }
@@ -448,7 +450,7 @@ fn check_water(written: &JointNetwork, path: &str, findings: &mut Findings) {
         let path = format!("{path}.residual_aperture");
         findings.error(
             &path,
-            "this is more than the largest aperture",
+            "this aperture is larger than `largest_aperture`",
             Remedy::from(format!("use at most {}", number(written.largest_aperture)))
                 .set(&*path, written.largest_aperture),
         );
@@ -465,8 +467,8 @@ fn mouths(
     if written.mouths.is_empty() {
         findings.error(
             &format!("{ALONE}.mouths"),
-            "without a mouth no pressure drives the water",
-            "add a mouth with a box that holds the ends of joints",
+            "there is no mouth, so that no pressure drives the water",
+            "add a mouth with a box that contains ends of joints",
         );
     }
     let mut known = Vec::new();
@@ -501,8 +503,8 @@ fn check_pressure(
         if rows.is_empty() || falls {
             findings.error(
                 &path,
-                "a table has at least one row, and its times rise",
-                "write rows of time and pressure in the order of their times",
+                "the table needs at least one row, and its times must increase",
+                "write rows of time and pressure, sorted by time",
             );
             return;
         }
@@ -513,9 +515,12 @@ fn check_pressure(
             let step = at_most(0.05 / frequency);
             findings.warn(
                 &format!("{ALONE}.time_step"),
-                format!("a period of the pressure has {} steps", number(steps)),
-                Remedy::from(format!("use at most {} s, for twenty", number(step)))
-                    .set(format!("{ALONE}.time_step"), step),
+                format!("a period of the pressure has only {} steps", number(steps)),
+                Remedy::from(format!(
+                    "use a time step of at most {} s, for twenty steps per period",
+                    number(step)
+                ))
+                .set(format!("{ALONE}.time_step"), step),
             );
         }
     }
@@ -526,7 +531,7 @@ fn check_pressure(
         findings.error(
             &format!("{path}.pressure"),
             format!(
-                "the pressure falls to {} Pa, below that of vapour, {} Pa",
+                "the pressure falls to {} Pa, below the vapour pressure of {} Pa",
                 number(low),
                 number(least)
             ),
@@ -568,7 +573,7 @@ fn thin_enough(
         findings.error(
             &path,
             format!(
-                "the joints would have up to {} cells; at most {}",
+                "the joints would have up to {} cells; at most {} are allowed",
                 number(cells),
                 number(MOST_CELLS)
             ),

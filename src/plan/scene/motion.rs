@@ -39,8 +39,8 @@ pub(super) fn motion(
     {
         findings.error(
             &format!("{path}.angular_velocity"),
-            "a rotation is one number in 2-D and three in 3-D",
-            "write it so",
+            "an angular velocity is one number in 2-D and three numbers in 3-D",
+            "write one number in 2-D, or a list of three numbers in 3-D",
         );
     }
     (v, rotation.map_or([0.0; 3], Rotation::to_array))

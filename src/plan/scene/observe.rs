@@ -257,7 +257,10 @@ fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) ->
     if from.is_some_and(|from| from >= end) {
         findings.error(
             &format!("{path}.mean_from"),
-            format!("the run ends at {} s, before the means begin", number(end)),
+            format!(
+                "the run ends at {} s, before the averaging begins",
+                number(end)
+            ),
             Remedy::from(format!("use less than {end}"))
                 .set(format!("{path}.mean_from"), 0.5 * end),
         );
@@ -272,7 +275,7 @@ pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) 
         findings.warn(
             path,
             format!(
-                "the run ends at {} s, before this interval has passed once",
+                "the run ends at {} s, before the first interval has passed",
                 number(case.time.end)
             ),
             Remedy::from(format!("use at most {}", case.time.end)).set(path, case.time.end),
@@ -282,7 +285,7 @@ pub(super) fn due(case: &Case, every: f64, path: &str, findings: &mut Findings) 
         findings.error(
             path,
             format!(
-                "this makes {} samples; at most 1e7",
+                "this makes {} samples; at most 1e7 are allowed",
                 number(case.time.end / every)
             ),
             Remedy::from(format!(
@@ -310,8 +313,8 @@ pub(crate) fn outputs(case: &Case, solids: bool, findings: &mut Findings) {
         if fluid.fields.is_empty() {
             findings.error(
                 "output.fluid.fields",
-                "no field is named",
-                Remedy::take_out("name one, or remove this output", "output.fluid"),
+                "the list of fields is empty",
+                Remedy::take_out("add a field, or remove this output", "output.fluid"),
             );
         }
         check_fields(case, &fluid.fields, findings);
@@ -352,12 +355,12 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
             FieldName::Velocity | FieldName::Pressure => {}
             FieldName::Head if !seeps => findings.error(
                 &path,
-                "a hydraulic head is one of seepage; this is a fluid on a lattice",
+                "the hydraulic head is a field of seepage, but this fluid is computed on a lattice",
                 "use `pressure`",
             ),
             FieldName::Head if weightless => findings.error(
                 &path,
-                "a head needs gravity, and there is none in this case",
+                "a head needs gravity, but this case has none",
                 "add `gravity`, or use `pressure`",
             ),
             FieldName::Head => {}
@@ -365,12 +368,12 @@ fn check_fields(case: &Case, fields: &[FieldName], findings: &mut Findings) {
             FieldName::Saturation if drains => {}
             FieldName::Saturation => findings.error(
                 &path,
-                "all water of this case fills its pores or its domain: there is no saturation",
+                "saturation is a field of unsaturated ground, and this case has none",
                 "add `fluid.darcy.unsaturated`, or remove the field",
             ),
             _ if seeps => findings.error(
                 &path,
-                "seepage has no such field",
+                "seepage does not have this field",
                 "use velocity, pressure, head, stream_function or saturation",
             ),
             _ => {}
@@ -386,7 +389,7 @@ fn check_stream_function(case: &Case, path: &str, findings: &mut Findings) {
     let Some(Fluid::Darcy(written)) = &case.fluid else {
         findings.error(
             path,
-            "a stream function is one of seepage; this is a fluid on a lattice",
+            "the stream function is a field of seepage, but this fluid is computed on a lattice",
             "use `velocity`, and `picture --streamlines`",
         );
         return;
@@ -398,9 +401,9 @@ fn check_stream_function(case: &Case, path: &str, findings: &mut Findings) {
     let reason = if case.domain.size.0.len() != 2 {
         "a stream function needs a plane flow, and this is a 3-D problem"
     } else if transient {
-        "ground that stores water has no stream function: what enters a cell need not leave it"
+        "ground that stores water has no stream function, because inflow and outflow of a cell differ"
     } else if case.grains.is_some() || !case.bodies.is_empty() {
-        "water among grains that move has no stream function: they displace it"
+        "water between moving grains has no stream function, because the grains displace it"
     } else {
         return;
     };
@@ -415,7 +418,7 @@ fn averages(case: &Case, findings: &mut Findings) {
     if !matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
         findings.error(
             path,
-            "averages are those of a fluid on a lattice, and there is none in this case",
+            "averages are computed for a fluid on a lattice, and this case has none",
             Remedy::take_out("remove this output", path),
         );
         findings.depends(&["fluid"]);
@@ -477,11 +480,11 @@ pub(crate) fn erosion_law(
         findings.error(
             &format!("{path}.hole"),
             format!(
-                "the hole reaches the face of the domain across the flow, along {}, so that it does not have \
-                 two faces of grains and its width and shear stress are not defined",
+                "along {}, across the flow, the hole reaches the face of the domain: it is not bounded by grains \
+                 on both sides, so that its width and shear stress are not defined",
                 ["x", "y"][across]
             ),
-            "leave grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
+            "place grains on both sides of the hole; for a bed under a stream use a probe at a `bed`",
         );
     }
     for (what, there) in [
@@ -524,11 +527,11 @@ fn outlets(
         let (at, reason) = match outlet {
             Some(_) => (
                 format!("{EROSION_LAW}.outlet"),
-                "there is no region of this name that removes grains",
+                "no region with this name removes grains",
             ),
             None => (
                 EROSION_LAW.to_string(),
-                "no region removes grains, so that no erosion would be counted",
+                "no region removes grains, so that no erosion could be measured",
             ),
         };
         findings.error(

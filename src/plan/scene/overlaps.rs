@@ -280,14 +280,14 @@ impl<'a> Start<'a> {
             };
             let name = ["x", "y", "z"][axis];
             let reason = format!(
-                "{} is {} m long along {name}, along which the domain repeats every {} m: it would overlap its own \
-                 image",
+                "{} is {} m long along the periodic axis {name}, where the domain repeats every {} m: it would \
+                 overlap its own image",
                 self.name(one.origin),
                 number(width),
                 number(self.grid.size[axis])
             );
             let remedy = format!(
-                "make it shorter, use a longer domain, or take {name} out of domain.periodic"
+                "make it shorter, use a longer domain, or remove {name} from domain.periodic"
             );
             findings.error(&path, reason, remedy);
             named += 1;
@@ -312,7 +312,7 @@ impl<'a> Start<'a> {
             let reaching: Vec<_> = reaching.collect();
             let other = format!("overlap the wall `{}`", wall.name);
             let remedy = "move it away from the wall";
-            let cut = "take them out with `grains.cut`, or move the wall";
+            let cut = "remove these grains with `grains.cut`, or move the wall";
             self.report(&reaching, &other, [remedy, cut], findings);
         }
     }
@@ -325,7 +325,7 @@ impl<'a> Start<'a> {
             let reaching: Vec<_> = reaching.collect();
             let other = format!("reach into the structure `{}`", structure.name);
             let remedy = "move it away from the structure";
-            let cut = "take them out with `grains.cut`, or move the structure";
+            let cut = "remove these grains with `grains.cut`, or move the structure";
             self.report(&reaching, &other, [remedy, cut], findings);
         }
     }
@@ -428,8 +428,8 @@ impl<'a> Start<'a> {
                 let count = number(real(count));
                 format!("{least}{count} pairs of the sample overlap; the deepest: {sentence}")
             };
-            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the domain it \
-                was made for; radii, not diameters, in m";
+            let remedy = "use a sample whose grains overlap by at most a twentieth of their radius, in the \
+                          domain for which it was made; check that the file contains radii, not diameters, in m";
             findings.error("grains.initial.file.path", reason, remedy);
         }
     }
@@ -456,9 +456,9 @@ impl<'a> Start<'a> {
                 let Some(boxes) = self.paths_of_fall(clouds.iter().map(|cloud| cloud.block)) else {
                     return;
                 };
-                (boxes, "grains of the deposition fall where")
+                (boxes, "grains of the deposition fall onto the position of")
             }
-            GrainSource::Growth { block, .. } => (vec![*block], "grains grow where"),
+            GrainSource::Growth { block, .. } => (vec![*block], "grains grow at the position of"),
             _ => return,
         };
         let emptied = |at: &Vector3<f64>, radius: f64| {
@@ -476,10 +476,10 @@ impl<'a> Start<'a> {
             findings.error(
                 &self.path(one.origin),
                 format!(
-                    "{what} {} stands, and their preparation knows neither bodies nor blocks",
+                    "{what} {}, but the preparation of the grains ignores bodies and blocks",
                     self.name(one.origin)
                 ),
-                "write it as one of `structures`, empty its place with `grains.cut`, or move it",
+                "define it under `structures`, remove the grains at its position with `grains.cut`, or move it",
             );
         }
         if let GrainSource::Growth { block, .. } = &grains.source {
@@ -525,12 +525,12 @@ impl<'a> Start<'a> {
                 findings.error(
                     "grains.initial.growth.box",
                     format!(
-                        "the box reaches {} m behind the wall `{}`, and growing grains know only the faces of their \
-                         box",
+                        "the box reaches {} m behind the wall `{}`, but growing grains are stopped by the faces \
+                         of their box only",
                         number(-lowest),
                         wall.name
                     ),
-                    "end the box at the wall, or empty what is behind it with `grains.cut`",
+                    "end the box at the wall, or remove the grains behind it with `grains.cut`",
                 );
             }
         }
@@ -768,7 +768,9 @@ mod tests {
                 "shape": {"sphere": {"radius": 0.005}}, "position": [0.05, 0.05, z]}]})
         };
         assert_eq!(words(ball(0.01)), "");
-        assert!(words(ball(0.06)).contains("grains grow where the body `ball` stands"));
+        assert!(
+            words(ball(0.06)).contains("grains grow at the position of the body `ball` stands")
+        );
         let plane = |z: f64| {
             serde_json::json!({"walls": [{"name": "sheet", "material": "glass",
                 "shape": {"plane": {"point": [0, 0, z], "normal": [0, 0, 1]}}}]})

@@ -76,8 +76,9 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
             let law = format!("{path}.resistance.darcy_forchheimer");
             findings.error(
                 &law,
-                "neither a permeability nor an inertial coefficient is stated: the zone resists nothing",
-                Remedy::from("state one of both, or remove the zone")
+                "the zone has neither a permeability nor an inertial coefficient, so that it does not resist the \
+                 flow",
+                Remedy::from("add one of them, or remove the zone")
                     .set(format!("{law}.permeability"), 1e-8),
             );
         }
@@ -149,7 +150,8 @@ impl PorousZone {
                 number(linear),
                 number(quadratic)
             ),
-            "requested; inertia and viscosity of open water within".into(),
+            "requested; inside the zone the water has the inertia and viscosity of open water"
+                .into(),
         ]
     }
 }

@@ -90,19 +90,20 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     let columns = columns(dimension, axis);
     let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
     let names = names.join(", ");
-    let header = Header::find(text, &columns)
-        .map_err(|sentence| format!("{sentence}; a profile of this face has {names}"))?;
+    let header = Header::find(text, &columns).map_err(|sentence| {
+        format!("{sentence}; a profile of this face has the columns {names}")
+    })?;
     let of_points = header.has_name_that_begins(POINTS);
     let sheet = Sheet::below(header, &columns, !of_points).map_err(|refusal| match refusal {
-        Refusal::Sentence(sentence) => format!("{sentence}; a profile of this face has {names}"),
+        Refusal::Sentence(sentence) => format!("{sentence}; a profile of this face has the columns {names}"),
         Refusal::Unknown(name) => {
-            format!("the header has a column `{name}`; a profile of this face has {names}")
+            format!("the header has an unknown column `{name}`; a profile of this face has the columns {names}")
         }
     })?;
     let mut rows: Vec<Vec<f64>> = Vec::new();
     sheet.each(|row| {
         if rows.len() >= MOST_ROWS {
-            return Err(format!("more than {MOST_ROWS} rows"));
+            return Err(format!("the file has more than {MOST_ROWS} rows"));
         }
         let numbers: Vec<f64> = (0..columns.len())
             .map(|column| row.number(column))

@@ -33,7 +33,7 @@ pub(crate) fn region(
             if a >= grid.dimension {
                 findings.error(
                     &format!("{path}.axis"),
-                    "there is no axis z in 2-D",
+                    "a 2-D problem has no axis z",
                     "use x or y",
                 );
                 return [low, high];

@@ -73,7 +73,7 @@ pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>
         grain.convert(written.scale, origin);
         if !(grain.radius > 0.0 && grain.radius.is_finite()) {
             return Err(format!(
-                "grain {} has a radius of {} m with the scale {:e}",
+                "grain {} has a radius of {} m after multiplication by the scale {:e}",
                 n + 1,
                 grain.radius,
                 written.scale
@@ -288,11 +288,11 @@ impl Columns {
                 .flatten()
                 .any(|(other, _)| *other == name);
         let meant = match nearest(&name.to_lowercase(), &known) {
-            _ if flat => "this is a problem in two dimensions.".into(),
+            _ if flat => "this is a 2-D problem.".into(),
             Some(close) => format!("did you mean `{close}`?"),
-            None => "take it out.".into(),
+            None => "remove it.".into(),
         };
-        format!("the header has a column `{name}` that a sample has not: {meant} Known: {list}")
+        format!("the header has an unknown column `{name}`: {meant} A sample can have: {list}")
     }
 }
 
@@ -331,7 +331,7 @@ pub fn read(
             if z.total_cmp(&first).is_ne() {
                 let line = row.line();
                 return Err(format!(
-                    "line {line}: z is {z}, that of the first grain {first}: grains of a problem in two dimensions \
+                    "line {line}: z is {z}, but the first grain has {first}: the grains of a 2-D problem must \
                      lie in one plane"
                 ));
             }
@@ -340,7 +340,7 @@ pub fn read(
         Ok(())
     })?;
     if grains.is_empty() {
-        return Err("the sample holds no grain".into());
+        return Err("the sample contains no grain".into());
     }
     if ids.is_empty() {
         return Ok(grains);
@@ -385,7 +385,7 @@ fn grain(
     if grain.radius <= 0.0 {
         let radius = grain.radius;
         return Err(format!(
-            "line {line}: the radius is {radius}, it must be above 0"
+            "line {line}: the radius is {radius}; it must be above 0"
         ));
     }
     let name = row.text(columns.material);
@@ -399,7 +399,7 @@ fn grain(
     }
     let text = row.text(columns.id);
     let id = text.parse().map_err(|_| {
-        format!("line {line}: the id is `{text}`, it must be a whole number from 0 on")
+        format!("line {line}: the id is `{text}`; it must be a whole number of at least 0")
     })?;
     Ok((grain, Some(id)))
 }
@@ -579,7 +579,7 @@ mod tests {
         );
         let said = error("x,y,z,radius,temperature_of_the_grain", 3);
         assert!(said.contains("`temperature_of_the_grain`"), "{said}");
-        assert!(said.contains("Known: x, y, z, radius"), "{said}");
+        assert!(said.contains("can have: x, y, z, radius"), "{said}");
         assert!(error("x,y,radius,radius", 2).contains("twice"));
         let twice = read("x,y,radius,id\n1,2,3,5\n2,2,3,5\n", 2, &[], 0);
         assert!(twice.unwrap_err().contains("id 5"));

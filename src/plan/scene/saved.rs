@@ -54,7 +54,7 @@ pub(crate) fn names(case: &Case, findings: &mut Findings) {
     if grains.is_some() && grains == blocks {
         findings.error(
             "blocks.save",
-            "grains and blocks would be saved under one name",
+            "grains and blocks would be saved under the same name",
             "write a file name such as \"blocks.json\"",
         );
     }
@@ -66,16 +66,15 @@ fn wrong(written: &Path) -> Option<String> {
     let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');
     if name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
         return Some(format!(
-            "a name in the folder of the run has 1 to {LONGEST} bytes, of letters, digits, spaces, and - _ . + only"
+            "the name of a file in the folder of the run has 1 to {LONGEST} bytes and consists of letters, \
+             digits, spaces and - _ . + only"
         ));
     }
     let lower = name.to_lowercase();
     let own = OWN.contains(&lower.as_str())
         || OWN_ENDINGS.iter().any(|end| lower.ends_with(end))
         || OWN_BEGINNINGS.iter().any(|begin| lower.starts_with(begin));
-    own.then(|| {
-        "the program writes files of this name itself, or the name begins with a dot".into()
-    })
+    own.then(|| "this name is reserved for files of the program, or it begins with a dot".into())
 }
 
 #[cfg(test)]

@@ -292,7 +292,7 @@ impl Seepage {
             if axis >= grid.dimension {
                 findings.error(
                     &format!("{path}.face"),
-                    "there is no such face in 2-D",
+                    "a 2-D problem does not have this face",
                     "use x_min, x_max, y_min or y_max",
                 );
                 continue;
@@ -336,11 +336,12 @@ impl Seepage {
                     findings.warn(
                         &format!("{path}.patch"),
                         format!(
-                            "an odd number of cells ({}) along {} across an opening loads the grains unevenly",
+                            "the opening is an odd number of cells ({}) wide along {}, which loads the grains \
+                             unevenly",
                             across,
                             ["x", "y", "z"][a]
                         ),
-                        "use an even number: a wider opening or finer cells",
+                        "use an even number of cells, by a wider opening or finer cells",
                     );
                 }
             }
@@ -360,7 +361,7 @@ impl Seepage {
                 let path = format!("{path}.{}", if whole { "face" } else { "patch" });
                 findings.error(
                     &path,
-                    "all of it lies behind a plane of the enclosure: no water passes",
+                    "the boundary lies completely behind a plane of the enclosure, so that no water can pass",
                     "move it into the water, or move the plane",
                 );
             }
@@ -368,7 +369,7 @@ impl Seepage {
                 let whole = boundary.patch.is_none();
                 findings.error(
                     &format!("{path}.{}", if whole { "face" } else { "patch" }),
-                    "structures cover all of it: no water passes",
+                    "structures cover the boundary completely, so that no water can pass",
                     "move the boundary or the structure",
                 );
             }
@@ -516,21 +517,21 @@ impl Seepage {
         if (0..grid.dimension).any(|a| self.cells[a] < 5) {
             findings.warn(
                 &path,
-                "fewer than 5 cells of the seepage along an axis",
+                "the seepage grid has fewer than 5 cells along an axis",
                 "use at least 5",
             );
         }
         if case.coupling.is_some() {
             findings.error(
                 "coupling",
-                "the seepage acts on the grains by its own drag",
+                "seepage acts on the grains through its own drag law, so that no coupling is needed",
                 Remedy::take_out("remove the coupling", "coupling"),
             );
         }
         if case.time.warm_up.is_some() {
             findings.error(
                 "time.warm_up",
-                "the seepage is steady at every coupling: there is nothing to warm up",
+                "seepage is steady at every coupling, so that it needs no warm-up",
                 Remedy::take_out("remove it", "time.warm_up"),
             );
         }
@@ -544,8 +545,8 @@ impl Seepage {
         if !self.conditions().any(|condition| condition.holds()) {
             findings.error(
                 &format!("{PATH}.boundaries"),
-                "no pressure and no head is imposed anywhere: \
-                 the water has no outlet and its pressure is undetermined",
+                "no boundary imposes a pressure or a head: the water has no outlet and its pressure is \
+                 undetermined",
                 "add a boundary with {\"pressure\": {\"value\": 0}} or {\"head\": {\"value\": 0}}",
             );
         }
@@ -589,7 +590,7 @@ impl Seepage {
         if !written.resistance().model().goes_with(written.equations) {
             findings.error(
                 &format!("{PATH}.resistance"),
-                "the equations as printed allow only the resistance of Kozeny and Carman",
+                "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",
                 Remedy::from(
                     "use \"equations\": \"corrected\", or \"resistance\": \"kozeny_carman\"",
                 )
@@ -606,8 +607,8 @@ impl Seepage {
             findings.error(
                 path,
                 format!(
-                    "a cell of the seepage has an edge of {} m, but the largest grain a diameter of {} m: \
-                     a cell has to hold grains",
+                    "a seepage cell has an edge of {} m, but the largest grain has a diameter of {} m: a cell \
+                     must be large enough to contain grains",
                     number(edge),
                     number(diameter)
                 ),
@@ -627,8 +628,8 @@ impl Seepage {
             findings.warn(
                 path,
                 format!(
-                    "a cell of the seepage has an edge of {} m, {} times the median diameter d50 of {} m: pressure and \
-                     porosity are means over the cell, which does not see smaller voids and openings",
+                    "a seepage cell has an edge of {} m, {} times the median diameter d50 of {} m: pressure and \
+                     porosity are means over a cell, so that smaller voids and openings are not resolved",
                     number(widest),
                     number(widest / sizes.d50),
                     number(sizes.d50)
@@ -646,23 +647,24 @@ impl Seepage {
         let Some(zones) = &self.zones else {
             findings.error(
                 "grains",
-                "water that seeps needs a bed: there are neither grains nor zones",
+                "seepage needs ground, but the case has neither grains nor zones",
                 "add `grains`, or `zones` with a permeability",
             );
             return;
         };
-        if !zones.stand_alone() {
+        if !zones.need_no_grains() {
             findings.error(
                 &format!("{PATH}.zones"),
-                "there are no grains, and a zone states no permeability that holds without grains",
-                "give each zone a permeability as `value`, `hydraulic_conductivity` or raster, or add `grains`",
+                "the case has no grains, and a zone has no permeability that applies without grains",
+                "define the permeability of each zone by `value`, `hydraulic_conductivity` or a raster, or add \
+                 `grains`",
             );
         }
     }
 }
 
 const WEIGHTLESS: &str =
-    "heads, rain, evaporation and seepage faces need gravity, and there is none in this case";
+    "heads, rain, evaporation and seepage faces need gravity, but this case has none";
 
 /// Returns `true` if a condition has no meaning without gravity.
 fn needs_gravity(condition: &Condition) -> bool {
@@ -693,8 +695,11 @@ fn coarse(
     if own.cells.len() != grid.dimension || own.cells.iter().any(|n| *n == 0 || *n > 100_000) {
         findings.error(
             &format!("{path}.cells"),
-            format!("this needs {} numbers from 1 to 100000", grid.dimension),
-            "write the cells along each axis",
+            format!(
+                "this list needs {} numbers from 1 to 100000",
+                grid.dimension
+            ),
+            "write the number of cells along each axis",
         );
         return None;
     }
@@ -714,11 +719,11 @@ fn coarse(
             findings.error(
                 &path,
                 format!(
-                    "the grid leaves the domain, which is 0 … {} m along {}",
+                    "the grid extends beyond the domain, which is 0 … {} m along {}",
                     number(grid.size[a]),
                     ["x", "y", "z"][a]
                 ),
-                "let it end where the domain ends",
+                "end the grid at the face of the domain",
             );
             return None;
         }
@@ -739,7 +744,7 @@ fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3
         if !(length > 0.0 && length.is_finite()) {
             findings.error(
                 &format!("{path}.normal"),
-                "a normal has a length",
+                "the normal has zero length",
                 "write the direction from the plane to the water",
             );
             continue;

@@ -36,7 +36,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
         speeds.push(Speed {
-            what: "the water in a pilot, with a margin".into(),
+            what: "the velocity of the pilot with a margin".into(),
             path: format!("{PATH}.pilot.speed"),
             value: PILOT_MARGIN * pilot.speed,
         });

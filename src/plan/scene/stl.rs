@@ -36,7 +36,7 @@ pub(crate) fn read(
         .map(<[u32]>::to_vec)
         .collect();
     if facets.is_empty() {
-        return Err("the file holds no triangle with an area".into());
+        return Err("the file contains no triangle with an area above 0".into());
     }
     FacetSurface::new(vertices, &facets).map_err(|e| e.to_string())
 }
@@ -121,7 +121,7 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// Sentence about a file of a surface without triangles.
-const EMPTY: &str = "the surface holds no triangle";
+const EMPTY: &str = "the surface contains no triangle";
 
 /// Returns the corners of a text file as a sequence of words, however divided into lines. The name of a solid may
 /// contain characters of any encoding.
@@ -154,13 +154,15 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
             "vertex" => {
                 let mut number = || words.next()?.1.parse().ok();
                 let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
-                    return Err(format!("line {n}: a vertex is three numbers"));
+                    return Err(format!("line {n}: a vertex must have three numbers"));
                 };
                 corners.push([x, y, z]);
                 in_loop += 1;
             }
             "endloop" if in_loop != 3 => {
-                return Err(format!("line {n}: a facet of {in_loop} corners, not 3"));
+                return Err(format!(
+                    "line {n}: a facet has {in_loop} corners instead of 3"
+                ));
             }
             _ => {}
         }
@@ -173,7 +175,10 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
         });
     }
     if corners.len() % 3 != 0 {
-        return Err(format!("{} vertices do not make triangles", corners.len()));
+        return Err(format!(
+            "the file has {} vertices, which is not a multiple of 3",
+            corners.len()
+        ));
     }
     Ok(corners)
 }
@@ -182,11 +187,12 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
 fn no_text(bytes: &[u8]) -> String {
     let count = bytes.get(80..84).and_then(|count| count.try_into().ok());
     count.map_or_else(
-        || "neither text nor binary STL, which has 84 bytes at least".into(),
+        || "the file is neither text STL nor binary STL, which has at least 84 bytes".into(),
         |count| {
             let count = u64::from(u32::from_le_bytes(count));
             format!(
-                "neither text nor binary STL: {count} triangles take {} bytes, the file has {}",
+                "the file is neither text STL nor binary STL: {count} triangles need {} bytes, but the file has \
+                 {}",
                 84 + 50 * count,
                 bytes.len()
             )
@@ -316,7 +322,7 @@ mod tests {
         let refused = corners(bad.as_bytes(), 1.0, &Vector3::zeros()).unwrap_err();
         assert!(refused.contains("line 13"), "{refused}");
         let short = corners(&as_binary()[..150], 1.0, &Vector3::zeros()).unwrap_err();
-        assert!(short.contains("184 bytes, the file has 150"), "{short}");
+        assert!(short.contains("184 bytes, but the file has 150"), "{short}");
     }
 
     /// Checks headers of several programs: words of Gmsh, OpenSCAD, Salome and CATIA; binary files of ParaView,
@@ -362,18 +368,19 @@ mod tests {
     #[test]
     fn files_that_are_no_surface_are_refused() {
         let refused = |bytes: &[u8]| read(bytes, 1.0, &Vector3::zeros()).unwrap_err();
-        assert!(refused(b"").contains("neither text nor binary"));
+        assert!(refused(b"").contains("neither text STL nor binary STL"));
         assert!(
-            refused(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").contains("neither text nor binary")
+            refused(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+                .contains("neither text STL nor binary STL")
         );
         // Surfaces without triangles, as Blender, OpenSCAD and Slic3r write them.
         for text in ["solid Model\nendsolid Model\n", "solid\n"] {
-            assert!(refused(text.as_bytes()).contains("the surface holds no triangle"));
+            assert!(refused(text.as_bytes()).contains("the surface contains no triangle"));
         }
         let mut named = [0; 84];
         named[..7].copy_from_slice(b"Blender");
-        assert!(refused(&named).contains("the surface holds no triangle"));
-        assert!(refused(&[0; 84]).contains("the surface holds no triangle"));
+        assert!(refused(&named).contains("the surface contains no triangle"));
+        assert!(refused(&[0; 84]).contains("the surface contains no triangle"));
         assert!(refused(b"vertex 1 2\n").contains("line 1"));
         assert!(refused(&[0xff; 90]).contains("neither"));
         assert!(refused(&as_binary()[..150]).contains("neither"));

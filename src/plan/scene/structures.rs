@@ -56,7 +56,7 @@ pub(crate) fn structures(
         if written.stops == Stops::Water && case.fluid.is_none() {
             findings.error(
                 &format!("{path}.stops"),
-                "there is no water in this case: the structure would stop nothing",
+                "this case has no water that the structure could stop",
                 Remedy::from("write all").set(format!("{path}.stops"), "all"),
             );
         }
@@ -98,10 +98,11 @@ pub(crate) fn images(
         findings.warn(
             path,
             format!(
-                "the solid is smaller than a cell of {} m and covers none: the water does not meet it",
+                "the solid is smaller than a cell of {} m and covers no cell, so that it has no effect on the \
+                 water",
                 number(grid.spacing)
             ),
-            "state lengths in m, or the unit of a mesh by its `scale`; or use a smaller domain.spacing",
+            "check that lengths are in m (the unit of a mesh is its `scale`), or use a smaller domain.spacing",
         );
     }
     if images.is_empty() || !meets(&images, grid) {
@@ -240,7 +241,10 @@ pub(crate) fn openings(
         if closed && count > 0 {
             findings.error(
                 &format!("fluid.lattice_boltzmann.boundaries[{n}]"),
-                format!("structures cover all of `{}`: no water passes", patch.name),
+                format!(
+                    "structures cover `{}` completely, so that no water can pass",
+                    patch.name
+                ),
                 "move the opening or the structure",
             );
         }
@@ -273,7 +277,7 @@ mod tests {
         let found = findings(&case, Path::new("."));
         found
             .iter()
-            .any(|p| p.path == "structures[0].shape" && p.reason.contains("covers none"))
+            .any(|p| p.path == "structures[0].shape" && p.reason.contains("covers no cell"))
     }
 
     #[test]

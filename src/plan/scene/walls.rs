@@ -96,7 +96,7 @@ fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
         findings.warn(
             "box_walls",
             format!(
-                "gravity pulls the grains through {}, where nothing stops them",
+                "gravity pulls the grains through the face {}, where no wall stops them",
                 face.name()
             ),
             Remedy::from(format!(
@@ -215,17 +215,17 @@ impl Plane {
         if !(length > 0.0 && length.is_finite()) {
             findings.error(
                 &path,
-                "a normal needs a direction",
+                "the normal has zero length",
                 "write for example [0, 1]",
             );
         }
         let normal = normal.map(|n| n / length);
         if let Some(axis) = across_periodic(grid, normal) {
             let reason = format!(
-                "the wall lies across {axis}, along which the domain repeats: there would be grains on both sides of it"
+                "the wall lies across the periodic axis {axis}, so that grains would be on both sides of it"
             );
             let remedy = format!(
-                "use a normal without a component along {axis}, or take {axis} out of `domain.periodic`"
+                "use a normal without a component along {axis}, or remove {axis} from `domain.periodic`"
             );
             findings.error(&path, reason, remedy);
         }
@@ -236,11 +236,11 @@ impl Plane {
 /// Refuses a wall on a face that does not exist, is periodic, or already has one.
 fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut Findings) {
     if face.axis() >= grid.dimension {
-        findings.error(path, "there is no such face in a 2-D problem", "remove it");
+        findings.error(path, "a 2-D problem does not have this face", "remove it");
     } else if grid.periodic[face.axis()] {
         findings.error(
             path,
-            "the domain is periodic there: a wall contradicts this",
+            "the domain is periodic across this face, so that it cannot have a wall",
             "remove it",
         );
     } else if twice {
@@ -263,7 +263,8 @@ fn box_material(
     if usual.is_none() && first {
         findings.error(
             path,
-            "the walls need a material: there are no grains, blocks or bodies to take it from",
+            "the walls need a material, because the case has no grains, blocks or bodies whose material they \
+             could use",
             match names.first() {
                 Some(first) => Remedy::from(format!("add `{path}`, for example `{first}`"))
                     .set(path, first.as_str()),
@@ -300,11 +301,13 @@ fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findi
         findings.error(
             path,
             format!(
-                "grains with a radius of {} m cannot meet facets in a domain that repeats every {} m",
+                "grains with a radius of {} m are too large for walls of facets in a domain that repeats every \
+                 {} m",
                 number(largest),
                 number(2.0 * reach)
             ),
-            "use a period of more than the largest diameter and a neighbour skin, planes, or no periodic axis",
+            "use a period longer than the largest diameter plus the neighbour skin, plane walls, or no periodic \
+             axis",
         );
         findings.depends(&["grains", "regions"]);
     }
@@ -322,7 +325,7 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
         if wall.during == WallStage::Preparation {
             findings.error(
                 &path,
-                "a wall of the preparation is gone as the run begins",
+                "a wall of the preparation is removed when the run begins, so that this field has no effect",
                 Remedy::take_out("remove it, or `during`", &path),
             );
         } else if time >= end {
@@ -330,7 +333,7 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
             findings.warn(
                 &path,
                 format!(
-                    "the wall `{}` {what} at {} s, and the run ends at {} s",
+                    "the wall `{}` {what} at {} s, but the run ends at {} s",
                     wall.name,
                     number(time),
                     number(end)
@@ -345,7 +348,7 @@ fn check_times(case: &Case, wall: &WrittenWall, path: &str, findings: &mut Findi
         findings.error(
             &format!("{path}.until"),
             format!(
-                "the wall would go at {} s and come at {} s",
+                "the wall would be removed at {} s, before it is inserted at {} s",
                 number(until),
                 number(from)
             ),
@@ -363,18 +366,21 @@ fn has_a_preparation(case: &Case, path: &str, findings: &mut Findings) {
     let (what, held_before) = match source {
         Some(GrainSource::Deposition(_)) => return,
         Some(_) if bonded => return,
-        Some(GrainSource::List(_)) => ("listed grains start where they are", false),
-        Some(GrainSource::File { .. }) => ("grains from a file start where they are", true),
-        Some(GrainSource::Growth(_)) => ("growing grains meet the faces of their box only", false),
+        Some(GrainSource::List(_)) => ("listed grains do not move before the run", false),
+        Some(GrainSource::File { .. }) => ("grains from a file do not move before the run", true),
+        Some(GrainSource::Growth(_)) => (
+            "growing grains are stopped by the faces of their box only",
+            false,
+        ),
         None => ("there are no grains in this case", false),
     };
     let at = format!("{path}.during");
     let reason = format!(
-        "this wall never stands: {what}, nothing else is prepared, and the wall is gone as the run begins"
+        "this wall never acts: {what}, nothing else is prepared, and the wall is removed when the run begins"
     );
-    let keep = "write always to keep the wall during the run";
+    let keep = "write \"always\" to keep the wall during the run";
     let remedy = if held_before {
-        Remedy::from(format!("{keep}, or take the wall out"))
+        Remedy::from(format!("{keep}, or remove the wall"))
     } else {
         Remedy::from(format!("{keep}, or use a deposition or bond_at_start"))
     }
@@ -397,7 +403,7 @@ fn facets(
     if grid.dimension == 2 {
         findings.error(
             path,
-            "in 2-D a wall is a plane",
+            "in 2-D a wall must be a plane",
             "write {\"plane\": {\"point\": .., \"normal\": ..}}",
         );
         return None;
@@ -418,7 +424,7 @@ fn facets(
             (
                 path,
                 made,
-                "give the corners of a plane convex polygon in order",
+                "list the corners of a plane convex polygon in their order along the outline",
             )
         }
         WallShape::Box(extent) => {

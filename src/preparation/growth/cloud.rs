@@ -18,7 +18,8 @@ pub(super) fn scatter<S: Space>(
         let length = settings.upper.get(axis) - settings.lower.get(axis);
         if length < 2.0 * largest {
             return Err(Error::Numerical(format!(
-                "a box {length} m wide for grains of {largest} m"
+                "the box is {length} m wide, and the largest grain has a radius of {largest} m: use a box of at \
+                 least two radii"
             )));
         }
         *count = whole((length / cell).max(1.0));
@@ -76,7 +77,8 @@ pub(super) fn scatter<S: Space>(
         });
         let Some(at) = free else {
             return Err(Error::Numerical(
-                "the loose cloud does not fit the box".into(),
+                "the loose cloud of grains does not fit into the box: use a larger box, or fewer or smaller \
+                 grains".into(),
             ));
         };
         places[id] = at;

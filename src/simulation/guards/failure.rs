@@ -67,8 +67,8 @@ impl Failure {
         if real(lost) > SPREAD * real(plan.scene.grid.cell_count()) {
             let often = (plan.scene.guards.check_every_steps / 20).max(1);
             parts.push(format!(
-                "{lost} of {} cells are not finite by now, so that this cell need not be where the failure began: \
-                 --set guards.check_every_steps={often} finds it sooner",
+                "{lost} of {} cells are no longer finite, so that the failure may have begun in another cell: \
+                 --set guards.check_every_steps={often} finds it earlier",
                 plan.scene.grid.cell_count()
             ));
             parts.extend(nearest_of_water(plan).map(limit));
@@ -81,7 +81,9 @@ impl Failure {
         near.sort_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((name, away)) = near.first() {
             let away = number(away.max(0.0));
-            parts.push(format!("nearest to it is {name}, {away} m away"));
+            parts.push(format!(
+                "the nearest object is {name}, at a distance of {away} m"
+            ));
         }
         let one_way = flows.as_ref().is_some_and(|(_, one_way)| *one_way);
         parts.extend(
@@ -155,7 +157,7 @@ pub(super) fn density(drho: f64, plan: &Plan) -> String {
         .units
         .map(|units| units.density_deviation_to_pressure(drho));
     format!(
-        "{} % {} that at rest (pressure {} Pa)",
+        "{} % {} the density at rest (pressure {} Pa)",
         number(100.0 * drho.abs()),
         if drho < 0.0 { "below" } else { "above" },
         number(pressure.unwrap_or(f64::NAN))
@@ -288,7 +290,7 @@ pub fn of_solids(error: Error, plan: &Plan) -> Error {
     let mut parts = vec![text];
     parts.extend(nearest(plan, |limit| limit.starts_with(SOLID)).map(limit));
     parts.push(
-        "a smaller time.solid_time_step_safety helped where contacts threw grains apart".into(),
+        "in similar cases, where contacts threw grains apart, a smaller time.solid_time_step_safety helped".into(),
     );
     Error::Numerical(parts.join("; "))
 }
@@ -351,8 +353,8 @@ fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     if let Some(margin) = crossed.filter(|margin| margin.used > 1.0) {
         let finest = plan.scene.grid.spacing / margin.used;
         return format!(
-            "in such cases a smaller time step did not help; a cell Reynolds number of at most {} did: a spacing of \
-             at most {} m, a slower flow or a larger viscosity",
+            "in similar cases a smaller time step did not help, but a cell Reynolds number of at most {} did: \
+             use a spacing of at most {} m, a slower flow or a larger viscosity",
             number(margin.allowed),
             number(finest)
         );
@@ -360,10 +362,11 @@ fn remedy(kind: Kind, one_way: bool, plan: &Plan) -> String {
     let pressure = nearest_of_water(plan).is_some_and(|margin| margin.limit.starts_with(PRESSURE));
     match kind {
         Kind::TooDense if one_way => "check that an open path of several cells leads from inlet to outlet",
-        Kind::TooFast => "in such cases a smaller time step (a smaller relaxation time at the same viscosity) helped",
+        Kind::TooFast => "in similar cases a smaller time step (a smaller relaxation time at the same viscosity) \
+                          helped",
         Kind::TooDense if pressure => {
-            "with an imposed pressure a smaller time step (a smaller relaxation time at the same viscosity) helped, a \
-             ramp did not"
+            "in similar cases with an imposed pressure, a smaller time step (a smaller relaxation time at the \
+             same viscosity) helped, but a ramp did not"
         }
         Kind::TooDense | Kind::NotFinite => "`solver plan` shows all limits",
     }

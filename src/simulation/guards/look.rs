@@ -14,12 +14,12 @@ use lbm::lanes::Stored;
 
 /// A value and the index of its cell in the order of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct At {
+pub(super) struct Extreme {
     pub(super) value: f64,
     pub(super) cell: u64,
 }
 
-impl At {
+impl Extreme {
     const NOWHERE: Self = Self {
         value: 0.0,
         cell: u64::MAX,
@@ -38,10 +38,10 @@ impl At {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
     /// Largest squared speed of the water, over C².
-    pub(super) fastest: At,
+    pub(super) fastest: Extreme,
     /// Density deviation of the largest magnitude in the water, except in cells enclosed by bodies, which moving
     /// bodies squeeze.
-    pub(super) squeezed: At,
+    pub(super) squeezed: Extreme,
     /// The first cell whose numbers are not finite.
     pub(super) broken: Option<u64>,
 }
@@ -80,7 +80,7 @@ impl Order {
 
 /// Buffers that checks reuse.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Look {
+pub(super) struct StateCheck {
     /// Moments of a row.
     row: [Vec<f64>; 4],
     /// Fraction of each cell of a row that bodies cover.
@@ -91,7 +91,7 @@ pub(super) struct Look {
     order: Vec<(f64, usize)>,
 }
 
-impl Look {
+impl StateCheck {
     /// Checks every cell of the slab.
     pub(super) fn check_cells<Sp: Space, S: Stored>(
         &mut self,
@@ -99,8 +99,8 @@ impl Look {
     ) -> Seen {
         self.rows.check(flow.fluid());
         let mut seen = Seen {
-            fastest: At::NOWHERE,
-            squeezed: At::NOWHERE,
+            fastest: Extreme::NOWHERE,
+            squeezed: Extreme::NOWHERE,
             broken: None,
         };
         let rows = || self.rows.iter();
@@ -110,7 +110,7 @@ impl Look {
             }
         }
         let order = &mut self.order;
-        let mut descend = |size: fn(&Extremes) -> f64, known: fn(&Seen) -> At| {
+        let mut descend = |size: fn(&Extremes) -> f64, known: fn(&Seen) -> Extreme| {
             order.clear();
             order.extend(rows().enumerate().map(|(row, found)| (size(found), row)));
             order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

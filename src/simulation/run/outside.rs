@@ -44,8 +44,8 @@ impl Outside {
             progress: Progress::new(false, 0),
         };
         // A run that continues with other slabs has already printed the rest.
-        let speaks = outside.speaks() && outside.start.slabs.is_none();
-        outside.progress = Progress::new(speaks, 0);
+        let prints_messages = outside.prints_messages() && outside.start.slabs.is_none();
+        outside.progress = Progress::new(prints_messages, 0);
         outside.progress.note(&format!(
             "{} rank(s) x {} thread(s), slabs along {:?}, {} lanes",
             outside.communicator.size(),
@@ -57,7 +57,7 @@ impl Outside {
     }
 
     /// Returns `true` if this rank prints messages.
-    pub(super) fn speaks(&self) -> bool {
+    pub(super) fn prints_messages(&self) -> bool {
         self.communicator.rank() == 0 && !self.start.quiet
     }
 
@@ -85,7 +85,8 @@ impl Outside {
             Ok(()) => folder.forget_preparation(),
             Err(io::Error::Space { needed, free, path }) if request == Request::Checkpoint => {
                 self.progress.note(&format!(
-                    "the preparation is not saved: it needs {needed} bytes, {path} has {free}; it continues"
+                    "the preparation is not saved, because it needs {needed} bytes and {path} has only {free} \
+                     free; it continues"
                 ));
             }
             Err(error) => return Err(Error::Io(error.to_string())),

@@ -189,13 +189,13 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         while self.goes_on() {
             self.simulation.step()?;
-            for line in self.simulation.collapse.take_news() {
+            for line in self.simulation.collapse.take_events() {
                 self.progress.note(&line);
             }
-            for line in self.simulation.gates.take_news() {
+            for line in self.simulation.gates.take_events() {
                 self.progress.note(&line);
             }
-            for line in self.simulation.guards.take_news() {
+            for line in self.simulation.guards.take_events() {
                 self.progress.note(&line);
             }
             let step = self.simulation.now.step;
@@ -255,7 +255,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         // No checkpoint may be written after this: the rows at the end are not part of the state of a run that
         // continues.
         self.simulation.record_end()?;
-        for line in self.simulation.collapse.take_news() {
+        for line in self.simulation.collapse.take_events() {
             self.progress.note(&line);
         }
         self.simulation
@@ -331,7 +331,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             solid_steps: u64::from(simulation.now.plan.clock.solid_steps_per_step),
             more,
         };
-        self.progress.say(&moment);
+        self.progress.print_step(&moment);
     }
 
     fn save(&mut self, occasion: Occasion) -> Result<(), Error> {
@@ -378,7 +378,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 }
             }
             Err(io::Error::Space { needed, free, path }) => {
-                let lack = format!("it needs {needed} bytes, {path} has {free}");
+                let lack = format!("it needs {needed} bytes, but {path} has only {free} free");
                 self.unsaved.get_or_insert_with(|| (step, lack.clone()));
                 match occasion {
                     Occasion::Asked => self.progress.note(&format!(

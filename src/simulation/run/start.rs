@@ -96,7 +96,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
 
     /// Returns the run in the state `now`. Collective.
     fn new(mut now: Present<Sp, S>, parts: Parts, records: Records, outside: Outside) -> Self {
-        let progress = Progress::new(outside.speaks(), now.step);
+        let progress = Progress::new(outside.prints_messages(), now.step);
         let Outside { start, watch, .. } = outside;
         let first_step = now.step;
         let servos = Servos::start(&now.plan, now.dem.as_mut());

@@ -54,9 +54,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             self.simulation.guards.through(plan).is_none() && plan.scene.surface.is_none();
         (enclosed && change.abs() > LOST).then(|| {
             format!(
-                "the mass of the enclosed water changed by {:.2} %, its mean pressure with it by {:.3e} Pa: \
-                 interpolated links, and grains that cover and uncover cells, do not conserve mass; \
-                 partially saturated cells do",
+                "the mass of the enclosed water changed by {:.2} %, and its mean pressure therefore by {:.3e} \
+                 Pa: interpolated links and grains that cover and uncover cells do not conserve mass; partially \
+                 saturated cells do",
                 100.0 * change,
                 units.pressure_scale() * change / 3.0
             )
@@ -160,8 +160,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let late = feeds.iter().filter(|feed| feed.generated < feed.due);
         late.map(|feed| {
             format!(
-                "the region `{}` generated {} of the {} grains that were due: it has no free position \
-                 for the others; enlarge it, lower the rate, or let grains leave it faster",
+                "the region `{}` generated {} of {} grains and had no free position for the others; enlarge it, \
+                 reduce the rate, or let grains leave it faster",
                 feed.region, feed.generated, feed.due
             )
         })
@@ -184,10 +184,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if let Some((step, lack)) = &self.unsaved {
             let newest = self.saved.map_or_else(
                 || "there is no checkpoint".to_owned(),
-                |saved| format!("the newest is that of step {saved}"),
+                |saved| format!("the newest checkpoint is that of step {saved}"),
             );
             warnings.push(format!(
-                "checkpoints are missing from step {step} on, for lack of space ({lack}): {newest}"
+                "no checkpoints were written from step {step} on, because disk space was lacking ({lack}); \
+                 {newest}"
             ));
         }
         if seepage.is_none() {
@@ -197,16 +198,16 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let bernoulli = bernoulli_speed(&now.plan.scene, extremes);
         if now.dem.is_some() && extremes.speed > LEAPS * bernoulli {
             warnings.push(format!(
-                "a grain reached {:.3e} m/s, and the differences of pressure and height give \
-                 {bernoulli:.3e} m/s at most (Bernoulli): elastic energy of overlapping contacts accelerated it",
+                "a grain reached {:.3e} m/s, but differences of pressure and height explain at most \
+                 {bernoulli:.3e} m/s (Bernoulli): the elastic energy of overlapping contacts accelerated it",
                 extremes.speed
             ));
         }
         if extremes.water > LEAPS * bernoulli && bernoulli > 0.0 {
             warnings.push(format!(
-                "the water reached {:.3e} m/s in a cell, and the differences of pressure and height give \
-                 {bernoulli:.3e} m/s at most (Bernoulli): moving grains accelerated it, or an imposed flux \
-                 drives it through a narrow channel",
+                "the water reached {:.3e} m/s in a cell, but differences of pressure and height explain at most \
+                 {bernoulli:.3e} m/s (Bernoulli): moving grains accelerated it, or an imposed flux drives it \
+                 through a narrow channel",
                 extremes.water
             ));
         }
@@ -303,8 +304,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         (lost.abs() > LOST_WATER * handled).then(|| {
             format!(
-                "{:.1} % of the water is lost in drops of one cell and in air that water enclosed: finer cells lose \
-                 less",
+                "{:.1} % of the water is lost in drops of one cell and in enclosed air; finer cells lose less",
                 100.0 * lost / handled
             )
         })

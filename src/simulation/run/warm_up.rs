@@ -46,7 +46,7 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
     else {
         return Ok(0);
     };
-    let mut look = Look::new(flow, reached.velocities);
+    let mut look = SteadyCheck::new(flow, reached.velocities);
     let mut step = reached.steps;
     let mut ask_at = step + outside.steps();
     while step < plan.clock.warm_up_steps {
@@ -87,14 +87,14 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
 }
 
 /// Velocities at the last check, and their relative change since the check before.
-struct Look {
+struct SteadyCheck {
     /// Cell indices in the order of the velocities.
     cells: Vec<usize>,
     velocities: Vec<f64>,
     change: f64,
 }
 
-impl Look {
+impl SteadyCheck {
     fn new<Sp: Space, S: SavedNumber>(
         flow: &dyn LatticeFlow<Sp, S>,
         velocities: Option<Vec<f64>>,
@@ -132,7 +132,9 @@ fn line(steps: u64, change: f64, limit: f64) -> String {
     let short = if change < limit {
         String::new()
     } else {
-        format!("; warning: not steady, time.warm_up asks for {limit:.1e} and allows no more steps")
+        format!(
+            "; warning: the flow is not steady: time.warm_up requires {limit:.1e}, but allows no more steps"
+        )
     };
     format!(
         "fluid warmed up for {steps} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"

@@ -126,13 +126,18 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
 /// # Errors
 /// If the file cannot be read or has another number of cells.
 pub fn file(path: &Path, plan: &Plan, units: LatticeUnits) -> Result<Box<dyn Field>, Error> {
-    let wrong = |what: String| Error::Io(format!("initial state {}: {what}", path.display()));
+    let wrong = |what: String| {
+        Error::Io(format!(
+            "the initial state {} cannot be used: {what}",
+            path.display()
+        ))
+    };
     let read = |name: &str| io::fields::read_column(path, name).map_err(|e| wrong(e.to_string()));
     let (velocity, pressure) = (read("velocity")?, read("pressure")?);
     let cells = plan.scene.grid.cells;
     let count = cells[0] * cells[1] * cells[2];
     if velocity.values.len() != 3 * count || pressure.values.len() != count {
-        return Err(wrong(format!("it does not hold {cells:?} cells")));
+        return Err(wrong(format!("it does not have {cells:?} cells")));
     }
     Ok(Box::new(move |p: [f64; 3]| {
         let at: [usize; 3] =

@@ -70,7 +70,7 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
                     members.push(other);
                 } else if turned[other] != turns {
                     return Err(
-                        "the surface has one side only, as a Möbius strip: it has no inside".into(),
+                        "the surface has only one side, like a Möbius strip, and therefore no inside".into(),
                     );
                 }
             }
@@ -93,7 +93,8 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
         let ahead = sides.iter().filter(forward).count();
         if 2 * ahead != sides.len() {
             return Err(format!(
-                "{} triangles meet at an edge, {ahead} of them in one direction: the surface does not bound a solid",
+                "{} triangles meet at an edge, and {ahead} of them run along it in the same direction: the \
+                 surface does not bound a solid",
                 sides.len()
             ));
         }

@@ -94,7 +94,7 @@ impl Range {
                 path,
                 &value,
                 reason,
-                "exchange from and to, or write a list",
+                "exchange `from` and `to`, or write a list",
             ));
         } else if self.scale == Scale::Logarithmic && self.from <= 0.0 {
             let reason = "equal ratios need a range above 0".into();

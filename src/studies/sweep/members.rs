@@ -146,7 +146,7 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
         let all = counts.try_fold(1_usize, usize::checked_mul);
         if all.is_none_or(|all| all > MOST_MEMBERS) {
             let reason = format!("more than {MOST_MEMBERS} combinations");
-            let remedy = "vary less at once";
+            let remedy = "vary fewer fields or values";
             return Err(vec![problem("vary", "too many", reason, remedy)]);
         }
     }
@@ -287,7 +287,7 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
     for draft in drafts {
         if draft.name.trim_matches('.').is_empty() || seen.contains(&draft.name.as_str()) {
             let reason = "every member needs a unique name with letters or digits".into();
-            let remedy = "give other names, or remove a duplicate value";
+            let remedy = "use other names, or remove a duplicate value";
             found.push(problem(
                 "members",
                 &format!("{:?}", draft.name),
@@ -413,7 +413,7 @@ fn set_fields(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -
                 found.extend(set::apply(case, &text).err().map(|p| *p));
             }
             Err(reason) => {
-                let remedy = "name numbers of the case by their path, such as domain.spacing";
+                let remedy = "refer to numbers of the case by their path, such as domain.spacing";
                 found.push(problem(
                     &path,
                     &expression::excerpt(&format!("={formula}")),
@@ -497,7 +497,7 @@ mod tests {
             "domain.spcing",
             "did you mean `spacing`",
             "relaxation_time = \"half\"",
-            "there is no value named \"nothing\"",
+            "there is no value with the name \"nothing\"",
             "as in 1 more members",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");

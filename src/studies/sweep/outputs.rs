@@ -120,7 +120,9 @@ fn unknown(
     let error = value.err()?;
     let remedy = match (strange.into_inner(), columns) {
         (None, _) => "correct the formula".to_owned(),
-        (Some(_), []) => "name earlier outputs, or numbers of the case by their path".to_owned(),
+        (Some(_), []) => {
+            "refer to earlier outputs by name, or to numbers of the case by path".to_owned()
+        }
         (Some(word), columns) => {
             let near = case::check::nearest(&word, columns);
             let near = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));

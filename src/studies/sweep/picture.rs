@@ -245,7 +245,7 @@ const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
         true,
         "#D55E00",
         Style::OpenSquare,
-        "refused, but finished",
+        "refused by the plan, but finished",
     ),
     (
         Verdict::Refused,
@@ -395,7 +395,7 @@ impl Map {
 
     /// Returns a table of the numbers of agreements between plan and run.
     #[must_use]
-    pub fn confusion(&self) -> String {
+    pub fn agreement_table(&self) -> String {
         let mut text = format!("{:<10} {:>10} {:>15}", "plan", "finished", "did not finish");
         for verdict in [Verdict::Valid, Verdict::Unstable, Verdict::Refused] {
             let count = |finished| {

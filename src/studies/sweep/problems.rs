@@ -7,13 +7,13 @@ use case::check;
 pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Problem {
     let remedy = match check::nearest(name, known) {
         Some(near) => format!("did you mean `{near}`?"),
-        None if known.is_empty() => "leave it out".into(),
+        None if known.is_empty() => "remove it".into(),
         None => format!("use one of: {}", known.join(", ")),
     };
     problem(
         path,
         &format!("{name:?}"),
-        format!("there is no {kind} of this name"),
+        format!("there is no {kind} with this name"),
         &remedy,
     )
 }

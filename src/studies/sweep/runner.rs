@@ -176,7 +176,7 @@ impl<'a> Runner<'a> {
             return Ok(());
         }
         Err(Error::Stopped(format!(
-            "{} members are not finished; the same command continues",
+            "{} members are not finished; run the same command again to continue",
             stopped + queue.len()
         )))
     }
@@ -374,7 +374,7 @@ fn empty(folder: &Path) -> Result<(), Error> {
     }
     if !folder.join(FILE).exists() {
         return Err(Error::Io(format!(
-            "{} is there and is not the folder of a member; move it away or choose another --output",
+            "{} exists and is not the folder of a member; move it or choose another --output",
             folder.display()
         )));
     }

@@ -342,7 +342,7 @@ impl Study {
                 Some((_, variation)) if !variation.is_numeric() => {
                     let reason = "the values along an axis of the map must be numbers".into();
                     let remedy =
-                        "name a field that takes numbers, or choices that are named by numbers";
+                        "use a field that takes numbers, or choices that are named by numbers";
                     found.push(problem(&path, name, reason, remedy));
                 }
                 Some(_) => {}
@@ -432,7 +432,7 @@ impl Output {
         let ways = [&self.is, summary, file].into_iter().flatten().count();
         if ways != 1 {
             let reason = format!(
-                "exactly one of is, summary and file gives the number, but {ways} are here"
+                "exactly one of `is`, `summary` and `file` must give the number, but {ways} of them are present"
             );
             found.push(problem(path, "ambiguous", reason, "keep one of them"));
         }
@@ -487,7 +487,7 @@ fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
         let crossed = |Sample::LatinHypercube(drawn): &Sample| !drawn.draws(name);
         if study.sample.as_ref().is_none_or(crossed) {
             let reason = "a range has no values of its own: they are drawn".into();
-            let remedy = "add `sample` and leave the range out of `crossed`, or write a list";
+            let remedy = "add `sample` and remove the range from `crossed`, or write a list";
             found.push(problem(&path, "a range", reason, remedy));
         }
     }
@@ -504,7 +504,7 @@ fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     for (name, variation) in &study.vary.0 {
         if !matches!(variation, Variation::Range(_)) && variation.labels().is_empty() {
             let reason = "there is no value to draw".into();
-            let remedy = "add values, or leave the field out";
+            let remedy = "add values, or remove the field";
             found.push(problem(&format!("vary.{name}"), "empty", reason, remedy));
         }
     }

@@ -424,7 +424,7 @@ impl Comparison<'_> {
         let found = self.found[other].get(output).cloned().flatten();
         found.map(Some).ok_or_else(|| {
             format!(
-                "the reference {} has no such output",
+                "the reference {} does not have this output",
                 self.members[other].name
             )
         })

@@ -29,7 +29,7 @@ const SUMMARY: &[&str] = &[
     "collapse",
     "element_test",
 ];
-/// Numbers below these entries that describe the solution method, or are given.
+/// Entries of the summary without results: numbers that describe the solution method, or that the case states.
 const NO_ANSWERS: &[&str] = &[
     "iterations",
     "residual",

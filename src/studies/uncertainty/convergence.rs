@@ -86,24 +86,30 @@ impl Behaviour {
     #[must_use]
     pub fn method(self) -> &'static str {
         match self {
-            Self::Equal => "the grids agree to rounding: three times the largest difference",
+            Self::Equal => {
+                "the grids agree to rounding, and the uncertainty is three times the largest \
+                            difference"
+            }
             Self::Asymptotic => {
                 "grid convergence index, F = 1.25: three grids, order within 10 % of the formal one"
             }
             Self::Monotone => {
-                "grid convergence index, F = 3: the order is below the formal one; at least 0.5 is used"
+                "grid convergence index, F = 3: the order is below the formal one; an order of at least 0.5 is \
+                 used"
             }
             Self::Fast => {
-                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, so that the finer \
-                 difference is small by chance"
+                "least squares (Eca and Hoekstra 2014), F = 3: the order is above the formal one, because the \
+                 difference of the finer grids is small by chance"
             }
             Self::Oscillating => {
-                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range: the differences change their \
-                 sign"
+                "least squares (Eca and Hoekstra 2014), F = 3, at least half the range of the values: the \
+                 differences change their sign"
             }
-            Self::Diverging => "no number is promised: the differences do not shrink",
+            Self::Diverging => {
+                "no uncertainty is given: the differences do not decrease with the cells"
+            }
             Self::TwoGrids => "grid convergence index, F = 3: two grids and first order",
-            Self::OneGrid => "no number is promised: the value is known on one grid only",
+            Self::OneGrid => "no uncertainty is given: the value is known on one grid only",
         }
     }
 }
@@ -134,7 +140,7 @@ pub struct Estimate {
     pub extrapolated: Option<f64>,
     /// Factor of safety.
     pub factor: Option<f64>,
-    /// Half the width of the interval about the value; none if no number is promised.
+    /// Half the width of the interval about the value; none if no uncertainty is given.
     pub uncertainty: Option<f64>,
 }
 

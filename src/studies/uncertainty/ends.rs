@@ -112,7 +112,7 @@ fn has_a_fixed_mesh(value: &Value) -> bool {
 
 /// Moves the ends in a case with stated cells, and returns a description of the change; `None` if the case has no
 /// closed ends beyond imposed heads, or cannot be moved.
-pub(super) fn move_away(case: &mut Value, plan: &Plan) -> Option<String> {
+pub(super) fn move_ends(case: &mut Value, plan: &Plan) -> Option<String> {
     let scene = &plan.scene;
     let seepage = grids::refinable_seepage(scene)?;
     let far = FarEnds::find(scene, seepage)?;
@@ -215,7 +215,7 @@ mod tests {
     fn ends_move_to_three_leakage_lengths_with_all_that_lies_between() {
         let plan = plan(40.0);
         let mut case = grids::stated(&plan).unwrap();
-        let change = move_away(&mut case, &plan).unwrap();
+        let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("40.0000 to 135.0000 m"), "{change}");
         assert_eq!(case["domain"]["size"][0], json!(290.0));
         assert_eq!(case["fluid"]["darcy"]["grid"]["cells"], json!([290, 6]));
@@ -238,7 +238,7 @@ mod tests {
     fn ends_far_away_move_to_twice_their_distance() {
         let plan = plan(140.0);
         let mut case = grids::stated(&plan).unwrap();
-        let change = move_away(&mut case, &plan).unwrap();
+        let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("140.0000 to 280.0000 m"), "{change}");
     }
 }

@@ -58,14 +58,14 @@ impl Scaling {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Diffusive => {
-                "diffusive: the same relaxation time on all grids; the error of compressibility falls with h^2 and is \
-                 part of the uncertainty"
+                "diffusive: the same relaxation time on all grids; the compressibility error decreases with h^2 \
+                 and is part of the uncertainty"
             }
             Self::Acoustic => {
-                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits on \
-                 coarser cells; the error of compressibility is not part of the uncertainty"
+                "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits \
+                 on coarser cells; the compressibility error is not part of the uncertainty"
             }
-            Self::Steady => "cells of the seepage; a flow in time chooses its steps by their error",
+            Self::Steady => "seepage cells; a transient flow chooses its time steps by their error",
         }
     }
 
@@ -267,7 +267,7 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
     let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
     let scene = &plan.scene;
     let Some(case) = tree.as_object_mut() else {
-        return Err(Error::Internal("the case is no object".into()));
+        return Err(Error::Internal("the case is not a JSON object".into()));
     };
     case.remove("accuracy");
     case.insert("output".into(), json!({}));
@@ -387,7 +387,7 @@ pub fn check(stated: &Value) -> Result<(), Error> {
         return Err(one(
             path,
             initial.to_string(),
-            "a field from a file has one spacing, and an estimate requires several",
+            "a field from a file has one spacing, but an estimate runs several",
             "start from another initial state, or warm up the fluid",
         ));
     }

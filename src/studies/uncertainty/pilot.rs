@@ -40,7 +40,7 @@ pub fn command(
         return Err(Error::Case(vec![Problem {
             path: "fluid".into(),
             value: String::new(),
-            reason: "a pilot measures the water of a lattice, and the case has none".into(),
+            reason: "a pilot measures water on a lattice, and this case has none".into(),
             remedy: "run the case itself".into(),
             severity: Severity::Error,
         }]));
@@ -48,7 +48,8 @@ pub fn command(
     let (chosen, ratio) = coarse(plan)?;
     let planned = chosen.prepared.as_ref().map_or(0.0, |p| p.seconds);
     report(&format!(
-        "a pilot on cells of {ratio:.2} times the size, about {planned:.1} core-seconds, {:.1} % of the run, in {}",
+        "a pilot on cells {ratio:.2} times as large; planned cost about {planned:.1} core-seconds, {:.1} % of \
+         the run, in {}",
         100.0 * planned / plan.estimate.seconds_on_one_core,
         output.display()
     ));
@@ -56,7 +57,8 @@ pub fn command(
     runner.run(std::slice::from_ref(&chosen))?;
     if let Err(reason) = outcome(plan, &chosen, output) {
         return Err(Error::Numerical(format!(
-            "the pilot did not end ({reason}): its cells are too coarse for this flow; the estimates of the plan remain"
+            "the pilot failed ({reason}), because its cells are too coarse for this flow; the plan keeps its own \
+             estimates"
         )));
     }
     let found = read(plan, &chosen, output)?;
@@ -98,7 +100,7 @@ fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
             path: "domain.spacing".into(),
             value: plan.scene.grid.spacing.to_string(),
             reason: format!(
-                "no coarser cells cost at most {} % of the run",
+                "no pilot on coarser cells costs at most {} % of the run",
                 100.0 * MOST_COST
             ),
             remedy: "run the case itself".into(),
@@ -120,20 +122,20 @@ fn read(plan: &Plan, pilot: &Member, output: &Path) -> Result<Pilot, Error> {
             .ok_or_else(|| fail(&format!("no {name}")))
     };
     let spacing = pilot.case["domain"]["spacing"].as_f64();
-    let spacing = spacing.ok_or_else(|| Error::Internal("a pilot without a spacing".into()))?;
+    let spacing = spacing.ok_or_else(|| Error::Internal("the pilot has no spacing".into()))?;
     let sound = spacing / (3.0_f64.sqrt() * value("time")? / value("steps")?);
     let density = plan.scene.flow.as_ref().map_or(0.0, |flow| flow.density);
     Ok(Pilot {
         speed: value("lattice_velocity")? * 3.0_f64.sqrt() * sound,
         pressure: value("compression")? * density * sound * sound,
         of: plan::hash_without_pilot(&plan.case_text)
-            .ok_or_else(|| Error::Internal("a case that is no JSON".into()))?,
+            .ok_or_else(|| Error::Internal("the case is not JSON".into()))?,
     })
 }
 
 /// Returns a description of the result of a pilot.
 #[must_use]
-pub fn told(pilot: &Pilot) -> String {
+pub fn description(pilot: &Pilot) -> String {
     format!(
         "the water reached {} m/s and {} Pa",
         number(pilot.speed),

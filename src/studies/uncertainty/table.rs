@@ -154,14 +154,14 @@ pub fn conclusion(grids: &[GridData]) -> String {
     let of = grids.len();
     match number {
         0 | 1 => format!(
-            "no estimate exists: {number} of {of} grids has answers, and an estimate requires two; {}: {why}",
+            "no estimate exists: {number} of {of} grids gave results, and an estimate requires two; {}: {why}",
             grid.folder
         ),
         2 => format!(
-            "an estimate of two grids: {number} of {of} have answers; the order is not measured, and the factor of \
-             safety is 3"
+            "the estimate uses two grids, because {number} of {of} gave results; the order is not measured, and \
+             the factor of safety is 3"
         ),
-        _ => format!("{number} of {of} grids have answers: the estimate uses these"),
+        _ => format!("{number} of {of} grids gave results, and the estimate uses these"),
     }
 }
 
@@ -257,30 +257,30 @@ impl AnswerRow {
         let mut causes: Vec<String> = Vec::new();
         if self.value.abs() < SMALL * self.scale {
             causes.push(format!(
-                "the value is {} of the scale of its kind, {:.3e}: a small difference of large terms",
+                "the value is only {} of {:.3e}, the scale of its quantity: it is a small difference of large \
+                 terms",
                 percent(Some(self.value.abs() / self.scale)),
                 self.scale
             ));
         }
         if self.settled == Some(false) {
             causes.push(format!(
-                "it still changes by {} in a tenth of the run: run longer",
+                "the value still changes by {} in a tenth of the run: run longer",
                 percent(self.drift.map(f64::abs))
             ));
         }
         causes.push(match self.estimate.behaviour {
             Behaviour::TwoGrids => {
-                "two grids show no order, so that the factor is 3 at first order: a third grid \
-                narrows it"
+                "two grids show no order, so that the factor is 3 at first order: a third grid narrows the \
+                 interval"
                     .to_owned()
             }
             Behaviour::Oscillating => {
-                "its values rise and fall from grid to grid: gaps or borders are not resolved \
-                on the coarser grids"
+                "the value rises and falls from grid to grid: the coarser grids do not resolve gaps or edges"
                     .to_owned()
             }
             Behaviour::Monotone => format!(
-                "the order {} is below the formal one: the cells are too coarse for it",
+                "the order {} is below the formal one: the cells are too coarse for this value",
                 self.estimate
                     .observed_order
                     .map_or_else(String::new, |p| format!("{p:.2}"))
@@ -289,7 +289,7 @@ impl AnswerRow {
                 "its order is above that of the method, so that the factor is 3".to_owned()
             }
             _ => {
-                "it differs this much from grid to grid: the cells are too coarse for it".to_owned()
+                "the value differs this much from grid to grid: the cells are too coarse for it".to_owned()
             }
         });
         Some(causes.join("; "))
@@ -373,7 +373,7 @@ impl UncertaintyTable {
         lines.extend(self.wide_lines());
         if !self.settings.is_empty() {
             lines.push(String::new());
-            lines.push("sensitivity to settings of models, not part of the uncertainty".into());
+            lines.push("sensitivity to model settings, not part of the uncertainty".into());
             lines.extend(self.setting_lines());
         }
         lines.join("\n")
@@ -398,7 +398,7 @@ impl UncertaintyTable {
             let failed = grid
                 .failure
                 .as_ref()
-                .map_or_else(String::new, |why| format!(", no answers: {why}"));
+                .map_or_else(String::new, |why| format!(", no results: {why}"));
             lines.push(format!(
                 "grid {}: {:.4e} m, {:.3} of the case, {:.1} core-s{failed}",
                 grid.folder, grid.spacing, grid.ratio, grid.core_seconds
@@ -499,7 +499,7 @@ impl UncertaintyTable {
         let mut text = format!("# {}, {}\n# {}\n", self.version, machine(), self.scaling);
         for grid in &self.grids {
             let failed = grid.failure.as_ref().map_or_else(String::new, |why| {
-                format!(", no answers: {}", why.replace(['\n', '\r'], " "))
+                format!(", no results: {}", why.replace(['\n', '\r'], " "))
             });
             text += &format!(
                 "# {}: {:e} m, ratio {}, {:.2} core-s{failed}\n",
@@ -683,7 +683,7 @@ mod tests {
         let text = table.text();
         assert!(text.contains("line: u, point 1 (worst of 2)"), "{text}");
         assert!(
-            text.contains("not promised") && text.contains("diverging: no number is promised"),
+            text.contains("not promised") && text.contains("diverging: no uncertainty is given"),
             "{text}"
         );
         assert!(text.contains("not settled, drift 3.40 %"), "{text}");
@@ -706,13 +706,14 @@ mod tests {
             .map(|row| row.why_wide().unwrap_or_default())
             .collect();
         assert!(
-            why[0].starts_with("it still changes by 3.00 %") && why[0].contains("a third grid"),
+            why[0].starts_with("the value still changes by 3.00 %")
+                && why[0].contains("a third grid"),
             "{}",
             why[0]
         );
         assert_eq!(why[1], "");
         assert!(
-            why[2].starts_with("the value is 1.00 % of the scale"),
+            why[2].starts_with("the value is only 1.00 % of"),
             "{}",
             why[2]
         );
@@ -722,7 +723,10 @@ mod tests {
     fn grids_without_answers_are_told_with_their_reason() {
         let mut table = table();
         assert_eq!(conclusion(&table.grids), "");
-        for (place, expected) in [(2, "an estimate of two grids"), (1, "no estimate exists")] {
+        for (place, expected) in [
+            (2, "the estimate uses two grids"),
+            (1, "no estimate exists"),
+        ] {
             table.grids[place].answers = None;
             table.grids[place].failure = Some("numerical refusal: too\nfast".into());
             table.conclusion = conclusion(&table.grids);
@@ -734,7 +738,7 @@ mod tests {
         }
         assert!(table.conclusion.contains("too\nfast"));
         let text = table.text();
-        assert!(text.contains("no answers: numerical refusal"), "{text}");
+        assert!(text.contains("no results: numerical refusal"), "{text}");
         let csv = table.csv();
         assert!(
             csv.contains("# grid-4: ") && csv.contains("too fast"),

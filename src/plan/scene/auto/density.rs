@@ -260,7 +260,7 @@ impl<'a> Inlet<'a> {
         // the open fraction a.
         let back = open.map_or(0.0, |open| (1.0 - open) / (1.0 + open));
         (normal > 0.0).then(|| Cause {
-            what: "the sound of the start",
+            what: "the pressure wave of the start",
             path: self.path.clone(),
             pressure: 0.0,
             velocity: normal,
@@ -343,7 +343,7 @@ fn loss(
         };
         let friction = viscosity * sections.friction * discharge;
         let pressure = winding * density * (friction + 0.75 * speed * speed);
-        ("the way between solids", pressure)
+        ("the narrow opening between solids", pressure)
     });
     let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
     let narrow = narrow.map(|(_, gap)| {

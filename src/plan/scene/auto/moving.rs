@@ -84,7 +84,7 @@ fn size(v: [f64; 3]) -> f64 {
 
 fn start(scene: &Scene, path: &str, speed: f64) -> Option<Cause> {
     (speed > 0.0).then(|| Cause {
-        what: "the sound of a body that starts to move",
+        what: "the pressure wave of a body that starts to move",
         path: path.into(),
         pressure: 0.0,
         velocity: speed,
@@ -104,7 +104,7 @@ fn impact(
     let heavier = scene.density(body.material) / flow.density;
     let stokes = heavier * 2.0 * radius * speed / (9.0 * flow.kinematic_viscosity);
     (stokes > REBOUNDS && reaches_a_wall(scene, flow, body, speed)).then(|| Cause {
-        what: "the sound of a body that rebounds from a wall",
+        what: "the pressure wave of a body that rebounds from a wall",
         path: path.into(),
         pressure: 0.0,
         velocity: speed,

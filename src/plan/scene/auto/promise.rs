@@ -83,7 +83,7 @@ pub(crate) fn judge(
         parts += &format!("; sound {} %", percent(of_sound));
     }
     let text = format!(
-        "{cells} cells across the {what}: {parts}, by {rows} measured runs",
+        "{cells} cells across the {what}: {parts}, according to {rows} measured runs",
         rows = bound.rows
     );
     scene.chosen.note("accuracy", text);
@@ -91,11 +91,11 @@ pub(crate) fn judge(
         findings.warn(
             "accuracy",
             format!(
-                "{} % is requested, but {cells} cells across the {what} promise {} %",
+                "an error of {} % is requested, but with {cells} cells across the {what} the plan promises {} %",
                 number(100.0 * target),
                 number(100.0 * promised),
             ),
-            "use a finer spacing, or another coupling, or request less accuracy",
+            "use a smaller spacing or another coupling, or request a lower accuracy",
         );
     }
 }
@@ -134,14 +134,14 @@ fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Finding
     scene.chosen.details.extend(reasons.iter().cloned());
     let more = match reasons.len() - 1 {
         0 => String::new(),
-        more => format!(", and {more} more that `solver plan --details` shows"),
+        more => format!(", and {more} more reasons, which `solver plan --details` lists"),
     };
     let text = format!("nothing is promised: {first}{more}");
     scene.chosen.note("accuracy", text);
     findings.warn(
         "accuracy",
         format!("the plan promises no error: {first}{more}"),
-        "measure it: `solver estimate` runs the case on several grids",
+        "measure the error with `solver estimate`, which runs the case on several grids",
     );
 }
 
@@ -151,8 +151,8 @@ fn qualify_bodies(scene: &mut Scene) {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
     };
     if scene.bodies.iter().any(crosses) {
-        let text = "of bodies that cross cells the promise is for the mean force over some cells, \
-            not for that of a step";
+        let text = "for bodies that cross cells, the promised error holds for the mean force over several cells, \
+                    not for the force of a single step";
         scene.chosen.details.push(text.to_owned());
     }
     if scene
@@ -160,7 +160,8 @@ fn qualify_bodies(scene: &mut Scene) {
         .iter()
         .any(|body| body.mobility == Mobility::Free)
     {
-        let text = "of bodies that move freely it is for force and velocity, not for spin";
+        let text = "for bodies that move freely, the promised error holds for force and velocity, not for the \
+                    angular velocity";
         scene.chosen.details.push(text.to_owned());
     }
 }
@@ -171,7 +172,7 @@ impl Judged<'_> {
         let Feature { what, size, .. } = self.feature;
         let found = match &self.error {
             Ok((error, bound)) => format!(
-                "{} %, the bound at a confidence of 95 % of {} rows: {}",
+                "{} %, the 95 % confidence bound of {} measured rows: {}",
                 number(100.0 * error),
                 bound.rows,
                 bound.problems.join(", ")
@@ -202,11 +203,11 @@ fn of_feature<'a>(
     let reynolds = speed * feature.size / lbm.kinematic_viscosity;
     let what = &feature.what;
     let error = match Bound::for_obstacle(scene.grid.dimension, feature.obstacle) {
-        None => Err(format!("the {what}: no error was measured for {}", feature.obstacle)),
+        None => Err(format!("no error was measured for the {what} ({})", feature.obstacle)),
         Some(bound) => bound.error(cells, reynolds).map(|error| (error, bound)).ok_or_else(|| {
             if reynolds > bound.largest_reynolds() {
                 format!(
-                    "the {what}: the Reynolds number {} is above {}, the largest that was measured",
+                    "the Reynolds number of the {what} is {}, above {}, the largest that was measured",
                     number(reynolds),
                     number(bound.largest_reynolds())
                 )
@@ -230,14 +231,17 @@ fn of_feature<'a>(
 fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
-        new.push("no error was measured of flow next to porous zones".to_owned());
+        new.push("no error was measured for flow next to porous zones".to_owned());
     }
     if flow.turbulence.is_some() {
-        new.push("eddies are modelled, and no error of that was measured".to_owned());
+        new.push("a turbulence model is used, whose error was not measured".to_owned());
     }
     let tau = flow.relaxation_time;
     if flow.collision.model().antisymmetric_rate().is_none() {
-        new.push("the errors were measured with two relaxation times (TRT)".to_owned());
+        new.push(
+            "the errors were measured with two relaxation times (TRT), not with this operator"
+                .to_owned(),
+        );
     } else if !(LEAST_TAU..=MOST_TAU).contains(&tau) {
         new.push(format!(
             "the relaxation time {} is outside the measured {LEAST_TAU} to {MOST_TAU}",
@@ -246,7 +250,7 @@ fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     }
     if lattice_velocity > MOST_LATTICE_VELOCITY * (1.0 + 1e-9) {
         new.push(format!(
-            "the lattice velocity {} is above {MOST_LATTICE_VELOCITY}",
+            "the lattice velocity {} is above the measured {MOST_LATTICE_VELOCITY}",
             number(lattice_velocity)
         ));
     }
@@ -263,8 +267,8 @@ fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
     (left > SOUND * target).then(|| {
         format!(
-            "{} % of the sound of the sudden start of `{}` is left at the end, more than {} %: run longer, or state a \
-             shorter time step",
+            "the pressure waves of a sudden start are too large at the end of the run: {} % of those of `{}` \
+             remain, and at most {} % are acceptable; run longer, or use a shorter time step",
             number(100.0 * left),
             body.name,
             number(100.0 * SOUND * target)
@@ -282,5 +286,5 @@ fn of_motion(case: &Case) -> Option<String> {
         GrainSource::List(list) => list.len() > 1,
         _ => true,
     };
-    many.then(|| "free grains come as near to each other as no measured run".to_owned())
+    many.then(|| "free grains approach each other more closely than in any measured run".to_owned())
 }

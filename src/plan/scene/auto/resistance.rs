@@ -101,7 +101,10 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         return Err(unknown.to_owned());
     };
     if seepage.zones.is_some() {
-        return Err("permeabilities are stated by zones, and so are their errors".to_owned());
+        return Err(
+            "the case defines the permeabilities of zones, whose error the plan does not know"
+                .to_owned(),
+        );
     }
     if scene.grid.dimension == 2 {
         return Err(format!("{unknown} in beds of discs"));
@@ -168,9 +171,8 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         OF_FORMULA.1
     };
     let text = format!(
-        "{}: {} % beside resolved flow through random beds and cubic arrays of spheres, solid fraction {} to {} (van \
-         der Hoef et al. 2005, Beetstra et al. 2007, Zick and Homsy 1982: \
-         {} %)",
+        "{}: {} % from resolved flow through random beds and cubic arrays of spheres, solid fraction {} to {} \
+         (van der Hoef et al. 2005, Beetstra et al. 2007, Zick and Homsy 1982, themselves accurate to {} %)",
         law.description(),
         number(100.0 * worst),
         number(loosest),

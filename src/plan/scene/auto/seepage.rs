@@ -150,7 +150,7 @@ pub(super) fn stiffness(
     let row = needed("overlap", OF_CONTACTS * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
-        "{} N/m: overlaps of at most {} % of a diameter under {} Pa, and {} % for falling grains",
+        "{} N/m: contacts overlap by at most {} % of a diameter under {} Pa, and by {} % for falling grains",
         number(value),
         number(100.0 * row.value),
         number(bed.stress),
@@ -167,7 +167,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         return;
     };
     if seepage.written.coupling_interval.is_some() {
-        let text = "the case states its coupling interval; its error is not known";
+        let text = "the case sets its own coupling interval, whose error is not known";
         scene.chosen.note("accuracy", text);
         return;
     }
@@ -199,13 +199,13 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
                 number(100.0 * overlap),
                 number(bed.stress)
             ),
-            "use stiffer contacts, or omit the contact law",
+            "use stiffer contacts, or remove the contact law, so that the program chooses it",
         );
         return;
     };
     let numerics = 2.0 * (contacts.error + interval.error);
     let of_numerics = format!(
-        "error of the flow from {} and {} ({}), twice their sum: {} %",
+        "error of the flow by {} and {} ({}), twice the sum of both: {} %",
         contacts.name(),
         interval.name(),
         contacts.place,
@@ -236,13 +236,14 @@ fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &m
         findings.warn(
             "accuracy",
             format!(
-                "{} % is requested, but the plan promises {} %, of which the law of resistance is {} %",
+                "an error of {} % is requested, but the plan promises {} %, of which {} % is due to the law of \
+                 resistance",
                 number(100.0 * target),
                 number(100.0 * promised),
                 number(100.0 * law)
             ),
-            "use stiffer contacts where they are stated, or another law, or state measured permeabilities \
-             (`fluid.darcy.zones`)",
+            "use stiffer contacts if the case defines them, another law of resistance, or measured \
+             permeabilities (`fluid.darcy.zones`)",
         );
     }
 }
@@ -336,7 +337,7 @@ mod tests {
         assert!((chosen / time - 1.0).abs() < 1e-9, "{chosen}");
         let reasons = format!("{:?}", scene.chosen.reasons);
         let numerics = format!(
-            "twice their sum: {} %",
+            "twice the sum of both: {} %",
             number(100.0 * 2.0 * (0.0190 + 0.0160))
         );
         assert!(reasons.contains(&numerics), "{reasons}");
@@ -386,7 +387,7 @@ mod tests {
         let stiff = scene(&[&law(1e7)]);
         assert!((softest(&stiff).unwrap() / 1e7 - 1.0).abs() < 1e-9);
         let reasons = |scene: &Scene| format!("{:?}", scene.chosen.reasons);
-        assert!(reasons(&stiff).contains("twice their sum: 4.32 %"));
+        assert!(reasons(&stiff).contains("twice the sum of both: 4.32 %"));
         assert_eq!(scene(&[&law(10.0)]).chosen.promised, None);
         let often = scene(&["fluid.darcy.coupling_interval=7"]);
         let seepage = often.seepage.as_ref().unwrap();

@@ -35,15 +35,16 @@ pub(crate) fn coupling(case: &Case) -> (Coupling, &'static str) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
-            "bodies with faces: joints and gaps narrower than a cell still carry water and its pressure",
+            "bodies with plane faces: joints and gaps narrower than a cell still conduct water and transmit its \
+             pressure",
         );
     }
     if lie_packed(case) {
         let cells = Coupling::PartiallySaturated(PartiallySaturated::default());
         return (
             cells,
-            "grains that lie packed: their pores are narrower than cells, where links trap moving water and \
-             interpolation loses mass",
+            "packed grains: their pores are narrower than cells, where links trap moving water and interpolation \
+             loses mass",
         );
     }
     // In 2-D five of eight neighbours indicate a narrow gap between discs; in 3-D five of 26 occur at any surface.
@@ -87,10 +88,10 @@ pub(crate) fn closed_pores(scene: &Scene, findings: &mut Findings) {
     if scene.grid.dimension == 2 && scene.flow.is_some() && scene.grains.is_some() {
         findings.warn(
             "coupling",
-            "touching discs close all pores between them in 2-D, and no hydraulic radius is given",
+            "in 2-D touching discs close all pores between them, and the case defines no hydraulic radius",
             Remedy::from(
-                "for a permeable packing state for example \"coupling\": {\"bounce_back\": \
-                {\"hydraulic_radius_factor\": 0.8}}",
+                "for a permeable packing write for example \"coupling\": {\"bounce_back\": \
+                 {\"hydraulic_radius_factor\": 0.8}}",
             )
             .set(
                 "coupling",
@@ -140,9 +141,9 @@ pub(crate) fn choose_contact(
     if scene.grains.is_some() && case.contact.is_none() {
         findings.warn(
             "contact",
-            format!("no contact law is given: a friction angle of {FRICTION_DEGREES} degrees is assumed, although it \
-                is a property of the grains"),
-            "state for example \"contact\": {\"linear\": {..}} with the measured friction angle",
+            format!("the case has no contact law: a friction angle of {FRICTION_DEGREES} degrees is assumed, but \
+                     the true value depends on the grains"),
+            "write for example \"contact\": {\"linear\": {..}} with the measured friction angle",
         );
     }
     scene.chosen.law = Some(law.clone());
@@ -219,7 +220,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let stiffest = moving.iter().map(weight).fold(impact(OVERLAP), f64::max);
     let stiffest = if stiffest > 0.0 { stiffest } else { 1.0 };
     let text = format!(
-        "{} N/m: overlaps of at most {} % of a diameter at {} m/s and at rest",
+        "{} N/m: contacts overlap by at most {} % of a diameter at {} m/s and at rest",
         number(stiffest),
         number(100.0 * OVERLAP),
         number(speed)

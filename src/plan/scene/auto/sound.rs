@@ -77,7 +77,7 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let length = lengths.fold(0.0, f64::max);
     let time = when(scene);
     let what = format!(
-        "{PASSAGES} passages of sound through {} m between openings in {} s",
+        "sound that passes {PASSAGES} times the {} m between openings in {} s",
         number(length),
         number(time)
     );
@@ -295,7 +295,7 @@ pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap)
     let scale = (scene.grid.spacing, viscosity, time);
     let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
     let what = format!(
-        "the pressure before the {} to build up in {} s",
+        "the build-up of the pressure in front of the {} in {} s",
         gap.what,
         number(time)
     );

@@ -34,20 +34,21 @@ impl Spacing {
     }
 
     /// Warns of each edge that was lengthened.
-    pub(crate) fn tell_of_rounding(&self, case: &Case, findings: &mut Findings) {
+    pub(crate) fn warn_of_rounding(&self, case: &Case, findings: &mut Findings) {
         let rounded = self.rounded.iter().flatten();
         for (axis, (written, size)) in case.domain.size.0.iter().zip(rounded).enumerate() {
             if written < size {
                 let path = format!("domain.size[{axis}]");
                 let reason = format!(
-                    "no spacing that the accuracy calls for divides all edges of the domain: with cells of {} m it is \
-                     {size} m long along {}, which is {} m more than written",
+                    "no spacing that meets the accuracy divides all edges of the domain: with cells of {} m the \
+                     domain is {size} m long along {}, which is {} m more than the case states",
                     number(self.value),
                     ["x", "y", "z"][axis],
                     number(size - written)
                 );
                 let text = format!(
-                    "write {size} m to agree, edges with a larger common divisor, or the spacing"
+                    "write {size} m to accept this, choose edges with a larger common divisor, or set the \
+                     spacing"
                 );
                 findings.warn(&path, reason, Remedy::from(text).set(&*path, *size));
             }
@@ -100,7 +101,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
         findings.error(
             "domain.spacing",
             "the widths of blocks, meshes and half-spaces are not known in advance",
-            "state the spacing: about a tenth of the smallest width",
+            "set the spacing to about a tenth of the smallest width",
         );
         return None;
     }
@@ -219,7 +220,8 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
             let coarsest = (size / SEEPAGE_CELLS).powf(1.0 / real(edges.len().max(1)));
             (
                 (shortest / SEEPAGE_LAYERS).max(coarsest),
-                "fifty cells along the shortest edge, or a million in all: there are no grains to average over",
+                "fifty cells along the shortest edge, or a million cells in total, because the case has no \
+                 grains to average over",
             )
         }
         _ => (
@@ -231,7 +233,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
         findings.error(
             "domain.spacing",
             "nothing in the case determines the size of a cell",
-            "state the spacing",
+            "set the spacing",
         );
         return None;
     }

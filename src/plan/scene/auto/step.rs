@@ -222,9 +222,9 @@ fn time_step(
         flow.relaxation_time = flow
             .units(&scene.grid)
             .relaxation_time(flow.kinematic_viscosity);
-        let mut text = format!("the longest for {}", limit.what);
+        let mut text = format!("the longest time step that allows {}", limit.what);
         if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
-            text += " of which the intervals of samples are multiples";
+            text += ", shortened so that the intervals of samples are multiples of it";
         }
         scene.chosen.note("time step", text);
     }
@@ -252,7 +252,7 @@ fn limits(
     if let Some(speed) = speed {
         let mach = mach(target);
         let what = format!(
-            "lattice velocity {} at {} m/s of {}",
+            "a lattice velocity of {} at the {} m/s of {}",
             number(mach),
             number(speed.value),
             speed.what
@@ -271,7 +271,10 @@ fn limits(
     if let Some(limit) =
         porous::step_limit(&scene.porous_zones, speed.map_or(0.0, |speed| speed.value))
     {
-        let what = format!("the resistance of the porous zone `{}`", limit.zone.name);
+        let what = format!(
+            "a stable resistance of the porous zone `{}`",
+            limit.zone.name
+        );
         // The eddy viscosity is chosen later, if the water is fast.
         let eddies = speed.is_some() && scene.grid.dimension == 3;
         add(
@@ -339,7 +342,7 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
             .collect();
         if let Some((cause, time_step)) = density::longest_step(&causes, of) {
             let what = format!(
-                "a density change of {} %{}, most of it by {}",
+                "a density change of {} %{}, mainly by {}",
                 number(100.0 * bound),
                 if steady { " along the flow" } else { "" },
                 cause.what
@@ -434,7 +437,8 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
         && scene.grid.spacing > KOLMOGOROV_LENGTHS * kolmogorov
     {
         let text = format!(
-            "the Reynolds number {} of {} m makes eddies of {} m, and cells are {} m",
+            "the Reynolds number is {} for a length of {} m, so that there are eddies of {} m, and cells are {} \
+             m wide",
             number(reynolds),
             number(size),
             number(kolmogorov),
@@ -443,7 +447,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
         (Some(Turbulence::Wale(Wale { constant: WALE })), text)
     } else {
         let text = format!(
-            "the Reynolds number is {}: all is resolved",
+            "the Reynolds number is {}: all eddies are resolved",
             number(reynolds)
         );
         (None, text)
@@ -473,7 +477,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             scene.chosen.note("collision", text);
         } else {
             let text = format!(
-                "the cheapest that leaves walls where they are at every viscosity; tau = {}",
+                "the least expensive operator whose wall position does not depend on the viscosity; tau = {}",
                 number(tau)
             );
             scene.chosen.note("collision", text);
@@ -481,20 +485,21 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     }
     if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
-            "at this viscosity and speed the relaxation time is tau = {tau:.5}; two relaxation times are stable from \
-             {least} on"
+            "at this viscosity and speed the relaxation time is tau = {tau:.5}; the operator trt is stable for \
+             tau of {least} and above"
         );
         let path = format!("{PATH}.kinematic_viscosity");
         // A stated value is used, with a warning.
         if scene.grid.dimension == 2 && lbm.turbulence.is_none() && flow.fixed_by == "accuracy" {
             let finest = scene.grid.spacing * (tau - 0.5) / (least - 0.5);
             let remedy = format!(
-                "state a spacing of at most {} m, or make the flow slower or 3-D, where cumulants hold",
+                "use a spacing of at most {} m, a slower flow, or a 3-D domain, where the operator cumulant is \
+                 stable",
                 number(finest)
             );
             findings.error(&path, reason, remedy);
         } else {
-            let remedy = "use a finer spacing, or in 3-D leave out collision and lattice";
+            let remedy = "use a smaller spacing, or in 3-D remove collision and lattice";
             findings.warn(&path, reason, remedy);
         }
     }
@@ -504,7 +509,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
 fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
     if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;
-        let text = "a draft in 3-D: half the memory; arithmetic in f64";
+        let text = "accuracy draft in 3-D: half the memory; arithmetic in f64";
         scene.chosen.note("populations", text);
     }
 }

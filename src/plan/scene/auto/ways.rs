@@ -345,7 +345,7 @@ impl<'a> Ground<'a> {
             }
         }
         (width > 0.0 && !open).then(|| Way {
-            what: format!("narrowest way, beside {}", names.join(" and ")),
+            what: format!("narrowest opening, next to {}", names.join(" and ")),
             width,
             beside,
         })

@@ -61,7 +61,7 @@ pub(super) fn refuse_without_surface(patches: &[Vec<ScenePatch>; 6], findings: &
             findings.error(
                 &format!("{LATTICE_PATH}.boundaries[{n}].condition"),
                 format!(
-                    "{} is an opening of water with a free surface, and there is none in this case",
+                    "{} needs water with a free surface, but this case has none",
                     patch.condition.name()
                 ),
                 "add `surface`, or use velocity, pressure or outflow",
@@ -84,13 +84,14 @@ pub(super) fn refuse(
         if model.with_surface() == WithSurface::Never {
             let (reason, remedy) = if let Condition::Velocity(_) = patch.condition {
                 (
-                    "an opening that absorbs sound does not work with a free surface: the surface itself lets the \
-                     pressure out",
-                    "leave `sound` out",
+                    "an opening that absorbs sound does not work with a free surface, which already releases the \
+                     pressure",
+                    "remove `sound`",
                 )
             } else if model.passes_water() {
                 (
-                    "this opening does not know where the water ends and does not work with a free surface",
+                    "this opening does not work with a free surface, because its condition ignores the water \
+                     level",
                     "use level, discharge, outfall or velocity",
                 )
             } else {
@@ -105,7 +106,7 @@ pub(super) fn refuse(
                 &format!("{path}.patch"),
                 "free slip on a part of a face does not work with a free surface yet",
                 Remedy::take_out(
-                    "leave the part out: the whole face slips",
+                    "remove the patch, so that the whole face has free slip",
                     &format!("{path}.patch"),
                 ),
             );
@@ -125,11 +126,11 @@ fn refuse_parts_of_slip(patches: &[Vec<ScenePatch>; 6], findings: &mut Findings)
             findings.error(
                 &format!("{LATTICE_PATH}.boundaries[{n}].patch"),
                 format!(
-                    "`{}` slips on the whole of this face, and a part with another condition does not work with a free \
-                     surface yet",
+                    "`{}` has free slip on the whole face, and a patch with another condition on this face does \
+                     not work with a free surface yet",
                     whole.name
                 ),
-                "let the face be a no-slip wall around the part, or move the part to another face",
+                "use a no-slip wall for the rest of the face, or move the patch to another face",
             );
         }
     }
@@ -244,11 +245,11 @@ fn check_side(surface: &FreeSurface, patch: &ScenePatch, path: &str, findings: &
         findings.error(
             path,
             format!(
-                "{} is for a side: the face {} lies across gravity",
+                "{} works on lateral faces only, but the face {} is horizontal",
                 patch.condition.name(),
                 patch.face.name()
             ),
-            "use a face at the side, or velocity or outfall on this one",
+            "use a lateral face, or velocity or outfall on this face",
         );
     }
 }
@@ -279,10 +280,11 @@ fn check_level(
         findings.error(
             path,
             format!(
-                "gravity has a part along {}, across this opening: the water outside would not stand level",
+                "gravity has a component along {}, normal to this opening, so that the water outside would not \
+                 be level",
                 ["x", "y", "z"][across]
             ),
-            "turn the domain so that gravity has no part across the opening",
+            "rotate the domain so that gravity has no component normal to the opening",
         );
     }
 }
@@ -291,19 +293,19 @@ fn check_level(
 fn check_depth(grid: &Grid, (opening, depth): (&Opening, f64), findings: &mut Findings) {
     let cells = depth / grid.spacing;
     let reason = format!(
-        "the water that enters through `{}` is {} m deep, {} cells",
+        "the water that enters through `{}` is {} m ({} cells) deep",
         opening.name,
         number(depth),
         number(cells)
     );
     if cells < LEAST_CELLS {
         let most = number(depth / LEAST_CELLS);
-        let remedy = format!("use a spacing of at most {most} m, or more water");
+        let remedy = format!("use a spacing of at most {most} m, or deeper water");
         findings.error(&opening.path, reason, remedy);
     } else if cells < FEW_CELLS {
         let most = number(depth / FEW_CELLS);
-        let reason = format!("{reason}: the surface is no sharper than a cell");
-        let remedy = format!("use a spacing of at most {most} m, or more water");
+        let reason = format!("{reason}: the surface is resolved to about one cell");
+        let remedy = format!("use a spacing of at most {most} m, or deeper water");
         findings.warn(&opening.path, reason, remedy);
     }
 }

@@ -108,7 +108,7 @@ pub(super) fn resolve(
     if axis >= grid.dimension || axis == up {
         findings.error(
             &format!("{path}.axis"),
-            "a wave runs along an axis of the domain across gravity",
+            "a wave must run along an axis of the domain that is normal to gravity",
             "write another axis",
         );
         return None;
@@ -132,11 +132,12 @@ pub(super) fn resolve(
         findings.error(
             &format!("{path}.height"),
             format!(
-                "a solitary wave of {} m on water {} m deep does not exist: it breaks above {BREAKS} of the depth",
+                "a solitary wave of {} m on water {} m deep does not exist, because waves higher than {BREAKS} \
+                 of the depth break",
                 number(wave.height),
                 number(depth)
             ),
-            format!("use a height above 0 and up to {} m", number(BREAKS * depth)),
+            format!("use a height above 0 and of at most {} m", number(BREAKS * depth)),
         );
         return None;
     }
@@ -144,7 +145,7 @@ pub(super) fn resolve(
         findings.error(
             &path,
             format!(
-                "the crest has no place in the domain, which is {} m high",
+                "the crest does not fit into the domain, which is {} m high",
                 number(grid.size[up])
             ),
             "use a lower wave or a higher domain, and a finite `crest`",
@@ -155,8 +156,8 @@ pub(super) fn resolve(
         findings.warn(
             &format!("{path}.height"),
             format!(
-                "the height is {} of the depth: the theory of the third order, which the wave starts with, is off by \
-                 5 % of its velocity at 0.4",
+                "the height is {} of the depth: the third-order theory of the initial wave has an error of 5 % \
+                 in the velocity at 0.4",
                 number(steepness)
             ),
             format!("use a height of at most {} m", number(FAR * depth)),

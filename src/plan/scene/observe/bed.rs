@@ -44,7 +44,7 @@ pub(super) fn resolve(
     let Some(grains) = &case.grains else {
         findings.error(
             path,
-            "there are no grains in this case, so no bed",
+            "this case has no grains and therefore no bed",
             format!("add `grains`, {REMOVE}"),
         );
         return None;
@@ -69,7 +69,7 @@ pub(super) fn resolve(
         findings.error(
             path,
             format!(
-                "{} is periodic, so that the stream has no top and the bed no bottom",
+                "the axis {} is periodic, so that the stream has no top and the bed has no bottom",
                 AXES[normal]
             ),
             format!("remove {} from `domain.periodic`, {REMOVE}", AXES[normal]),
@@ -87,7 +87,7 @@ pub(super) fn resolve(
                 number(grid.size[normal]),
                 AXES[normal]
             ),
-            "use a height inside, or leave it out",
+            "use a height inside the domain, or remove the field",
         );
     }
     Some(ObservedBed {
@@ -107,19 +107,22 @@ fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Fi
     if upward {
         let reason = if pull > 0.0 {
             format!(
-                "gravity points to the upper face along {normal}, {} m/s2; the bed is looked for at the lower one",
+                "gravity points to the upper face along {normal}, with {} m/s2, but the probe expects the bed at \
+                 the lower face",
                 number(pull)
             )
         } else {
             format!(
-                "no gravity acts across the stream along {flow}: without weight there is no bed and no Shields number"
+                "no gravity acts normal to the stream, which flows along {flow}: without weight there is no bed \
+                 and no Shields number"
             )
         };
         findings.error(
             path,
             reason,
             format!(
-                "let gravity have a negative component across the stream, name another `flow_axis`, {REMOVE}"
+                "use gravity with a negative component normal to the stream, choose another `flow_axis`, \
+                 {REMOVE}"
             ),
         );
     }
@@ -168,8 +171,8 @@ fn cells(
     if (0..grid.dimension).any(|axis| cells[axis][1] < cells[axis][0] + 2) {
         findings.error(
             path,
-            "the part holds fewer than two cells along an axis",
-            format!("make it larger; a cell is {} m", number(grid.spacing)),
+            "the part contains fewer than two cells along an axis",
+            format!("make it larger; a cell is {} m wide", number(grid.spacing)),
         );
         return None;
     }

@@ -59,7 +59,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
     if case.fluid.is_none() {
         findings.error(
             path,
-            "there is no fluid to probe",
+            "this probe needs a fluid, but the case has none",
             "add `fluid`, or remove the probe",
         );
         findings.depends(&["fluid"]);
@@ -88,9 +88,9 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
         findings.error(
             path,
             if in_joints {
-                "this probe samples a fluid with cells of a grid; this is water in joints"
+                "this probe samples a fluid on grid cells, but this case has water in joints"
             } else {
-                "this probe samples the water in joints (`fluid.joints`), and this is another fluid"
+                "this probe samples the water in joints (`fluid.joints`), but this case has another fluid"
             },
             if in_joints {
                 "use `joint`, `mouth` or `block`"
@@ -103,7 +103,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
     if matches!(case.fluid, Some(Fluid::Darcy(_))) && !of_pores {
         findings.error(
             path,
-            "this probe samples a fluid on a lattice; this is seepage",
+            "this probe samples a fluid on a lattice, but this case has seepage",
             "use a point, a line, a section, or `output.fluid`, which has the pressure and velocity of every cell",
         );
     }
@@ -251,7 +251,7 @@ impl Measured<'_> {
         if transient.is_none_or(|soil| soil.transient.is_none()) {
             findings.error(
                 path,
-                "a water balance is one of flow that changes with time, and there is none in this case",
+                "a water balance needs transient seepage, but this case has none",
                 "add `fluid.darcy.unsaturated.transient`, or use a section",
             );
         }
@@ -280,7 +280,7 @@ impl Measured<'_> {
         if !surface {
             findings.error(
                 path,
-                "a gauge measures a free surface, and there is none in this case",
+                "a gauge measures a free surface, but this case has none",
                 "add `fluid.lattice_boltzmann.surface`, or use a point",
             );
         }
@@ -305,13 +305,13 @@ impl Measured<'_> {
         if written.is_none() {
             findings.error(
                 path,
-                "a water table is one of ground that drains, and there is none in this case",
+                "a water table needs unsaturated ground, but this case has none",
                 "add `fluid.darcy.unsaturated`, or use a point or a gauge",
             );
         } else if (0..3).filter(pulls).count() > 1 {
             findings.error(
                 path,
-                "a water table is found along columns of cells, and gravity does not point along an axis",
+                "a water table is determined along columns of cells, but gravity does not point along an axis",
                 "use points, or the field `pressure` of `output.fluid`",
             );
         }
@@ -335,7 +335,7 @@ impl Measured<'_> {
             findings.error(
                 &format!("{path}.position"),
                 format!(
-                    "the plane lies outside the domain, which is 0 … {} m there",
+                    "the plane lies outside the domain, which is 0 … {} m along this axis",
                     number(grid.size[axis])
                 ),
                 "move it inside",
@@ -352,7 +352,7 @@ impl Measured<'_> {
                 || format!("bodies here: {}", names.join(", ")).into(),
                 |near| Remedy::from(format!("did you mean `{near}`?")).set(path, near),
             );
-            findings.error(path, "there is no body of this name", remedy);
+            findings.error(path, "there is no body with this name", remedy);
             findings.depends(&["bodies"]);
         }
         ProbeAt::Body(index.unwrap_or(0))
@@ -365,7 +365,7 @@ impl Measured<'_> {
         if index.is_none() {
             findings.error(
                 path,
-                "there is no structure of this name that stops water",
+                "no structure with this name stops water",
                 format!("structures here: {}", names.join(", ")),
             );
             findings.depends(&["structures"]);
@@ -378,7 +378,7 @@ impl Measured<'_> {
         if matches!(self.case.contact, Some(Contact::Blocks(_))) {
             findings.error(
                 path,
-                "the law `blocks` has contacts over areas, whose shear forces are no part of the contacts of a run",
+                "the law `blocks` has contacts over areas, and the run does not record their shear forces",
                 "use another law, or remove the probe",
             );
         }
@@ -402,7 +402,7 @@ impl Measured<'_> {
             );
             findings.error(
                 &path,
-                "grains meet no wall, structure or closed face of this name during the run",
+                "no wall, structure or closed face with this name stops grains during the run",
                 remedy,
             );
             findings.depends(&["walls", "box_walls", "structures"]);
@@ -420,7 +420,7 @@ impl Measured<'_> {
             let known: Vec<&str> = mouths.iter().map(|mouth| mouth.name.as_str()).collect();
             findings.error(
                 path,
-                "there is no mouth of this name",
+                "there is no mouth with this name",
                 format!("use one of: {}", known.join(", ")).as_str(),
             );
         }
@@ -442,7 +442,7 @@ impl Measured<'_> {
         if index.is_none() && self.blocks.is_some() {
             findings.error(
                 path,
-                "no block holds this point",
+                "no block contains this point",
                 "use a point inside a block, such as its centroid",
             );
         }
@@ -461,7 +461,7 @@ impl Measured<'_> {
         if matches!(self.case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
             findings.error(
                 path,
-                "a section is one of seepage; this is a fluid on a lattice",
+                "a section measures seepage, but this fluid is computed on a lattice",
                 "use a plane",
             );
         }
@@ -486,7 +486,7 @@ impl Measured<'_> {
 
     fn wall(&self, face: Face, path: &str, findings: &mut Findings) -> ProbeAt {
         if face.axis() >= self.grid.dimension || self.grid.periodic[face.axis()] {
-            findings.error(path, "there is no wall at this face", "name another face");
+            findings.error(path, "there is no wall at this face", "choose another face");
         }
         ProbeAt::Wall(face)
     }
@@ -503,8 +503,8 @@ impl Measured<'_> {
         if matches!(case.contact, Some(Contact::Blocks(_))) {
             findings.error(
                 path,
-                "the law `blocks` has contacts over areas, of which the stress of single forces \
-                 and the number of contacts say nothing",
+                "the law `blocks` has contacts over areas, for which a stress from point forces and a number of \
+                 contacts have no meaning",
                 "use another law, or remove the probe",
             );
         }

@@ -35,13 +35,13 @@ pub(super) fn crossing(
     if matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_))) {
         findings.error(
             path,
-            "a crossing is one of seepage; this is a fluid on a lattice",
+            "a crossing measures seepage, but this fluid is computed on a lattice",
             "use a plane",
         );
     } else if grid.dimension == 3 {
         findings.error(
             path,
-            "two points bound a discharge in 2-D only",
+            "two points can bound a discharge in 2-D only",
             "use a section with a `part`",
         );
     }
@@ -54,7 +54,7 @@ pub(super) fn crossing(
     if !apart {
         findings.error(
             &format!("{path}.to"),
-            "the two points are one: no water passes between them",
+            "the two points are equal, so that no water passes between them",
             "move one of them",
         );
     }
@@ -72,7 +72,7 @@ pub(super) fn heave(
     let Some(Fluid::Darcy(written)) = &case.fluid else {
         findings.error(
             path,
-            "heave is one of ground with seepage, and there is none in this case",
+            "heave needs ground with seepage, but this case has none",
             "add `fluid.darcy`, or remove the probe",
         );
         return None;
@@ -93,15 +93,18 @@ pub(super) fn heave(
     if across == vertical || across >= grid.dimension {
         findings.error(
             &format!("{path}.at"),
-            "widths count from an upright face of the box",
-            "name the face at the structure, such as x_min",
+            "widths are measured from a vertical face of the box",
+            "choose the face at the structure, such as x_min",
         );
         return None;
     }
     if !(submerged_weight.is_finite() && submerged_weight > 0.0) {
         findings.error(
             &format!("{path}.submerged_weight"),
-            format!("this is {}; it must be above 0", number(submerged_weight)),
+            format!(
+                "the value is {}; it must be above 0",
+                number(submerged_weight)
+            ),
             "state the submerged unit weight in N/m3, such as 9500 for sand",
         );
     }
@@ -131,7 +134,7 @@ pub(super) fn heave(
         if first[a] >= end[a] {
             findings.error(
                 &format!("{path}.prism"),
-                format!("the box holds no cell along {}", ["x", "y", "z"][a]),
+                format!("the box contains no cell along {}", ["x", "y", "z"][a]),
                 format!(
                     "the cells of the seepage are {} m long there",
                     number(spacing)

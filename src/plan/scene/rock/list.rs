@@ -79,7 +79,7 @@ struct Face {
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
-        values.push(value.map_err(|e| vec![format!("this is not JSON: {e}")])?);
+        values.push(value.map_err(|e| vec![format!("the file is not JSON: {e}")])?);
     }
     let own = matches!(&values[..], [Value::Object(map)] if !map.contains_key("faces"));
     let made = if own {
@@ -118,7 +118,7 @@ impl Entry {
                 let points: Vec<Vector3<f64>> = vertices.iter().map(|&v| v.into()).collect();
                 Polyhedron::from_vertices(&points)
             }
-            _ => return Err("it needs either `half_spaces` or `vertices`".into()),
+            _ => return Err("the block needs either `half_spaces` or `vertices`".into()),
         };
         Ok(Listed {
             solid: solid.map_err(|e| e.to_string())?,
@@ -180,7 +180,7 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
     }
     match (blocks.is_empty(), problems.is_empty()) {
         (_, false) => Err(problems),
-        (true, true) => Err(vec!["the file holds no block".into()]),
+        (true, true) => Err(vec!["the file contains no block".into()]),
         (false, true) => Ok(blocks),
     }
 }

@@ -90,7 +90,7 @@ fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     let mut lines = (above + 1..).zip(rows.lines());
     let filled = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
     let Some((_, first)) = lines.clone().find(|(_, line)| filled(line)) else {
-        return Err("this sphere pack holds no sphere".into());
+        return Err("this sphere pack contains no sphere".into());
     };
     let words: Vec<&str> = first.split_whitespace().collect();
     let names: &[&str] = match words[..] {
@@ -105,7 +105,7 @@ fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     {
         let kind = kind(line).unwrap_or_default();
         return Err(format!(
-            "line {n}: `{kind}` is no sphere, and samples have spheres only"
+            "line {n}: `{kind}` is not a sphere, but samples can contain spheres only"
         ));
     }
     Ok(Header {
@@ -160,7 +160,7 @@ fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
 /// Row of an atom of the style `sphere`.
 const SPHERE: &str = "`id type diameter density x y z`";
 /// Advice for a data file whose atoms are no spheres.
-const DUMP: &str = "dump `id x y z radius`";
+const DUMP: &str = "write a dump of `id x y z radius`";
 
 /// Returns the style that is written behind `Atoms`; none for another comment.
 fn style_of(line: &str) -> Option<&str> {
@@ -179,16 +179,16 @@ fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), String>
     let mut lines = (1..).zip(text.lines());
     if let Some((n, _)) = lines.find(|(_, line)| words(line) == ["Masses"]) {
         return Err(format!(
-            "line {n}: this data file has a mass for each type, and no diameters as the atoms of the style `sphere`, \
-             {SPHERE}: {DUMP}"
+            "line {n}: this data file has a mass for each type and therefore no diameters; atoms of the style \
+             `sphere` ({SPHERE}) have them: {DUMP}"
         ));
     }
     for (n, words) in atoms {
         let columns = words.len();
         if !matches!(columns, 7 | 10) {
             return Err(format!(
-                "line {n}: an atom of {columns} columns, and `Atoms` names no style: only atoms of the style \
-                 `sphere`, {SPHERE}, state their diameters: {DUMP}"
+                "line {n}: an atom has {columns} columns, and `Atoms` names no style; only atoms of the style \
+                 `sphere` ({SPHERE}) contain their diameters: {DUMP}"
             ));
         }
         let above_0 = |word: &str| word.parse::<f64>().is_ok_and(|number| number > 0.0);
@@ -197,8 +197,8 @@ fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), String>
             .find(|(_, word)| !above_0(word))
         {
             return Err(format!(
-                "line {n}: `Atoms` names no style, and an atom of the style `sphere`, {SPHERE}, has no {name} of \
-                 {word}: {DUMP}"
+                "line {n}: `Atoms` names no style, and this is not an atom of the style `sphere` ({SPHERE}), \
+                 because its {name} would be {word}: {DUMP}"
             ));
         }
     }
@@ -215,8 +215,8 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
         Some("sphere" | "granular") => {}
         Some(style) => {
             return Err(format!(
-                "line {number}: atoms of the style `{style}` of this data file state no diameters as `sphere` does: \
-                 {DUMP}"
+                "line {number}: the atoms of this data file have the style `{style}`, which, unlike `sphere`, \
+                 contains no diameters: {DUMP}"
             ));
         }
         None => check_spheres(text, &atoms)?,
@@ -235,7 +235,7 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
     for (n, words) in &atoms {
         let [id, _, diameter, _, x, y, z, ..] = words[..] else {
             return Err(format!(
-                "line {n}: an atom of the style `sphere` is {SPHERE}"
+                "line {n}: an atom of the style `sphere` must have the columns {SPHERE}"
             ));
         };
         // Empty lines preserve the line numbers.
@@ -282,13 +282,13 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     }
     if !names.contains(&"radius") && !names.contains(&"diameter") {
         return Err(format!(
-            "line {}: this dump has no column `radius` or `diameter`: dump `id x y z radius`",
+            "line {}: this dump has no column `radius` or `diameter`: write a dump of `id x y z radius`",
             above + 1
         ));
     }
     if names.contains(&"shapex") || names.contains(&"blockiness1") {
         return Err(format!(
-            "line {}: this is a dump of superquadrics, and samples have spheres only",
+            "line {}: this is a dump of superquadrics, but samples can contain spheres only",
             above + 1
         ));
     }
@@ -310,7 +310,7 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     let found = rows.lines().filter(|row| !row.trim().is_empty()).count();
     if let Some(stated) = number_of_atoms(&text[..at]).filter(|stated| *stated != found) {
         return Err(format!(
-            "the last snapshot of this dump has {found} of its {stated} grains"
+            "the last snapshot of this dump has only {found} of its {stated} grains"
         ));
     }
     Ok(Header {
@@ -421,7 +421,8 @@ fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
         .any(|word| GENERATED.contains(&word))
     {
         return Err(format!(
-            "line {line}: this command leaves the positions of its balls to PFC: export the balls with their positions"
+            "line {line}: with this command PFC itself chooses the positions of the balls: export the balls with \
+             their positions"
         ));
     }
     let mut words = words.split_whitespace().peekable();
@@ -448,7 +449,7 @@ fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
                 }
                 let found = words.peek().copied().unwrap_or("nothing");
                 return Err(format!(
-                    "line {line}: `{word}` is followed by {found}, expected a number"
+                    "line {line}: `{word}` is followed by {found}, but a number is needed"
                 ));
             };
             ball[k] = Some(number);

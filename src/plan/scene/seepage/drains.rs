@@ -41,7 +41,7 @@ impl Seepage {
             ) {
                 findings.error(
                     &format!("{path}.condition"),
-                    "rain and evaporation are those of a face of the grid, and a body without flow is a structure",
+                    "rain and evaporation act on faces of the grid only, and an impermeable body is a structure",
                     "use a pressure, head, seepage_face, flux or discharge, or add a structure",
                 );
             }
@@ -94,7 +94,7 @@ impl Seepage {
                     findings.error(
                         &format!("{path}.box"),
                         "the sheet lies on a face of the coarse grid or outside it",
-                        "write it as a boundary with this condition and a patch, or move it into the ground",
+                        "use a boundary with this condition and a patch, or move the sheet into the ground",
                     );
                     return None;
                 }

@@ -31,8 +31,8 @@ pub(super) fn polygon(
     if zone.region.is_some() {
         findings.error(
             &path,
-            "the zone has a region as well",
-            "leave one of them out",
+            "the zone has both a region and a polygon",
+            "remove one of them",
         );
     }
     let points = match written {
@@ -59,8 +59,8 @@ pub(super) fn polygon(
     if !finite || area(&points).abs() <= 0.0 || points.len() > MOST_CORNERS {
         findings.error(
             &path,
-            format!("{} corners bound no area", points.len()),
-            format!("state 3 to {MOST_CORNERS} corners in order along the boundary, in m"),
+            format!("{} corners do not enclose an area", points.len()),
+            format!("write 3 to {MOST_CORNERS} corners in their order along the boundary, in m"),
         );
         return Vec::new();
     }
@@ -78,7 +78,7 @@ fn corners(text: &str) -> Result<Vec<[f64; 2]>, String> {
     let sheet = Sheet::new(text, &[column("x"), column("y")]).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => sentence,
         Refusal::Unknown(name) => {
-            format!("the header has a column `{name}` that a polygon has not. Known: x, y")
+            format!("the header has an unknown column `{name}`. A polygon has: x, y")
         }
     })?;
     let mut points = Vec::new();

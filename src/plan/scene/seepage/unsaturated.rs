@@ -93,12 +93,17 @@ impl Seepage {
             let path = format!("{PATH}.zones[{n}].retention");
             count += 1;
             if drains.is_none() || count > MOST_SOILS {
-                let reason = if drains.is_none() {
-                    "a retention needs ground that drains"
+                let (reason, remedy) = if drains.is_none() {
+                    (
+                        "a retention needs unsaturated ground",
+                        "add `unsaturated`, or remove the retention",
+                    )
                 } else {
-                    "at most 255 zones may state a retention"
+                    (
+                        "at most 255 zones can have a retention",
+                        "remove the retention, or merge zones",
+                    )
                 };
-                let remedy = "add `unsaturated`, or remove the retention";
                 findings.error(&path, reason, remedy);
                 return;
             }
@@ -110,7 +115,7 @@ impl Seepage {
             if self.is_transient() && !stores {
                 findings.error(
                     &format!("{path}.saturated_only"),
-                    "this retention has no content of water, which flow that changes with time stores",
+                    "transient flow stores water, but this retention defines no water content",
                     "use van_genuchten or gardner",
                 );
             }
@@ -131,11 +136,14 @@ impl Seepage {
             let path = format!("{PATH}.{place}.history");
             let (reason, remedy) = if !self.is_transient() {
                 (
-                    "a condition follows a table only where the flow changes with time",
+                    "a condition can follow a table in transient flow only",
                     "add `unsaturated.transient`, or state one value in `condition`",
                 )
             } else if condition == (Condition::NoFlow {}) {
-                ("an impermeable face has no value", "use another condition")
+                (
+                    "an impermeable face has no value that could follow a table",
+                    "use another condition",
+                )
             } else {
                 history::check(table, &path, findings);
                 continue;
@@ -165,10 +173,10 @@ impl Seepage {
         if case.grains.is_some() || !case.bodies.is_empty() {
             findings.error(
                 &path,
-                "unsaturated ground does not support grains and bodies: \
-                 drag and buoyancy are those of saturated ground",
+                "unsaturated ground does not support grains and bodies, because drag and buoyancy are computed \
+                 for saturated ground",
                 Remedy::take_out(
-                    "remove `unsaturated` for saturated ground with grains, or the grains",
+                    "remove `unsaturated`, so that the ground is saturated, or remove the grains",
                     &path,
                 ),
             );
@@ -179,7 +187,8 @@ impl Seepage {
         if self.written.equations != Equations::Corrected {
             findings.error(
                 &format!("{PATH}.equations"),
-                "unsaturated ground needs the corrected equations: those of the paper have no gravity in the water",
+                "unsaturated ground needs the corrected equations, because those of the paper neglect gravity in \
+                 the water",
                 Remedy::from("use \"corrected\"").set(format!("{PATH}.equations"), "corrected"),
             );
         }
@@ -187,7 +196,7 @@ impl Seepage {
         let Some(gravity) = gravity.filter(|g| g.iter().any(|g| g.abs() > 0.0)) else {
             findings.error(
                 "gravity",
-                "unsaturated ground needs gravity, and there is none in this case",
+                "unsaturated ground needs gravity, but this case has none",
                 "add `gravity`, such as [0, -9.81]",
             );
             return;
@@ -220,8 +229,7 @@ impl Seepage {
         if !stores {
             findings.error(
                 &format!("{path}.retention.saturated_only"),
-                "flow that changes with time stores water above the water table, \
-                 and this retention has no content of water",
+                "transient flow stores water above the water table, but this retention defines no water content",
                 "use van_genuchten or gardner, or remove `transient` for steady flow",
             );
         }
@@ -233,7 +241,7 @@ impl Seepage {
                 findings.error(
                     &format!("{path}.transient.{name}"),
                     format!(
-                        "this is {}; it must be a number of at least 0",
+                        "the value is {}; it must be a number of at least 0",
                         number(value)
                     ),
                     "omit it for its default",
@@ -244,8 +252,8 @@ impl Seepage {
             if matches!(zone.permeability, Some(ZonePermeability::Resistance(_))) {
                 findings.error(
                     &format!("{PATH}.zones[{n}].permeability.resistance"),
-                    "a flow that changes with time needs permeabilities that do not depend on the flow",
-                    "state a `value` or a `hydraulic_conductivity`",
+                    "transient flow needs permeabilities that do not depend on the flow",
+                    "write a `value` or a `hydraulic_conductivity`",
                 );
             }
         }
@@ -262,13 +270,14 @@ impl Seepage {
             match condition {
                 Condition::SeepageFace { .. } => findings.error(
                     &path,
-                    "a seepage face needs ground that drains: \
-                     in saturated ground the pressure on a face in air is not known",
+                    "a seepage face needs unsaturated ground, because in saturated ground the pressure on a face \
+                     in air is not known",
                     "add `unsaturated` with a retention, or impose a pressure or a head",
                 ),
                 Condition::Evaporation { .. } => findings.error(
                     &path,
-                    "evaporation needs ground that drains: saturated ground has no suction that limits it",
+                    "evaporation needs unsaturated ground, because saturated ground has no suction that limits \
+                     it",
                     "add `unsaturated` with a retention, or impose a flux",
                 ),
                 _ => {}

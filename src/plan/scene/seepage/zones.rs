@@ -54,8 +54,8 @@ impl Seepage {
             {
                 findings.error(
                     &path,
-                    "the zone states neither a permeability nor a porosity: it changes nothing",
-                    Remedy::from("state one, for example a porosity of 0.4, or remove the zone")
+                    "the zone defines neither a permeability nor a porosity, so that it has no effect",
+                    Remedy::from("add one, for example a porosity of 0.4, or remove the zone")
                         .set(format!("{path}.porosity"), 0.4),
                 );
             }
@@ -64,7 +64,7 @@ impl Seepage {
             {
                 findings.error(
                     &format!("{path}.permeability.resistance"),
-                    "the equations as printed allow only the resistance of Kozeny and Carman",
+                    "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",
                     Remedy::from("use \"kozeny_carman\"")
                         .set(format!("{path}.permeability.resistance"), "kozeny_carman"),
                 );
@@ -133,16 +133,16 @@ impl Seepage {
         let (reason, remedy) = if case.domain.size.0.len() != 2 {
             (
                 "dipping beds require a 2-D domain, and this one is 3-D",
-                "choose a section along the dip in 2-D, or remove the dip",
+                "use a 2-D section along the dip, or remove the dip",
             )
         } else if !upright {
             (
-                "the dip counts from the horizontal x, and gravity does not point along -y",
+                "the dip is measured from the horizontal axis x, but gravity does not point along -y",
                 "write gravity as [0, -9.81]",
             )
         } else if zone.anisotropy.is_none() {
             (
-                "the dip of a permeability that is the same in all directions changes nothing",
+                "the dip has no effect, because the permeability is the same in all directions",
                 "add `anisotropy`, or remove the dip",
             )
         } else if self.written.unsaturated.is_some() {
@@ -157,7 +157,7 @@ impl Seepage {
             )
         } else if !stated {
             (
-                "the dip needs a permeability that is a number",
+                "the dip needs a permeability given as a number",
                 "state a `value` or a `hydraulic_conductivity`",
             )
         } else {
@@ -189,8 +189,12 @@ impl Seepage {
                     }
                     None => {}
                 }
-                let bedding =
-                    |ratio: f64| format!("{} along the bedding over across", number(ratio));
+                let bedding = |ratio: f64| {
+                    format!(
+                        "permeability along the bedding {} times that across it",
+                        number(ratio)
+                    )
+                };
                 states.extend(zone.anisotropy.map(bedding));
                 states.extend(
                     zone.dip
@@ -205,12 +209,12 @@ impl Seepage {
                 let holds = if zone.without_grains || alone {
                     "also without grains"
                 } else {
-                    "where there are grains"
+                    "only where there are grains"
                 };
                 [
                     format!("zone {}", zone.name),
                     states.join(", "),
-                    format!("requested; reaches {cells} cells, {holds}"),
+                    format!("requested; covers {cells} cells, {holds}"),
                 ]
             })
             .collect()
@@ -227,7 +231,7 @@ fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f6
     if zone.permeability.is_none() && zone.raster.is_none() {
         findings.error(
             &path,
-            "the zone states no permeability along its bedding",
+            "the zone defines no permeability along its bedding",
             "add `permeability`",
         );
     }
@@ -240,7 +244,7 @@ fn bedding(case: &Case, zone: &Zone, path: &str, findings: &mut Findings) -> [f6
         [axis] => directions[axis] = 1.0 / ratio,
         _ => findings.error(
             &path,
-            "the bedding is horizontal, and gravity does not point along an axis in this case",
+            "the bedding is normal to gravity, but in this case gravity does not point along an axis",
             "point gravity along an axis, or remove the anisotropy",
         ),
     }
@@ -261,7 +265,7 @@ fn dipping(ratio: f64, dip: f64) -> ([f64; 3], f64) {
 fn weightless(path: &str, findings: &mut Findings) {
     findings.error(
         path,
-        "a hydraulic conductivity is one under gravity, and there is none in this case",
+        "a hydraulic conductivity needs gravity, but this case has none",
         "add `gravity`, or state a permeability in m2",
     );
 }
@@ -312,8 +316,8 @@ fn raster(
             let path = format!("{path}.{field}");
             findings.error(
                 &path,
-                format!("the raster states the {field} as well"),
-                Remedy::take_out("leave one of them out", &path),
+                format!("both the zone and its raster define the {field}"),
+                Remedy::take_out("remove one of them", &path),
             );
         }
     }
@@ -358,7 +362,7 @@ fn read(
     let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => sentence,
         Refusal::Unknown(name) => format!(
-            "the header has a column `{name}` that a raster has not. Known: {}, {}, porosity",
+            "the header has an unknown column `{name}`. A raster can have: {}, {}, porosity",
             axes.join(", "),
             PERMEABILITIES.join(", ")
         ),
@@ -369,7 +373,7 @@ fn read(
     let stated: Vec<(&str, usize)> = stated.collect();
     if let [(one, _), (other, _), ..] = stated[..] {
         return Err(format!(
-            "the columns `{one}` and `{other}` both state the permeability: leave one of them out"
+            "the columns `{one}` and `{other}` both define the permeability: remove one of them"
         ));
     }
     let permeability = stated.first().copied();
@@ -393,7 +397,7 @@ fn read(
             let value = row.number(column)?;
             if value <= 0.0 {
                 return Err(format!(
-                    "line {line}: `{name}` is {value}, it must be above 0"
+                    "line {line}: `{name}` is {value}; it must be above 0"
                 ));
             }
             rule = Some(match name {
@@ -405,14 +409,14 @@ fn read(
         let pores = porosity.map(|column| row.number(column)).transpose()?;
         if let Some(pores) = pores.filter(|n| !(*n > 0.0 && *n < 1.0)) {
             return Err(format!(
-                "line {line}: `porosity` is {pores}, it must be between 0 and 1"
+                "line {line}: `porosity` is {pores}; it must be between 0 and 1"
             ));
         }
         nodes.push((at, rule, pores, line));
         Ok(())
     })?;
     if nodes.is_empty() {
-        return Err("the raster holds no node".into());
+        return Err("the raster contains no node".into());
     }
     nodes.sort_by(|(p, ..), (q, ..)| {
         let along = |a: usize| p[a].total_cmp(&q[a]);
@@ -437,7 +441,7 @@ fn read(
     if counts.iter().try_fold(1_usize, |n, m| n.checked_mul(*m)) != Some(nodes.len()) {
         return Err(format!(
             "{} nodes do not form a raster: their coordinates have {} different values along {}, and every \
-             combination must be there once",
+             combination of these must occur exactly once",
             nodes.len(),
             counts
                 .iter()

@@ -60,11 +60,13 @@ pub(super) fn check(case: &Case, walls: &[SceneWall], findings: &mut Findings) {
             findings.warn(
                 &path,
                 format!(
-                    "`{}` lies in the plane of `{}`: grains there meet the material and the velocity of `{}` only",
+                    "`{}` lies in the plane of `{}`: grains there are affected by the material and velocity of \
+                     `{}` only",
                     wall.name, plane.name, plane.name
                 ),
                 format!(
-                    "move `{}` off this plane into the grains, by more than an overlap, or remove `{}`",
+                    "move `{}` from this plane towards the grains, by more than the overlap of a contact, or \
+                     remove `{}`",
                     wall.name, plane.name
                 ),
             );

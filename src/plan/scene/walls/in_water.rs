@@ -66,12 +66,12 @@ pub(super) fn of_structures(
             if let Some(axis) = across_periodic(grid, normal) {
                 let path = format!("structures[{n}].stops");
                 let reason = format!(
-                    "grains cannot meet a plane across {axis}, along which the domain repeats: there would be grains \
-                     on both sides of it"
+                    "a plane across the periodic axis {axis} cannot stop grains, because grains would be on both \
+                     sides of it"
                 );
                 let text = format!(
-                    "write water, so that only the water meets it, use a normal without a component along {axis}, or \
-                     take {axis} out of `domain.periodic`"
+                    "write \"water\", so that the plane stops water only, use a normal without a component along \
+                     {axis}, or remove {axis} from `domain.periodic`"
                 );
                 let remedy = if structure.stops == Stops::Grains {
                     Remedy::from(text)
@@ -93,11 +93,11 @@ pub(super) fn of_structures(
             findings.warn(
                 &format!("structures[{n}].shape"),
                 format!(
-                    "the structure is longer along {} than the domain, which repeats: where it overlaps its own \
-                     image, blocks meet both surfaces, and the contact is twice as stiff",
+                    "the structure is longer than the domain along the periodic axis {}: where it overlaps its \
+                     own image, blocks touch both surfaces and the contact is twice as stiff",
                     ["x", "y", "z"][axis]
                 ),
-                "end it at the length of the domain",
+                "shorten it to the length of the domain",
             );
         }
         // In 2-D the facets are strips normal to the plane.
@@ -262,7 +262,7 @@ pub(crate) fn walls_in_water(
                 "the wall `{}` is for grains only: water passes through it",
                 wall.name
             ),
-            "use `structures` for a solid that water meets too",
+            "use `structures` for a solid that also stops water",
         );
     }
 }

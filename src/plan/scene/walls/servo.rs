@@ -46,14 +46,14 @@ pub(super) fn resolve(
     if !matches!(wall.shape, WallShape::Plane(_)) {
         findings.error(
             &at,
-            "a servo moves a plane along its normal, and this wall is no plane",
+            "a servo moves a plane along its normal, but this wall is not a plane",
             Remedy::take_out("use a plane, or remove the servo", &at),
         );
     }
     if wall.during == WallStage::Preparation {
         findings.error(
             &at,
-            "a servo acts during the run, and this wall is gone as the run begins",
+            "a servo acts during the run, but this wall is removed when the run begins",
             Remedy::take_out("remove the servo, or `during`", &at),
         );
     }
@@ -63,10 +63,11 @@ pub(super) fn resolve(
         findings.error(
             &format!("{path}.velocity"),
             format!(
-                "the servo moves the wall along its normal, where the velocity has {} m/s as well",
+                "the servo moves the wall along its normal, but the prescribed velocity also has a normal \
+                 component of {} m/s",
                 number(across)
             ),
-            "leave only the part along the plane, or remove the servo",
+            "keep only the component along the plane, or remove the servo",
         );
     }
     check_contacts(case, &at, findings);
@@ -86,8 +87,8 @@ fn stresses(written: &Written, path: &str, findings: &mut Findings) -> Vec<[f64;
     if history::check(table, &path, findings) && table.iter().any(|[_, stress]| *stress < 0.0) {
         findings.error(
             &path,
-            "a stress of the table is below 0: a wall presses grains and does not pull them",
-            "use stresses of 0 or more, compression positive",
+            "a stress of the table is below 0, but a wall can only press grains, not pull them",
+            "use stresses of 0 or more; compression is positive",
         );
     }
     table.clone()
@@ -98,7 +99,7 @@ fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
     if matches!(case.contact, Some(Contact::Blocks(_))) {
         findings.error(
             path,
-            "a servo measures single contacts of discs and spheres, and the law `blocks` has contacts over areas",
+            "a servo measures point contacts of discs and spheres, but the law `blocks` has contacts over areas",
             Remedy::take_out("remove the servo, or use another law", path),
         );
     } else if case.grains.is_none() && case.bodies.is_empty() && case.regions.is_empty() {
@@ -115,10 +116,10 @@ fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
     } else if case.contact.is_none() || without_stiffness(case) {
         findings.error(
             "contact",
-            "a servo wall needs a stated stiffness: the one that the program chooses does not know the stress of the \
-             wall",
-            "state `normal_stiffness` of `linear` so that stress times diameter (2-D: stress) over stiffness is the \
-             overlap that you accept, or use `hertz_mindlin`",
+            "a servo wall needs an explicit contact stiffness, because the automatic choice does not consider \
+             the stress of the wall",
+            "set `normal_stiffness` of `linear` to the stress times the diameter (2-D: to the stress) divided by \
+             the overlap that you accept, or use `hertz_mindlin`",
         );
     }
 }
@@ -153,8 +154,8 @@ pub(super) fn check_areas(walls: &[SceneWall], grid: &Grid, findings: &mut Findi
             findings.error(
                 &format!("walls[{n}].shape.plane"),
                 format!(
-                    "no part of the plane `{}` lies within the domain and in front of the other walls, and its servo \
-                     needs an area for the mean stress",
+                    "no part of the plane `{}` lies inside the domain and in front of the other walls, so that \
+                     its servo has no area for the mean stress",
                     wall.name
                 ),
                 "move the plane into the domain",

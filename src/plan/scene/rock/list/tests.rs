@@ -65,7 +65,7 @@ fn what_is_written_is_read_again() {
 fn what_is_no_block_is_refused_by_its_number() {
     let refused = |text: &str| read(text).unwrap_err().join("; ");
     assert!(refused("{").contains("not JSON"));
-    assert!(refused(r#"{"blocks": []}"#).contains("holds no block"));
+    assert!(refused(r#"{"blocks": []}"#).contains("contains no block"));
     assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
     let text = r#"{"blocks": [
         {"id": 0, "vertices": [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]},
@@ -76,7 +76,7 @@ fn what_is_no_block_is_refused_by_its_number() {
     let problems = refused(text);
     for expected in [
         "block 0: the block is flat",
-        "block 1: the half-spaces are not bounded",
+        "block 1: the half-spaces do not bound the block",
         "block 2: the half-spaces have no point in common",
         "block 2: another block has this id",
         "block 3: it needs either `half_spaces` or `vertices`",

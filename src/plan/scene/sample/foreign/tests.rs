@@ -148,7 +148,7 @@ fn data_files_of_spheres_are_read() {
     let full = format!("{head}Atoms # full\n\n1 1 1 0.5 1 2 3\n");
     let error = read(&full, 3, &[], 0).unwrap_err();
     assert!(
-        error.contains("line 10: atoms of the style `full`"),
+        error.contains("line 10: the atoms of this data file have the style `full`"),
         "{error}"
     );
     let text = format!("{head}Atoms # sphere\n\n1 1 x 2600 1 2 3\n");
@@ -178,12 +178,12 @@ fn atoms_without_a_style_are_spheres_only_where_they_can_be() {
         ),
         (
             "Atoms # by hand, and long\n\n1 1 1 0.5 1 2 3\n2 1 1 -0.5 4 5 6\n",
-            "line 14: `Atoms` names no style, and an atom of the style `sphere`, `id type diameter density x y z`, \
-             has no density of -0.5",
+            "line 14: `Atoms` names no style, and this is not an atom of the style `sphere` (`id type diameter density \
+             x y z`), because its density would be -0.5",
         ),
         (
             "Atoms\n\n1 1 1 2 3 1 2600 1\n2 1 4 5 6 0.5 2600 1\n",
-            "line 13: an atom of 8 columns",
+            "line 13: an atom has 8 columns",
         ),
     ] {
         let said = error(below);
@@ -260,7 +260,7 @@ fn other_forms_of_ball_commands_are_read_or_refused() {
     let random = "model new\nball generate number 100 radius 0.1 0.2 box -1 1\n";
     let error = read(random, 3, &[], 0).unwrap_err();
     assert!(
-        error.contains("line 2: this command leaves the positions of its balls to PFC"),
+        error.contains("line 2: with this command PFC itself chooses the positions"),
         "{error}"
     );
 }
