@@ -163,6 +163,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
             restitution: RESTITUTION,
             attraction: false,
             impact_speed: None,
+            bridges: None,
             local_damping: 0.0,
             pairs: Vec::new(),
         });
@@ -177,6 +178,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
             shear_damping_ratio: DAMPING,
             attraction: false,
             rolling: None,
+            bridges: None,
             local_damping: 0.0,
             pairs: Vec::new(),
         });
