@@ -207,7 +207,8 @@ contact_laws! {
         CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
     /// The linear law with bonds of given tensile and shear strength.
     ContactBond(contact_bond::ContactBondInput) => ContactBond(contact_bond::ContactBond),
-        RollingContactBond(Rolling<contact_bond::ContactBond>), SoftenedContactBond(Softened<contact_bond::ContactBond>),
+        RollingContactBond(Rolling<contact_bond::ContactBond>),
+        SoftenedContactBond(Softened<contact_bond::ContactBond>),
         RollingSoftenedContactBond(Rolling<Softened<contact_bond::ContactBond>>);
     /// Elastic spheres: normal force of Hertz, tangential force of Mindlin without slip, friction (3-D only).
     HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin),
