@@ -513,6 +513,14 @@ impl Choices<'_> {
             format!("requested; {kind}, without orientation")
         };
         self.add("contact law", table.model().describe(), reason);
+        if table.model().bridges() {
+            self.add(
+                "capillary bridges",
+                "force of Willett et al. (2000), formed at contact",
+                "the slope of their force limits the solid step as a spring does; viscosity, weight, exchange of \
+                 water and hysteresis of the contact angle are not computed",
+            );
+        }
         if table.is_elastic() {
             self.add(
                 "contact damping",
