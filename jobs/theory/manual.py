@@ -86,6 +86,7 @@ CHAPTERS = [
             "darcy/pressure/unsaturated/transient.rs",
             "darcy/cut_cells.rs",
             "coupling/seepage.rs",
+            "coupling/seepage/moist.rs",
         ],
     ),
     (
@@ -108,7 +109,7 @@ CHAPTERS = [
     (
         "Contact laws",
         ["contact", "contact_option"],
-        ["dem/contact.rs", "dem/contact/*", "dem/contact/rolling.rs", "dem/dashpot.rs"],
+        ["dem/contact.rs", "dem/contact/*", "dem/contact/rolling.rs", "dem/contact/bridges.rs", "dem/contact/softened.rs", "dem/dashpot.rs"],
     ),
     (
         "Blocks",

@@ -35,7 +35,8 @@ pub struct Darcy {
     #[serde(default)]
     pub zones: Vec<Zone>,
     /// Unsaturated ground: flow in saturated and unsaturated ground, with a phreatic surface and seepage faces. Needs
-    /// gravity and zones that fill the ground, and allows no grains. Default: all ground is saturated.
+    /// gravity and zones that fill the ground. Grains in it are loaded by suction, weight and buoyancy of the
+    /// water; they do not change its flow. Default: all ground is saturated.
     #[serde(default)]
     pub unsaturated: Option<Unsaturated>,
     /// Form of the equations.

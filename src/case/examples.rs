@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 36] = [
+pub const EXAMPLES: [Example; 37] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -193,6 +193,11 @@ pub const EXAMPLES: [Example; 36] = [
         name: "floating-log",
         summary: "a log heaves in water, beside the theory of a half-immersed cylinder (Ursell 1949)",
         text: include_str!("examples/floating-log.json"),
+    },
+    Example {
+        name: "rain-fissure",
+        summary: "stones fall from ledges of a fissure as a front of rain descends and weakens their bonds",
+        text: include_str!("examples/rain-fissure.json"),
     },
 ];
 

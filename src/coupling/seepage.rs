@@ -56,6 +56,8 @@
 //! in the published fissure model, where both velocities are interstitial, `b (u - v)` with `u = -K/(mu eps) grad
 //! p`, there is no buoyancy, and open water has the resistance of the largest porosity.
 //!
+//! **Unsaturated ground** has a load of its own, which depends on the suction ([`moist`]).
+//!
 //! **Rounds.** Coefficients and pressure are computed alternately until they no longer change. A round takes the
 //! coefficients at the speed that solves the law of its cell for the present gradient to first order, or, from the
 //! second round on, at the speed extrapolated from the response of the cell to the last round. If grains move, the
@@ -75,6 +77,7 @@
 mod balance;
 mod bed;
 mod medium;
+mod moist;
 mod parts;
 mod water;
 
@@ -92,6 +95,7 @@ use darcy::{
 use decomposition::{Communicator, Domain, ExactSum};
 use dem::particles::{Load, Particles};
 use dem::space::{Components, Space};
+use moist::Moist;
 use parts::Parts;
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -126,6 +130,9 @@ pub struct SeepageSettings {
     pub interval: f64,
     /// Roughness height of channels of open water \[m\]; none for the mean diameter of the grains of their walls.
     pub roughness: Option<f64>,
+    /// `true` if capillary bridges between the grains carry the suction of unsaturated ground; otherwise it acts as a
+    /// part of the load of the water.
+    pub bridges: bool,
     /// `true` for faces of the grid that are walls for open water, lower and upper face along each axis.
     pub walls: [[bool; 2]; 3],
 }
@@ -166,6 +173,7 @@ pub struct Seepage<Sp: Space> {
     parts: Parts,
     sums: Sums,
     water: Water,
+    moist: Moist,
     space: PhantomData<Sp>,
 }
 
@@ -200,6 +208,7 @@ impl<Sp: Space> Seepage<Sp> {
             extremes: None,
             parts: Parts::default(),
             sums: Sums::new(n),
+            moist: Moist::default(),
             space: PhantomData,
         }
     }
@@ -383,6 +392,9 @@ fn failed(error: darcy::SeepageError) -> Error {
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
     fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         particles.allocate_fluid_loads();
+        if self.pressure.drains() {
+            return self.wet(particles);
+        }
         if self.settings.semi_implicit {
             particles.keep_last_velocity();
         }

@@ -74,6 +74,18 @@ pub trait RetentionLaw: Sync {
         self.state(head).content / self.state(0.0).content
     }
 
+    /// Returns the content of water that does not drain \[1\].
+    fn residual_content(&self) -> f64 {
+        0.0
+    }
+
+    /// Returns the effective degree of saturation at a pressure head: the content above the residual one over that at
+    /// saturation \[1\].
+    fn effective_saturation(&self, head: f64) -> f64 {
+        let residual = self.residual_content();
+        (self.state(head).content - residual) / (self.state(0.0).content - residual)
+    }
+
     /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
     /// (Kirchhoff's potential); none without a closed form.
     fn potential(&self, _head: f64, _power: f64) -> Option<f64> {

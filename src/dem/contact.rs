@@ -18,6 +18,8 @@
 //! |---|---|
 //! | `linear`, `cohesive_frictional`, `contact_bond`, `hertz_mindlin`, `blocks` | a law each |
 //! | `rolling` | resistance to rolling on top of another law |
+//! | `bridges` | capillary bridges on top of another law |
+//! | `softened` | contact bonds that weaken with the moisture of the ground |
 //! | `input` | what the parameters of all laws share: [`Scaled`], [`Pair`], [`SceneFacts`] |
 //! | `pairs` | [`PairTable`], parameters for every pair of materials |
 //! | `model` | [`ContactModel`], the interface between plan and law |
@@ -27,6 +29,7 @@
 //! the middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
 pub mod blocks;
+pub mod bridges;
 pub mod cohesive_frictional;
 pub mod contact_bond;
 pub(crate) mod family;
@@ -36,6 +39,7 @@ pub mod linear;
 mod model;
 mod pairs;
 pub mod rolling;
+pub mod softened;
 #[cfg(test)]
 mod tests;
 
@@ -45,8 +49,10 @@ pub use pairs::PairTable;
 
 use std::fmt::Debug;
 
+use bridges::Bridged;
 use family::{CriticalTimeStep, Family, contact_laws};
 use rolling::Rolling;
+use softened::Softened;
 
 use super::particles::Body;
 use super::space::{Components, Space};
@@ -83,6 +89,9 @@ pub struct ContactKinematics<S: Space> {
     pub roll: S::Spin,
     /// Time step \[s\] over which the history advances.
     pub time_step: f64,
+    /// Degree of saturation, and volume of water per volume of grains \[1\], as means of both bodies; at a wall those
+    /// of the grain. 0 unless the law uses them: [`ContactLaw::WETS`].
+    pub moisture: [f64; 2],
 }
 
 /// Mode of failure of a bond.
@@ -122,6 +131,8 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
 
     /// `true` if the force has a rolling moment.
     const ROLLS: bool = false;
+    /// `true` if the force depends on the moisture of the ground.
+    const WETS: bool = false;
     /// Number of values of a history.
     const NUMBERS: usize;
 
@@ -189,15 +200,19 @@ contact_laws! {
     /// Contact law with its parameters for every pair of materials.
     Law:
     /// Linear springs with friction, no tension.
-    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
+    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>),
+        BridgedLinear(Bridged<linear::Linear>), BridgedRollingLinear(Bridged<Rolling<linear::Linear>>);
     /// Linear springs with friction and brittle cohesion.
     CohesiveFrictional(cohesive_frictional::CohesiveFrictionalInput) =>
         CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
     /// The linear law with bonds of given tensile and shear strength.
     ContactBond(contact_bond::ContactBondInput) => ContactBond(contact_bond::ContactBond),
-        RollingContactBond(Rolling<contact_bond::ContactBond>);
+        RollingContactBond(Rolling<contact_bond::ContactBond>),
+        SoftenedContactBond(Softened<contact_bond::ContactBond>),
+        RollingSoftenedContactBond(Rolling<Softened<contact_bond::ContactBond>>);
     /// Elastic spheres: normal force of Hertz, tangential force of Mindlin without slip, friction (3-D only).
-    HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin);
+    HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin),
+        BridgedHertzMindlin(Bridged<hertz_mindlin::HertzMindlin>);
     /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
     Blocks(blocks::BlockInput) => Blocks(blocks::BlockLaw);
 }

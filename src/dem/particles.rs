@@ -203,6 +203,9 @@ grain_arrays! {
             /// Velocity at the last coupling [m/s]; undefined for ghosts. Only in scenes with seepage:
             /// [`Self::keep_last_velocity`].
             pub last_velocity: Optional<S::Vector>, Migration, Hashed("last_velocity"), |new| new.motion.velocity;
+            /// Degree of saturation of the ground around each grain, and volume of water per volume of grains
+            /// \[1\]. Only in scenes with unsaturated ground: [`Self::keep_moisture`].
+            pub moisture: Optional<[f64; 2]>, EveryStep, Hashed("moisture"), |_| [0.0; 2];
             /// Index in the table of shapes, [`SPHERE`] for a sphere. Only in scenes with blocks:
             /// [`Self::set_shapes`].
             pub(super) shape: Optional<u32>, Creation, Hashed("shape"), |_| SPHERE;
@@ -316,6 +319,14 @@ impl<S: Space> Particles<S> {
         if !self.last_velocity.is_allocated() {
             let velocities = self.motion.iter().map(|motion| motion.velocity);
             self.last_velocity.allocate(velocities);
+        }
+    }
+
+    /// Allocates the moisture of each grain ([`Self::moisture`]), initially 0. Call it on all ranks or on none.
+    pub fn keep_moisture(&mut self) {
+        if !self.moisture.is_allocated() {
+            let dry = self.body.iter().map(|_| [0.0; 2]);
+            self.moisture.allocate(dry);
         }
     }
 

@@ -132,6 +132,7 @@ pub const MODELS: &[(&str, Models)] = &[
                 &["richards1931", "scharfetter1969", "vandervorst1992"],
             ),
             ("transient", &["celia1990", "alexander1977"]),
+            ("effective_stress", &["bishop1959", "lu2010"]),
         ],
     ),
     (
@@ -228,6 +229,8 @@ pub const MODELS: &[(&str, Models)] = &[
         "contact_option",
         &[
             ("rolling", &["ai2011"]),
+            ("bridges", &["willett2000", "lian1993"]),
+            ("softening", &["hawkins1992"]),
             ("local_damping", &["cundall1987"]),
         ],
     ),
@@ -426,7 +429,11 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
             used.push(("seepage", "transient".into()));
         }
     }
-    if scene.grains.is_some() || !scene.bodies.is_empty() {
+    if written.unsaturated.is_some() {
+        if scene.grains.is_some() {
+            used.push(("seepage", "effective_stress".into()));
+        }
+    } else if scene.grains.is_some() || !scene.bodies.is_empty() {
         used.push(("seepage", "open_water".into()));
         used.push(("resistance", name(&written.resistance())));
         used.push(("drag", name(&written.drag())));
@@ -438,11 +445,18 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
 fn grain_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     if let Some(contact) = &scene.contact {
         let law = name(&contact.law);
-        let model = law.strip_prefix("rolling_");
-        if model.is_some() {
-            used.push(("contact_option", "rolling".into()));
+        let mut model = law.as_str();
+        for (prefix, option) in [
+            ("bridged_", "bridges"),
+            ("rolling_", "rolling"),
+            ("softened_", "softening"),
+        ] {
+            if let Some(rest) = model.strip_prefix(prefix) {
+                used.push(("contact_option", option.into()));
+                model = rest;
+            }
         }
-        used.push(("contact", model.unwrap_or(&law).into()));
+        used.push(("contact", model.into()));
         if contact.local_damping > 0.0 {
             used.push(("contact_option", "local_damping".into()));
         }

@@ -78,10 +78,15 @@ impl Limits {
     }
 }
 
-/// Returns the limits of a scene; none without seepage, or without grains that the water can move.
+/// Returns the limits of a scene; none without seepage, in unsaturated ground, or without grains that the water can
+/// move.
 pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let seepage = scene.seepage.as_ref()?;
     let (dimension, written) = (scene.grid.dimension, &seepage.written);
+    if written.unsaturated.is_some() {
+        // The load of unsaturated ground does not depend on the velocity of the grains.
+        return None;
+    }
     let law = scene.contact.as_ref()?.model();
     let packed = match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::List(_) | GrainSource::File { .. }) => {

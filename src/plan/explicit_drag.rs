@@ -31,7 +31,7 @@ pub(super) fn check(
     let Some(seepage) = scene
         .seepage
         .as_ref()
-        .filter(|s| !s.written.semi_implicit_drag)
+        .filter(|s| !s.written.semi_implicit_drag && s.written.unsaturated.is_none())
     else {
         return;
     };

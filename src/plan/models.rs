@@ -338,7 +338,10 @@ impl Choices<'_> {
             );
         }
         if !without_grains {
-            self.seepage_on_grains(written);
+            match &written.unsaturated {
+                Some(_) => self.unsaturated_on_grains(),
+                None => self.seepage_on_grains(written),
+            }
         }
     }
 
@@ -370,6 +373,28 @@ impl Choices<'_> {
             "not computed",
             "hysteresis, air pressure, swelling",
             "air moves freely at atmospheric pressure, and the ground is rigid",
+        );
+    }
+
+    /// Adds the load of unsaturated ground on grains.
+    fn unsaturated_on_grains(&mut self) {
+        let bridges = self.scene.contact.as_ref();
+        let (load, reason) = if bridges.is_some_and(|contact| contact.model().bridges()) {
+            (
+                "-S_e grad p, weight of the water",
+                "the capillary bridges carry the suction",
+            )
+        } else {
+            (
+                "-grad(S_e p), weight of the water",
+                "effective stress of Bishop with chi = S_e, the effective saturation",
+            )
+        };
+        self.add("load on grains", load, reason);
+        self.add(
+            "not computed",
+            "resistance of the water to the motion of grains, flow through ground that has moved",
+            "permeability and retention remain those of the zones",
         );
     }
 
@@ -496,6 +521,14 @@ impl Choices<'_> {
             format!("requested; {kind}, without orientation")
         };
         self.add("contact law", table.model().describe(), reason);
+        if table.model().bridges() {
+            self.add(
+                "capillary bridges",
+                "force of Willett et al. (2000), formed at contact",
+                "the slope of their force limits the solid step as a spring does; viscosity, weight, exchange of \
+                 water and hysteresis of the contact angle are not computed",
+            );
+        }
         if table.is_elastic() {
             self.add(
                 "contact damping",

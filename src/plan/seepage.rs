@@ -29,7 +29,9 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let Some(seepage) = &scene.seepage else {
         return;
     };
-    let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
+    // In unsaturated ground the zones are the ground, with or without grains.
+    let without_grains =
+        scene.grains.is_none() && scene.bodies.is_empty() || seepage.written.unsaturated.is_some();
     units(scene, seepage, findings);
     heads(scene, seepage, findings);
     super::ends::check(scene, seepage, findings);
@@ -47,7 +49,9 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         short_circuits(scene, seepage, &openness, findings);
     }
     if without_grains {
-        nothing_drives(scene, seepage, findings);
+        if scene.grains.is_none() {
+            nothing_drives(scene, seepage, findings);
+        }
         open_water(seepage, &openness, findings);
     }
 }

@@ -432,11 +432,13 @@ pub fn seepage<S: Space>(
         },
         drag: written.drag(),
         equations: written.equations,
-        transient: written.transient_porosity(),
-        semi_implicit: written.semi_implicit_drag,
+        // In unsaturated ground the water is that of a stationary bed.
+        transient: written.transient_porosity() && written.unsaturated.is_none(),
+        semi_implicit: written.semi_implicit_drag && written.unsaturated.is_none(),
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
         roughness: written.roughness,
+        bridges: (plan.scene.contact.as_ref()).is_some_and(|contact| contact.model().bridges()),
         walls: scene.walls,
     };
     let seepage = Seepage::new(openness, pores, pressure, settings, communicator);

@@ -61,6 +61,10 @@ EXAMPLES = {
         _fluid(0.004, **{"time.warm_up": "null", "output.grains.every": 0.002, "output.contacts.every": 0.002}),
     ),
     "poiseuille": (1, _fluid(0.03, **{"probes[0].every": 0.01, "probes[1].every": 0.01})),
+    "rain-fissure": (
+        1,
+        _fluid(0.024, **{"fluid.darcy.coupling_interval": 100, "output.grains.every": 0.012, "output.contacts.every": 0.012}),
+    ),
     "scour": (1, _fluid(0.005, **{"output.blocks.every": 0.0025})),
     "seepage": (2, _fluid(0.002, **{"output.grains.every": 0.001})),
     "sheet-pile": (1, {}),

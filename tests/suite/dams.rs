@@ -443,6 +443,81 @@ fn drains_and_dips_give_the_same_bits() {
     assert_eq!(tables("parts"), tables("straight"));
 }
 
+/// Returns the flow through a strip of this length and of height 1 between tight walls, under a head of 1 m.
+fn through_strip(length: f64, zones: &str) -> f64 {
+    let study = Study::from_example(
+        "sheet-pile",
+        &[
+            ("domain.size", &format!("[{length}, 1]")),
+            ("domain.spacing", "0.05"),
+            ("structures", "[]"),
+            ("fluid.darcy.zones", zones),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "in", "face": "x_min", "condition": {"head": {"value": 2}}},
+                    {"name": "out", "face": "x_max", "condition": {"head": {"value": 1}}}]"#,
+            ),
+            ("probes", "[]"),
+            ("output", "{}"),
+        ],
+    );
+    study.run("strip", 1, 1, &[]);
+    study.summary("strip")["seepage"]["inflow"]
+        .as_f64()
+        .unwrap()
+}
+
+/// Inclined layers between horizontal tight walls: far from the ends the flow is K1 K2/K_yy times the gradient, with
+/// K_yy = K1 sin^2 + K2 cos^2. The difference of two lengths leaves out the ends.
+#[test]
+fn inclined_layers_conduct_as_their_tensor() {
+    let _beside = beside_others();
+    let (along, ratio) = (1e-4, 10.0);
+    for (dip, exact) in [
+        (15.0, 0.62387),
+        (30.0, 0.30769),
+        (45.0, 0.18182),
+        (-60.0, 0.12903),
+    ] {
+        let zones = format!(
+            r#"[{{"name": "beds", "permeability": {{"hydraulic_conductivity": {along}}},
+                "anisotropy": {ratio}, "dip": {dip}}}]"#
+        );
+        let resistance = |length: f64| 1.0 / through_strip(length, &zones);
+        let conductivity = 2.0 / (resistance(8.0) - resistance(6.0));
+        assert!(
+            (conductivity / along / exact - 1.0).abs() < 0.01,
+            "{dip}: {} {exact}",
+            conductivity / along
+        );
+    }
+}
+
+/// A polygon with the corners of a box is that box; layers that polygons bound between the lines of the grid conduct as
+/// their thicknesses.
+#[test]
+fn zones_that_polygons_bound_conduct_as_layers() {
+    let _beside = beside_others();
+    let ground = r#"{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-4}}"#;
+    let clay = r#""permeability": {"hydraulic_conductivity": 1e-5}"#;
+    let zones = |clay: &str| format!("[{ground}, {{\"name\": \"clay\", {clay}}}]");
+    let by_box = zones(&format!(
+        r#"{clay}, "region": {{"box": {{"from": [0.5, 0.2], "to": [1.5, 0.7]}}}}"#
+    ));
+    let by_polygon = zones(&format!(
+        r#"{clay}, "polygon": {{"points": [[0.5, 0.2], [1.5, 0.2], [1.5, 0.7], [0.5, 0.7]]}}"#
+    ));
+    let (one, two) = (through_strip(2.0, &by_box), through_strip(2.0, &by_polygon));
+    assert!((one / two - 1.0).abs() < 1e-9, "{one} {two}");
+    // The boundary lies within a row of cells, each of which is divided into 8 rows of boxes.
+    let layered = zones(&format!(
+        r#"{clay}, "polygon": {{"points": [[-1, 0.3375], [3, 0.3375], [3, 2], [-1, 2]]}}"#
+    ));
+    let exact = 0.5 * (1e-4 * 0.3375 + 1e-5 * 0.6625);
+    let found = through_strip(2.0, &layered);
+    assert!((found / exact - 1.0).abs() < 0.01, "{found} {exact}");
+}
+
 /// Returns the findings of a case with changes: path and reason.
 fn findings(example: &str, sets: &[&str]) -> Vec<(String, String)> {
     let text = examples::find(example).unwrap().text;

@@ -36,6 +36,7 @@ mod jointed;
 mod joints;
 mod language;
 mod layers;
+mod moist;
 mod mutants;
 mod openings;
 mod porous;

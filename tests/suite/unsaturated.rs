@@ -164,7 +164,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
         (
             format!("bodies=[{disc}]"),
             own,
-            "does not support grains and bodies",
+            "supports spheres and discs as grains, but no bodies",
         ),
         ("gravity=[0, 0]".to_owned(), "gravity", "needs gravity"),
         (
@@ -423,4 +423,78 @@ fn a_falling_level_gives_the_same_bits_after_a_restart() {
         "{upstream:?}"
     );
     assert!(upstream[0] > 9.0 && upstream[3] < 6.0, "{upstream:?}");
+}
+
+/// Evaporation with a limiting suction, a drain in contact with air and a well, under zones that polygons bound: equal
+/// bits on any ranks and threads and after a restart.
+#[test]
+fn evaporation_drains_and_wells_give_the_same_bits_after_a_restart() {
+    let _beside = beside_others();
+    let soil = r#"{"van_genuchten": {"alpha": 2, "n": 2.5, "saturated_content": 0.4, "residual_content": 0.05}}"#;
+    let study = Study::from_example(
+        "earth-dam",
+        &[
+            ("domain.size", "[4, 3]"),
+            ("domain.spacing", "0.25"),
+            (
+                "fluid.darcy.unsaturated",
+                &format!(
+                    r#"{{"retention": {soil}, "transient": {{"initial": {{"head": 2}}, "specific_storage": 1e-5}}}}"#
+                ),
+            ),
+            (
+                "fluid.darcy.zones",
+                r#"[{"name": "earth", "permeability": {"hydraulic_conductivity": 1e-5}},
+                    {"name": "lens", "polygon": {"points": [[0.6, 1.1], [3.1, 1.4], [2.7, 1.9], [1.2, 1.8]]},
+                     "permeability": {"hydraulic_conductivity": 1e-6}}]"#,
+            ),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "river", "face": "x_min", "condition": {"seepage_face": {"level": 2}}},
+                    {"name": "sun", "face": "y_max", "condition": {"evaporation": {"rate": 1e-7, "suction": 50}}}]"#,
+            ),
+            (
+                "fluid.darcy.drains",
+                r#"[{"name": "well", "box": {"from": [3, 0.25], "to": [3.25, 0.5]},
+                     "condition": {"discharge": {"value": -1e-6}}},
+                    {"name": "drain", "box": {"from": [2, 0.5], "to": [2.25, 0.75]},
+                     "condition": {"seepage_face": {}}}]"#,
+            ),
+            ("time", r#"{"end": 172800, "solid_time_step": 4320}"#),
+            (
+                "probes",
+                r#"[{"name": "table", "every": 43200, "at": {"water_table": {}}}]"#,
+            ),
+            ("output.fluid.every", "86400"),
+            ("checkpoint", r#"{"every": 43200}"#),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    let one = study.summary("straight");
+    let seepage = &one["seepage"];
+    assert!(
+        seepage["mass_error"].as_f64().unwrap().abs() < 1e-10,
+        "{seepage}"
+    );
+    let inflows = &seepage["patch_inflows"];
+    // The sun takes its rate from 4 m of ground, the well its discharge, and the drain what flows to it.
+    assert!(
+        (inflows[1].as_f64().unwrap() / -4e-7 - 1.0).abs() < 1e-6,
+        "{inflows}"
+    );
+    assert!(
+        (inflows[2].as_f64().unwrap() / -1e-6 - 1.0).abs() < 1e-6,
+        "{inflows}"
+    );
+    assert!(inflows[3].as_f64().unwrap() < -1e-6, "{inflows}");
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("straight", name);
+        assert_eq!(study.summary(name)["seepage"], one["seepage"], "{name}");
+    }
+    study.run("parts", 2, 1, &["time.end=86400"]);
+    study.restart("parts", 3, &["time.end=172800"]).expect(0);
+    study.same("straight", "parts");
+    let tables = |run: &str| rows(&study, run, "table");
+    assert_eq!(tables("parts"), tables("straight"));
 }

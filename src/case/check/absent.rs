@@ -27,16 +27,11 @@ const fn absent(
 }
 
 /// The features, in the order of README.md.
-pub const ABSENT: [Absent; 12] = [
+pub const ABSENT: [Absent; 11] = [
     absent(
         &["surfacetension"],
         "surface tension of water",
         "use a free surface (`fluid.lattice_boltzmann.surface`) where waves and drops are well above 2 cm",
-    ),
-    absent(
-        &["capillary", "liquidbridge"],
-        "capillary bridges between grains",
-        "set the cohesion of the contact law",
     ),
     absent(
         &[
@@ -144,7 +139,7 @@ struct Renamed {
 }
 
 /// Features under other names.
-const RENAMED: [Renamed; 2] = [
+const RENAMED: [Renamed; 3] = [
     Renamed {
         words: &["freesurface", "vof", "levelset", "watersurface", "dambreak"],
         feature: "a free surface of water",
@@ -154,6 +149,11 @@ const RENAMED: [Renamed; 2] = [
         words: &["unsaturated", "suction", "richards", "phreatic"],
         feature: "unsaturated soil",
         field: "fluid.darcy.unsaturated",
+    },
+    Renamed {
+        words: &["capillary", "liquidbridge"],
+        feature: "capillary bridges between grains",
+        field: "contact.linear.bridges",
     },
 ];
 
@@ -205,7 +205,6 @@ mod tests {
         for (name, found) in [
             ("surface_tension", "surface tension of water"),
             ("clumps", "clumps of spheres and ellipsoids"),
-            ("liquidBridges", "capillary bridges between grains"),
             ("gas", "two fluids, gas and bubbles"),
             ("adaptive_refinement", "grids with local refinement"),
         ] {
@@ -226,6 +225,14 @@ mod tests {
         ] {
             assert_eq!(feature(name), None, "{name}");
         }
+    }
+
+    #[test]
+    fn features_under_other_names_lead_to_their_fields() {
+        let field = |name| elsewhere(name).map(|(_, field)| field);
+        assert_eq!(field("liquidBridges"), Some("contact.linear.bridges"));
+        assert_eq!(field("matric_suction"), Some("fluid.darcy.unsaturated"));
+        assert_eq!(field("bridges"), None);
     }
 
     #[test]

@@ -80,6 +80,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     gravity,
                     interval: 1e-6,
                     roughness: None,
+                    bridges: false,
                     walls: Default::default(),
                 };
                 let mut seepage =

@@ -99,6 +99,7 @@ impl Bench {
             gravity,
             interval: self.interval,
             roughness: None,
+            bridges: false,
             walls: Default::default(),
         };
         Seepage::new(openness, pores, pressure, settings, &communicator)

@@ -65,6 +65,10 @@ impl RetentionLaw for Gardner {
         Some((alpha * head.min(0.0)).exp() / alpha + head.max(0.0))
     }
 
+    fn residual_content(&self) -> f64 {
+        self.residual_content
+    }
+
     fn capillary_length(&self) -> f64 {
         1.0 / self.alpha
     }

@@ -80,6 +80,10 @@ impl RetentionLaw for Haverkamp {
         }
     }
 
+    fn residual_content(&self) -> f64 {
+        self.residual_content
+    }
+
     fn capillary_length(&self) -> f64 {
         self.permeability_head
     }

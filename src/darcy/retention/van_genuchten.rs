@@ -90,6 +90,10 @@ impl RetentionLaw for VanGenuchten {
         }
     }
 
+    fn residual_content(&self) -> f64 {
+        self.residual_content
+    }
+
     fn capillary_length(&self) -> f64 {
         1.0 / self.alpha
     }

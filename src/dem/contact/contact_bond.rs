@@ -33,6 +33,7 @@ use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
 use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::rolling::{self, Rolling};
+use super::softened::{self, BondStrength, Softened};
 use super::{
     BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters,
     Failure, Pair, PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact,
@@ -81,6 +82,9 @@ pub struct ContactBondInput {
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::RollingParameters>,
+    /// Loss of strength of the bonds on wetting. Default: none.
+    #[serde(default)]
+    pub softening: Option<softened::SofteningParameters>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -91,7 +95,13 @@ pub struct ContactBondInput {
     pub pairs: Vec<Pair>,
 }
 
-impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for ContactBondInput {
+impl<F> ContactParameters<F> for ContactBondInput
+where
+    F: From<ContactBond>
+        + From<Rolling<ContactBond>>
+        + From<Softened<ContactBond>>
+        + From<Rolling<Softened<ContactBond>>>,
+{
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -133,9 +143,15 @@ impl<F: From<ContactBond> + From<Rolling<ContactBond>>> ContactParameters<F> for
             },
         );
         let law = ContactBond { parameters };
-        Some(match self.rolling {
-            Some(rolling) => Rolling::everywhere(law, rolling).into(),
-            None => law.into(),
+        let soft = |softening| Softened {
+            law: law.clone(),
+            softening,
+        };
+        Some(match (self.rolling, self.softening.map(soft)) {
+            (Some(rolling), Some(law)) => Rolling::everywhere(law, rolling).into(),
+            (Some(rolling), None) => Rolling::everywhere(law, rolling).into(),
+            (None, Some(law)) => law.into(),
+            (None, None) => law.into(),
         })
     }
 
@@ -241,6 +257,17 @@ pub struct ContactBondConstants {
     shear: f64,
     gap: f64,
     unstressed: bool,
+}
+
+impl<S: Space> BondStrength<S> for ContactBond {
+    #[inline(always)]
+    fn weakened(c: &ContactBondConstants, factor: f64) -> ContactBondConstants {
+        ContactBondConstants {
+            tensile: factor * c.tensile,
+            shear: factor * c.shear,
+            ..*c
+        }
+    }
 }
 
 /// Force of the shear spring [N] on the second partner, and for a bond the overlap [m] at which it has no normal

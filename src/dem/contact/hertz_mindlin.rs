@@ -40,6 +40,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
+use super::bridges::{self, Bridged};
 use super::input::{coefficient, pair_table, states_friction};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Depth,
@@ -72,6 +73,9 @@ pub struct HertzMindlinInput {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub impact_speed: Option<f64>,
+    /// Capillary bridges of water. Default: none.
+    #[serde(default)]
+    pub bridges: Option<bridges::BridgesInput>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -154,7 +158,9 @@ impl HertzMindlinInput {
     }
 }
 
-impl<F: From<HertzMindlin>> ContactParameters<F> for HertzMindlinInput {
+impl<F: From<HertzMindlin> + From<Bridged<HertzMindlin>>> ContactParameters<F>
+    for HertzMindlinInput
+{
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -208,13 +214,17 @@ impl<F: From<HertzMindlin>> ContactParameters<F> for HertzMindlinInput {
                 )
             },
         );
-        Some(
-            HertzMindlin {
-                parameters,
-                materials,
+        let law = HertzMindlin {
+            parameters,
+            materials,
+        };
+        match &self.bridges {
+            Some(bridges) => {
+                let path = "contact.hertz_mindlin.bridges";
+                bridges.on(law, path, scene, report).map(F::from)
             }
-            .into(),
-        )
+            None => Some(law.into()),
+        }
     }
 
     fn local_damping(&self) -> f64 {

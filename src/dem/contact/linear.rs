@@ -24,6 +24,7 @@ use serde_json::{Value, json};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
+use super::bridges::{self, Bridged};
 use super::input::{coefficient, default_ratio, pair_table, states_friction};
 use super::rolling::{self, Rolling};
 use super::{
@@ -68,6 +69,9 @@ pub struct LinearInput {
     /// Rolling resistance. Default: none.
     #[serde(default)]
     pub rolling: Option<rolling::RollingParameters>,
+    /// Capillary bridges of water. Default: none.
+    #[serde(default)]
+    pub bridges: Option<bridges::BridgesInput>,
     /// Local (non-viscous) damping [1]: a force of this fraction of the force on a grain acts against its motion; 0
     /// turns it off.
     #[serde(default)]
@@ -78,7 +82,13 @@ pub struct LinearInput {
     pub pairs: Vec<Pair>,
 }
 
-impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for LinearInput {
+impl<F> ContactParameters<F> for LinearInput
+where
+    F: From<Linear>
+        + From<Rolling<Linear>>
+        + From<Bridged<Linear>>
+        + From<Bridged<Rolling<Linear>>>,
+{
     fn states_friction(&self) -> bool {
         states_friction(
             self.friction_angle_degrees,
@@ -111,10 +121,16 @@ impl<F: From<Linear> + From<Rolling<Linear>>> ContactParameters<F> for LinearInp
             },
         );
         let law = Linear { parameters };
-        Some(match self.rolling {
-            Some(rolling) => Rolling::everywhere(law, rolling).into(),
-            None => law.into(),
-        })
+        let path = "contact.linear.bridges";
+        match (self.rolling, &self.bridges) {
+            (Some(rolling), None) => Some(Rolling::everywhere(law, rolling).into()),
+            (None, None) => Some(law.into()),
+            (Some(rolling), Some(bridges)) => {
+                let law = Rolling::everywhere(law, rolling);
+                bridges.on(law, path, scene, report).map(F::from)
+            }
+            (None, Some(bridges)) => bridges.on(law, path, scene, report).map(F::from),
+        }
     }
 
     fn local_damping(&self) -> f64 {

@@ -72,6 +72,16 @@ pub trait ContactModel {
         Scaled::ZERO
     }
 
+    /// Returns `true` if water forms capillary bridges between the grains, which carry its suction.
+    fn bridges(&self) -> bool {
+        false
+    }
+
+    /// Returns the JSON path of an option that needs the moisture of unsaturated ground, if the law has one.
+    fn moisture(&self) -> Option<String> {
+        None
+    }
+
     /// Returns the law of blocks, if this is one.
     fn blocks(&self) -> Option<&BlockLaw> {
         None

@@ -118,6 +118,10 @@ impl<L: ContactModel> ContactModel for Rolling<L> {
     fn cohesion(&self, materials: [u32; 2]) -> Scaled {
         self.law.cohesion(materials)
     }
+
+    fn moisture(&self) -> Option<String> {
+        self.law.moisture()
+    }
 }
 
 /// Values per pair: those of the underlying law, lever arm of the limit [m], and rolling dashpot [N m s].
@@ -152,6 +156,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     type History = RollingHistory<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
     const ROLLS: bool = true;
+    const WETS: bool = L::WETS;
 
     fn table(&self) -> PairTable<Self::Row> {
         // The index in both tables is the same, because they have the same materials.

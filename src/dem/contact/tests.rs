@@ -7,6 +7,7 @@ use approx::assert_relative_eq;
 use nalgebra::Vector3;
 use serde_json::json;
 
+use super::bridges::Bridged;
 use super::family::{CriticalTimeStep, Family, contact_laws};
 use super::rolling::Rolling;
 use super::*;
@@ -19,7 +20,8 @@ contact_laws! {
     /// Laws that the choices resolve to.
     Law:
     /// Linear springs with friction, no tension.
-    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>);
+    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>),
+        BridgedLinear(Bridged<linear::Linear>), BridgedRollingLinear(Bridged<Rolling<linear::Linear>>);
     /// A spring whose force is the square of the overlap.
     Toy(toy::Input) => Toy(toy::Toy);
 }

@@ -100,7 +100,7 @@ impl<S: Space> Engine<S, BlockLaw> {
                     facets.act_on_sphere::<S, BlockLaw>(
                         at,
                         &self.walls,
-                        motion,
+                        dry(motion),
                         (&mut contact, 0),
                         (&mut failures, &mut record),
                         dt,
@@ -236,7 +236,7 @@ impl<S: Space> Engine<S, BlockLaw> {
             if world.shape(k).is_none() {
                 let motion = &particles.motion;
                 let load = (&mut contact[k], &mut record);
-                act_at_plane::<S, BlockLaw>(pair, wall, motion, load, dt);
+                act_at_plane::<S, BlockLaw>(pair, wall, dry(motion), load, dt);
             } else if let Some(narrow) = narrows.first_mut() {
                 calls += 1;
                 if let Some(load) = world.act_at_plane(pair, wall, narrow, &mut record) {

@@ -79,7 +79,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         &mut self,
         k: usize,
         walls: &[Wall<S>],
-        motion: &[Motion<S>],
+        grains: Grains<'_, S>,
         (contact, first): (&mut [Load<S>], usize),
         (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
         dt: f64,
@@ -89,7 +89,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         let Some(surface) = &wall.surface else {
             return;
         };
-        let grain = &motion[pair.grain as usize];
+        let grain = &grains.motion[pair.grain as usize];
         let held = &self.held[pair.held.0 as usize..pair.held.1 as usize];
         let reach = if held.iter().any(|old| L::bonded(&old.history)) {
             pair.radius + pair.opening
@@ -128,7 +128,11 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             let failure = act_at_wall::<S, L>(
                 (&pair.constants, &mut history),
                 (pair.radius, one.distance, &normal),
-                (grain, &wall.velocity),
+                (
+                    grain,
+                    &wall.velocity,
+                    grains.moisture::<L>(pair.grain, pair.grain),
+                ),
                 &mut contact[pair.grain as usize - first],
                 dt,
             );
@@ -157,7 +161,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
     pub(super) fn act<S: Space, L: ContactLaw<S, Constants = C, History = M>>(
         &mut self,
         walls: &[Wall<S>],
-        motion: &[Motion<S>],
+        grains: Grains<'_, S>,
         (contact, first): (&mut [Load<S>], usize),
         (failures, record): (&mut Vec<WallFailure<S>>, &mut Record),
         dt: f64,
@@ -169,11 +173,11 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         let mut from = 0;
         while from < self.active.len() {
             let to = self.same_grain(from);
-            self.find_doubled::<S, L>((from, to), walls, motion);
+            self.find_doubled::<S, L>((from, to), walls, grains.motion);
             for n in from..to {
                 let found = (&mut *failures, &mut *record);
                 let k = self.active[n] as usize;
-                self.act_on_sphere::<S, L>(k, walls, motion, (&mut *contact, first), found, dt);
+                self.act_on_sphere::<S, L>(k, walls, grains, (&mut *contact, first), found, dt);
             }
             from = to;
         }

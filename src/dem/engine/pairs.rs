@@ -53,13 +53,42 @@ pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
     }
 }
 
+/// Motion and moisture of all entries.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Grains<'a, S: Space> {
+    pub(super) motion: &'a [Motion<S>],
+    /// Empty in scenes without unsaturated ground.
+    pub(super) moisture: &'a [[f64; 2]],
+}
+
+impl<S: Space> Grains<'_, S> {
+    /// Returns the mean moisture of two entries for the law `L`.
+    #[inline(always)]
+    pub(super) fn moisture<L: ContactLaw<S>>(&self, first: u32, second: u32) -> [f64; 2] {
+        if !L::WETS {
+            return [0.0; 2];
+        }
+        let one = |k: u32| self.moisture.get(k as usize).copied().unwrap_or_default();
+        let (a, b) = (one(first), one(second));
+        [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+    }
+}
+
+/// Returns the entries for a law that does not depend on their moisture.
+pub(super) fn dry<S: Space>(motion: &[Motion<S>]) -> Grains<'_, S> {
+    Grains {
+        motion,
+        moisture: &[],
+    }
+}
+
 /// Computes the contact of a grain with a wall at `distance` \[m\] along `normal` and adds it to the load of the
 /// grain.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     (constants, history): (&L::Constants, &mut L::History),
     (radius, distance, normal): (f64, f64, &S::Vector),
-    (grain, moves): (&Motion<S>, &S::Vector),
+    (grain, moves, moisture): (&Motion<S>, &S::Vector, [f64; 2]),
     load: &mut Load<S>,
     dt: f64,
 ) -> Option<Failure> {
@@ -73,6 +102,7 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
         slip: S::slip(normal, &velocity, &(grain.spin * arm)),
         roll: grain.spin,
         time_step: dt,
+        moisture,
     };
     let force = L::force(constants, history, &kinematics);
     load.force += *normal * force.normal + S::embed(&force.tangent, normal);
@@ -89,11 +119,11 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
 pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     pair: &mut WallPair<L::Constants, L::History>,
     wall: &Wall<S>,
-    motion: &[Motion<S>],
+    grains: Grains<'_, S>,
     (load, record): (&mut Load<S>, &mut Record),
     dt: f64,
 ) -> Option<WallFailure<S>> {
-    let grain = &motion[pair.grain as usize];
+    let grain = &grains.motion[pair.grain as usize];
     let distance = wall.distance(&grain.position);
     if distance >= pair.radius && !L::bonded(&pair.history) {
         pair.history = L::History::default();
@@ -108,7 +138,11 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     let mode = act_at_wall::<S, L>(
         (&pair.constants, &mut pair.history),
         (pair.radius, distance, &wall.normal),
-        (grain, &wall.velocity),
+        (
+            grain,
+            &wall.velocity,
+            grains.moisture::<L>(pair.grain, pair.grain),
+        ),
         load,
         dt,
     )?;
@@ -198,7 +232,7 @@ impl<S: Space> Spans<S> {
 pub(super) fn act<S: Space, L: ContactLaw<S>>(
     rows: &PairTable<L::Row>,
     pair: &mut Pair<L::Scale, L::History>,
-    motion: &[Motion<S>],
+    grains: Grains<'_, S>,
     (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
     record: &mut Record,
     dt: f64,
@@ -213,6 +247,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     record.note(overlap, smaller, pair.first, Other::Entry(pair.second));
     let first_arm = pair.radius - 0.5 * overlap;
     let second_arm = distance - first_arm;
+    let motion = grains.motion;
     let (first, second) = (&motion[pair.first as usize], &motion[pair.second as usize]);
     let velocity = second.velocity - first.velocity;
     let rolling = first.spin * first_arm + second.spin * second_arm;
@@ -223,6 +258,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         slip: S::slip(&normal, &velocity, &rolling),
         roll: second.spin - first.spin,
         time_step: dt,
+        moisture: grains.moisture::<L>(pair.first, pair.second),
     };
     let constants = L::constants(rows.parameters_at(pair.row), &pair.scale, pair.reach);
     let force = L::force(&constants, &mut pair.history, &kinematics);

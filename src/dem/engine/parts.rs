@@ -159,7 +159,7 @@ struct World<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
     active: &'a [u32],
-    motion: &'a [Motion<S>],
+    grains: Grains<'a, S>,
     walls: &'a [Wall<S>],
     time_step: f64,
     /// Deepest contact before this step: overlap over the smaller radius.
@@ -194,10 +194,10 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
         let mut spans = Spans::default();
         for block in places.chunks(BLOCK) {
             let near = block.iter().map(|&k| &pairs[k as usize - base]);
-            spans.measure::<L, PERIODIC>(near, self.motion, self.offsets);
+            spans.measure::<L, PERIODIC>(near, self.grains.motion, self.offsets);
             for (&k, span) in block.iter().zip(spans.iter()) {
                 let pair = &mut pairs[k as usize - base];
-                let found = act::<S, L>(self.rows, pair, self.motion, span, record, self.time_step);
+                let found = act::<S, L>(self.rows, pair, self.grains, span, record, self.time_step);
                 let Some(action) = found else {
                     continue;
                 };
@@ -248,12 +248,12 @@ impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
             let wall = &self.walls[pair.wall as usize];
             let load = &mut loads[pair.grain as usize - from.grains];
             let failure =
-                act_at_plane::<S, L>(pair, wall, self.motion, (load, &mut record), self.time_step);
+                act_at_plane::<S, L>(pair, wall, self.grains, (load, &mut record), self.time_step);
             part.at_planes.extend(failure);
         }
         let loads = (loads, from.grains);
         let found = (&mut part.at_facets, &mut record);
-        facets.act::<S, L>(self.walls, self.motion, loads, found, self.time_step);
+        facets.act::<S, L>(self.walls, self.grains, loads, found, self.time_step);
         part.deepest = record;
     }
 }
@@ -306,7 +306,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             rows: &self.rows,
             offsets: &self.lists.offsets,
             active: &self.lists.active,
-            motion: &particles.motion,
+            grains: Grains {
+                motion: &particles.motion,
+                moisture: &particles.moisture,
+            },
             walls: &self.walls,
             time_step: dt,
             deepest: self.events.record.part(),
@@ -350,7 +353,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     fluid: fluid.get(own.clone()).unwrap_or_default(),
                     mobility: &mobility[own.clone()],
                 };
-                let from = &world.motion[own];
+                let from = &world.grains.motion[own];
                 part[0].fastest = integrate::move_by::<S, false>(from, moved, &loads, kick, phase);
             }
         });

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 
+use super::super::contact::bridges::{self, Bridged};
 use super::super::contact::contact_bond::{self, ContactBond};
 use super::super::contact::hertz_mindlin::{self, HertzMindlin};
 use super::super::contact::rolling::{self, Rolling};
@@ -20,6 +21,7 @@ enum Which {
     Bonds,
     RollingBonds,
     Elastic,
+    Bridges,
 }
 
 const STEPS: u64 = 600;
@@ -60,6 +62,23 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
         Which::RollingBonds => Law::RollingContactBond(Rolling {
             law: clay,
             parameters,
+        }),
+        Which::Bridges => Law::BridgedRollingLinear(Bridged {
+            law: Rolling {
+                law: Linear {
+                    parameters: clay.parameters.map(|p| p.linear),
+                },
+                parameters,
+            },
+            parameters: PairTable::uniform(
+                1,
+                bridges::BridgeParameters {
+                    surface_tension: 0.0728,
+                    contact_angle: 0.2,
+                    volume: bridges::BridgeVolume::Ratio(0.004),
+                },
+            ),
+            path: "contact.linear.bridges",
         }),
         // As stiff as the springs of the others at the overlaps of this heap.
         Which::Elastic => Law::HertzMindlin(HertzMindlin {
@@ -218,6 +237,7 @@ fn ranks_skins_and_restarts_do_not_show() {
         Which::Bonds,
         Which::RollingBonds,
         Which::Elastic,
+        Which::Bridges,
     ] {
         let one = run(which, 2e-4, SplitAxis::X, &[0, 30], None, STEPS);
         assert!(
@@ -229,7 +249,7 @@ fn ranks_skins_and_restarts_do_not_show() {
         let facets = one.contacts.walls.get_whole("facet").unwrap();
         touched.extend(at_walls.iter().copied());
         assert!(facets.iter().max() > Some(&5));
-        let bonded = !matches!(which, Which::RollingLinear | Which::Elastic);
+        let bonded = matches!(which, Which::Bonds | Which::RollingBonds);
         assert_eq!(
             bonded,
             one.breaks.len() > 20,

@@ -333,6 +333,7 @@ impl StateLimits {
                 both(axis(name).map_or(MAGNITUDE, |a| FARTHEST * self.size[a].max(1.0)))
             }
             _ if name.starts_with("velocity") || name.starts_with("last_velocity") => both(SPEED),
+            _ if name.starts_with("moisture") => [0.0, MAGNITUDE],
             _ if name.starts_with("orientation") => both(1.0 + 1e-6),
             _ => both(MAGNITUDE),
         }

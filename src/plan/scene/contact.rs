@@ -7,6 +7,7 @@ use super::has_polyhedra;
 use base::error::Remedy;
 use base::number::to_u32;
 use case::Case;
+use case::fluid::Fluid;
 use case::grains::GrainSource;
 use case::solids::Motion;
 use dem::contact::{
@@ -90,6 +91,15 @@ impl ContactTable {
                 "the contact law of this case does not support bonds",
                 Remedy::from("write false, or use contact_bond or cohesive_frictional")
                     .set(path, false),
+            );
+        }
+        let drains =
+            matches!(&case.fluid, Some(Fluid::Darcy(darcy)) if darcy.unsaturated.is_some());
+        if let Some(path) = law.model().moisture().filter(|_| !drains) {
+            findings.error(
+                &path,
+                "this depends on the moisture of the ground, and no part of this case computes it",
+                Remedy::take_out("add `fluid.darcy.unsaturated`, or remove it", &path),
             );
         }
         Some(Self {

@@ -4,7 +4,8 @@
 //! It is separate from the solver because outputs and probes read it.
 
 use super::Unsaturated;
-use crate::pressure::Pressure;
+use crate::pressure::boundary::head_pressure;
+use crate::pressure::{Condition, Pressure};
 
 impl Pressure {
     /// Returns the degree of saturation of a cell: volume of water over volume of pores \[1\]; 1 where all ground is
@@ -19,6 +20,40 @@ impl Pressure {
         };
         let at = self.slab.layout.position(self.slab.grid.cell(cell));
         own.law(at).saturation(self.pressure_head(own, at))
+    }
+
+    /// Returns the degree of saturation and the effective one in the soil of a cell at a pressure \[Pa\]; 1 where all
+    /// ground is saturated.
+    #[must_use]
+    pub fn saturations(&self, cell: usize, pressure: f64) -> [f64; 2] {
+        let Some(own) = &self.unsaturated else {
+            return [1.0; 2];
+        };
+        let at = self.slab.layout.position(self.slab.grid.cell(cell));
+        let (law, head) = (own.law(at), pressure / own.weight);
+        [law.saturation(head), law.effective_saturation(head)]
+    }
+
+    /// Returns the pressure in front of a boundary face of a cell \[Pa\]: the imposed one, and that of the air in
+    /// front of seepage faces above water, under rain and under evaporation; none where a wall or a stated flux is in
+    /// front of the face.
+    #[must_use]
+    pub fn outside(&self, cell: usize, axis: usize, upper: bool) -> Option<f64> {
+        let (grid, weight) = (&self.slab.grid, self.weight());
+        let mut at = grid.centre(grid.cell(cell));
+        let half = 0.5 * grid.spacing[axis];
+        at[axis] += if upper { half } else { -half };
+        let below: f64 = (0..3).map(|a| weight[a] * at[a]).sum();
+        let of_head = |head: f64| head_pressure(&self.liquid, &self.settings, head) + below;
+        match self.condition(cell, axis, upper)? {
+            Condition::Pressure { value } => Some(value),
+            Condition::Head { value } => Some(of_head(value)),
+            Condition::SeepageFace { level } => {
+                Some(level.map_or(0.0, |head| of_head(head).max(0.0)))
+            }
+            Condition::Rain { .. } | Condition::Evaporation { .. } => Some(0.0),
+            _ => None,
+        }
     }
 
     /// Returns the pressure head at a position of the layout \[m\].

@@ -93,9 +93,9 @@ impl<'a, S: Space> World<'a, S> {
         if self.shape(i).is_none() && self.shape(j).is_none() {
             let distance = span.squared.sqrt();
             let measured = (&span.between, span.squared, distance, 1.0 / distance);
-            let motion = &self.view.motion;
+            let grains = dry(self.view.motion);
             let record = &mut tally.deepest;
-            return act::<S, BlockLaw>(self.rows, pair, motion, measured, record, self.time_step);
+            return act::<S, BlockLaw>(self.rows, pair, grains, measured, record, self.time_step);
         }
         tally.calls += 1;
         let between = S::to_volume(&span.between);

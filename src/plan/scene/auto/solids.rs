@@ -164,6 +164,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
             restitution: RESTITUTION,
             attraction: false,
             impact_speed: None,
+            bridges: None,
             local_damping: 0.0,
             pairs: Vec::new(),
         });
@@ -178,6 +179,7 @@ fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, Stri
             shear_damping_ratio: DAMPING,
             attraction: false,
             rolling: None,
+            bridges: None,
             local_damping: 0.0,
             pairs: Vec::new(),
         });

@@ -170,17 +170,7 @@ impl Seepage {
             );
             return;
         }
-        if case.grains.is_some() || !case.bodies.is_empty() {
-            findings.error(
-                &path,
-                "unsaturated ground does not support grains and bodies, because drag and buoyancy are computed \
-                 for saturated ground",
-                Remedy::take_out(
-                    "remove `unsaturated`, so that the ground is saturated, or remove the grains",
-                    &path,
-                ),
-            );
-        }
+        self.check_grains(case, law.stores(), findings);
         if let Some(transient) = &soil.transient {
             self.check_transient(transient, law.stores(), findings);
         }
@@ -219,6 +209,47 @@ impl Seepage {
                     "use cells of at most {} m, or a longer capillary length",
                     number(COARSE * length)
                 ),
+            );
+        }
+    }
+
+    /// Refuses bodies in unsaturated ground, and fields that have no effect on its grains.
+    fn check_grains(&self, case: &Case, stores: bool, findings: &mut Findings) {
+        let path = format!("{PATH}.unsaturated");
+        if !case.bodies.is_empty() || case.blocks.is_some() {
+            findings.error(
+                &path,
+                "unsaturated ground supports spheres and discs as grains, but no bodies and no blocks",
+                Remedy::take_out("remove `unsaturated`, or the bodies and blocks", &path),
+            );
+        }
+        if case.grains.is_none() {
+            return;
+        }
+        if !stores {
+            findings.error(
+                &format!("{path}.retention.saturated_only"),
+                "the load on grains in unsaturated ground depends on its content of water, \
+                 and this retention has none",
+                "use van_genuchten or gardner",
+            );
+        }
+        let stated = [
+            ("drag", self.written.drag.is_some()),
+            ("resistance", self.written.resistance.is_some()),
+            (
+                "transient_porosity",
+                self.written.transient_porosity == Some(true),
+            ),
+            ("semi_implicit_drag", !self.written.semi_implicit_drag),
+        ];
+        for (name, _) in stated.iter().filter(|(_, stated)| *stated) {
+            let path = format!("{PATH}.{name}");
+            findings.error(
+                &path,
+                "the load on grains in unsaturated ground follows from suction and water content: \
+                 this field has no effect on it",
+                Remedy::take_out("remove it", &path),
             );
         }
     }

@@ -34,8 +34,9 @@ impl Seepage {
         });
         // Factor from hydraulic conductivity to permeability: mu/(rho g).
         let permeable = written.viscosity / (written.density * strength);
-        // Without grains and bodies the zones are the ground.
-        let alone = case.grains.is_none() && case.bodies.is_empty();
+        // Without grains and bodies, and in unsaturated ground, the zones are the ground.
+        let alone =
+            case.grains.is_none() && case.bodies.is_empty() || written.unsaturated.is_some();
         let mut known = Vec::new();
         let mut zones = Vec::new();
         for (n, zone) in written.zones.iter().enumerate() {

@@ -1,0 +1,209 @@
+//! Grains in unsaturated ground: bonds and bridges that fail on wetting, suction as a strength, the same bits on any
+//! number of ranks and threads and after a restart, and refusals.
+
+use crate::ranks::{Study, beside_others};
+use solver::case::{Document, examples};
+use solver::plan::Plan;
+use std::path::Path;
+
+/// Returns the columns of a table with these names, by rows.
+fn columns<const N: usize>(study: &Study, file: &str, names: [&str; N]) -> Vec<[f64; N]> {
+    let text = std::fs::read_to_string(study.path(file)).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let heads: Vec<&str> = lines.next().unwrap().split(',').map(str::trim).collect();
+    let places = names.map(|name| {
+        let found = heads
+            .iter()
+            .position(|head| head.split(' ').next() == Some(name));
+        found.unwrap_or_else(|| panic!("{name} in {heads:?}"))
+    });
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        places.map(|place| cells[place].parse().unwrap())
+    };
+    lines.map(row).collect()
+}
+
+/// Bonds that weaken with the saturation: a front of constant shape descends with (R - K_i)/(theta_R - theta_i), and a
+/// bond fails at the saturation at which its strength is the weight less the buoyancy.
+#[test]
+fn stones_fall_as_the_front_of_rain_passes() {
+    let _beside = beside_others();
+    let study = Study::from_example("rain-fissure", &[]);
+    study.run("wet", 1, 1, &[]);
+    let breaks = columns(&study, "wet/bonds.csv", ["time"]);
+    assert_eq!(breaks.len(), 4, "{breaks:?}");
+    // 50 mm over 7.8956 mm/s; the load changes once in a coupling interval of 0.06 s.
+    for pair in breaks.windows(2) {
+        let lag = pair[1][0] - pair[0][0];
+        assert!((lag / 6.333 - 1.0).abs() < 0.015, "{breaks:?}");
+    }
+    let dry = "fluid.darcy.boundaries[0].condition={\"no_flow\": {}}";
+    study.run("dry", 1, 1, &[dry, "time.end=4"]);
+    assert!(columns(&study, "dry/bonds.csv", ["time"]).is_empty());
+}
+
+/// Two spheres of 3 mm that hang one below the other from a ledge by capillary bridges.
+fn chain() -> Study {
+    Study::from_example(
+        "rain-fissure",
+        &[
+            (
+                "grains",
+                r#"{"material": "stone", "initial": {"list": [
+                    {"position": [0.0125, 0.0125, 0.2185], "radius": 0.0015},
+                    {"position": [0.0125, 0.0125, 0.2155], "radius": 0.0015},
+                    {"position": [0.0375, 0.0375, 0.1685], "radius": 0.0015},
+                    {"position": [0.0375, 0.0375, 0.1655], "radius": 0.0015}]}}"#,
+            ),
+            (
+                "contact",
+                r#"{"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 30,
+                    "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3,
+                    "bridges": {"volume": {"moisture": {"bridges_per_grain": 6}}}}}"#,
+            ),
+            ("time.end", "16"),
+            ("checkpoint", r#"{"every": 4}"#),
+        ],
+    )
+}
+
+/// Returns the heights of the grains at the end of a run, highest first; grains that fell have left.
+fn heights(study: &Study, run: &str) -> u64 {
+    study.summary(run)["grains"].as_u64().unwrap()
+}
+
+#[test]
+fn a_bridged_column_collapses_on_wetting_and_not_when_dry() {
+    let _beside = beside_others();
+    let study = chain();
+    study.run("wet", 1, 1, &[]);
+    assert_eq!(heights(&study, "wet"), 0, "{:#}", study.summary("wet"));
+    let dry = "fluid.darcy.boundaries[0].condition={\"no_flow\": {}}";
+    study.run("dry", 1, 1, &[dry, "time.end=3"]);
+    assert_eq!(heights(&study, "dry"), 4, "{:#}", study.summary("dry"));
+    for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
+        study.run(name, ranks, threads, &[]);
+        study.same("wet", name);
+    }
+    study.run("parts", 2, 1, &["time.end=8"]);
+    study.restart("parts", 3, &["time.end=16"]).expect(0);
+    study.same("wet", "parts");
+}
+
+/// A layer of discs of diameter d under a roof, held by suction alone. Effective stress with chi = S_e = exp(alpha psi)
+/// at the roof, `rho_w g h exp(-alpha h)`, against the weight of discs and water, `pi/4 rho_s g d + (1 - pi/4) S rho_w
+/// g d`.
+#[test]
+fn suction_holds_what_the_formula_of_bishop_holds() {
+    let _beside = beside_others();
+    let (diameter, alpha, density) = (0.01, 3.0, 2650.0);
+    let pores = 1.0 - std::f64::consts::FRAC_PI_4;
+    let strength = |h: f64| 1000.0 * h * (-alpha * h).exp();
+    let middle = |h: f64| (-alpha * (h - 0.5 * diameter)).exp();
+    let weight = |h: f64| (density * (1.0 - pores) + 1000.0 * pores * middle(h)) * diameter;
+    let (mut low, mut high) = (0.0, 0.2);
+    for _ in 0..60 {
+        let h = 0.5 * (low + high);
+        if strength(h) < weight(h) {
+            low = h
+        } else {
+            high = h
+        }
+    }
+    // Too little suction near saturation, and again in dry ground.
+    let discs: Vec<String> = (0..6)
+        .map(|n| {
+            let x = 0.005 + 0.01 * f64::from(n);
+            format!(r#"{{"position": [{x}, 0.055], "radius": 0.005}}"#)
+        })
+        .collect();
+    let case = format!(
+        r#"{{
+        "domain": {{"size": [0.06, 0.06], "spacing": 0.01}}, "gravity": [0, -9.81],
+        "materials": {{"stone": {{"density": {density}}}}},
+        "fluid": {{"darcy": {{"density": 1000, "viscosity": 1e-3,
+            "zones": [{{"name": "ground", "permeability": {{"hydraulic_conductivity": 1e-3}}}}],
+            "unsaturated": {{"retention": {{"gardner": {{"alpha": {alpha}, "saturated_content": 0.4}}}}}},
+            "boundaries": [{{"name": "table", "face": "y_min", "condition": {{"head": {{"value": 0}}}}}}]}}}},
+        "grains": {{"material": "stone", "initial": {{"list": [{}]}}}},
+        "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e5}}, "friction_angle_degrees": 20,
+            "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3}}}},
+        "box_walls": ["y_min", "y_max"], "box_wall_material": "stone",
+        "time": {{"end": 0.2}}, "output": {{"grains": {{"every": 0.2}}}},
+        "probes": [{{"name": "roof", "every": 0.2, "at": {{"wall_load": {{"wall": "y_max"}}}}}}]}}"#,
+        discs.join(", ")
+    );
+    let study = Study::new(&case);
+    let at = |part: f64| {
+        let level = 0.06 - part * high;
+        format!(r#"fluid.darcy.boundaries[0].condition={{"head": {{"value": {level}}}}}"#)
+    };
+    for (name, part, holds) in [("holds", 1.02, true), ("falls", 0.98, false)] {
+        study.run(name, 1, 1, &[&at(part)]);
+        let moved = study.summary(name);
+        let roof = columns(&study, &format!("{name}/probe_roof.csv"), ["force_y"]);
+        let load = roof.last().unwrap()[0];
+        assert_eq!(load.abs() > 0.0, holds, "{name}: {load} {moved:#}");
+    }
+}
+
+/// Returns the paths and reasons of the findings of the example with changes.
+fn findings(set: &[&str]) -> Vec<(String, String)> {
+    let text = examples::find("rain-fissure").unwrap().text;
+    let set: Vec<String> = set.iter().map(|&set| set.to_owned()).collect();
+    let found = Document::read(text, &set, Path::new(".")).and_then(Plan::prepare);
+    let found = match found {
+        Ok(plan) => plan.warnings,
+        Err(problems) => problems,
+    };
+    found.into_iter().map(|p| (p.path, p.reason)).collect()
+}
+
+#[test]
+fn what_does_not_go_with_grains_in_unsaturated_ground_is_refused_by_name() {
+    let linear = r#"contact={"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 30,
+        "bridges": {"volume": {"moisture": {}}}}}"#;
+    let unbonded = "grains.bond_at_start=false";
+    let saturated = "fluid.darcy.unsaturated=null";
+    let base = r#"fluid.darcy.boundaries[1].condition={"head": {"value": 0.3}}"#;
+    for (set, path, reason) in [
+        (
+            &["fluid.darcy.drag=reaction"][..],
+            "fluid.darcy.drag",
+            "has no effect",
+        ),
+        (
+            &["fluid.darcy.transient_porosity=true"],
+            "fluid.darcy.transient_porosity",
+            "has no effect",
+        ),
+        (
+            &[saturated, base],
+            "contact.contact_bond.softening",
+            "depends on the moisture",
+        ),
+        (
+            &[linear, unbonded, saturated, base],
+            "contact.linear.bridges.volume.moisture",
+            "depends on the moisture",
+        ),
+        (
+            &[r#"fluid.darcy.unsaturated={"retention": {"saturated_only": {}}}"#],
+            "fluid.darcy.unsaturated.retention.saturated_only",
+            "depends on its content of water",
+        ),
+        (
+            &[
+                r#"contact={"linear": {"bridges": {"volume": {"ratio": 0.5}}}}"#,
+                unbonded,
+            ],
+            "contact.linear.bridges.volume.ratio",
+            "at most 0.1",
+        ),
+    ] {
+        let found = findings(set);
+        let said = |(p, r): &(String, String)| p == path && r.contains(reason);
+        assert!(found.iter().any(said), "{set:?}: {found:#?}");
+    }
+}
