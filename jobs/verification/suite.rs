@@ -152,6 +152,9 @@ pub(crate) fn check(
     let inner = || -> Result<Vec<Outcome>, String> {
         let text = read(&folder.join("expected.json"))?;
         let expected: Expected = serde_json::from_str(&text).map_err(|e| e.to_string())?;
+        if expected.short.is_none() && expected.long.is_none() {
+            return Err("neither a short nor a long form: the case would never run".into());
+        }
         let form = match form {
             "short" => &expected.short,
             "long" if expected.long.is_some() => &expected.long,

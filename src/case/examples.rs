@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases.
-pub const EXAMPLES: [Example; 37] = [
+pub const EXAMPLES: [Example; 40] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -188,6 +188,21 @@ pub const EXAMPLES: [Example; 37] = [
         name: "standing-wave",
         summary: "a standing wave on deep water, with its frequency and decay by linear theory",
         text: include_str!("examples/standing-wave.json"),
+    },
+    Example {
+        name: "broad-crested-weir",
+        summary: "water over a broad-crested weir, beside measured discharges (Bos 1989)",
+        text: include_str!("examples/broad-crested-weir.json"),
+    },
+    Example {
+        name: "chute",
+        summary: "a supercritical stream over a bed of blocks, one of them proud: the forces carry the weight of the water",
+        text: include_str!("examples/chute.json"),
+    },
+    Example {
+        name: "rock-into-reservoir",
+        summary: "a rock slide pushes a bore into a reservoir, with its height in shallow water",
+        text: include_str!("examples/rock-into-reservoir.json"),
     },
     Example {
         name: "floating-log",

@@ -78,6 +78,7 @@ mod opening;
 mod stencil;
 
 pub use ghosts::Ends;
+use momentum::Left;
 pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
 pub use opening::{Outside, Passed, Up};
@@ -457,15 +458,19 @@ impl SlabSurface {
 
     /// Completes what wet cells take in from carried cells and openings, when all populations that come from water and
     /// solids are in place. Collective.
-    pub(crate) fn complete<S: Stored>(&mut self, populations: &mut Populations<S>) {
+    pub(crate) fn complete<S: Stored>(
+        &mut self,
+        populations: &mut Populations<S>,
+        left: Left<'_, S>,
+    ) {
         let (cells, planes) = (&self.cells, &self.planes);
         let carrier = |cell: usize| carried::carrier(cells, planes, populations, cell);
         self.ghosts.exchange_carriers(carrier);
-        self.add_momentum(populations, 1);
+        self.add_state(populations, left, 1);
         let slab = (&mut self.planes[..], &self.ghosts);
         let (cells, beyond) = (&mut self.cells, &mut self.beyond);
         with_set!(populations, carried::link(cells, slab, populations, beyond));
-        self.add_momentum(populations, -1);
+        self.add_state(populations, left, -1);
         carried::clear(&mut self.cells, &self.planes);
         self.fed.clear();
         for opening in &mut self.openings {

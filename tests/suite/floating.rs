@@ -71,6 +71,7 @@ fn discs_that_fall_into_water_on_any_ranks_and_over_restarts() {
     study.restart("parts", 3, &["time.end=0.12"]).expect(0);
     study.same("straight", "parts");
     keeps_water(&study.summary("straight")["water"], 1e-12);
+    closes_momentum(&study.summary("straight"));
 }
 
 #[test]
@@ -116,6 +117,7 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     study.restart("parts", 3, &["time.end=0.04"]).expect(0);
     study.same("straight", "parts");
     keeps_water(&study.summary("straight")["water"], 1e-12);
+    closes_momentum(&study.summary("straight"));
 }
 
 /// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits and the

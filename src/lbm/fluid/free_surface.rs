@@ -2,6 +2,7 @@
 
 use super::Fluid;
 use crate::lanes::Stored;
+use crate::populations::Populations;
 use crate::surface::{Ends, Opening, Outside, SlabSurface, Up};
 use decomposition::Domain;
 
@@ -113,12 +114,13 @@ impl<S: Stored> Fluid<S> {
             if let Some(cover) = &mut self.cover {
                 surface.act_on_bodies(&mut self.populations, cover, half);
             }
-            surface.complete(&mut self.populations);
-            if surface.balanced().is_some() {
-                let wet = |cell: usize| surface.is_wet(cell);
-                let [_, left @ ..] = self.boundaries.left(&self.populations, wet);
-                surface.end_balance(&self.populations, left);
-            }
+            let boundaries = &self.boundaries;
+            let left = |populations: &Populations<S>, wet: &dyn Fn(usize) -> bool| {
+                let [_, momentum @ ..] = boundaries.left(populations, wet);
+                momentum
+            };
+            surface.complete(&mut self.populations, &left);
+            surface.end_balance(&self.populations, &left);
             surface.finish(&mut self.populations);
             let bodies_follow = surface.has_bodies();
             self.enter_velocities();
@@ -128,14 +130,10 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Starts or leaves out the balance of the momentum of the next step with a free surface. It is left out in 3-D
-    /// with planes of symmetry, where not every link that leads from one into the gas is known to both sums.
+    /// Starts or leaves out the balance of the momentum of the next step with a free surface.
     pub fn balance_surface(&mut self, wanted: bool) {
-        let planes = self.boundaries.mirrored();
-        let mirrored = planes.as_flattened().contains(&true);
-        let known = self.populations.velocities().dimension == 2 || !mirrored;
         if let Some(surface) = &mut self.surface {
-            surface.balance(wanted && known);
+            surface.balance(wanted);
         }
     }
 

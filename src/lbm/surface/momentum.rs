@@ -3,7 +3,9 @@
 //! The balance runs from before the pass to the moment at which the surface acts. By then the water has taken the body
 //! force, has bounced at walls, structures and bodies, and has sent populations to the gas. What the surface then
 //! gives back follows from the pressure of the gas, and cells that change their kind gain or lose momentum by rule:
-//! neither is an exchange with anything.
+//! neither is an exchange with anything. The same is true of the links of carried cells ([`super::carried`]). Those
+//! that lead through a plane of symmetry change the populations that the plane has mirrored, so that the momentum
+//! through the faces is measured on both sides of this change, like that of the water.
 
 use super::SlabSurface;
 use super::kind::{GAS, is_wet};
@@ -25,6 +27,9 @@ pub struct StepMomentum {
     pub open: i128,
 }
 
+/// Function that returns the momentum that left through the faces, of the cells that satisfy a condition, in quanta.
+pub(crate) type Left<'a, S> = &'a dyn Fn(&Populations<S>, &dyn Fn(usize) -> bool) -> [i128; 3];
+
 impl SlabSurface {
     /// Starts or leaves out the balance of the next step.
     pub(crate) fn balance(&mut self, wanted: bool) {
@@ -37,8 +42,26 @@ impl SlabSurface {
         self.balance.as_ref()
     }
 
+    /// Adds the momentum of the water, and that which left through the faces, times a sign.
+    pub(super) fn add_state<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        left: Left<'_, S>,
+        sign: i128,
+    ) {
+        self.add_momentum(populations, sign);
+        let Some(balance) = &mut self.balance else {
+            return;
+        };
+        let kinds = &self.cells.kind;
+        let left = left(populations, &|cell| is_wet(kinds[cell]));
+        for (sum, left) in balance.left.iter_mut().zip(left) {
+            *sum += sign * left;
+        }
+    }
+
     /// Adds the momentum of the water, times a sign, to the change.
-    pub(super) fn add_momentum<S: Stored>(&mut self, populations: &Populations<S>, sign: i128) {
+    fn add_momentum<S: Stored>(&mut self, populations: &Populations<S>, sign: i128) {
         let Some(balance) = &mut self.balance else {
             return;
         };
@@ -70,14 +93,17 @@ impl SlabSurface {
         }
     }
 
-    /// Ends the balance before the surface acts; `left` is the momentum that left through the faces.
-    pub(crate) fn end_balance<S: Stored>(&mut self, populations: &Populations<S>, left: [i128; 3]) {
-        self.add_momentum(populations, 1);
+    /// Ends the balance before the surface acts.
+    pub(crate) fn end_balance<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        left: Left<'_, S>,
+    ) {
+        self.add_state(populations, left, 1);
         let weight = self.bodies.as_ref().map(|bodies| bodies.weight());
         let Some(balance) = &mut self.balance else {
             return;
         };
-        balance.left = left;
         balance.weight = weight.unwrap_or_default();
         let velocities = populations.velocities();
         let (numbers, parity) = (populations.numbers(), populations.parity());

@@ -1,5 +1,6 @@
 mod bodies;
 mod films;
+mod momentum;
 mod openings;
 mod waves;
 
