@@ -41,16 +41,16 @@ def main():
             times, front, pressure, fraction = measure(folder, height)
             window = pressure[(pressure.index > 0.02) & (pressure.index < 0.12)]
             late = pressure[pressure.index > 0.5]
-            reached = np.nonzero(front >= 0.5 * front[-1])[0][0]
+            reached = np.nonzero(front >= 0.5)[0][0]
             values.append((fraction, front[-1], times[reached], window.mean(), late.mean()))
             rows.append((state, seed, *map(float, values[-1])))
             binned = pressure.groupby((pressure.index / 0.02).astype(int)).mean()
             for time, edge in zip(times, front):
                 part = binned.get(int(time / 0.02 + 1e-6), np.nan)
                 curves.append((state, seed, float(time), float(edge), float(part)))
-        for name, column in zip(("solid_fraction", "run_out_over_height", "half_time_s", "pressure_over_weight_early", "pressure_over_weight_late"), zip(*values)):
+        for name, column in zip(("solid_fraction", "run_out_over_height", "time_to_half_height_s", "pressure_over_weight_early", "pressure_over_weight_late"), zip(*values)):
             answers.append((state, name, *map(float, interval(column))))
-    table("columns_runs", ["state", "seed", "solid_fraction", "run_out_over_height", "half_time_s", "pressure_early", "pressure_late"], rows)
+    table("columns_runs", ["state", "seed", "solid_fraction", "run_out_over_height", "time_to_half_height_s", "pressure_early", "pressure_late"], rows)
     table("columns", ["state", "quantity", "mean", "scatter", "half_width_95"], answers, f"processor time of the six runs: {seconds(folders):.0f} s")
     table("columns_curves", ["state", "seed", "time_s", "run_out_over_height", "pressure_over_weight"], curves)
 
