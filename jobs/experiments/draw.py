@@ -1,0 +1,108 @@
+"""Draws the tables of results as SVG files.
+
+    python3 jobs/experiments/draw.py       reads and writes results/; needs matplotlib
+"""
+
+import csv
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+
+RESULTS = Path(__file__).resolve().parent / "results"
+# Front [cm] in time [s] and pressure [Pa] of Rondon et al. (2011), as digitised in SedFoam/sedfoam, tutorials/Py/DATA/Rondon2012.
+LOOSE = [(0.085, 6.921), (0.636, 16.271), (1.314, 19.719), (1.907, 20.301), (2.585, 20.747), (3.22, 21.022), (3.941, 21.161), (4.534, 21.231), (5.89, 21.201)]
+DENSE = [(0.042, 7.092), (0.551, 8.765), (1.229, 8.358), (1.907, 9.282), (2.542, 9.523), (3.093, 9.797), (3.771, 10.448), (4.407, 11.201), (5.508, 11.648), (6.229, 12.094), (8.051, 12.066)]
+LOOSE_PRESSURE = [(1.127, 133.320), (1.972, 144.078), (3.380, 126.458), (4.507, 104.229), (5.915, 82.005)]
+DENSE_PRESSURE = [(1.127, -126.015), (1.972, -63.850), (3.380, -52.314), (6.197, -52.260), (7.324, -56.842)]
+COLOURS = {"loose": "C0", "dense": "C3"}
+
+
+def rows(name):
+    """Returns the rows of a table of results, or none where the table is missing."""
+    path = RESULTS / f"{name}.csv"
+    if not path.exists():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def save(figure, name):
+    """Writes a figure without its date, so that equal tables give equal files."""
+    figure.tight_layout()
+    figure.savefig(RESULTS / f"{name}.svg", metadata={"Date": None})
+    plt.close(figure)
+
+
+def columns():
+    """Draws the front and the pressure of the columns, both published and computed."""
+    table = rows("columns_curves")
+    if not table:
+        return
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8))
+    published = {"loose": (LOOSE, LOOSE_PRESSURE, 0.048, 0.00432, 0.55), "dense": (DENSE, DENSE_PRESSURE, 0.042, 0.00378, 0.60)}
+    for state, (front, pressure, height, computed, fraction) in published.items():
+        scale, weight = computed / height, fraction * 1490 * 9.81 * height
+        label = f"{state}, experiment, time times {scale:.2f}"
+        left.plot([time * scale for time, _ in front], [(edge - 6) / (100 * height) for _, edge in front], COLOURS[state] + "o", ms=4, label=label)
+        right.plot([time * scale for time, _ in pressure], [value / weight for _, value in pressure], COLOURS[state] + "o", ms=4, label=label)
+        for seed in sorted({row["seed"] for row in table}):
+            part = [row for row in table if row["state"] == state and row["seed"] == seed]
+            times = [float(row["time_s"]) for row in part]
+            label = f"{state}, computed" if seed == "1" else None
+            left.plot(times, [float(row["run_out_over_height"]) for row in part], COLOURS[state], lw=1, label=label)
+            right.plot(times, [float(row["pressure_over_weight"]) for row in part], COLOURS[state], lw=1, label=label)
+    for axes, name in ((left, "run-out over height of the column"), (right, "excess pressure over submerged weight")):
+        axes.set(xlabel="time [s]", ylabel=name)
+        axes.set_xlim(0, 0.6)
+        axes.legend(frameon=False, fontsize=7)
+    right.axhline(0, color="grey", lw=0.5)
+    save(figure, "columns")
+
+
+def jet():
+    """Draws the velocity on the axis of the free jet, to the power at which Bickley's jet is a line."""
+    table = rows("jet_axis")
+    if not table:
+        return
+    figure, axes = plt.subplots(figsize=(5, 3.8))
+    distance = [float(row["distance_over_slot"]) for row in table]
+    axes.plot(distance, [float(row["velocity_over_mean"]) ** -3 for row in table], "o", label="computed")
+    first = float(table[0]["velocity_over_mean"]) ** -3
+    axes.plot(distance, [first + (x - distance[0]) / (0.45428**3 * 40) for x in distance], label="slope of Bickley (1937)")
+    axes.set(xlabel="distance from the slot over its width", ylabel="(U/u)³ on the axis")
+    axes.legend(frameon=False)
+    save(figure, "jet")
+
+
+def bars(name, group, values, label):
+    """Draws the runs of a table as points, one column for each group."""
+    table = rows(name)
+    if not table:
+        return
+    groups = list(dict.fromkeys(row[group] for row in table))
+    figure, axes = plt.subplots(figsize=(6.5, 3.8))
+    for shift, value in enumerate(values):
+        points = [(groups.index(row[group]) + 0.12 * shift, float(row[value])) for row in table if row[value] not in ("", "nan", "none")]
+        if points:
+            axes.plot(*zip(*points), "o", label=value.replace("_", " "))
+    axes.set_xticks(range(len(groups)), groups, fontsize=7)
+    axes.set_ylabel(label)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False, fontsize=7)
+    save(figure, name.removesuffix("_runs"))
+
+
+def main():
+    columns()
+    jet()
+    bars("jet_runs", "distance", ["shields_of_jet", "shields_local"], "Shields number at the threshold")
+    bars("chimney_runs", "bed", ["reynolds_cavity", "reynolds_chimney"], "Reynolds number of the injection")
+    bars("heap_runs", "program", ["run_out_over_length", "centre_over_length"], "over the length of the column")
+    bars("hole_runs", "soil", ["rate_over_stress_to_0.1_s_m", "rate_over_stress_to_0.3_s_m", "rate_over_stress_to_0.5_s_m"], "rate over stress [s/m]")
+
+
+if __name__ == "__main__":
+    main()

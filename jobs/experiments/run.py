@@ -1,0 +1,21 @@
+"""Runs the rows of the table in README.md again.
+
+    python3 jobs/experiments/run.py NAME ...        columns, jet, chimney, heap, jet-erosion, hole
+"""
+
+import importlib
+import sys
+
+ROWS = {"columns": "columns", "heap": "heap", "jet": "jet", "chimney": "chimney", "jet-erosion": "jet_erosion", "hole": "hole"}
+
+
+def main():
+    names = sys.argv[1:]
+    if not names or any(name not in ROWS for name in names):
+        sys.exit(f"{__doc__.strip()}\n\nrows: {', '.join(ROWS)}")
+    for name in names:
+        importlib.import_module(ROWS[name]).main()
+
+
+if __name__ == "__main__":
+    main()
