@@ -52,6 +52,7 @@ pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
+use base::error::number;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
@@ -101,9 +102,10 @@ pub enum SeepageError {
     },
     /// Unsaturated flow for which neither Newton's method nor the continuation converged.
     #[error(
-        "the flow in unsaturated ground did not converge in {iterations} iterations: the permeability changes too \
-         fast from cell to cell; use cells of at most some capillary lengths of {length:.3e} m, a longer capillary \
-         length (a smaller `alpha` or `n`), or more `max_iterations`"
+        "the steady flow in unsaturated ground did not converge in {iterations} iterations: use cells of at most some \
+         capillary lengths of {} m, a longer capillary length (a smaller `alpha` or `n`), or more `max_iterations`; \
+         where a `discharge` or `flux` takes water out of the ground, use less than the ground can yield",
+        number(*.length)
     )]
     Unsaturated {
         /// Number of iterations of the linear solver.
@@ -113,9 +115,12 @@ pub enum SeepageError {
     },
     /// Unsaturated transient flow that did not converge even in the shortest step.
     #[error(
-        "the flow in unsaturated ground did not converge at {time:.6e} s even with the shortest time step: use \
-         cells of at most some capillary lengths of {length:.3e} m, a longer capillary length (a smaller `alpha` \
-         or `n`), or an initial state closer to the conditions of the boundary"
+        "the flow in unsaturated ground did not converge at {} s even with the shortest time step: use cells of at \
+         most some capillary lengths of {} m, a longer capillary length (a smaller `alpha` or `n`), or an initial \
+         state closer to the conditions of the boundary; where a `discharge` or `flux` takes water out of the ground, \
+         use less than the ground can yield",
+        number(*.time),
+        number(*.length)
     )]
     UnsteadyFlow {
         /// Time \[s\].
