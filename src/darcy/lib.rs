@@ -47,12 +47,12 @@ pub mod retention;
 pub mod surface;
 pub mod zones;
 
+use base::error::number;
 pub use drag::DragLaw;
 pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
-use base::error::number;
 pub use permeability::{Permeability, Resistance};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
