@@ -1,8 +1,9 @@
 //! Arrangement of the cells in memory, and the cells that each rank computes.
 //!
 //! x is fastest. One layer of ghost cells surrounds the grid. Their conductances and values are always 0, so that
-//! loops need no case distinctions. Every rank has arrays of the whole grid, computes the planes of its [`Part`],
-//! and receives the neighbouring planes in messages.
+//! loops need no case distinctions. A grid of a plane has no ghost cells along z, which would take two thirds of the
+//! memory: there the stride along z is 0, and all conductances along z are 0. Every rank has arrays of the whole
+//! grid, computes the planes of its [`Part`], and receives the neighbouring planes in messages.
 
 use decomposition::{Communicator, Disagreement, Domain, FixedExchange, HaloBytes, HaloExchange};
 use rayon::prelude::*;
@@ -25,15 +26,20 @@ pub(super) struct Part {
 impl Layout {
     pub(super) fn new(cells: [usize; 3]) -> Self {
         let x = cells[0] + 2;
+        let plane = x * (cells[1] + 2);
         Self {
             cells,
-            stride: [1, x, x * (cells[1] + 2)],
+            stride: [1, x, if cells[2] == 1 { 0 } else { plane }],
         }
     }
 
     /// Returns the length of an array, including ghosts.
     pub(super) fn len(&self) -> usize {
-        self.stride[2] * (self.cells[2] + 2)
+        if self.stride[2] == 0 {
+            self.stride[1] * (self.cells[1] + 2)
+        } else {
+            self.stride[2] * (self.cells[2] + 2)
+        }
     }
 
     pub(super) fn count(&self) -> usize {
@@ -44,6 +50,17 @@ impl Layout {
     #[inline]
     pub(super) fn position(&self, cell: [usize; 3]) -> usize {
         (cell[0] + 1) + (cell[1] + 1) * self.stride[1] + (cell[2] + 1) * self.stride[2]
+    }
+
+    /// Returns the cell at a position.
+    pub(super) fn cell(&self, at: usize) -> [usize; 3] {
+        let [_, row, plane] = self.stride;
+        let (z, rest) = if plane == 0 {
+            (0, at)
+        } else {
+            (at / plane - 1, at % plane)
+        };
+        [rest % row - 1, rest / row - 1, z]
     }
 
     /// Returns all cells as a part.
@@ -109,7 +126,9 @@ impl Layout {
         work: impl Fn(usize, &mut [T]) + Sync,
     ) {
         const WORTH_THREADS: usize = 1 << 15;
-        if self.count() < WORTH_THREADS || self.cells[2] == 1 || rayon::current_num_threads() == 1 {
+        /// Minimum number of rows of a plane in a piece.
+        const ROWS: usize = 16;
+        if self.count() < WORTH_THREADS || rayon::current_num_threads() == 1 {
             for row in self.rows(part) {
                 work(row.start, &mut out[row]);
             }
@@ -117,6 +136,17 @@ impl Layout {
         }
         let [x, y, z] = self.bounds(part);
         let stride = self.stride;
+        if stride[2] == 0 {
+            out.par_chunks_mut(stride[1])
+                .enumerate()
+                .with_min_len(ROWS)
+                .filter(|(row, _)| *row > 0 && y.contains(&(row - 1)))
+                .for_each(|(row, out)| {
+                    let start = 1 + x.start;
+                    work(row * stride[1] + start, &mut out[start..start + x.len()]);
+                });
+            return;
+        }
         out.par_chunks_mut(stride[2])
             .enumerate()
             .filter(|(plane, _)| *plane > 0 && z.contains(&(plane - 1)))

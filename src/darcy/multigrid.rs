@@ -474,10 +474,7 @@ impl Level {
         }
         self.ground.clear();
         for &(at, axis, g) in &fine.ground {
-            let cell: [usize; 3] = {
-                let [_, sy, sz] = from.stride;
-                [at % sy - 1, at % sz / sy - 1, at / sz - 1]
-            };
+            let cell = from.cell(at);
             let lane = if axis == STORED {
                 g
             } else {
@@ -544,8 +541,7 @@ impl Level {
         let to = coarse.layout;
         let r = &self.y;
         to.sweep(&coarse_part, &mut coarse.b, |start, out| {
-            let [_, sy, sz] = to.stride;
-            let first = [start % sy - 1, start % sz / sy - 1, start / sz - 1];
+            let first = to.cell(start);
             out.fill(0.0);
             for dz in 0..joined[2] {
                 for dy in 0..joined[1] {
@@ -583,8 +579,7 @@ impl Level {
         let (fine, joined) = (self.layout, self.joined);
         let correction = &coarse.x;
         fine.sweep(part, &mut self.x, |start, out| {
-            let [_, sy, sz] = fine.stride;
-            let first = [start % sy - 1, start % sz / sy - 1, start / sz - 1];
+            let first = fine.cell(start);
             let at = coarse
                 .layout
                 .position(std::array::from_fn(|a| first[a] / joined[a]));
