@@ -196,7 +196,7 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "chute",
-        summary: "a supercritical stream over a bed of blocks, one of them proud: the forces carry the weight of the water",
+        summary: "a supercritical stream over a bed of blocks, one of them proud, whose forces carry its weight",
         text: include_str!("examples/chute.json"),
     },
     Example {

@@ -30,9 +30,9 @@ def _test(end):
 EXAMPLES = {
     "avalanche": (1, {"time.end": 0.02, "output.blocks.every": 0.01, "output.contacts": '{"every": 0.01}'}),
     "biaxial": (1, {**_test(0.002), "probes[2].every": 0.001, "probes[3].every": 0.001}),
-    "broad-crested-weir": (1, _fluid(0.01)),
+    "broad-crested-weir": (1, _fluid(0.01, **{"probes[0].every": 0.005, "probes[1].every": 0.005})),
     "cavity": (1, _fluid(0.1, **{"probes[0].every": 0.05, "probes[1].every": 0.05})),
-    "chute": (1, _fluid(0.005)),
+    "chute": (1, _fluid(0.005, **{f"probes[{n}].every": 0.0025 for n in range(7)})),
     "collision": (1, {"time.end": 0.005}),
     "couette": (1, _fluid(0.03, **{"probes[0].every": 0.01, "probes[1].every": 0.01})),
     "cylinder": (1, _fluid(0.2)),

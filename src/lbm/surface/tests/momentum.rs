@@ -31,8 +31,8 @@ fn error(tank: &Tank, steps: usize) -> f64 {
     largest
 }
 
-/// What the body force gives to the water remains in it or leaves through the faces: with planes of symmetry on any
-/// faces, whose links the carried cells change after the reflection, next to walls, openings and periodic faces.
+/// Checks that the momentum that the body force gives to the water remains in it or leaves through the faces: with
+/// planes of symmetry on any faces, whose links the carried cells change, next to walls, openings and periodic faces.
 #[test]
 fn the_momentum_of_each_step_is_closed_between_any_faces() {
     let faces = [(0, false), (2, false), (0, true), (2, true), (1, false)];
