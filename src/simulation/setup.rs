@@ -64,6 +64,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         ],
         patches,
         saturation: coupled::saturation(plan),
+        single: false,
         device: plan::device::device(&plan.scene),
         terms: terms(plan, flow),
     })
