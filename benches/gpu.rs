@@ -58,6 +58,7 @@ fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: D
             rule: Box::new(lid),
         }],
         saturation: None,
+        single: false,
         device,
         terms: Vec::new(),
     }

@@ -35,17 +35,25 @@ fn measure<S: Stored>(
     cells: [usize; 3],
     steps: usize,
 ) -> f64 {
-    measure_with::<S>(set, operator, None, force, cells, steps)
+    let mut fluid = match fluid::<S>(set, operator, None, force, cells, false) {
+        Ok(fluid) => fluid,
+        Err(message) => {
+            println!("{message}");
+            return 0.0;
+        }
+    };
+    fastest(&mut fluid, steps)
 }
 
-fn measure_with<S: Stored>(
+/// Returns the fluid of a closed box under a lid; `single` is `true` for collisions in f32.
+fn fluid<S: Stored>(
     set: VelocitySet,
     operator: Operator,
     turbulence: Option<EddyViscosity>,
     force: Force,
     cells: [usize; 3],
-    steps: usize,
-) -> f64 {
+    single: bool,
+) -> Result<Fluid<S>, String> {
     let setup = Setup {
         set,
         operator,
@@ -56,29 +64,66 @@ fn measure_with<S: Stored>(
         periodic: [false; 3],
         patches: vec![lid(if cells[2] == 1 { 1 } else { 2 })],
         saturation: None,
+        single,
         device: solver::lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };
-    let domain = Domain::serial(SplitAxis::X, cells[0], false);
-    let mut fluid = match Fluid::<S>::new(setup, &domain) {
-        Ok(fluid) => fluid,
-        Err(message) => {
-            println!("{message}");
-            return 0.0;
+    Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], false))
+}
+
+/// Returns the seconds of some steps, two at a time.
+fn seconds<S: Stored>(fluid: &mut Fluid<S>, steps: usize) -> f64 {
+    let start = Instant::now();
+    for _ in 0..steps / 2 {
+        fluid.advance_two();
+    }
+    start.elapsed().as_secs_f64()
+}
+
+/// Returns the million updates per second of the fastest of three measurements.
+fn fastest<S: Stored>(fluid: &mut Fluid<S>, steps: usize) -> f64 {
+    seconds(fluid, 2);
+    let cells = fluid.domain_cells().iter().product::<usize>();
+    let best = (0..3)
+        .map(|_| seconds(fluid, steps))
+        .fold(f64::INFINITY, f64::min);
+    (cells * (steps / 2 * 2)) as f64 / best / 1e6
+}
+
+/// Number of turns in which the three precisions of a row run.
+const TURNS: usize = 9;
+
+/// Runs the three precisions by turns and prints the medians of the ratios of their speeds.
+fn precisions(
+    name: &str,
+    set: VelocitySet,
+    operator: Operator,
+    cells: [usize; 3],
+    steps: usize,
+) -> Result<(), String> {
+    let mut double = fluid::<f64>(set, operator, None, Force::None, cells, false)?;
+    let mut stored = fluid::<f32>(set, operator, None, Force::None, cells, false)?;
+    let mut single = fluid::<f32>(set, operator, None, Force::None, cells, true)?;
+    let mut turns = Vec::new();
+    for turn in 0..=TURNS {
+        let times = [
+            seconds(&mut double, steps),
+            seconds(&mut stored, steps),
+            seconds(&mut single, steps),
+        ];
+        // The first turn touches the memory.
+        if turn > 0 {
+            turns.push(times);
         }
+    }
+    let median = |k: usize| {
+        let mut ratios: Vec<f64> = turns.iter().map(|times| times[k] / times[2]).collect();
+        ratios.sort_by(f64::total_cmp);
+        ratios[ratios.len() / 2]
     };
-    fluid.advance();
-    fluid.advance();
-    let count = (cells[0] * cells[1] * cells[2] * (steps / 2 * 2)) as f64;
-    (0..3)
-        .map(|_| {
-            let start = Instant::now();
-            for _ in 0..steps / 2 {
-                fluid.advance_two();
-            }
-            count / start.elapsed().as_secs_f64() / 1e6
-        })
-        .fold(0.0, f64::max)
+    let [to_f64, to_stored] = [0, 1].map(median);
+    println!("{name:34} collisions in f32: {to_stored:.2} of f32 storage, {to_f64:.2} of f64");
+    Ok(())
 }
 
 /// Returns the bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
@@ -239,7 +284,10 @@ fn main() {
     );
     show(
         "D3Q27 MRT + WALE + force f64",
-        &|| measure_with::<f64>(VelocitySet::D3Q27, mrt, wale, force, cube, steps / 2),
+        &|| {
+            let fluid = fluid::<f64>(VelocitySet::D3Q27, mrt, wale, force, cube, false);
+            fluid.map_or(0.0, |mut fluid| fastest(&mut fluid, steps / 2))
+        },
         468.0,
     );
     show(
@@ -260,4 +308,29 @@ fn main() {
         &|| measure::<f32>(VelocitySet::D3Q27, mrt, Force::None, cube, steps / 2),
         216.0,
     );
+    if only.is_some() {
+        return;
+    }
+    let second_order = Operator::Mrt(mrt::MrtParameters {
+        higher: Some(1.0),
+        ..mrt::MrtParameters::default()
+    });
+    let bgk = Operator::Bgk(bgk::BgkParameters {});
+    for (name, set, operator, cells) in [
+        ("D2Q9 BGK", VelocitySet::D2Q9, bgk, square),
+        ("D2Q9 TRT", VelocitySet::D2Q9, trt, square),
+        ("D3Q19 TRT", VelocitySet::D3Q19, trt, cube),
+        ("D3Q27 TRT", VelocitySet::D3Q27, trt, cube),
+        ("D3Q27 MRT", VelocitySet::D3Q27, mrt, cube),
+        (
+            "D3Q27 MRT, higher 1",
+            VelocitySet::D3Q27,
+            second_order,
+            cube,
+        ),
+    ] {
+        if let Err(message) = precisions(name, set, operator, cells, steps / 2) {
+            println!("{message}");
+        }
+    }
 }

@@ -67,10 +67,16 @@ pub struct LatticeBoltzmann {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 0.3))]
     pub lattice_velocity: Option<f64>,
-    /// Storage precision of the populations; arithmetic is always f64. Default: f64; f32 if the program chooses the
-    /// time step of a 3-D run with `draft` accuracy.
+    /// Storage precision of the populations. Default: that of `arithmetic`; f32 if the program chooses the time step
+    /// of a 3-D run with `draft` accuracy.
     #[serde(default)]
     pub storage: Option<Precision>,
+    /// Precision of the collisions. With f32, populations are stored in f32, a vector holds twice as many numbers, and
+    /// rounding changes velocities by an amount that the plan states; boundaries, forces on bodies and sums remain in
+    /// f64. Works with bgk, trt and mrt on the processor, without eddy viscosity, partially saturated cells, porous
+    /// zones and free surface.
+    #[serde(default)]
+    pub arithmetic: Precision,
     /// Device that computes the fluid. A GPU computes a lattice between walls and periodic axes on one rank: d3q27 with
     /// bgk, trt or mrt (with trt and mrt also bodies in partially saturated cells), d3q19 with trt, and, in f64 and
     /// without a force, d3q19 and d2q9 with bgk. Both devices give the same state.

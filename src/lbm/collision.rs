@@ -70,6 +70,13 @@ macro_rules! operators {
                     $(Self::$operator(parameters) => parameters.dispatch(to),)*
                 }
             }
+
+            /// Passes the kernels of the operator to a receiver if they also compute in f32.
+            pub fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
+                match self {
+                    $(Self::$operator(parameters) => parameters.dispatch_single(to),)*
+                }
+            }
         }
     };
 }
@@ -133,6 +140,15 @@ pub trait CollisionModel {
     fn dispatch<D: Dispatch>(&self, to: D) -> D::Output
     where
         Self: Sized;
+
+    /// Passes the kernels to a receiver if the errors of their arithmetic in f32 were measured; none otherwise.
+    fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output>
+    where
+        Self: Sized,
+    {
+        let _ = to;
+        None
+    }
 }
 
 /// Kernels of an operator with its parameters, one for each kind of pass. The rate of the shear stress is ω = 1/τ

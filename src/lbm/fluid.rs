@@ -8,6 +8,7 @@ mod state;
 mod surfaces;
 mod two_steps;
 
+pub use dispatch::collides_in_single;
 pub use force::Force;
 pub use on_gpu::kernel_exists as kernel_exists_on_gpu;
 
@@ -53,6 +54,8 @@ pub struct Setup<S: Stored = f64> {
     pub patches: Vec<Patch<S>>,
     /// Method for cells covered by solids; none if no cell can be covered.
     pub saturation: Option<SaturationMethod>,
+    /// `true` if cells collide in f32, for populations in f32 and open cells without eddy viscosity.
+    pub single: bool,
     /// Device on which the fluid runs.
     pub device: Device,
     /// Additional terms of the step.
@@ -200,7 +203,8 @@ impl<S: Stored> Fluid<S> {
     /// Returns fluid at rest in the slab of this rank.
     ///
     /// # Errors
-    /// If the memory cannot be allocated, or a GPU is asked for that does not exist or cannot run this fluid.
+    /// If the memory cannot be allocated, collisions in f32 are requested that this fluid does not have, or a GPU that
+    /// does not exist or cannot run this fluid.
     #[inline(never)]
     pub fn new(mut setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
         let split = domain.axis().index();
@@ -209,7 +213,13 @@ impl<S: Stored> Fluid<S> {
         cells[split] = planes.len();
         let mut start = [0; 3];
         start[split] = planes.start;
-        let pass = Choice::from_setup(&setup, Level::best()).on(setup.set);
+        let choice = Choice::from_setup(&setup, Level::best());
+        let pass = if setup.single {
+            let pass = choice.in_single(setup.set);
+            pass.ok_or("this fluid has no collision in f32")?
+        } else {
+            choice.on(setup.set)
+        };
         let describe = match setup.set {
             VelocitySet::D2Q9 => Shared::new::<9>,
             VelocitySet::D3Q19 => Shared::new::<19>,

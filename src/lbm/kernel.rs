@@ -4,6 +4,8 @@
 //! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells
 //! are ghosts and padding, whose contents the boundaries reset after every pass.
 
+pub(crate) mod single;
+
 use super::block::RowBlock;
 use super::collision::{Collision, Site};
 use super::lanes::{Level, Memory, Stored, prefetch};
@@ -124,6 +126,28 @@ impl<S> Shared<S> {
             planes,
             rows: 0..self.rows,
         }
+    }
+
+    /// Returns the distances from a number with c_x = 0 to those with c_x = 1 and -1.
+    #[inline(always)]
+    fn along<L: Lattice<Q>, const Q: usize>(&self) -> [isize; 2] {
+        let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| self.first[i]);
+        [
+            ahead.wrapping_sub(self.first[0]).cast_signed(),
+            behind.wrapping_sub(self.first[0]).cast_signed(),
+        ]
+    }
+
+    /// Returns the addresses of the numbers with c_x = 0 of the cell that is `distance` numbers after the first one.
+    /// They advance with the cells: each number is at an address plus at most one distance.
+    #[inline(always)]
+    fn addresses<L: Lattice<Q>, const Q: usize>(&self, distance: usize) -> [*mut S; 9] {
+        let mut at = [std::ptr::null_mut::<S>(); 9];
+        unroll!(nine n < 9 => {
+            let first = self.first[Places::<L, Q>::FIRST[n]];
+            at[n] = self.base.wrapping_add(first + distance);
+        });
+        at
     }
 
     /// Applies periodicity at the ends of the row that starts `start` numbers after the first one.
@@ -403,11 +427,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     let sums = cover.sums_of(worker);
     let mut omega = N::splat(1.0 / 3.0_f64.mul_add(viscosity, 0.5));
     let mut rates = collision.uniform::<N>();
-    let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| shared.first[i]);
-    let along = [
-        ahead.wrapping_sub(shared.first[0]).cast_signed(),
-        behind.wrapping_sub(shared.first[0]).cast_signed(),
-    ];
+    let along = shared.along::<L, Q>();
     // Buffers for covered cells: incoming populations, populations after the fluid collision, and outgoing
     // populations. They are created once, because clearing them takes time.
     let [mut before, mut fluid, mut g] = [[N::splat(0.0); Q]; 3];
@@ -419,12 +439,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
             // SAFETY: promised by the caller.
             for &[begin, end] in unsafe { shared.spans(plane, row) } {
                 let (mut k, end) = (begin as usize, end as usize);
-                // The addresses advance with the cells: each number is at an address plus at most one distance.
-                let mut at = [std::ptr::null_mut::<S>(); 9];
-                unroll!(nine n < 9 => {
-                    let first = shared.first[Places::<L, Q>::FIRST[n]];
-                    at[n] = shared.base.wrapping_add(first + start + k);
-                });
+                let mut at = shared.addresses::<L, Q>(start + k);
                 while k < end {
                     let mut along = along;
                     opaque(&mut along);

@@ -14,7 +14,7 @@
 //! | `halo` | populations that leave a slab |
 //! | `initial` | populations from density and velocity at the start |
 //! | `lattice` | velocity sets |
-//! | `lanes` | numbers and vectors of numbers in the pass |
+//! | `lanes`, `single` | numbers and vectors of numbers in the pass: in f64, and in f32 |
 //! | `collision` | collision operators, one file each |
 //! | `turbulence` | eddy viscosities, one file each, and the velocities from which they are computed |
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
@@ -61,6 +61,7 @@ pub mod populations;
 pub mod quanta;
 pub mod rigid;
 pub mod saturation;
+mod single;
 pub mod surface;
 pub mod synthetic;
 pub mod term;

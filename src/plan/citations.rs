@@ -11,6 +11,7 @@ use crate::scene::flow::{BodyForce, Flow};
 use crate::scene::free_surface::WaterPart;
 use crate::scene::observe::ProbeAt;
 use case::coupling::Coupling;
+use case::fluid::Precision;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
 use serde_json::Value;
@@ -38,6 +39,7 @@ pub const MODELS: &[(&str, Models)] = &[
             ("cumulant", &["geier2015"]),
         ],
     ),
+    ("arithmetic", &[("f32", &["lehmann2022"])]),
     (
         "body_force",
         &[("constant", &["guo2002"]), ("oscillating", &["guo2002"])],
@@ -350,6 +352,9 @@ fn flow_models(scene: &Scene, flow: &Flow, used: &mut Vec<(&'static str, String)
     };
     used.push(("lattice", lattice.into()));
     used.push(("collision", flow.collision.name().into()));
+    if flow.arithmetic == Precision::F32 {
+        used.push(("arithmetic", "f32".into()));
+    }
     used.extend(
         flow.turbulence
             .iter()

@@ -37,6 +37,9 @@ fn obstacles(scene: &Scene) -> Vec<String> {
             if covered { " with saturated cells" } else { "" },
         ));
     }
+    if flow.arithmetic == Precision::F32 {
+        all.push("collisions in f32".into());
+    }
     let open = flow.patches().find(|patch| {
         let surface = patch.condition.model().kind().surface;
         !matches!(surface, SurfaceKind::Wall | SurfaceKind::MovingWall)

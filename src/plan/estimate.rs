@@ -194,9 +194,7 @@ impl Estimate {
         let amounts = CostQuantities::new(scene);
         let mut estimate = Self {
             grains: amounts.moving(),
-            mlups: scene.flow.as_ref().map_or(0.0, |flow| {
-                time::mlups(flow.lattice, flow.storage, flow.turbulence.is_some())
-            }),
+            mlups: scene.flow.as_ref().map_or(0.0, time::mlups),
             ..Self::default()
         };
         estimate.checkpoint_bytes = disk::checkpoint(scene, &amounts);

@@ -19,6 +19,7 @@
 )]
 
 mod added_mass;
+mod arithmetic;
 pub mod bibliography;
 mod bodies;
 pub mod citations;
@@ -254,6 +255,7 @@ impl Plan {
             let before = findings.problems.len();
             let clock = clock(&scene, like.map(|plan| &plan.clock), &mut findings)?;
             device::check(&scene, &mut findings);
+            arithmetic::check(&scene, &mut findings);
             let margins = envelope::margins(&scene, &clock, &mut findings);
             if scene.guards.limits == Limits::Warn {
                 let refused = |p: &&mut Problem| p.severity == Severity::Error;

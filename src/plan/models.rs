@@ -1,6 +1,7 @@
 //! Models of a scene, each with its reason, and the models that it does not need.
 
 use super::Clock;
+use super::arithmetic;
 use super::device::device;
 use crate::scene::Scene;
 use crate::scene::findings::number;
@@ -484,7 +485,7 @@ impl Choices<'_> {
         self.add(
             "populations",
             storage,
-            "streamed in place: one array; arithmetic in f64",
+            arithmetic::describe(self.scene, flow),
         );
         self.device(flow);
     }

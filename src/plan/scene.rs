@@ -30,6 +30,7 @@ pub mod porous;
 pub mod profile;
 mod region;
 pub mod rock;
+pub mod rounding;
 pub mod sample;
 pub(crate) mod saved;
 pub mod seepage;

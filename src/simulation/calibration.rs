@@ -245,6 +245,7 @@ fn part<S: Stored>(plan: &Plan, flow: &Flow, parts: usize) -> Option<(Fluid<S>, 
         periodic: [false, false, plan.scene.grid.dimension == 2],
         patches: Vec::new(),
         saturation: None,
+        single: flow.arithmetic == Precision::F32,
         device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };

@@ -50,8 +50,9 @@ use std::fmt;
 /// Steps between two balances; each balance costs about as much as a fluid step.
 const BALANCE_EVERY: u64 = 1000;
 /// Minimum force per cell, in lattice units, to which an error of the momentum balance is related; for populations
-/// in f64 and in f32.
-const SMALLEST_FORCE: [f64; 2] = [1e-11, 1e-7];
+/// in f64 and in f32, and for collisions in f32. These change the momentum of a cell, up to 0.1, by up to 2^-23 of it
+/// in a step: a thousandth of this force.
+const SMALLEST_FORCE: [f64; 3] = [1e-11, 1e-7, 1e-5];
 /// Maximum errors of the mass balance of a step that rounding explains, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
 const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
@@ -76,6 +77,8 @@ pub struct GuardState {
 #[derive(Clone, Debug, Default)]
 pub struct Guards {
     every: u64,
+    /// Minimum force per cell to which an error of the momentum balance is related.
+    smallest_force: f64,
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
     momentum_error: Option<f64>,
@@ -109,8 +112,13 @@ impl Guards {
     /// Returns guards with the check intervals of the plan.
     #[must_use]
     pub fn new(plan: &Plan) -> Self {
+        let precision = plan.scene.flow.as_ref().map_or(0, |flow| {
+            usize::from(flow.storage == Precision::F32)
+                + usize::from(flow.arithmetic == Precision::F32)
+        });
         Self {
             every: u64::from(plan.scene.guards.check_every_steps).max(1),
+            smallest_force: SMALLEST_FORCE[precision],
             openings: Openings::from_plan(plan),
             ..Self::default()
         }
@@ -450,7 +458,7 @@ impl Guards {
             .product();
         self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
         let (force, largest) = flow.fluid_force_total(communicator);
-        let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
+        let smallest = self.smallest_force;
         // The largest force of all axes: across the flow there may be only rounding errors.
         let mut size = communicator.all_reduce_max_f64(scale).max(smallest * cells);
         size = size.max(largest);
@@ -485,7 +493,7 @@ impl Guards {
         }
         let open = from_quanta(all(step.open));
         let force = fluid.last_force().map(|force| force * open);
-        let smallest = SMALLEST_FORCE[usize::from(size_of::<S>() == 4)];
+        let smallest = self.smallest_force;
         let scale = communicator.all_reduce_max_f64(scale);
         let mut size = scale.max(smallest * open.max(1.0));
         for part in force

@@ -10,6 +10,7 @@ use base::history::TimeTable;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
 use case::darcy::{InitialState, TransientFlow};
+use case::fluid::Precision;
 use coupling::body_map::GHOSTS;
 use coupling::joint_water::{self, JointWater};
 use coupling::seepage::{self, Seepage};
@@ -64,6 +65,7 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         ],
         patches,
         saturation: coupled::saturation(plan),
+        single: flow.arithmetic == Precision::F32,
         device: plan::device::device(&plan.scene),
         terms: terms(plan, flow),
     })

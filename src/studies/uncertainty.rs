@@ -40,6 +40,7 @@ use case::fluid::Precision;
 use grids::Scaling;
 use plan::Plan;
 use plan::estimate::Machine;
+use plan::scene::rounding;
 use serde_json::{Value, json};
 use settings::Setting;
 use std::path::{Path, PathBuf};
@@ -493,6 +494,9 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
     let noise = Noise {
         units: plan.units,
         single: flow.is_some_and(|flow| flow.storage == Precision::F32),
+        collisions: flow
+            .filter(|flow| flow.arithmetic == Precision::F32)
+            .map_or(0.0, |flow| rounding::of_single(&plan.scene, flow)),
     };
     let settings = members.settings.iter().map(|(setting, place)| {
         let folder = members.list[*place].name.as_str();

@@ -358,6 +358,22 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         Set(&["fluid.lattice_boltzmann.initial.taylor_green.velocity=1"]),
         ".initial.taylor_green.velocity",
     ),
+    // Precision
+    (
+        "collisions in f32 of populations in f64",
+        "couette",
+        Set(&[
+            "fluid.lattice_boltzmann.arithmetic=f32",
+            "fluid.lattice_boltzmann.storage=f64",
+        ]),
+        ".storage",
+    ),
+    (
+        "collisions in f32 under a free surface",
+        "dam-break",
+        Set(&["fluid.lattice_boltzmann.arithmetic=f32"]),
+        ".arithmetic",
+    ),
     // Boundaries
     (
         "condition on a periodic face",

@@ -146,6 +146,24 @@ fn single_precision_at_rest_too() {
 }
 
 #[test]
+fn collisions_in_single_precision_too() {
+    let _beside = beside_others();
+    let study = Study::eroding(&[
+        ("fluid.lattice_boltzmann.arithmetic", "f32"),
+        ("time.end", "0.012"),
+        ("checkpoint.every", "0.004"),
+    ]);
+    study.run("straight", 1, 1, &[]);
+    study.run("three", 3, 1, &[]);
+    study.same("straight", "three");
+    study.run("threads", 2, 2, &[]);
+    study.same("straight", "threads");
+    study.run("parts", 2, 1, &["time.end=0.006"]);
+    study.restart("parts", 3, &["time.end=0.012"]).expect(0);
+    study.same("straight", "parts");
+}
+
+#[test]
 fn fluid_without_grains() {
     let _beside = beside_others();
     let study = Study::from_example("taylor-green", &[("time.end", "0.2")]);

@@ -388,6 +388,7 @@ mod tests {
             periodic: [false, true, true],
             patches: vec![patch(false, inlet), patch(true, outlet)],
             saturation: None,
+            single: false,
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };

@@ -315,6 +315,7 @@ mod tests {
             periodic: [false, true, true],
             patches: vec![patch(false, inlet), patch(true, outlet)],
             saturation: None,
+            single: false,
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };

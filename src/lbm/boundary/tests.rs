@@ -122,6 +122,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
             rule: toy.rule(&place, &units).unwrap(),
         }],
         saturation: None,
+        single: false,
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };
@@ -205,6 +206,7 @@ fn a_patch_is_the_same_at_both_of_its_ends() {
             periodic: [false, false, true],
             patches,
             saturation: None,
+            single: false,
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };

@@ -253,6 +253,7 @@ mod tests {
                 patch(!upper, Box::new(outlet)),
             ],
             saturation: None,
+            single: false,
             device: crate::gpu::Device::Cpu,
             terms: Vec::new(),
         };

@@ -71,6 +71,10 @@ impl CollisionModel for BgkParameters {
     fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
         to.on_any_set(*self)
     }
+
+    fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
+        Some(self.dispatch(to))
+    }
 }
 
 /// Kernels: cells with different viscosities use the passes of TRT with equal rates.

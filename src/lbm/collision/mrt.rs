@@ -216,6 +216,10 @@ impl CollisionModel for MrtParameters {
             to.on_d3q27(rates)
         }
     }
+
+    fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
+        Some(self.dispatch(to))
+    }
 }
 
 impl Kernels for Rates {

@@ -43,6 +43,7 @@ fn an_operator_is_one_file_and_one_line() {
     let cell = [0.1, 0.3, 0.0, -0.1, 0.2, 0.0, 0.05, 0.0, -0.02];
     let after = toy.dispatch(Collide(cell)).unwrap();
     assert_eq!(after, cell.map(|g| 0.5 * g));
+    assert!(toy.dispatch_single(Collide(cell)).is_none());
 }
 
 /// The schema names each operator and describes it by the documentation of its parameters.

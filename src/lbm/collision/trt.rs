@@ -82,6 +82,10 @@ impl CollisionModel for TrtParameters {
     fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
         to.on_any_set(*self)
     }
+
+    fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
+        Some(self.dispatch(to))
+    }
 }
 
 /// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D,

@@ -1,6 +1,10 @@
 //! Selection of the pass, made once at the start, by operator, force, eddy viscosity, solids, velocity set, storage
 //! precision and processor.
 
+mod single;
+
+pub use single::collides_in_single;
+
 use super::Setup;
 use crate::block::RowBlock;
 use crate::collision::{Collision, Dispatch, Kernels, Operator};

@@ -8,6 +8,8 @@ use crate::saturation::{CoveringBody, DEEP, SolidOperator, Weighting};
 use crate::turbulence::smagorinsky::Smagorinsky;
 use crate::turbulence::wale::Wale;
 
+mod single;
+
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
 fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> Setup {
@@ -21,6 +23,7 @@ fn setup(set: VelocitySet, operator: Operator, tau: f64, cells: [usize; 3]) -> S
         periodic: [true, false, true],
         patches: Vec::new(),
         saturation: None,
+        single: false,
         device: Device::Cpu,
         terms: Vec::new(),
     }

@@ -48,6 +48,7 @@ fn setup(
         periodic: [true, true, true],
         patches: Vec::new(),
         saturation: Some(method),
+        single: false,
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     }
@@ -441,7 +442,7 @@ fn inlets_and_outlets_before_rock_are_closed() {
 /// Weights of Noble and Torczynski.
 #[test]
 fn weights() {
-    let at = |tau: f64| Weighting::Viscous.weight(tau - 0.5, 0.5);
+    let at = |tau: f64| Weighting::Viscous.weight::<f64>(tau - 0.5, 0.5);
     assert!((at(0.51) - 0.0098).abs() < 5e-5 && (at(1.5) - 1.0 / 3.0).abs() < 1e-12);
     assert!((at(1.0) - 0.25).abs() < 1e-12);
     for time in [1e-4, 0.1, 1.5] {

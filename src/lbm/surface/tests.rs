@@ -110,6 +110,7 @@ impl Tank {
             periodic: self.periodic,
             patches: self.patches(),
             saturation: self.saturation,
+            single: false,
             device: Device::Cpu,
             terms: Vec::new(),
         };

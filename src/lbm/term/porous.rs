@@ -354,6 +354,7 @@ mod tests {
             periodic: [true, !walls, true],
             patches: Vec::new(),
             saturation: None,
+            single: false,
             device: crate::gpu::Device::Cpu,
             terms: vec![make],
         };

@@ -320,6 +320,7 @@ mod tests {
             periodic: [false; 3],
             patches,
             saturation: None,
+            single: false,
             device: lbm::gpu::Device::Cpu,
             terms: Vec::new(),
         };

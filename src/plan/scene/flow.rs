@@ -39,6 +39,8 @@ pub struct Flow {
     pub turbulence: Option<Turbulence>,
     /// Storage precision of the populations.
     pub storage: Precision,
+    /// Precision of the collisions.
+    pub arithmetic: Precision,
     /// Device that it runs on.
     pub device: Device,
     /// Time step \[s\].
@@ -134,7 +136,8 @@ impl Flow {
             lattice,
             collision: lbm.collision.unwrap_or_default(),
             turbulence: lbm.turbulence.and_then(TurbulenceChoice::model),
-            storage: lbm.storage.unwrap_or_default(),
+            storage: lbm.storage.unwrap_or(lbm.arithmetic),
+            arithmetic: lbm.arithmetic,
             device: lbm.device,
             time_step,
             relaxation_time,

@@ -347,6 +347,11 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
             water.storage == Some(Precision::F32),
             "populations in f32, which lose the water of small discharges by rounding",
         ),
+        (
+            "arithmetic",
+            water.arithmetic == Precision::F32,
+            "collisions in f32, which do not keep the water of small discharges",
+        ),
         ("device", water.device == Device::Gpu, "a GPU"),
     ];
     for (field, _, what) in fields.iter().filter(|(_, given, _)| *given) {

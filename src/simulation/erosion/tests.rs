@@ -243,6 +243,7 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
         periodic: [false; 3],
         patches: vec![patch("inlet", false, DROP), patch("outlet", true, 0.0)],
         saturation: None,
+        single: false,
         device: lbm::gpu::Device::Cpu,
         terms: Vec::new(),
     };

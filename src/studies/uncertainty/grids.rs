@@ -303,6 +303,7 @@ pub fn stated(plan: &Plan) -> Result<Value, Error> {
             None => "none".into(),
         };
         lbm["storage"] = serde_json::to_value(flow.storage).map_err(wrong)?;
+        lbm["arithmetic"] = serde_json::to_value(flow.arithmetic).map_err(wrong)?;
         if flow.fixed_by == "accuracy" {
             lbm["relaxation_time"] = flow.relaxation_time.into();
         }

@@ -25,6 +25,8 @@ pub struct Noise {
     pub units: Option<LatticeUnits>,
     /// `true` if populations are stored in f32.
     pub single: bool,
+    /// Relative change of velocities by collisions in f32; 0 for collisions in f64.
+    pub collisions: f64,
 }
 
 impl Noise {
@@ -51,7 +53,8 @@ impl Noise {
 
     /// Returns the maximum difference that is attributed to rounding.
     fn rounding(self, answer: &Answer) -> f64 {
-        (ROUNDING[usize::from(self.single)] * answer.scale).max(self.of_unit(&answer.unit))
+        let relative = ROUNDING[usize::from(self.single)].max(self.collisions);
+        (relative * answer.scale).max(self.of_unit(&answer.unit))
     }
 }
 

@@ -36,6 +36,7 @@ fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f
             operator: solid_operator,
             weighting: Weighting::Viscous,
         }),
+        single: false,
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };

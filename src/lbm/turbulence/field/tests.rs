@@ -26,6 +26,7 @@ fn fluid(cells: [usize; 3]) -> Fluid<f64> {
             operator: SolidOperator::NonEquilibriumBounceBack,
             weighting: Weighting::Fraction,
         }),
+        single: false,
         device: crate::gpu::Device::Cpu,
         terms: Vec::new(),
     };

@@ -2,20 +2,20 @@
 //!
 //! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest bound counts,
 //! plus 3 (U dt/h)² for the compressibility of the lattice or, if larger, the density change by the pressure loss
-//! along the flow, plus the effect of sound in an oscillating flow. If a feature, an operator or a motion lies
-//! outside the measured range, or the sound of a sudden start has not decayed, nothing is promised, and the plan
-//! states why.
+//! along the flow, plus the effect of sound in an oscillating flow and of rounding in collisions in f32. If a feature,
+//! an operator or a motion lies outside the measured range, or the sound of a sudden start has not decayed, nothing is
+//! promised, and the plan states why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};
 use super::features::{self, Feature};
 use super::{sound, step};
-use crate::scene::Scene;
 use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
+use crate::scene::{Scene, rounding};
 use case::Case;
-use case::fluid::LatticeBoltzmann;
+use case::fluid::{LatticeBoltzmann, Precision};
 use case::grains::GrainSource;
 
 /// Maximum lattice velocity U dt/h for a promise.
@@ -65,7 +65,11 @@ pub(crate) fn judge(
         .collect();
     let of_losses = density::total(&losses, flow.time_step, scene.grid.spacing, flow.density);
     // Both are density changes by the pressure, so that the larger one counts.
-    let promised = error + compressibility.max(of_losses) + of_sound;
+    let of_rounding = match flow.arithmetic {
+        Precision::F64 => 0.0,
+        Precision::F32 => rounding::of_single(scene, flow),
+    };
+    let promised = error + compressibility.max(of_losses) + of_sound + of_rounding;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
@@ -81,6 +85,9 @@ pub(crate) fn judge(
     }
     if waves.is_some() {
         parts += &format!("; sound {} %", percent(of_sound));
+    }
+    if of_rounding > 0.0 {
+        parts += &format!("; rounding in f32 {} %", percent(of_rounding));
     }
     let text = format!(
         "{cells} cells across the {what}: {parts}, according to {rows} measured runs",

@@ -507,7 +507,8 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
 
 /// Chooses the storage precision: f32 halves the memory and the memory traffic of a draft in 3-D.
 fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f64) {
-    if lbm.storage.is_none() && scene.grid.dimension == 3 && target >= DRAFT {
+    let free = lbm.storage.is_none() && flow.storage == Precision::F64;
+    if free && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;
         let text = "accuracy draft in 3-D: half the memory; arithmetic in f64";
         scene.chosen.note("populations", text);
