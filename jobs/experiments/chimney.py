@@ -4,10 +4,10 @@ import numpy as np
 from runs import interval, run, seconds, table
 from solver_results import open_run
 
-SPEED, SLOT, RAMP, VISCOSITY, DIAMETER, GRAVITY, EXCESS, DENSITY = 0.06, 0.005, 1.2, 1e-5, 1e-3, 9.81, 1.5, 1000.0
+SPEED, SLOT, RAMP, VISCOSITY, DIAMETER, GRAVITY, EXCESS, DENSITY = 0.06, 0.0048, 0.9, 1e-5, 1e-3, 9.81, 1.5, 1000.0
 ARCHIMEDES = EXCESS * GRAVITY * DIAMETER**3 / VISCOSITY**2
-HEIGHTS = {"low": 0.010}
-CENTRE = 0.0192
+HEIGHTS = {"8 d": 0.008}
+CENTRE = 0.0128
 
 
 def onset(folder, height):
@@ -24,7 +24,7 @@ def onset(folder, height):
                 radii = grains["radius"][order]
                 fraction = np.pi * np.sum(radii**2) / (2 * CENTRE * height)
                 top = start[:, 1] > np.quantile(start[:, 1], 0.98) - DIAMETER
-                middle = np.abs(start[:, 0] - CENTRE) < 0.012
+                middle = np.abs(start[:, 0] - CENTRE) < 0.008
                 continue
             moved = np.linalg.norm(positions - start, axis=1) > DIAMETER
             if cavity is None and moved.any():

@@ -5,8 +5,8 @@ from runs import interval, run, seconds, table
 from solver_results import open_run
 
 SLOT, VISCOSITY, DIAMETER, GRAVITY, EXCESS, SPEED = 0.002, 5e-6, 5e-4, 9.81, 1.5, 0.22
-HEIGHTS = {"near": 0.012}
-CENTRE, HALF = 0.012, 0.006
+HEIGHTS = {"near": 0.010}
+CENTRE, HALF = 0.008, 0.004
 
 
 def axis(folder, time, below):
@@ -23,12 +23,12 @@ def bickley():
     """Compares the decay of the velocity on the axis with u^-3 = (x + x0)/(0.45428^3 U^3 Re b), in which x0 alone is free."""
     speed = 0.1
     uniform = "fluid.lattice_boltzmann.boundaries[0].condition.velocity"
-    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 1.0})
-    distances = np.linspace(6 * SLOT, 12 * SLOT, 25)
-    velocities = np.array([axis(folder, 1.0, distance) for distance in distances])
+    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 2.2})
+    distances = np.linspace(4 * SLOT, 10 * SLOT, 25)
+    velocities = np.array([axis(folder, 2.2, distance) for distance in distances])
     slope, offset = np.polyfit(distances, velocities**-3, 1)
     exact = 1 / (0.45428**3 * speed**3 * (speed * SLOT / VISCOSITY) * SLOT)
-    earlier = np.array([axis(folder, 0.8, distance) for distance in distances])
+    earlier = np.array([axis(folder, 2.0, distance) for distance in distances])
     rows = [(float(x / SLOT), float(u / speed), float(v / speed)) for x, u, v in zip(distances, velocities, earlier)]
     table("jet_axis", ["distance_over_slot", "velocity_over_mean", "velocity_over_mean_0.2_s_earlier"], rows)
     return folder, slope / exact, offset / slope / SLOT
@@ -62,12 +62,12 @@ def main():
         for seed in (1, 2, 3):
             path = "fluid.lattice_boltzmann.boundaries"
             folder = run(f"jet/{name}-{seed}", "jet/case.json", {
-                "domain.size": [0.024, height],
+                "domain.size": [0.016, height],
                 "grains.initial.deposition.seed": seed,
-                "grains.initial.deposition.box.to": [0.024, height - 1e-4],
-                f"{path}[0].patch.to": [0.013, height],
+                "grains.initial.deposition.box.to": [0.016, height - 1e-4],
+                f"{path}[0].patch.to": [0.009, height],
                 f"{path}[1].patch.to": [0, height],
-                f"{path}[2].patch.to": [0.024, height],
+                f"{path}[2].patch.to": [0.016, height],
             })
             folders.append(folder)
             time, surface = threshold(folder)

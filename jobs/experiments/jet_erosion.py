@@ -11,7 +11,7 @@ import numpy as np
 from runs import HERE, RUNS, SOLVER, run, seconds, table
 from solver_results import open_run
 
-NOZZLE, SPEED, GRAVITY, TOP, CENTRE, DENSITY = 4e-4, 0.25, 9.81, 0.00504, 0.003584, 2650.0
+NOZZLE, SPEED, GRAVITY, TOP, CENTRE, DENSITY = 4e-4, 0.25, 9.81, 0.00336, 0.00224, 2650.0
 HEAD = SPEED**2 / (2 * GRAVITY)
 
 
@@ -24,7 +24,7 @@ def record(folder):
             ids, positions, radii = grains["id"], grains.positions, grains["radius"]
             if start is None:
                 start = dict(zip(ids.tolist(), positions))
-                bulk = np.pi * np.sum(radii**2) / (2 * CENTRE * 0.00254) * DENSITY
+                bulk = np.pi * np.sum(radii**2) / (2 * CENTRE * 0.0016) * DENSITY
             origin = np.array([start[key] for key in ids.tolist()])
             bed = (np.linalg.norm(positions - origin, axis=1) < radii) & (np.abs(positions[:, 0] - CENTRE) < NOZZLE)
             surface = (positions[:, 1] + radii)[bed].max() if bed.any() else 0.0
