@@ -6,7 +6,7 @@ from solver_results import open_run
 
 SPEED, SLOT, RAMP, VISCOSITY, DIAMETER, GRAVITY, EXCESS, DENSITY = 0.06, 0.0048, 0.9, 1e-5, 1e-3, 9.81, 1.5, 1000.0
 ARCHIMEDES = EXCESS * GRAVITY * DIAMETER**3 / VISCOSITY**2
-HEIGHTS = {"8 d": 0.008}
+HEIGHTS = {"5 d": 0.005, "8 d": 0.008, "11 d": 0.011}
 CENTRE = 0.0128
 
 

@@ -10,7 +10,6 @@ SPACING = 2.67e-5
 SOILS = {
     "friction 20, dashpots": (20, 0.2, 0),
     "friction 0, dashpots": (0, 0.2, 0),
-    "friction 20, local damping": (20, 0, 0.2),
     "friction 0, local damping": (0, 0, 0.2),
 }
 PARTS = (0.1, 0.3, 0.5)

@@ -23,12 +23,12 @@ def bickley():
     """Compares the decay of the velocity on the axis with u^-3 = (x + x0)/(0.45428^3 U^3 Re b), in which x0 alone is free."""
     speed = 0.1
     uniform = "fluid.lattice_boltzmann.boundaries[0].condition.velocity"
-    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 2.2})
-    distances = np.linspace(4 * SLOT, 10 * SLOT, 25)
-    velocities = np.array([axis(folder, 2.2, distance) for distance in distances])
+    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 1.5})
+    distances = np.linspace(3 * SLOT, 8 * SLOT, 21)
+    velocities = np.array([axis(folder, 1.5, distance) for distance in distances])
     slope, offset = np.polyfit(distances, velocities**-3, 1)
     exact = 1 / (0.45428**3 * speed**3 * (speed * SLOT / VISCOSITY) * SLOT)
-    earlier = np.array([axis(folder, 2.0, distance) for distance in distances])
+    earlier = np.array([axis(folder, 1.3, distance) for distance in distances])
     rows = [(float(x / SLOT), float(u / speed), float(v / speed)) for x, u, v in zip(distances, velocities, earlier)]
     table("jet_axis", ["distance_over_slot", "velocity_over_mean", "velocity_over_mean_0.2_s_earlier"], rows)
     return folder, slope / exact, offset / slope / SLOT

@@ -44,8 +44,10 @@ def main():
         path = RUNS / "jet_erosion" / f"record-{seed}.csv"
         with open(path, "w", encoding="utf-8") as file:
             file.write("time,distance\n")
-            # The jet grows for 0.05 s. Steps back of the record are discs that swing: the deepest scour counts.
-            for time, distance in zip(times[times >= 0.05] - 0.05, np.maximum.accumulate(distances[times >= 0.05])):
+            # The jet grows for 0.05 s. Steps back of the record are discs that swing: the deepest scour counts. The record ends a disc above the floor.
+            deepest = np.maximum.accumulate(distances)
+            used = (times >= 0.05) & (deepest < TOP - 2e-4)
+            for time, distance in zip(times[used] - 0.05, deepest[used]):
                 file.write(f"{time:.6g},{distance:.6g}\n")
         tables.append(path)
     table("jet_erosion_records", ["packing", "time_s", "distance_m"], rows)
