@@ -35,7 +35,7 @@ def bickley():
 
 
 def threshold(folder):
-    """Returns time of the first grain in the middle that moved by a diameter, and the height of the bed there at the start."""
+    """Returns time of the first grain in the middle that moved by a quarter of a diameter, out of its hollow, and the height of the bed there at the start."""
     with open_run(folder) as results:
         series = list(results.grains)
         ids, start, radii = series[0]["id"], series[0].positions, series[0]["radius"]
@@ -47,7 +47,7 @@ def threshold(folder):
         for grains in series[1:]:
             now = np.argsort(grains["id"])
             moved = np.linalg.norm((grains.positions[now] - start[order])[middle, :2], axis=1)
-            if moved.max() > DIAMETER:
+            if moved.max() > DIAMETER / 4:
                 return grains.time, surface
     return None, surface
 
