@@ -77,6 +77,21 @@ def jet():
     save(figure, "jet")
 
 
+def chimney():
+    """Draws the overpressure at the slot over the weight of the bed as the injection grows."""
+    table = rows("chimney_curves")
+    if not table:
+        return
+    figure, axes = plt.subplots(figsize=(5, 3.8))
+    for seed in sorted({row["packing"] for row in table}):
+        part = [row for row in table if row["packing"] == seed]
+        axes.plot(*zip(*((float(row["reynolds"]), float(row["overpressure_over_weight"])) for row in part)), lw=1, label=f"packing {seed}")
+    axes.axhline(1, color="grey", lw=0.5)
+    axes.set(xlabel="Reynolds number of the injection", ylabel="overpressure over submerged weight", ylim=(0, None))
+    axes.legend(frameon=False)
+    save(figure, "chimney")
+
+
 def bars(name, group, values, label):
     """Draws the runs of a table as points, one column for each group."""
     table = rows(name)
@@ -98,10 +113,8 @@ def bars(name, group, values, label):
 def main():
     columns()
     jet()
-    bars("jet_runs", "distance", ["shields_of_jet", "shields_local"], "Shields number at the threshold")
-    bars("chimney_runs", "bed", ["reynolds_cavity", "reynolds_chimney"], "Reynolds number of the injection")
+    chimney()
     bars("heap_runs", "program", ["run_out_over_length", "centre_over_length"], "over the length of the column")
-    bars("hole_runs", "soil", ["rate_over_stress_to_0.1_s_m", "rate_over_stress_to_0.3_s_m", "rate_over_stress_to_0.5_s_m"], "rate over stress [s/m]")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from solver_results import open_run
 EXACT = {"disc on disc": 2 - math.sqrt(3), "floor": (2 - math.sqrt(3)) / 3}
 PARTS = (0.9, 0.96, 0.99, 1.01, 1.04, 1.1)
 LOG = 0.01
-PACKINGS = (1, 2, 3, 4, 5)
+PACKINGS = (1, 2, 3, 4, 5, 6, 7, 8)
 
 
 def stands(name, of_discs, of_floor):

@@ -5,8 +5,8 @@ from runs import interval, run, seconds, table
 from solver_results import open_run
 
 SLOT, VISCOSITY, DIAMETER, GRAVITY, EXCESS, SPEED = 0.002, 5e-6, 5e-4, 9.81, 1.5, 0.22
-HEIGHTS = {"near": 0.012}
-CENTRE, HALF = 0.012, 0.006
+HEIGHTS = {"near": 0.010}
+CENTRE, HALF = 0.008, 0.004
 
 
 def axis(folder, time, below):
@@ -23,19 +23,19 @@ def bickley():
     """Compares the decay of the velocity on the axis with u^-3 = (x + x0)/(0.45428^3 U^3 Re b), in which x0 alone is free."""
     speed = 0.1
     uniform = "fluid.lattice_boltzmann.boundaries[0].condition.velocity"
-    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 1.0})
-    distances = np.linspace(6 * SLOT, 12 * SLOT, 25)
-    velocities = np.array([axis(folder, 1.0, distance) for distance in distances])
+    folder = run("jet/steady", "jet/free.json", {f"{uniform}.profile.uniform": [0, -speed], f"{uniform}.ramp_time": 0.1, "time.end": 1.5})
+    distances = np.linspace(3 * SLOT, 8 * SLOT, 21)
+    velocities = np.array([axis(folder, 1.5, distance) for distance in distances])
     slope, offset = np.polyfit(distances, velocities**-3, 1)
     exact = 1 / (0.45428**3 * speed**3 * (speed * SLOT / VISCOSITY) * SLOT)
-    earlier = np.array([axis(folder, 0.8, distance) for distance in distances])
+    earlier = np.array([axis(folder, 1.3, distance) for distance in distances])
     rows = [(float(x / SLOT), float(u / speed), float(v / speed)) for x, u, v in zip(distances, velocities, earlier)]
     table("jet_axis", ["distance_over_slot", "velocity_over_mean", "velocity_over_mean_0.2_s_earlier"], rows)
     return folder, slope / exact, offset / slope / SLOT
 
 
 def threshold(folder):
-    """Returns time of the first grain in the middle that moved by a diameter, and the height of the bed there at the start."""
+    """Returns time of the first grain in the middle that moved by a quarter of a diameter, out of its hollow, and the height of the bed there at the start."""
     with open_run(folder) as results:
         series = list(results.grains)
         ids, start, radii = series[0]["id"], series[0].positions, series[0]["radius"]
@@ -47,7 +47,7 @@ def threshold(folder):
         for grains in series[1:]:
             now = np.argsort(grains["id"])
             moved = np.linalg.norm((grains.positions[now] - start[order])[middle, :2], axis=1)
-            if moved.max() > DIAMETER:
+            if moved.max() > DIAMETER / 4:
                 return grains.time, surface
     return None, surface
 
@@ -62,12 +62,12 @@ def main():
         for seed in (1, 2, 3):
             path = "fluid.lattice_boltzmann.boundaries"
             folder = run(f"jet/{name}-{seed}", "jet/case.json", {
-                "domain.size": [0.024, height],
+                "domain.size": [0.016, height],
                 "grains.initial.deposition.seed": seed,
-                "grains.initial.deposition.box.to": [0.024, height - 1e-4],
-                f"{path}[0].patch.to": [0.013, height],
+                "grains.initial.deposition.box.to": [0.016, height - 1e-4],
+                f"{path}[0].patch.to": [0.009, height],
                 f"{path}[1].patch.to": [0, height],
-                f"{path}[2].patch.to": [0.024, height],
+                f"{path}[2].patch.to": [0.016, height],
             })
             folders.append(folder)
             time, surface = threshold(folder)

@@ -11,7 +11,7 @@ import numpy as np
 from runs import HERE, RUNS, SOLVER, run, seconds, table
 from solver_results import open_run
 
-NOZZLE, SPEED, GRAVITY, TOP, CENTRE, DENSITY = 4e-4, 0.25, 9.81, 0.00504, 0.003584, 2650.0
+NOZZLE, SPEED, GRAVITY, TOP, CENTRE, DENSITY = 4e-4, 0.25, 9.81, 0.00336, 0.00224, 2650.0
 HEAD = SPEED**2 / (2 * GRAVITY)
 
 
@@ -24,7 +24,7 @@ def record(folder):
             ids, positions, radii = grains["id"], grains.positions, grains["radius"]
             if start is None:
                 start = dict(zip(ids.tolist(), positions))
-                bulk = np.pi * np.sum(radii**2) / (2 * CENTRE * 0.00254) * DENSITY
+                bulk = np.pi * np.sum(radii**2) / (2 * CENTRE * 0.0016) * DENSITY
             origin = np.array([start[key] for key in ids.tolist()])
             bed = (np.linalg.norm(positions - origin, axis=1) < radii) & (np.abs(positions[:, 0] - CENTRE) < NOZZLE)
             surface = (positions[:, 1] + radii)[bed].max() if bed.any() else 0.0
@@ -44,8 +44,10 @@ def main():
         path = RUNS / "jet_erosion" / f"record-{seed}.csv"
         with open(path, "w", encoding="utf-8") as file:
             file.write("time,distance\n")
-            # The jet grows for 0.05 s. Steps back of the record are discs that swing: the deepest scour counts.
-            for time, distance in zip(times[times >= 0.05] - 0.05, np.maximum.accumulate(distances[times >= 0.05])):
+            # The jet grows for 0.05 s. Steps back of the record are discs that swing: the deepest scour counts. The record ends a disc above the floor.
+            deepest = np.maximum.accumulate(distances)
+            used = (times >= 0.05) & (deepest < TOP - 2e-4)
+            for time, distance in zip(times[used] - 0.05, deepest[used]):
                 file.write(f"{time:.6g},{distance:.6g}\n")
         tables.append(path)
     table("jet_erosion_records", ["packing", "time_s", "distance_m"], rows)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-STIFFNESS, FRICTION, DAMPING, DENSITY, STEP, STEPS = 1e5, math.tan(math.radians(21.8)), 0.2, 2500.0, 2e-5, 60000
+STIFFNESS, FRICTION, DAMPING, DENSITY, STEP, STEPS = 1e5, math.tan(math.radians(21.8)), 0.2, 2500.0, 4e-5, 30000
 RESTITUTION = math.exp(-math.pi * DAMPING / math.sqrt(1 - DAMPING**2))
 
 
@@ -29,7 +29,7 @@ atom_style sphere
 boundary f f p
 comm_modify vel yes
 newton off
-region box block -0.001 0.201 -0.001 0.2 -0.005 0.005
+region box block -0.001 0.801 -0.001 0.2 -0.005 0.005
 create_box 1 box
 neighbor 0.0005 bin
 pair_style granular

@@ -19,7 +19,6 @@ pub mod hole;
 pub mod jet;
 pub mod rate;
 pub mod record;
-mod statistics;
 
 pub use fit::{
     CohesionTrend, FitOptions, FittedErosionLaw, Interval, LinearLaw, RatePoint, cohesion_trend,

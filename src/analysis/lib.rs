@@ -7,6 +7,7 @@
 //! | [`element_test`] | stresses, strains and their ratios of a sample between walls |
 //! | [`study`] | the erosion law across runs |
 //! | [`measure`] | a number from the files of any run, by an [`expression`] |
+//! | [`statistics`] | means with their intervals, medians and quantiles of Student's distribution |
 //!
 //! The functions take plain numbers in SI units and do not depend on MPI, lattices or contact laws.
 
@@ -31,4 +32,5 @@ pub mod erosion_law;
 pub mod expression;
 pub mod ground_collapse;
 pub mod measure;
+pub mod statistics;
 pub mod study;

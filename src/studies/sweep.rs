@@ -10,12 +10,14 @@
 //! | a member as a process of this program; stopped members are resumed | [`runner`] |
 //! | outcome and cost of a member, in its folder | [`record`] |
 //! | outputs, errors, Pareto sets, `members.csv` | [`table`] |
+//! | means and intervals over seeds, `ensemble.csv` | [`ensemble`] |
 //! | `sweep.svg` and `map.svg` | [`picture`] |
 //! | a job array for Slurm | [`slurm`] |
 //!
 //! The output folder holds a folder for each member, named by its varied values. A member is not run again if its
 //! folder holds the record of the same case and the same version of the program.
 
+pub mod ensemble;
 pub mod latin_hypercube;
 pub mod members;
 mod outputs;
@@ -251,6 +253,11 @@ fn collect(
         ("members.csv", table.to_csv(study, members)),
         ("sweep.svg", picture::front(study, members, &table).to_svg()),
     ];
+    if let Some(name) = &study.ensemble {
+        let ensemble = ensemble::Ensemble::from_table(name, study, members, &table);
+        report(&ensemble.summary());
+        files.push(("ensemble.csv", ensemble.to_csv(study)));
+    }
     if let Some(axes) = &study.map {
         let map = picture::Map::from_table(axes, study, members, &table);
         report(&map.agreement_table());

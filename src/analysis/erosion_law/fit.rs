@@ -22,7 +22,7 @@
 //! the lowest one with erosion.
 
 use super::rate::RateWindow;
-use super::statistics::{median, student};
+use crate::statistics::{median, student};
 use base::number::real;
 use base::random::SplitMix;
 

@@ -33,7 +33,7 @@
 //! intervals that include the scatter between them.
 
 use super::fit::Interval;
-use super::statistics::student;
+use crate::statistics::student;
 use base::number::real;
 
 /// Least number of readings: three parameters and one degree of freedom.

@@ -254,7 +254,7 @@ fn batch_error(records: &[&ErosionRecord], batches: usize) -> f64 {
     let n = real(batches);
     let mean = rates.iter().sum::<f64>() / n;
     let variance = rates.iter().map(|rate| (rate - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (variance / n).sqrt() * super::statistics::student(batches - 1) / 1.960
+    (variance / n).sqrt() * crate::statistics::student(batches - 1) / 1.960
 }
 
 /// Returns Theil and Sen's slope of M_e(t), kg/(m s), over at most sixty-four records spread over the window.
@@ -269,7 +269,7 @@ fn median_slope(records: &[&ErosionRecord]) -> f64 {
         })
         .filter(|slope| slope.is_finite())
         .collect();
-    super::statistics::median(&mut slopes)
+    crate::statistics::median(&mut slopes)
 }
 
 #[cfg(test)]

@@ -63,6 +63,10 @@ pub struct Study {
     /// Output whose error the picture and the Pareto set use. Default: the largest of all errors.
     #[serde(default)]
     pub error: Option<String>,
+    /// Variation over which the outputs are averaged, such as the seed of a packing. `ensemble.csv` then has the mean,
+    /// the scatter and the 95 % interval of the mean of every output over the members that differ in nothing else.
+    #[serde(default)]
+    pub ensemble: Option<String>,
     /// Measure of the cost, besides memory.
     #[serde(default)]
     pub cost: Cost,
@@ -348,7 +352,32 @@ impl Study {
                 Some(_) => {}
             }
         }
+        self.ensemble_problems(&varied, &mut found);
         found
+    }
+
+    fn ensemble_problems(&self, varied: &[&str], found: &mut Vec<Problem>) {
+        let Some(name) = &self.ensemble else { return };
+        let Some((_, variation)) = self.vary.find(name) else {
+            found.push(unknown("ensemble", name, "varied field", varied));
+            return;
+        };
+        let drawn = |Sample::LatinHypercube(sample): &Sample| sample.draws(name);
+        if self.sample.as_ref().is_some_and(drawn) {
+            let reason = "its values are drawn together with the others, so that no two members differ in it alone";
+            let remedy = "give it a list of values and add it to `sample.latin_hypercube.crossed`";
+            found.push(problem(
+                "ensemble",
+                &format!("{name:?}"),
+                reason.into(),
+                remedy,
+            ));
+        } else if variation.labels().len() == 1 {
+            let reason =
+                "the variation has a single value, and a single member has no scatter".into();
+            let remedy = "give the variation several values, or leave `ensemble` out";
+            found.push(problem("ensemble", &format!("{name:?}"), reason, remedy));
+        }
     }
 
     fn reference_problems(
