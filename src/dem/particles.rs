@@ -327,6 +327,8 @@ impl<S: Space> Particles<S> {
         if !self.moisture.is_allocated() {
             let dry = self.body.iter().map(|_| [0.0; 2]);
             self.moisture.allocate(dry);
+            // The messages to ghosts are longer from now on.
+            self.plan.step = None;
         }
     }
 

@@ -289,12 +289,14 @@ impl Choices<'_> {
             format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")
         };
         self.add("fluid", "Darcy seepage", cells);
-        if without_grains {
-            self.add(
-                "permeability",
-                "the resistance of the zones",
-                "there are no grains",
-            );
+        let of_zones = without_grains || written.unsaturated.is_some();
+        if of_zones {
+            let reason = if without_grains {
+                "there are no grains"
+            } else {
+                "grains in unsaturated ground do not change its flow"
+            };
+            self.add("permeability", "the resistance of the zones", reason);
         } else {
             let resistance = written.resistance().model().description();
             let porosity = written.porosity.model().description();
@@ -304,7 +306,7 @@ impl Choices<'_> {
                 format!("porosity by {porosity}, at most {}", written.porosity_cap()),
             );
         }
-        for [zone, states, reason] in seepage.describe_zones(without_grains) {
+        for [zone, states, reason] in seepage.describe_zones(of_zones) {
             self.add(&zone, states, reason);
         }
         if let Some(cut) = seepage.zones.as_ref().map(|z| z.cut()).filter(|n| *n > 0) {

@@ -511,9 +511,9 @@ fn zones_that_polygons_bound_conduct_as_layers() {
     assert!((one / two - 1.0).abs() < 1e-9, "{one} {two}");
     // The boundary lies within a row of cells, each of which is divided into 8 rows of boxes.
     let layered = zones(&format!(
-        r#"{clay}, "polygon": {{"points": [[-1, 0.3375], [3, 0.3375], [3, 2], [-1, 2]]}}"#
+        r#"{clay}, "polygon": {{"points": [[-1, 0.341], [3, 0.341], [3, 2], [-1, 2]]}}"#
     ));
-    let exact = 0.5 * (1e-4 * 0.3375 + 1e-5 * 0.6625);
+    let exact = 0.5 * (1e-4 * 0.341 + 1e-5 * 0.659);
     let found = through_strip(2.0, &layered);
     assert!((found / exact - 1.0).abs() < 0.01, "{found} {exact}");
 }

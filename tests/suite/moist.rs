@@ -32,14 +32,14 @@ fn stones_fall_as_the_front_of_rain_passes() {
     let study = Study::from_example("rain-fissure", &[]);
     study.run("wet", 1, 1, &[]);
     let breaks = columns(&study, "wet/bonds.csv", ["time"]);
-    assert_eq!(breaks.len(), 4, "{breaks:?}");
-    // 50 mm over 7.8956 mm/s; the load changes once in a coupling interval of 0.06 s.
+    assert_eq!(breaks.len(), 3, "{breaks:?}");
+    // 40 mm over 7.8956 mm/s; the load changes once in a coupling interval of 0.12 s.
     for pair in breaks.windows(2) {
         let lag = pair[1][0] - pair[0][0];
-        assert!((lag / 6.333 - 1.0).abs() < 0.015, "{breaks:?}");
+        assert!((lag - 5.066).abs() < 0.13, "{breaks:?}");
     }
     let dry = "fluid.darcy.boundaries[0].condition={\"no_flow\": {}}";
-    study.run("dry", 1, 1, &[dry, "time.end=4"]);
+    study.run("dry", 1, 1, &[dry, "time.end=3.6"]);
     assert!(columns(&study, "dry/bonds.csv", ["time"]).is_empty());
 }
 
@@ -51,25 +51,30 @@ fn chain() -> Study {
             (
                 "grains",
                 r#"{"material": "stone", "initial": {"list": [
-                    {"position": [0.0125, 0.0125, 0.2185], "radius": 0.0015},
-                    {"position": [0.0125, 0.0125, 0.2155], "radius": 0.0015},
-                    {"position": [0.0375, 0.0375, 0.1685], "radius": 0.0015},
-                    {"position": [0.0375, 0.0375, 0.1655], "radius": 0.0015}]}}"#,
+                    {"position": [0.0125, 0.0125, 0.138501], "radius": 0.0015},
+                    {"position": [0.0125, 0.0125, 0.135502], "radius": 0.0015},
+                    {"position": [0.0375, 0.0375, 0.098501], "radius": 0.0015},
+                    {"position": [0.0375, 0.0375, 0.095502], "radius": 0.0015}]}}"#,
             ),
             (
                 "contact",
-                r#"{"linear": {"normal_stiffness": {"absolute": 1e4}, "friction_angle_degrees": 30,
+                r#"{"linear": {"normal_stiffness": {"absolute": 2e3}, "friction_angle_degrees": 30,
                     "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3,
                     "bridges": {"volume": {"moisture": {"bridges_per_grain": 6}}}}}"#,
             ),
-            ("time.end", "16"),
-            ("checkpoint", r#"{"every": 4}"#),
+            (
+                "regions",
+                r#"[{"name": "base", "box": {"from": [0, 0, 0], "to": [0.05, 0.05, 0.02]},
+                    "action": {"remove": {"when": "centre"}}}]"#,
+            ),
+            ("time.end", "18"),
+            ("checkpoint", r#"{"every": 3.6}"#),
         ],
     )
 }
 
-/// Returns the heights of the grains at the end of a run, highest first; grains that fell have left.
-fn heights(study: &Study, run: &str) -> u64 {
+/// Returns the number of grains at the end of a run; those that fell have left.
+fn left(study: &Study, run: &str) -> u64 {
     study.summary(run)["grains"].as_u64().unwrap()
 }
 
@@ -78,16 +83,18 @@ fn a_bridged_column_collapses_on_wetting_and_not_when_dry() {
     let _beside = beside_others();
     let study = chain();
     study.run("wet", 1, 1, &[]);
-    assert_eq!(heights(&study, "wet"), 0, "{:#}", study.summary("wet"));
+    // Behind the front S = 0.767: a bridge between spheres pulls with 1.8e-4 N, one at a ledge, of twice the mean
+    // radius, with 3.6e-4 N. A sphere weighs 2.6e-4 N in this ground, so that the upper spheres stay.
+    assert_eq!(left(&study, "wet"), 2, "{:#}", study.summary("wet"));
     let dry = "fluid.darcy.boundaries[0].condition={\"no_flow\": {}}";
-    study.run("dry", 1, 1, &[dry, "time.end=3"]);
-    assert_eq!(heights(&study, "dry"), 4, "{:#}", study.summary("dry"));
+    study.run("dry", 1, 1, &[dry, "time.end=3.6"]);
+    assert_eq!(left(&study, "dry"), 4, "{:#}", study.summary("dry"));
     for (name, ranks, threads) in [("two", 2, 2), ("three", 3, 1)] {
         study.run(name, ranks, threads, &[]);
         study.same("wet", name);
     }
-    study.run("parts", 2, 1, &["time.end=8"]);
-    study.restart("parts", 3, &["time.end=16"]).expect(0);
+    study.run("parts", 2, 1, &["time.end=7.2"]);
+    study.restart("parts", 3, &["time.end=18"]).expect(0);
     study.same("wet", "parts");
 }
 
@@ -111,7 +118,6 @@ fn suction_holds_what_the_formula_of_bishop_holds() {
             high = h
         }
     }
-    // Too little suction near saturation, and again in dry ground.
     let discs: Vec<String> = (0..6)
         .map(|n| {
             let x = 0.005 + 0.01 * f64::from(n);
@@ -131,7 +137,7 @@ fn suction_holds_what_the_formula_of_bishop_holds() {
             "normal_damping_ratio": 0.3, "shear_damping_ratio": 0.3}}}},
         "box_walls": ["y_min", "y_max"], "box_wall_material": "stone",
         "time": {{"end": 0.2}}, "output": {{"grains": {{"every": 0.2}}}},
-        "probes": [{{"name": "roof", "every": 0.2, "at": {{"wall_load": {{"wall": "y_max"}}}}}}]}}"#,
+        "probes": [{{"name": "roof", "every": 0.2, "at": {{"wall_load": {{"name": "y_max"}}}}}}]}}"#,
         discs.join(", ")
     );
     let study = Study::new(&case);
@@ -139,12 +145,18 @@ fn suction_holds_what_the_formula_of_bishop_holds() {
         let level = 0.06 - part * high;
         format!(r#"fluid.darcy.boundaries[0].condition={{"head": {{"value": {level}}}}}"#)
     };
-    for (name, part, holds) in [("holds", 1.02, true), ("falls", 0.98, false)] {
+    let roof = |name: &str, part: f64| {
         study.run(name, 1, 1, &[&at(part)]);
-        let moved = study.summary(name);
-        let roof = columns(&study, &format!("{name}/probe_roof.csv"), ["force_y"]);
-        let load = roof.last().unwrap()[0];
-        assert_eq!(load.abs() > 0.0, holds, "{name}: {load} {moved:#}");
+        let rows = columns(&study, &format!("{name}/probe_roof.csv"), ["force_y"]);
+        rows.last().unwrap()[0]
+    };
+    assert!(roof("falls", 0.98).abs() <= 0.0);
+    assert!(roof("holds", 1.02) > 0.0);
+    // Times the tangent of the angle of friction, the load at the roof is the strength.
+    for (name, part) in [("moist", 2.0), ("dry", 2.4)] {
+        let exact = 9.81 * 0.06 * (strength(part * high) - weight(part * high));
+        let found = roof(name, part);
+        assert!((found / exact - 1.0).abs() < 0.01, "{found} {exact}");
     }
 }
 

@@ -8,7 +8,7 @@
 //! | solid time step | grains without a lattice | half |
 //! | coupling interval | seepage through grains | half |
 //! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
-//! | resistance | seepage through grains | the law of another source |
+//! | resistance | seepage through grains in saturated ground | the law of another source |
 //! | steps in time | seepage that changes with time | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
 //! | lattice velocity | lattice under acoustic scaling | half |
@@ -179,7 +179,9 @@ fn cells(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
 }
 
 fn resistance(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let now = seepage_through_grains(plan)?.written.resistance();
+    let saturated = |seepage: &&Seepage| seepage.written.unsaturated.is_none();
+    let seepage = seepage_through_grains(plan).filter(saturated)?;
+    let now = seepage.written.resistance();
     let other = match now {
         Resistance::KozenyCarman => Resistance::Ergun,
         Resistance::Ergun | Resistance::Gidaspow => Resistance::DiFelice,

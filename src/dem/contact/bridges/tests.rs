@@ -262,7 +262,7 @@ fn a_grain_hangs_from_a_ceiling_up_to_its_weight() {
                 ..Motion::default()
             },
         );
-        dem.advance_many(&mut particles, &alone(), 100_000).unwrap();
+        dem.advance_many(&mut particles, &alone(), 40_000).unwrap();
         let stays = particles.motion[0].position.z > -1.1 * RADIUS;
         assert_eq!(stays, hangs, "{}", particles.motion[0].position.z);
     }
