@@ -74,7 +74,11 @@ impl Section {
     /// Returns the next action after these values have been tried, in any order.
     #[must_use]
     pub fn next(&self, tried: &[Tried]) -> Round {
-        let verdict = |end: f64| tried.iter().find(|(value, _)| *value == end);
+        let verdict = |end: f64| {
+            tried
+                .iter()
+                .find(|(value, _)| value.total_cmp(&end).is_eq())
+        };
         let missing = [self.from, self.to].into_iter();
         let missing: Vec<f64> = missing.filter(|end| verdict(*end).is_none()).collect();
         if !missing.is_empty() {
