@@ -3,7 +3,7 @@
 //! The bed has `n` times `n` times `n` blocks with a joint between each two neighbours. Each joint is one cell; four
 //! joints meet at a junction. This is the network of the program for such a bed. Conductances differ by two decades.
 //! The lines are comma-separated: blocks along an edge, unknowns, then of each program the entries of the factor, the
-//! least times on one thread of a factorisation with a known pattern and of a solution \[s\], and the largest
+//! mean processor times on one thread of a factorisation with a known pattern and of a solution \[s\], and the largest
 //! difference of both solutions.
 
 #[path = "../../../src/joints/ldl.rs"]
@@ -17,12 +17,9 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use nalgebra::Vector3;
-use std::time::Instant;
 
 /// Largest system that the program orders by degree.
 const SMALL: usize = 4000;
-/// Number of repetitions.
-const REPEATS: usize = 10;
 
 /// Returns the positions of the joints and junctions of a bed, and the pairs that exchange water.
 fn bed(n: usize) -> (Vec<Vector3<f64>>, Vec<[usize; 2]>) {
@@ -68,15 +65,27 @@ fn cells(n: usize) -> impl Iterator<Item = [usize; 3]> {
     (0..n * n * n).map(move |i| [i % n, i / n % n, i / n / n])
 }
 
-/// Returns the least time of a function \[s\].
-fn least(mut run: impl FnMut()) -> f64 {
-    let mut least = f64::INFINITY;
-    for _ in 0..REPEATS {
-        let start = Instant::now();
+/// Returns the processor time of this thread \[s\], which other programs on the machine do not lengthen.
+fn processor_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = text
+        .split(' ')
+        .next()
+        .and_then(|word| word.parse::<f64>().ok());
+    1e-9 * nanoseconds.unwrap_or(f64::NAN)
+}
+
+/// Returns the mean processor time of a function over at least half a second \[s\]: the system counts it in ticks.
+fn mean(mut run: impl FnMut()) -> f64 {
+    let (start, mut count) = (processor_time(), 0.0);
+    loop {
         run();
-        least = least.min(start.elapsed().as_secs_f64());
+        count += 1.0;
+        let spent = processor_time() - start;
+        if !(spent < 0.5) {
+            return spent / count;
+        }
     }
-    least
 }
 
 fn main() -> Result<(), String> {
@@ -104,12 +113,12 @@ fn main() -> Result<(), String> {
         } else {
             ldl::Factors::in_order(order::dissection(&positions, &pairs), &pairs)
         };
-        let factorise = least(|| {
+        let factorise = mean(|| {
             ours.factorise(&diagonal, &numbers)
                 .expect("positive definite")
         });
         let mut found = side.clone();
-        let solve = least(|| {
+        let solve = mean(|| {
             found.copy_from_slice(&side);
             ours.solve(&mut found);
         });
@@ -125,11 +134,11 @@ fn main() -> Result<(), String> {
         let symbolic =
             SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(|e| format!("{e:?}"))?;
         let factors = || Llt::try_new_with_symbolic(symbolic.clone(), matrix.as_ref(), Side::Lower);
-        let by_faer = least(|| drop(std::hint::black_box(factors())));
+        let by_faer = mean(|| drop(std::hint::black_box(factors())));
         let theirs = factors().map_err(|e| format!("{e:?}"))?;
         let column = Mat::from_fn(count, 1, |row, _| side[row]);
         let mut solution = column.clone();
-        let solve_by_faer = least(|| solution = theirs.solve(&column));
+        let solve_by_faer = mean(|| solution = theirs.solve(&column));
         let size = found.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let apart = (0..count).fold(0.0_f64, |most, k| {
             most.max((found[k] - solution[(k, 0)]).abs())
