@@ -5,7 +5,7 @@ pub use base::{
 };
 pub use output::checkpoint;
 pub use plan::scene;
-pub use studies::{critical_gradient, sweep, uncertainty};
+pub use studies::{critical_gradient, section, sweep, threshold, uncertainty};
 pub use {
     ::analysis, ::case, ::cli, ::coupling, ::darcy, ::dem, ::figures, ::joints, ::lbm, ::output,
     ::plan, ::preparation, ::simulation, ::structure,

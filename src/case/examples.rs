@@ -223,6 +223,13 @@ pub const STUDY: Example = Example {
     text: include_str!("examples/sweep.json"),
 };
 
+/// An example search for `solver threshold`.
+pub const SEARCH: Example = Example {
+    name: "threshold",
+    summary: "search for the slope on which a block begins to slide: the tangent of its friction angle",
+    text: include_str!("examples/threshold.json"),
+};
+
 /// Returns the example of this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Example> {

@@ -21,8 +21,27 @@ pub struct JointNetwork {
     /// that move make the same step, which their contacts limit.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
+    /// `true` if the inertia of the water is included, with the friction of a laminar layer at each frequency.
+    #[serde(default = "yes")]
+    pub inertia: bool,
+    /// Water outside the joints, at least one mouth. All other edges that meet no other joint are closed. An edge
+    /// in two boxes belongs to the first.
+    pub mouths: Vec<Mouth>,
+    /// Joints, and the water in them.
+    #[serde(flatten)]
+    pub joints: JointSettings,
+}
+
+/// Joints between blocks, and the water in them: a network of thin layers. Under a lattice density and viscosity are
+/// those of the lattice, whose cells in front of open edges drive the network and take its discharge. Its inertia
+/// counts then, with the friction of a laminar layer at each frequency, and the network begins at rest at the
+/// reference pressure. This needs the coupling `bounce_back`. Blocks that move make one step with each step of the
+/// lattice, and can open their joints up to `largest_aperture`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointSettings {
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
-    /// thinnest block.
+    /// thinnest block; under a lattice it is at most half a cell of the lattice.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub largest_aperture: f64,
     /// Aperture with which closed joints conduct and store water [m], because their walls are rough.
@@ -47,7 +66,8 @@ pub struct JointNetwork {
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
     pub air_exponent: f64,
-    /// Atmospheric pressure [Pa]. All other pressures are relative to it.
+    /// Atmospheric pressure [Pa]. All other pressures are relative to it; under a lattice it is the absolute pressure
+    /// where that of the lattice is 0.
     #[serde(default = "atmosphere")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub atmospheric_pressure: f64,
@@ -61,64 +81,9 @@ pub struct JointNetwork {
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub roughness: Option<f64>,
-    /// `true` if the inertia of the water is included, with the friction of a laminar layer at each frequency.
-    #[serde(default = "yes")]
-    pub inertia: bool,
-    /// Water outside the joints, at least one mouth. All other edges that meet no other joint are closed. An edge
-    /// in two boxes belongs to the first.
-    pub mouths: Vec<Mouth>,
 }
 
-/// Water in the joints between blocks under a lattice: a network of thin layers. Density and viscosity are those of the
-/// lattice. Lattice cells in front of open edges impose their pressure and receive the discharge. The inertia of the
-/// water is included, with the friction of a laminar layer at each frequency. The network starts at rest at the
-/// reference pressure. Needs the coupling `bounce_back`. Blocks that move make one step with each step of the lattice,
-/// and can open their joints up to `largest_aperture`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LatticeJoints {
-    /// Largest distance of two faces that form a joint [m], at the middle of their overlap: at most half a cell of the
-    /// lattice, and smaller than the thinnest block.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub largest_aperture: f64,
-    /// Aperture with which closed joints conduct and store water [m], because their walls are rough.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub residual_aperture: f64,
-    /// Largest size of a cell of a joint [m].
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub cell: f64,
-    /// Largest angle between the two faces of a joint [degrees].
-    #[serde(default = "ten")]
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 30))]
-    pub largest_angle_degrees: f64,
-    /// Bulk modulus of the water without air [Pa].
-    #[serde(default = "bulk_modulus")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub bulk_modulus: f64,
-    /// Ratio of the volume of air to the volume of water and air together, at atmospheric pressure [1].
-    #[serde(default)]
-    #[schemars(extend("minimum" = 0, "maximum" = 0.5))]
-    pub air_content: f64,
-    /// Exponent of the compression of the air [1]: 1 isothermal, 1.4 adiabatic.
-    #[serde(default = "one")]
-    #[schemars(extend("minimum" = 1, "maximum" = 1.4))]
-    pub air_exponent: f64,
-    /// Absolute pressure [Pa] at which the pressure of the lattice is 0.
-    #[serde(default = "atmosphere")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub atmospheric_pressure: f64,
-    /// Absolute vapour pressure [Pa]: no pressure in a joint is lower by more than 100 Pa. Default: water at 20 °C.
-    #[serde(default = "vapour")]
-    #[schemars(extend("minimum" = 0))]
-    pub vapour_pressure: f64,
-    /// Height of the roughness of the walls [m] for turbulent friction; 0 for smooth walls. Default: the flow stays
-    /// laminar.
-    #[serde(default)]
-    #[schemars(extend("minimum" = 0))]
-    pub roughness: Option<f64>,
-}
-
-impl LatticeJoints {
+impl JointSettings {
     /// Returns the network with the water of a lattice: its density [kg/m3], kinematic viscosity [m2/s] and time step
     /// \[s\].
     #[must_use]
@@ -127,18 +92,9 @@ impl LatticeJoints {
             density,
             viscosity: density * viscosity,
             time_step,
-            largest_aperture: self.largest_aperture,
-            residual_aperture: self.residual_aperture,
-            cell: self.cell,
-            largest_angle_degrees: self.largest_angle_degrees,
-            bulk_modulus: self.bulk_modulus,
-            air_content: self.air_content,
-            air_exponent: self.air_exponent,
-            atmospheric_pressure: self.atmospheric_pressure,
-            vapour_pressure: self.vapour_pressure,
-            roughness: self.roughness,
             inertia: true,
             mouths: Vec::new(),
+            joints: self.clone(),
         }
     }
 }

@@ -25,6 +25,7 @@ mod cite;
 mod estimate;
 mod manual;
 mod reference;
+mod threshold;
 mod usage;
 
 use base::error::{ALLOW_UNSTABLE, Error, Problem, Severity, Verdict, printable_lines};
@@ -90,7 +91,7 @@ enum Command {
         #[arg(long, default_value = "text")]
         format: cite::Format,
     },
-    /// Print the JSON schema of a case, or of a study.
+    /// Print the JSON schema of a case, of a study or of a search for a threshold.
     Schema {
         /// Document that the schema describes.
         #[arg(default_value = "case")]
@@ -172,6 +173,8 @@ enum Command {
         #[arg(long, value_name = "H:M:S", value_parser = walltime)]
         max_walltime: Option<Duration>,
     },
+    /// Search the value of a field at which a criterion changes, with several runs side by side.
+    Threshold(threshold::Arguments),
     /// Run a case on several grids; give the numerical uncertainty of every answer.
     Estimate(estimate::Arguments),
     /// Print the completion script of a shell.
@@ -299,6 +302,7 @@ struct CriticalArgs {
 enum Text {
     Case,
     Study,
+    Threshold,
 }
 
 #[derive(Debug, Args)]
@@ -415,6 +419,9 @@ fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
         }
         Command::Schema { of: Text::Case } => print(&pretty(&schema())),
         Command::Schema { of: Text::Study } => print(&pretty(&study::schema())),
+        Command::Schema {
+            of: Text::Threshold,
+        } => print(&pretty(&studies::threshold::study::schema())),
         Command::Reference { format, output } => print(&reference::write(format, &output)?),
         Command::Example { name, json } => example(name.as_deref(), json),
         Command::Info { file, json } => print(&output::info::info(&file, json)?),
@@ -447,6 +454,7 @@ fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
             task: task.task(),
             max_walltime,
         }),
+        Command::Threshold(arguments) => threshold::command(arguments),
         Command::Estimate(arguments) => estimate::command(arguments),
         Command::CriticalGradient(arguments) => search(arguments, begun),
         Command::ErosionLaw {
@@ -818,10 +826,12 @@ fn example(name: Option<&str>, json: bool) -> Result<(), Error> {
             .map(|e| format!("{:14}  {}", e.name, e.summary))
             .collect();
         let last = "\nsolver example NAME > case.json; mpirun -n 2 solver case.json\nsolver example sweep > \
-            study.json; solver sweep study.json";
+            study.json; solver sweep study.json\nsolver example threshold > search.json; solver threshold search.json";
         return print(&format!("{}\n{last}", lines.join("\n")));
     };
-    match examples::find(name).or((name == examples::STUDY.name).then_some(&examples::STUDY)) {
+    let studies = [&examples::STUDY, &examples::SEARCH];
+    let study = studies.into_iter().find(|study| study.name == name);
+    match examples::find(name).or(study) {
         Some(example) => print(example.text.trim_end()),
         None => {
             let known: Vec<&str> = examples::EXAMPLES.iter().map(|e| e.name).collect();

@@ -23,7 +23,10 @@
 //! the frequency `w` decreases by the fraction `0.0037 (w dt)⁴` per step, so that a sharp resonance keeps its
 //! width. The method is stable for any time step. A stage is a nonlinear system for the pressures only: the modes
 //! are eliminated link by link. Newton's method solves it with direct factors ([`crate::ldl`]); with turbulent
-//! friction it halves a step that does not reduce the imbalance.
+//! friction it halves a step that does not reduce the imbalance. Iterations of both stages of a step, whose matrices
+//! differ little, keep the factors as long as each change is a small part of the last one (chord method: Kelley,
+//! Iterative Methods for Linear and Nonlinear Equations, 1995, section 5.4.1). No step takes the factors of an earlier
+//! step: its result depends on the state alone, also after a restart.
 //!
 //! **The state** consists of the pressure of each node and the modes of each link, equal on every rank.
 
@@ -53,6 +56,8 @@ const CHANGE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
 /// line search.
 const ROUNDING: f64 = 1e-8;
+/// Largest change of the pressures over the last one with which Newton's method keeps its factors.
+const KEPT: f64 = 0.03;
 /// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
 const STILL: f64 = 1e-14;
 /// Largest system whose unknowns are eliminated in the order of their degree.
@@ -164,6 +169,8 @@ pub struct JointFlow {
     /// Node with fixed pressure in each closed part of the network, found by the first solution.
     held: Vec<usize>,
     factors: Factors,
+    /// `true` if the factors are those of an iterate of the present step.
+    factored: bool,
     work: Work,
     /// Moving blocks, and the cells next to them.
     movers: Vec<Mover>,
@@ -253,6 +260,7 @@ impl JointFlow {
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
             factors: factors(&network, &movers, &pairs),
+            factored: false,
             work: Work {
                 answers: vec![Answer::default(); links],
                 fronts: vec![None; network.open.len()],
@@ -649,8 +657,11 @@ impl JointFlow {
         let mut change = f64::INFINITY;
         let mut sum = self.imbalance(pressure, interval, stores);
         for step in 1..=MOST {
-            let factors = (self.factors).factorise(&self.work.diagonal, &self.work.pairs);
-            factors.map_err(|Singular(node)| FlowError::Singular(node))?;
+            let fresh = !self.factored;
+            if fresh {
+                let factors = (self.factors).factorise(&self.work.diagonal, &self.work.pairs);
+                factors.map_err(|Singular(node)| FlowError::Singular(node))?;
+            }
             let mut direction = std::mem::take(&mut self.work.net);
             direction.copy_from_slice(&self.work.imbalance);
             self.factors.solve(&mut direction);
@@ -685,8 +696,9 @@ impl JointFlow {
             if !(new.is_finite() && full.is_finite()) {
                 return Err(FlowError::NotFinite);
             }
+            self.factored = part >= 1.0 && full <= KEPT * change;
             change = part * full;
-            let stagnant = change <= ROUNDING * size && new >= 0.25 * sum;
+            let stagnant = fresh && change <= ROUNDING * size && new >= 0.25 * sum;
             if (change <= CHANGE * size || stagnant) && slow {
                 return Ok(step);
             }
@@ -728,6 +740,7 @@ impl JointFlow {
     /// # Errors
     /// If there is no solution.
     pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
+        self.factored = false;
         self.follow(drive, time);
         self.find_held();
         self.work.base.fill(0.0);
@@ -865,6 +878,7 @@ impl JointFlow {
         time: f64,
         interval: f64,
     ) -> Result<StepReport, FlowError> {
+        self.factored = false;
         let stage = DIAGONAL * interval;
         let before = self.stored();
         for (node, base) in self.work.base.iter_mut().enumerate() {

@@ -297,7 +297,7 @@ pub fn citations(plan: &Plan) -> Vec<Citation> {
         if joints.written.inertia {
             used.push(("joints", "inertia".into()));
         }
-        if joints.written.roughness.is_some() {
+        if joints.written.joints.roughness.is_some() {
             used.push(("joints", "turbulent".into()));
         }
     }

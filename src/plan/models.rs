@@ -245,7 +245,7 @@ impl Choices<'_> {
         }
         self.add(
             "friction in joints",
-            match written.roughness {
+            match written.joints.roughness {
                 Some(_) => "laminar, Blasius and rough walls",
                 None => "laminar",
             },

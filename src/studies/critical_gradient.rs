@@ -1,15 +1,16 @@
 //! `solver critical-gradient`: the critical hydraulic gradient of a soil, by bisection.
 //!
 //! The runs of one case differ only in the pressure, head or flux of one boundary (the drive). The search bisects
-//! the interval for the smallest drive that erodes. A run erodes if at least the given number of grains leaves at
-//! any time of the run, so that a bed that has left in the first half counts as eroded. Loose grains above an
-//! opening count too; such ground requires a larger number. The gradient is the difference of head between the
-//! inlet and the lowest outlet, over the distance of their centres. The report also gives Terzaghi's gradient for
+//! the interval ([`crate::section`]) for the smallest drive that erodes. A run erodes if at least the given number of
+//! grains leaves at any time of the run, so that a bed that has left in the first half counts as eroded. Loose grains
+//! above an opening count too; such ground requires a larger number. The gradient is the difference of head between
+//! the inlet and the lowest outlet, over the distance of their centres. The report also gives Terzaghi's gradient for
 //! an upward flow, `(1 - n)(G_s - 1)`, with the porosity n of the run below the critical one and G_s the density of
 //! the grains over that of the water (K. Terzaghi, Theoretical Soil Mechanics, 1943).
 //!
 //! A stopped search continues when the command is repeated: finished runs are read, and a stopped run is resumed.
 
+use crate::section::{Bracket, Round, Section, Tolerance};
 use analysis::erosion_law::{RemovedGrain, read_rows};
 use base::error::{Error, Problem, Severity, Verdict};
 use case::Document;
@@ -364,12 +365,29 @@ impl Searching<'_> {
                 self.inlet.name, self.inlet.quantity
             )));
         }
-        while high - low > self.search.tolerance * high.abs() {
-            let middle = 0.5 * (low + high);
-            if self.erodes(middle)? {
-                high = middle;
-            } else {
-                low = middle;
+        let section = Section {
+            from: low,
+            to: high,
+            tolerance: Tolerance::Relative(self.search.tolerance),
+            parts: 2,
+        };
+        loop {
+            let trials = self.trials.iter();
+            let tried: Vec<_> = trials
+                .map(|trial| (trial.drive, Some(trial.erodes)))
+                .collect();
+            match section.next(&tried) {
+                Round::Try(drives) => {
+                    for drive in drives {
+                        self.erodes(drive)?;
+                    }
+                }
+                Round::Found(Bracket { ends, .. }) => {
+                    [low, high] = ends;
+                    break;
+                }
+                // Both ends have been run, with different verdicts.
+                Round::Same(_) | Round::Undecided(_) => break,
             }
         }
         let whole = self.trials.iter().rfind(|trial| !trial.erodes);

@@ -17,5 +17,7 @@
 )]
 
 pub mod critical_gradient;
+pub mod section;
 pub mod sweep;
+pub mod threshold;
 pub mod uncertainty;

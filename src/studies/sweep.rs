@@ -20,9 +20,9 @@
 pub mod ensemble;
 pub mod latin_hypercube;
 pub mod members;
-mod outputs;
+pub(crate) mod outputs;
 pub mod picture;
-mod problems;
+pub(crate) mod problems;
 pub mod record;
 pub mod runner;
 pub mod slurm;

@@ -128,7 +128,12 @@ const MODULES: &[(&str, &[&str])] = &[
     ("src/plan/scene", &["scene"]),
     ("src/studies/sweep", &["sweep"]),
     ("src/studies/uncertainty", &["sweep", "uncertainty"]),
-    ("src/studies/critical_gradient", &["critical_gradient"]),
+    ("src/studies/threshold", &["section", "sweep", "threshold"]),
+    (
+        "src/studies/critical_gradient",
+        &["critical_gradient", "section"],
+    ),
+    ("src/studies/section", &["section"]),
 ];
 
 /// Files with `unsafe`: MPI datatypes, calls of HDF5 and of the operating system, memory, vector lanes, data shared

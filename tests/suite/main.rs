@@ -52,6 +52,7 @@ mod stopping;
 mod structures;
 mod surface_extremes;
 mod sweep;
+mod threshold;
 mod tutorial;
 mod unsaturated;
 mod usage;

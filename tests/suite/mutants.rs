@@ -19,11 +19,12 @@ use crate::dice::Dice;
 use crate::ranks::{Cores, ENVIRONMENT, SOLVER, without_daemon};
 use serde_json::{Value, json};
 use solver::case::Document;
-use solver::case::examples::{EXAMPLES, STUDY};
+use solver::case::examples::{EXAMPLES, SEARCH, STUDY};
 use solver::error::Problem;
 use solver::plan::Plan;
 use solver::sweep::members::members;
 use solver::sweep::study::Study;
+use solver::threshold::{ends, study::ThresholdStudy};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -67,12 +68,14 @@ fn corpus() -> Vec<Seed> {
             study: false,
         })
         .collect();
-    all.push(Seed {
-        name: "the study".to_owned(),
-        text: STUDY.text.to_owned(),
-        files: Vec::new(),
-        study: true,
-    });
+    for (name, example) in [("the study", STUDY), ("the search", SEARCH)] {
+        all.push(Seed {
+            name: name.to_owned(),
+            text: example.text.to_owned(),
+            files: Vec::new(),
+            study: true,
+        });
+    }
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut folders = vec![root.join("jobs")];
     while let Some(folder) = folders.pop() {
@@ -91,7 +94,7 @@ fn corpus() -> Vec<Seed> {
             let Ok(Value::Object(tree)) = serde_json::from_str(&text) else {
                 continue;
             };
-            let study = tree.contains_key("vary");
+            let study = tree.contains_key("vary") || tree.contains_key("criterion");
             if !study && !tree.contains_key("domain") {
                 continue;
             }
@@ -488,9 +491,18 @@ fn complete(problems: &[Problem]) -> Result<(), String> {
     }
 }
 
+/// Returns `true` for a mutant of a search for a threshold.
+fn is_search(mutant: &Mutant) -> bool {
+    mutant.study && mutant.text.contains("\"criterion\"")
+}
+
 /// Reads and plans a mutant in this process; returns its plan if it is accepted.
 pub(crate) fn in_process(mutant: &Mutant, folder: &Path) -> Result<Option<Plan>, String> {
     let read = || {
+        if is_search(mutant) {
+            let made = ThresholdStudy::read(&mutant.text).and_then(|study| ends(&study, folder));
+            return made.map(|_| None);
+        }
         if mutant.study {
             let made = Study::read(&mutant.text).and_then(|study| members(&study, folder));
             return made.map(|_| None);
@@ -548,7 +560,12 @@ pub(crate) fn through_binary(arguments: &[String]) -> Result<i32, String> {
 fn arguments(command: &str, mutant: &Mutant, text: &Path) -> Vec<String> {
     let mut words = vec![command.to_owned(), text.to_str().unwrap().to_owned()];
     if mutant.study {
-        words[0] = "sweep".to_owned();
+        let command = if is_search(mutant) {
+            "threshold"
+        } else {
+            "sweep"
+        };
+        command.clone_into(&mut words[0]);
         words.push("--list".to_owned());
         return words;
     }

@@ -116,7 +116,7 @@ impl JointScene {
         let written = &self.written;
         FlowSettings {
             water: water(written),
-            roughness: written.roughness,
+            roughness: written.joints.roughness,
             inertia: written.inertia,
             gravity: std::array::from_fn(|axis| {
                 if self.gravity_acts[axis] {
@@ -208,7 +208,10 @@ impl JointScene {
         };
         for joint in &network.joints {
             let [low, high] = &mut self.apertures;
-            let aperture = joint.gap.constant.max(self.written.residual_aperture);
+            let aperture = joint
+                .gap
+                .constant
+                .max(self.written.joints.residual_aperture);
             *low = low.min(aperture);
             *high = high.max(aperture);
             self.longest = self.longest.max(joint.overlap.size());
@@ -266,11 +269,11 @@ fn network(written: &JointNetwork, blocks: &PlacedBlocks) -> Network {
         .collect();
     let settings = NetworkSettings {
         limits: PairLimits {
-            distance: written.largest_aperture,
-            angle: written.largest_angle_degrees.to_radians(),
+            distance: written.joints.largest_aperture,
+            angle: written.joints.largest_angle_degrees.to_radians(),
         },
-        residual: written.residual_aperture,
-        cell: written.cell,
+        residual: written.joints.residual_aperture,
+        cell: written.joints.cell,
     };
     Network::new(&rocks, &settings)
 }
@@ -279,11 +282,11 @@ fn water(written: &JointNetwork) -> Mixture {
     Mixture {
         density: written.density,
         viscosity: written.viscosity,
-        bulk_modulus: written.bulk_modulus,
-        air: written.air_content,
-        exponent: written.air_exponent,
-        atmosphere: written.atmospheric_pressure,
-        vapour: written.vapour_pressure,
+        bulk_modulus: written.joints.bulk_modulus,
+        air: written.joints.air_content,
+        exponent: written.joints.air_exponent,
+        atmosphere: written.joints.atmospheric_pressure,
+        vapour: written.joints.vapour_pressure,
     }
 }
 
@@ -332,7 +335,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
         );
     }
     let limit = 0.5 * grid.spacing;
-    if written.largest_aperture > limit * (1.0 + 1e-9) {
+    if written.joints.largest_aperture > limit * (1.0 + 1e-9) {
         let path = format!("{UNDER}.largest_aperture");
         findings.error(
             &path,
@@ -444,20 +447,27 @@ fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut
 
 /// Checks pressures and densities of the water.
 fn check_water(written: &JointNetwork, path: &str, findings: &mut Findings) {
-    if written.vapour_pressure >= written.atmospheric_pressure {
+    if written.joints.vapour_pressure >= written.joints.atmospheric_pressure {
         findings.error(
             &format!("{path}.vapour_pressure"),
             "water boils at this pressure: it must be below the atmospheric pressure",
-            format!("use less than {}", number(written.atmospheric_pressure)).as_str(),
+            format!(
+                "use less than {}",
+                number(written.joints.atmospheric_pressure)
+            )
+            .as_str(),
         );
     }
-    if written.residual_aperture > written.largest_aperture {
+    if written.joints.residual_aperture > written.joints.largest_aperture {
         let path = format!("{path}.residual_aperture");
         findings.error(
             &path,
             "this aperture is larger than `largest_aperture`",
-            Remedy::from(format!("use at most {}", number(written.largest_aperture)))
-                .set(&*path, written.largest_aperture),
+            Remedy::from(format!(
+                "use at most {}",
+                number(written.joints.largest_aperture)
+            ))
+            .set(&*path, written.joints.largest_aperture),
         );
     }
 }
@@ -529,7 +539,7 @@ fn check_pressure(
             );
         }
     }
-    let least = written.vapour_pressure - written.atmospheric_pressure;
+    let least = written.joints.vapour_pressure - written.joints.atmospheric_pressure;
     let [low, _] = pressure.bounds(case.time.end);
     // Water that boils at atmospheric pressure is reported separately.
     if low < least && least < 0.0 {
@@ -555,7 +565,7 @@ fn thin_enough(
 ) -> bool {
     let mut fits = true;
     if let Some(thinnest) = blocks.thinnest()
-        && written.largest_aperture >= thinnest
+        && written.joints.largest_aperture >= thinnest
     {
         let path = format!("{path}.largest_aperture");
         let half = at_most(0.5 * thinnest);
@@ -571,10 +581,10 @@ fn thin_enough(
     }
     // The area of a joint is at most that of the faces on one of its sides.
     let areas = blocks.list.iter().map(|block| block.solid.shape.area());
-    let cells = 0.5 * areas.sum::<f64>() / (written.cell * written.cell);
+    let cells = 0.5 * areas.sum::<f64>() / (written.joints.cell * written.joints.cell);
     if cells > MOST_CELLS {
         let path = format!("{path}.cell");
-        let size = at_least(written.cell * (cells / MOST_CELLS).sqrt());
+        let size = at_least(written.joints.cell * (cells / MOST_CELLS).sqrt());
         findings.error(
             &path,
             format!(

@@ -103,7 +103,7 @@ fn of_take(take: &Take) -> Option<&String> {
 
 /// Returns the problem of a formula that cannot be read, or that uses a name that is neither a column nor another
 /// known number.
-fn unknown(
+pub(crate) fn unknown(
     path: &str,
     formula: &str,
     columns: &[&str],

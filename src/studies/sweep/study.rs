@@ -13,7 +13,7 @@ use base::error::Problem;
 use case::{check, text};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
-use serde::de::{Deserializer, MapAccess, Visitor};
+use serde::de::{DeserializeOwned, Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -263,34 +263,46 @@ pub fn schema() -> Value {
     check::schema_of::<Study>()
 }
 
+/// Reads the text of a document with a schema, which `solver schema NAME` prints.
+///
+/// # Errors
+/// If the text is no JSON or contradicts the schema, with all problems.
+pub(crate) fn read_document<T: DeserializeOwned>(
+    text: &str,
+    schema: &Value,
+    name: &str,
+) -> Result<T, Vec<Problem>> {
+    let (tree, mut problems) = text::parse(text);
+    if let Some(mut tree) = tree {
+        problems.extend(check::against(schema, &mut tree));
+    }
+    if !problems.is_empty() {
+        for problem in problems.iter_mut().filter(|p| p.path == "the case") {
+            problem.path = "the study".into();
+        }
+        return Err(problems);
+    }
+    // From the text and not from the tree, which does not keep the order of keys.
+    let mut reader = serde_json::Deserializer::from_str(text);
+    serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+        let reason = error.inner().to_string();
+        let remedy = format!("compare with `solver schema {name}`");
+        vec![problem(
+            &error.path().to_string(),
+            "not readable",
+            reason,
+            &remedy,
+        )]
+    })
+}
+
 impl Study {
     /// Reads the text of a study.
     ///
     /// # Errors
     /// If the study is invalid, with all problems that can be found without its case.
     pub fn read(text: &str) -> Result<Self, Vec<Problem>> {
-        let (tree, mut problems) = text::parse(text);
-        if let Some(mut tree) = tree {
-            problems.extend(check::against(&schema(), &mut tree));
-        }
-        if !problems.is_empty() {
-            for problem in problems.iter_mut().filter(|p| p.path == "the case") {
-                problem.path = "the study".into();
-            }
-            return Err(problems);
-        }
-        // From the text and not from the tree, which does not keep the order of keys.
-        let mut reader = serde_json::Deserializer::from_str(text);
-        let study: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
-            let reason = error.inner().to_string();
-            let remedy = "compare with `solver schema study`";
-            vec![problem(
-                &error.path().to_string(),
-                "not readable",
-                reason,
-                remedy,
-            )]
-        })?;
+        let study: Self = read_document(text, &schema(), "study")?;
         let problems = study.problems();
         if problems.is_empty() {
             Ok(study)
@@ -300,7 +312,7 @@ impl Study {
     }
 
     /// Returns the problems of names without a target and of formulas that cannot be read.
-    fn problems(&self) -> Vec<Problem> {
+    pub(crate) fn problems(&self) -> Vec<Problem> {
         let mut found = Vec::new();
         if self.vary.0.is_empty() && self.members.is_empty() {
             let reason = "the study has no member".into();
@@ -498,7 +510,7 @@ impl Output {
 }
 
 /// Reports a formula that no names could make readable.
-fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
+pub(crate) fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
         found.push(problem(path, &expression::excerpt(formula), reason, remedy));

@@ -250,7 +250,8 @@ impl MemberRow {
         row
     }
 
-    fn add_note(&mut self, note: &str) {
+    /// Adds a remark.
+    pub(crate) fn add_note(&mut self, note: &str) {
         if !self.note.is_empty() {
             self.note.push_str("; ");
         }
