@@ -137,14 +137,11 @@ fn servo_walls_keep_the_bits() {
     let _beside = beside_others();
     let study = short();
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
-        ("two along x", 2, 1, &["domain.split=x"][..]),
-        ("three along y", 3, 1, &["domain.split=y"]),
-        ("two with threads", 2, 2, &[]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("two along x", 2, 1, "domain.split=x"),
+        ("three along y", 3, 1, "domain.split=y"),
+        ("two with threads", 2, 2, ""),
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0005"]);
     study.restart("parts", 1, &["time.end=0.0008"]).expect(0);
     study.restart("parts", 3, &["time.end=0.0012"]).expect(0);

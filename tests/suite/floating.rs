@@ -56,16 +56,13 @@ fn discs_that_fall_into_water_on_any_ranks_and_over_restarts() {
     set.extend([("checkpoint.every", "0.03"), ("time.end", "0.12")]);
     let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=y"),
         ("two", 2, 1, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("narrow", 3, 2, "domain.slab_bounds=[1, 21]"),
         ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0417"]);
     study.restart("parts", 1, &["time.end=0.08"]).expect(0);
     study.restart("parts", 3, &["time.end=0.12"]).expect(0);
@@ -109,10 +106,7 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     study.run("straight", 1, 2, &[]);
     // Fractions of rotated blocks are rounded along rows, so that slabs along another axis have other bits, with a
     // surface or without.
-    for (name, ranks, threads) in [("two", 2, 1), ("three", 3, 1), ("thread", 1, 1)] {
-        study.run(name, ranks, threads, &[]);
-        study.same("straight", name);
-    }
+    study.same_on(&[("two", 2, 1, ""), ("three", 3, 1, ""), ("thread", 1, 1, "")]);
     study.run("parts", 2, 1, &["time.end=0.0123"]);
     study.restart("parts", 3, &["time.end=0.04"]).expect(0);
     study.same("straight", "parts");
@@ -146,13 +140,10 @@ fn discs_in_a_stream_between_openings() {
     ]);
     let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=y"),
         ("three", 3, 1, "domain.split=x"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0417"]);
     study.restart("parts", 3, &["time.end=0.12"]).expect(0);
     study.same("straight", "parts");

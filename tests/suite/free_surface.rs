@@ -34,16 +34,13 @@ fn a_dam_on_any_ranks_threads_and_slabs_and_over_restarts() {
     set.push(("checkpoint.every", "0.03"));
     let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=y"),
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("narrow", 4, 1, "domain.slab_bounds=[1, 20, 21]"),
         ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0417"]);
     study.restart("parts", 1, &["time.end=0.08"]).expect(0);
     study.restart("parts", 3, &["time.end=0.12"]).expect(0);
@@ -130,16 +127,13 @@ fn openings_on_any_ranks_threads_and_slabs_and_over_restarts() {
     set.push(("checkpoint.every", "0.03"));
     let study = Study::from_example("dam-break", &set);
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=y"),
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("narrow", 4, 1, "domain.slab_bounds=[1, 40, 63]"),
         ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0417"]);
     study.restart("parts", 1, &["time.end=0.08"]).expect(0);
     study.restart("parts", 3, &["time.end=0.1"]).expect(0);

@@ -40,13 +40,10 @@ fn walls_that_come_and_go_keep_the_bits() {
     ] {
         assert!(told.contains(news), "{news}: {told}");
     }
-    for (name, ranks, threads, set) in [
-        ("two with threads", 2, 2, &[][..]),
-        ("three along x", 3, 1, &["domain.split=x"]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("two with threads", 2, 2, ""),
+        ("three along x", 3, 1, "domain.split=x"),
+    ]);
     // Restarts before the floor is removed, in between, and after the shelf is removed.
     study.run("parts", 2, 1, &["time.end=0.002"]);
     study.restart("parts", 1, &["time.end=0.005"]).expect(0);

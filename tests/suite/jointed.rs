@@ -221,14 +221,11 @@ fn a_flush_block_under_a_stream_has_the_same_bits_on_any_ranks_and_after_restart
         joints["largest_pressure"].as_f64().unwrap() > 20.0,
         "{joints}"
     );
-    for (name, ranks, threads, set) in [
-        ("threads", 1, 2, &[][..]),
-        ("two", 2, 1, &[]),
-        ("three along z", 3, 1, &["domain.split=z"]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("threads", 1, 2, ""),
+        ("two", 2, 1, ""),
+        ("three along z", 3, 1, "domain.split=z"),
+    ]);
     study.run("parts", 2, 1, &["time.end=0.014"]);
     study.restart("parts", 1, &["time.end=0.03"]).expect(0);
     study.same("straight", "parts");

@@ -90,14 +90,11 @@ fn a_network_has_the_same_bits_on_any_ranks_and_threads_and_after_restarts() {
         joints["mass_error"].as_f64().unwrap().abs() < 1e-10,
         "{joints}"
     );
-    for (name, ranks, threads, set) in [
-        ("threads", 1, 2, &[][..]),
-        ("two", 2, 1, &[]),
-        ("four along y", 4, 1, &["domain.split=y"]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("threads", 1, 2, ""),
+        ("two", 2, 1, ""),
+        ("four along y", 4, 1, "domain.split=y"),
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0042"]);
     study.restart("parts", 1, &["time.end=0.008"]).expect(0);
     study.same("straight", "parts");
@@ -134,14 +131,11 @@ fn blocks_in_their_water_have_the_same_bits_on_any_ranks_and_threads_and_after_r
     let rise = heights.last().unwrap() - heights[0];
     println!("rise {rise:e} m");
     assert!(rise.abs() > 1e-6);
-    for (name, ranks, threads, set) in [
-        ("threads", 1, 2, &[][..]),
-        ("two", 2, 1, &[]),
-        ("four along y", 4, 1, &["domain.split=y"]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("threads", 1, 2, ""),
+        ("two", 2, 1, ""),
+        ("four along y", 4, 1, "domain.split=y"),
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0042"]);
     study.restart("parts", 1, &["time.end=0.008"]).expect(0);
     study.same("straight", "parts");

@@ -54,10 +54,7 @@ fn a_layered_ground_has_the_same_bits_on_any_ranks() {
     let grading = &summary["notes"]["preparation"]["grading"];
     let coarse = grading["d60"].as_f64().unwrap();
     assert!((0.0018..0.0032).contains(&coarse), "{summary:#}");
-    for (name, ranks, set) in [("two", 2, &[][..]), ("three", 3, &["domain.split=x"])] {
-        study.run(name, ranks, 1, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[("two", 2, 1, ""), ("three", 3, 1, "domain.split=x")]);
     study.run("parts", 3, 1, &["time.end=0.002"]);
     study.restart("parts", 2, &["time.end=0.004"]).expect(0);
     study.same("straight", "parts");

@@ -57,14 +57,11 @@ fn zones_have_the_same_bits_on_any_ranks_and_threads_and_after_restarts() {
         study.run("straight", 1, 1, &[]);
         let error = study.summary("straight")["momentum_error"].as_f64();
         assert!(error.is_some_and(|error| error < 1e-9), "{error:?}");
-        for (name, ranks, threads, set) in [
-            ("threads", 1, 2, &[][..]),
-            ("two", 2, 1, &[]),
-            ("three along y", 3, 1, &["domain.split=y"]),
-        ] {
-            study.run(name, ranks, threads, set);
-            study.same("straight", name);
-        }
+        study.same_on(&[
+            ("threads", 1, 2, ""),
+            ("two", 2, 1, ""),
+            ("three along y", 3, 1, "domain.split=y"),
+        ]);
         study.run("parts", 2, 1, &["time.end=0.22"]);
         study.restart("parts", 1, &["time.end=0.4"]).expect(0);
         study.same("straight", "parts");

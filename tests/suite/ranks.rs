@@ -554,6 +554,18 @@ impl Study {
         text.lines().count() - 1
     }
 
+    /// Runs the case on each layout (name, ranks, threads, one setting or none) and fails unless each run is the same
+    /// as `straight`.
+    #[track_caller]
+    pub(crate) fn same_on(&self, layouts: &[(&str, usize, usize, &str)]) {
+        for (name, ranks, threads, set) in layouts {
+            let set = [*set];
+            let settings = if set[0].is_empty() { &[][..] } else { &set[..] };
+            self.run(name, *ranks, *threads, settings);
+            self.same("straight", name);
+        }
+    }
+
     /// Fails unless two runs ended in the same state and wrote the same data: tables and series byte for byte,
     /// fields by their numbers (their headers contain the ranks).
     #[track_caller]

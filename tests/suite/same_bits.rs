@@ -202,14 +202,11 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
         ],
     );
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("two", 2, 2, "domain.split=y"),
         ("three", 3, 1, "domain.split=z"),
         ("four", 4, 1, "domain.split=x"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0015"]);
     study.restart("parts", 3, &["time.end=0.003"]).expect(0);
     study.same("straight", "parts");
@@ -241,17 +238,14 @@ fn a_cavity_that_is_watched_now_and_then() {
     // One line of units in addition to the rows.
     assert_eq!(study.rows("watched", "probe_often.csv"), 183);
     assert_eq!(study.rows("straight", "probe_seldom.csv"), 13);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=y"),
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("uneven", 2, 1, "domain.slab_bounds=[5]"),
         // The middle rank has no planes, but still tracks the parity of the passes.
         ("empty", 3, 1, "domain.slab_bounds=[25, 25]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.071"]);
     study.restart("parts", 1, &["time.end=0.18"]).expect(0);
     study.restart("parts", 3, &["time.end=0.181"]).expect(0);
@@ -284,15 +278,12 @@ fn eddies_between_walls_watched_now_and_then() {
     study.run("straight", 1, 1, &[]);
     study.run("watched", 1, 1, &[&format!("probes={watched}")]);
     assert_eq!(study.hash("watched"), study.hash("straight"));
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("threads", 1, 2, "domain.split=z"),
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=y"),
         ("empty", 3, 1, "domain.slab_bounds=[15, 15]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
 }
 
 /// A checkpoint of some megabytes is written and read in pieces, more of them for a thick slab than for a thin one.
@@ -363,14 +354,11 @@ fn averages_of_a_gusty_stream() {
     )
     .unstable();
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("two", 2, 2, "domain.split=y"),
         ("three", 3, 1, "domain.split=z"),
         ("four", 4, 1, "domain.split=x"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.0015"]);
     study.restart("parts", 3, &["time.end=0.003"]).expect(0);
     study.same("straight", "parts");
@@ -401,14 +389,11 @@ fn sound_leaves_on_any_ranks_and_over_a_restart() {
         ],
     );
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, set) in [
-        ("across", 3, "domain.split=y"),
-        ("along", 2, "domain.split=x"),
-        ("empty slab", 3, "domain.slab_bounds=[12, 12]"),
-    ] {
-        study.run(name, ranks, 1, &[set]);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("across", 3, 1, "domain.split=y"),
+        ("along", 2, 1, "domain.split=x"),
+        ("empty slab", 3, 1, "domain.slab_bounds=[12, 12]"),
+    ]);
     study.run("parts", 1, 1, &["time.end=0.03", "domain.split=y"]);
     study.restart("parts", 3, &["time.end=0.06"]).expect(0);
     study.same("straight", "parts");
@@ -445,13 +430,15 @@ fn blocks_without_fluid() {
         ],
     );
     study.run("straight", 1, 2, &[]);
-    for (name, ranks, set) in [
-        ("three along y", 3, "domain.split=y"),
-        ("four with a thin one", 4, "domain.slab_bounds=[6, 9, 10]"),
-    ] {
-        study.run(name, ranks, 1, &[set]);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("three along y", 3, 1, "domain.split=y"),
+        (
+            "four with a thin one",
+            4,
+            1,
+            "domain.slab_bounds=[6, 9, 10]",
+        ),
+    ]);
     study.run("parts", 2, 1, &["time.end=0.1"]);
     study.restart("parts", 3, &["time.end=0.2"]).expect(0);
     study.same("straight", "parts");
@@ -467,13 +454,10 @@ fn a_body_wider_than_a_slab_in_a_stream() {
     // The cylinder covers planes 15 to 24 along x and 15 to 24 along y.
     let study = Study::from_example("cylinder", &[("time.end", "0.1")]);
     study.run("straight", 1, 1, &[]);
-    for (name, ranks, set) in [
-        ("across", 2, "domain.split=y"),
-        ("cut to pieces", 4, "domain.slab_bounds=[16, 18, 23]"),
-    ] {
-        study.run(name, ranks, 1, &[set]);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("across", 2, 1, "domain.split=y"),
+        ("cut to pieces", 4, 1, "domain.slab_bounds=[16, 18, 23]"),
+    ]);
 }
 
 /// Rock in turbulent water: covered cells, a free block across slabs, a bed of fixed blocks, a driven sphere, an
@@ -484,15 +468,12 @@ fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
     let study = Study::new(SCOUR);
     study.run("straight", 1, 1, &[]);
     assert!(study.rows("straight", "probe_plucked.csv") >= 10);
-    for (name, ranks, threads, set) in [
+    study.same_on(&[
         ("two", 2, 2, "domain.split=x"),
         ("three", 3, 1, "domain.split=z"),
         ("four", 4, 1, "domain.split=y"),
         ("thin", 3, 1, "domain.slab_bounds=[9, 11]"),
-    ] {
-        study.run(name, ranks, threads, &[set]);
-        study.same("straight", name);
-    }
+    ]);
     study.run("parts", 2, 1, &["time.end=0.01"]);
     study.restart("parts", 3, &["time.end=0.02"]).expect(0);
     study.same("straight", "parts");

@@ -82,14 +82,11 @@ fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
         "{seepage}"
     );
     assert!(number("largest_closure") >= number("closure"), "{seepage}");
-    for (name, ranks, threads, set) in [
-        ("two with threads", 2, 2, &[][..]),
-        ("three along x", 3, 1, &["domain.split=x"]),
-        ("four along z", 4, 1, &["domain.split=z"]),
-    ] {
-        study.run(name, ranks, threads, set);
-        study.same("straight", name);
-    }
+    study.same_on(&[
+        ("two with threads", 2, 2, ""),
+        ("three along x", 3, 1, "domain.split=x"),
+        ("four along z", 4, 1, "domain.split=z"),
+    ]);
     study.run("parts", 1, 1, &["time.end=0.005"]);
     study.restart("parts", 2, &["time.end=0.009"]).expect(0);
     study.restart("parts", 3, &["time.end=0.012"]).expect(0);

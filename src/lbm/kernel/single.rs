@@ -98,7 +98,7 @@ unsafe fn pass<L: Lattice<Q>, C: Collision, N: Lanes, const Q: usize>(
                 }
             }
             // SAFETY: the row is done, and no other thread works on it.
-            unsafe { shared.go_round(start) };
+            unsafe { shared.wrap_row(start) };
         }
     }
 }

@@ -115,6 +115,7 @@ impl ThresholdStudy {
             set: self.set.clone(),
             vary: Ordered(vec![(self.search.field.clone(), Variation::Values(values))]),
             sample: None,
+            ensemble: None,
             members: Vec::new(),
             outputs: self.outputs.clone(),
             reference: BTreeMap::new(),
