@@ -176,8 +176,8 @@ fn facets_close_the_volume_of_a_solid() {
     assert_eq!(triangles.open_edges(), 0);
 }
 
-/// The middle of the largest facet of a round solid lies at the stated distance below its surface, also where the number of
-/// facets is at its limit.
+/// The middle of the largest facet of a round solid lies at the stated distance below its surface, also where the
+/// number of facets is at its limit.
 #[test]
 fn deviation_is_that_of_the_largest_facet() {
     for text in [

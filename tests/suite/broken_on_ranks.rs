@@ -174,7 +174,7 @@ fn a_flow_that_diverges_is_named_by_its_cell() {
 fn a_lost_grain_is_named() {
     let _beside = beside_others();
     let study = Study::from_example("collision", &[("time.end", "1"), ("output", "{}")]);
-    fails(&study, &["grain ", "outside the box"]);
+    fails(&study, &["grain ", "outside the domain"]);
 }
 
 /// Cases that only the run can refuse: each ends with exit code 4 and the name of the fault.
@@ -193,13 +193,13 @@ fn soil_that_cannot_be_is_named() {
     let inlet = ("fluid.darcy.boundaries[1].condition.head.value", "1000");
     fails(
         &Study::from_example("seepage", &[inlet]),
-        &["grain ", "outside the box"],
+        &["grain ", "outside the domain"],
     );
     // The cloud falls past the walls.
     let open = ("walls", "[]");
     refuses(
         &Study::from_example("deposition", &[open]),
-        &["grain ", "outside the box"],
+        &["grain ", "outside the domain"],
     );
     // The level of trimming is below the floor.
     let level = ("grains.initial.deposition.trim_above", "0.001");

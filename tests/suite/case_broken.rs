@@ -1694,11 +1694,6 @@ fn absent_features_are_named_as_such() {
             "grains={\"material\": \"m\", \"clumps\": [], \"initial\": {\"list\": []}}",
             "clumps",
         ),
-        (
-            "seepage",
-            "fluid.darcy.capillary_bridges={}",
-            "capillary bridges",
-        ),
     ] {
         let problems = judge(find(example).unwrap().text, &[set.into()]);
         let told = problems.iter().any(|p| {

@@ -245,7 +245,7 @@ fn wrong_joints_are_refused_with_one_finding_each() {
             "/mouths/0/pressure/table",
             json!([[1, 0], [0, 0]]),
             "fluid.joints.mouths[0].pressure.table",
-            "rise",
+            "increase",
         ),
         (
             "/mouths/1/pressure",

@@ -571,8 +571,13 @@ fn facets_are_limited_and_their_distance_is_stated() {
     let case = |count: u32, radius: f64| {
         let spheres: Vec<Value> = (0..count)
             .map(|k| {
-                let centre = [0.1 + 0.2 * f64::from(k % 10), 0.1 + 0.2 * f64::from(k / 10), 0.1];
-                json!({"name": format!("s{k}"), "material": "rock", "shape": {"sphere": {"centre": centre, "radius": 0.05}}})
+                let centre = [
+                    0.1 + 0.2 * f64::from(k % 10),
+                    0.1 + 0.2 * f64::from(k / 10),
+                    0.1,
+                ];
+                let sphere = json!({"sphere": {"centre": centre, "radius": 0.05}});
+                json!({"name": format!("s{k}"), "material": "rock", "shape": sphere})
             })
             .collect();
         json!({

@@ -28,6 +28,9 @@ const NEWTON_STEPS: u32 = 20;
 const FIRST_STEP: f64 = 1e-3;
 /// Minimum ratio of a step to the interval.
 const SHORTEST_STEP: f64 = 1e-12;
+/// Maximum number of steps of an interval that may fail. Where more fail, the conditions ask for what the ground
+/// cannot give, such as the discharge of a well that has run dry, and the steps would stay short for hours.
+const MOST_FAILURES: u32 = 50;
 /// Factors of the next step: safety factor on the step with the stated error, minimum, maximum, and after a
 /// failure.
 const SAFETY: f64 = 0.9;
@@ -409,7 +412,7 @@ impl Pressure {
         // The end of an interval is an exact multiple of it, independent of the rounding of its steps.
         let end = (start / interval).round().mul_add(interval, interval);
         let (mut iterations, mut residual) = (0, 0.0);
-        let mut time = start;
+        let (mut time, mut failures) = (start, 0);
         while time < end {
             let wanted = own.transient.as_ref().map_or(interval, |t| t.step);
             let stop = own.transient.as_ref().map_or(end, |transient| {
@@ -442,7 +445,8 @@ impl Pressure {
                 FAILED
             };
             transient.step = (factor * dt).min(interval);
-            if transient.step < SHORTEST_STEP * interval {
+            failures += u32::from(!error.is_finite());
+            if transient.step < SHORTEST_STEP * interval || failures > MOST_FAILURES {
                 return Err(SeepageError::UnsteadyFlow {
                     time,
                     length: own.capillary_length(),

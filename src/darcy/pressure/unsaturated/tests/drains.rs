@@ -287,3 +287,48 @@ fn a_sharp_front_infiltrates_as_green_and_ampt_say() {
         assert!((found / exact - 1.0).abs() < 0.02, "{n}: {found} {exact}");
     }
 }
+
+/// A well takes more water than dry ground can give: the run ends with a named failure, not with ever more short steps.
+#[test]
+fn a_well_that_runs_dry_is_a_named_failure() {
+    let grid = plane([12, 21], [1.2, 2.1]);
+    let sides = [0.0, 2.1];
+    let level = |level| Condition::SeepageFace { level: Some(level) };
+    let well = PressurePatch {
+        condition: Condition::Discharge { value: -3.58e-7 },
+        inside: true,
+        ..patch(&grid, 0, false, sides, level(0.0))
+    };
+    let patches = vec![
+        patch(&grid, 0, false, sides, level(1.0)),
+        patch(&grid, 0, true, sides, level(0.9492)),
+        well,
+    ];
+    let cells = DrainCells {
+        from: [5, 9, 0],
+        to: [7, 11, 1],
+        stays: true,
+    };
+    let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&[cells]);
+    let volume: Vec<f64> = (0..grid.count()).map(|cell| open.volume(cell)).collect();
+    let soil = Retention::VanGenuchten(VanGenuchten {
+        alpha: 6.22,
+        n: 3.71,
+        saturated_content: 0.4,
+        residual_content: 0.05,
+        exponent: 0.5,
+    });
+    let mut solver = Pressure::new(&open, patches, WATER, settings(), &Communicator::serial())
+        .unwrap()
+        .with_soil(Soil { retention: soil })
+        .with_transient(
+            transient(InitialWater::PressureHead(-1.5141), 60.0),
+            &volume,
+        );
+    let conductivity = conductivity(&grid, 6.4e-5);
+    let ends = (0..10).find_map(|_| solver.solve(still(&conductivity)).err());
+    assert!(
+        matches!(ends, Some(SeepageError::UnsteadyFlow { .. })),
+        "{ends:?}"
+    );
+}
