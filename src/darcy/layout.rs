@@ -55,10 +55,9 @@ impl Layout {
     /// Returns the cell at a position.
     pub(super) fn cell(&self, at: usize) -> [usize; 3] {
         let [_, row, plane] = self.stride;
-        let (z, rest) = if plane == 0 {
-            (0, at)
-        } else {
-            (at / plane - 1, at % plane)
+        let (z, rest) = match at.checked_div(plane) {
+            Some(z) => (z - 1, at % plane),
+            None => (0, at),
         };
         [rest % row - 1, rest / row - 1, z]
     }

@@ -86,7 +86,7 @@ impl Communicator {
         // The address of an empty slice may be that of MPI_IN_PLACE: neither buffer is empty.
         let mut all = vec![0_u8; total.max(1)];
         let mine = if bytes.is_empty() { &[0] } else { bytes };
-        // SAFETY: each rank passes as many bytes as `lengths` has for it; `all` is long enough for all of them at `starts`.
+        // SAFETY: each rank passes as many bytes as `lengths` has for it; `all` is long enough for all of them.
         self.waits(Wait::Collectives, || unsafe {
             ffi::MPI_Allgatherv(
                 mine.as_ptr().cast(),
