@@ -25,8 +25,14 @@ CHAPTERS = [
     ("Lattice", ["lattice"], ["lbm/lattice.rs", "lbm/populations.rs", "lbm/initial.rs"]),
     (
         "Collision",
-        ["collision", "body_force"],
-        ["lbm/collision.rs", "lbm/collision/*", "lbm/collision/second_order.rs", "lbm/collision/linear_stability.rs"],
+        ["collision", "body_force", "arithmetic"],
+        [
+            "lbm/collision.rs",
+            "lbm/collision/*",
+            "lbm/collision/second_order.rs",
+            "lbm/collision/linear_stability.rs",
+            "lbm/single.rs",
+        ],
     ),
     ("Turbulence", ["turbulence"], ["lbm/turbulence.rs", "lbm/turbulence/*", "lbm/synthetic.rs"]),
     (
