@@ -326,7 +326,7 @@ mod tests {
         assert!(refused(&|c| c[4].passing = 100.0).contains("not per cent"));
         assert!(refused(&|c| c[4].passing = 0.9).contains("coarsest"));
         assert!(refused(&|c| c[0].passing = 0.05).contains("finest"));
-        assert!(refused(&|c| c.swap(1, 2)).contains("rise"));
+        assert!(refused(&|c| c.swap(1, 2)).contains("increase"));
         assert!(refused(&|c| c[3].passing = 0.4).contains("less than"));
         assert!(refused(&|c| c[0].diameter = 0.0).contains("sieve 0"));
     }

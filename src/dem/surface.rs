@@ -648,11 +648,11 @@ mod tests {
         };
         assert!(refused(square.clone(), &[]).contains("has no facets"));
         assert!(refused(square.clone(), &[vec![0, 1]]).contains("three corners"));
-        assert!(refused(square.clone(), &[vec![0, 1, 9]]).contains("not there"));
+        assert!(refused(square.clone(), &[vec![0, 1, 9]]).contains("does not exist"));
         assert!(refused(square.clone(), &[vec![0, 1, 1]]).contains("no area"));
         assert!(refused(square.clone(), &[vec![0, 2, 1, 3]]).contains("facet 0"));
         let mut bent = square;
         bent[2][2] = 0.5;
-        assert!(refused(bent, &[vec![0, 1, 2, 3]]).contains("not plane"));
+        assert!(refused(bent, &[vec![0, 1, 2, 3]]).contains("not planar"));
     }
 }

@@ -56,6 +56,10 @@ const CHANGE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
 /// line search.
 const ROUNDING: f64 = 1e-8;
+/// Change of the pressures, relative to the largest, at which an iteration with kept factors has converged: the
+/// remaining error is a part of this change, not its square, and where there is vapour a small pressure holds much
+/// water.
+const KEPT_CHANGE: f64 = 1e-14;
 /// Largest change of the pressures over the last one with which Newton's method keeps its factors.
 const KEPT: f64 = 0.03;
 /// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
@@ -699,7 +703,8 @@ impl JointFlow {
             self.factored = part >= 1.0 && full <= KEPT * change;
             change = part * full;
             let stagnant = fresh && change <= ROUNDING * size && new >= 0.25 * sum;
-            if (change <= CHANGE * size || stagnant) && slow {
+            let enough = if fresh { CHANGE } else { KEPT_CHANGE };
+            if (change <= enough * size || stagnant) && slow {
                 return Ok(step);
             }
             sum = new;

@@ -283,7 +283,7 @@ fn a_stricter_level_has_finer_cells_and_a_smaller_lattice_velocity() {
             .chosen
             .limits
             .iter()
-            .find(|l| l.what.starts_with("lattice velocity"));
+            .find(|l| l.what.starts_with("a lattice velocity"));
         let step = flow.unwrap().time_step / plan.scene.grid.spacing;
         let cells = plan.scene.grid.cell_count();
         assert!(cells >= last.0 && step <= last.1, "{level}: {cells} cells");

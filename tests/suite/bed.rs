@@ -411,7 +411,7 @@ fn what_makes_no_sense_is_refused_with_its_reason() {
     }
     let mut dry = good.clone();
     dry.as_object_mut().unwrap().remove("grains");
-    assert!(errors(&dry).contains("no grains in this case"));
+    assert!(errors(&dry).contains("no grains and therefore no bed"));
     let mut dry = good.clone();
     dry.as_object_mut().unwrap().remove("fluid");
     assert!(errors(&dry).contains("no fluid"));

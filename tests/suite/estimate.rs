@@ -266,7 +266,7 @@ fn a_pilot_gives_the_plan_speed_and_pressure() {
     // Through a third of the height the water is three times as fast as in the channel.
     let speed = pilot["speed"].as_f64().unwrap();
     assert!((0.02..0.05).contains(&speed), "{pilot}");
-    assert!(told.contains("of the water in a pilot"), "{told}");
+    assert!(told.contains("velocity of the pilot"), "{told}");
     let plan = |case: &Value| {
         let document = solver::case::Document::read(&case.to_string(), &[], Path::new("")).unwrap();
         solver::plan::Plan::prepare(document).unwrap()

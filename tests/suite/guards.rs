@@ -117,7 +117,7 @@ fn remedies_that_are_named_are_those_that_help() {
         " m moves at lattice velocity ",
         " m/s, above guards.max_lattice_velocity = 0.3; its density is ",
         " Pa); the nearest object is boundary ",
-        " m away; the nearest limit of the plan is `cell Reynolds number U h/nu",
+        " m; the nearest limit of the plan is `cell Reynolds number U h/nu",
         "a smaller time step did not help, but a cell Reynolds number of at most 10 did",
         "a slower flow or a larger viscosity",
     ] {

@@ -228,7 +228,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
         (
             "/attributes/rows",
             json!([huge, 0, 0]),
-            "grains, and the case has",
+            "grains, but the case has",
         ),
         (
             "/attributes/rows",

@@ -266,7 +266,7 @@ fn a_sample_is_read_in_full_or_refused() {
             "x,y,radius,velocity\n0.1,0.05,0.01,1\n",
             "did you mean `velocity_",
         ),
-        ("x,y,radius,z\n0.1,0.05,0.01,1\n", "two dimensions"),
+        ("x,y,radius,z\n0.1,0.05,0.01,1\n", "2-D problem"),
         (
             "x,y,radius,id\n0.1,0.05,0.01,-1\n",
             "line 2: the id is `-1`",

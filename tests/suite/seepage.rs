@@ -233,7 +233,7 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
     has(
         &uneven,
         "boundaries[1].patch",
-        "an odd number of cells (3) along y",
+        "an odd number of cells (3) wide along y",
     );
 }
 

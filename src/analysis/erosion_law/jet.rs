@@ -801,7 +801,7 @@ mod tests {
         assert!(fit_jet(&jet, &readings).unwrap_err().contains("increase"));
         readings[3].time = 3.0;
         readings[2].distance = f64::NAN;
-        assert!(fit_jet(&jet, &readings).unwrap_err().contains("nozzle"));
+        assert!(fit_jet(&jet, &readings).unwrap_err().contains("not valid"));
         let still: Vec<JetReading> = (0..6).map(|n| reading(f64::from(n), 0.06)).collect();
         assert!(matches!(
             fit_jet(&jet, &still),

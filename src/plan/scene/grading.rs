@@ -287,7 +287,7 @@ mod tests {
         let grading = Grading::of_sieves(&curve());
         let reason = grading.numbers(10_000, 3).unwrap_err();
         assert!(reason.contains("class 3"), "{reason}");
-        let needed: usize = reason.rsplit(' ').nth(1).unwrap().parse().unwrap();
+        let needed: usize = reason.rsplit(' ').nth(3).unwrap().parse().unwrap();
         assert!(needed > 10_000);
         assert!(grading.numbers(needed, 3).is_ok());
     }

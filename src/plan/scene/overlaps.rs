@@ -768,9 +768,7 @@ mod tests {
                 "shape": {"sphere": {"radius": 0.005}}, "position": [0.05, 0.05, z]}]})
         };
         assert_eq!(words(ball(0.01)), "");
-        assert!(
-            words(ball(0.06)).contains("grains grow at the position of the body `ball` stands")
-        );
+        assert!(words(ball(0.06)).contains("grains grow at the position of the body `ball`"));
         let plane = |z: f64| {
             serde_json::json!({"walls": [{"name": "sheet", "material": "glass",
                 "shape": {"plane": {"point": [0, 0, z], "normal": [0, 0, 1]}}}]})

@@ -158,7 +158,7 @@ mod tests {
         let top = rows("x,u,v\n0,1,0\n0.01,3,-1\n", 2, 1).unwrap();
         assert_eq!(top, usual);
         let refused = rows("y,u,v\n0,1,0\n", 2, 1).unwrap_err();
-        assert!(refused.contains("has x, u, v"), "{refused}");
+        assert!(refused.contains("columns x, u, v"), "{refused}");
     }
 
     #[test]

@@ -574,7 +574,7 @@ mod tests {
         assert!(said.contains("did you mean `velocity_x`?"), "{said}");
         let said = error("x,y,z,radius", 2);
         assert!(
-            said.contains("`z`") && said.contains("two dimensions"),
+            said.contains("`z`") && said.contains("2-D problem"),
             "{said}"
         );
         let said = error("x,y,z,radius,temperature_of_the_grain", 3);

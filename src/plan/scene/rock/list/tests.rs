@@ -79,7 +79,7 @@ fn what_is_no_block_is_refused_by_its_number() {
         "block 1: the half-spaces do not bound the block",
         "block 2: the half-spaces have no point in common",
         "block 2: another block has this id",
-        "block 3: it needs either `half_spaces` or `vertices`",
+        "block 3: the block needs either `half_spaces` or `vertices`",
     ] {
         assert!(problems.contains(expected), "{expected} in {problems}");
     }

@@ -188,7 +188,7 @@ fn atoms_without_a_style_are_spheres_only_where_they_can_be() {
     ] {
         let said = error(below);
         assert!(said.contains(reason), "{below}: {said}");
-        assert!(said.contains("dump `id x y z radius`"), "{said}");
+        assert!(said.contains("`id x y z radius`"), "{said}");
     }
     let hybrid = error("Atoms # hybrid sphere bond\n\n1 1 1 2 3 1 2600 1\n");
     assert!(
@@ -211,7 +211,10 @@ fn packs_and_attributes_are_read() {
     }
     let capsule = "##PERIODIC:: 9 9 9\n0 Sphere 1 2 3 .5\n2 Capsule 4 4 4 .3 .05 .05 .05\n";
     let error = read(capsule, 3, &[], 0).unwrap_err();
-    assert!(error.contains("line 3: `Capsule` is no sphere"), "{error}");
+    assert!(
+        error.contains("line 3: `Capsule` is not a sphere"),
+        "{error}"
+    );
 }
 
 /// Tables of points that ParaView exports: of LIGGGHTS, of this program and of a glyph filter.
