@@ -12,7 +12,7 @@
 //!
 //! `chi p` is 0 where the ground ends: at a boundary in contact with air, and at a face to a cell without grains. There
 //! suction confines the grains like a stress on the surface. At a wall it continues with the weight of the water.
-//! Where capillary bridges act between the grains, they are the suction. The gradient of `chi` is then left out:
+//! Capillary bridges, if grains have them, are the suction. The gradient of `chi` is then left out:
 //! `f = -S rho g + d [-S_e grad p + S rho g]/(1 - eps)`.
 //!
 //! The water flows as in ground without grains ([`darcy::pressure::Pressure`] with a soil): the bed is stationary, and

@@ -50,8 +50,8 @@ const CELLS_PER_THREAD: usize = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Resistance {
-    /// Darcy-Forchheimer law with given coefficients: -∇p = ρ (ν/K + β |u|) u. At least one of the two coefficients is
-    /// required.
+    /// Darcy-Forchheimer law with given coefficients: -∇p = ρ (ν/K + β |u|) u. At least one of the two coefficients
+    /// is required.
     DarcyForchheimer {
         /// Permeability K [m2]. Default: no linear part.
         #[serde(default)]
