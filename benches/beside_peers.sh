@@ -320,7 +320,8 @@ many_3d() { many=$(lbmpy_3d --method mrt_raw --rates many "${peer_model[@]}"); }
 # there are eddies, which its raw moments do not come with; and with a rate for each moment beside the same.
 row_3d() {
   local pair ours suga raw central many peer others=(raw_3d central_3d many_3d)
-  [ "${#model[@]}" -le 2 ] || others=(central_3d)
+  # The peer's raw moments come without eddy viscosity.
+  [[ " ${peer_model[*]} " != *" --sgs "* ]] || others=(central_3d)
   for ((pair = 1; pair <= pairs; pair++)); do
     raw=0 many=0
     by_turns "$pair" ours_3d suga_3d "${others[@]}"
@@ -346,6 +347,8 @@ row_P4() {
 row_P5() {
   local model=(--set fluid.lattice_boltzmann.storage=f32) peer_model=(--precision mixed)
   row_3d P-5 "D3Q27 MRT $edge^3, f32 at rest, loop of the whole program" 1.0 1.3
+  model=(--set fluid.lattice_boltzmann.arithmetic=f32) peer_model=(--precision single)
+  row_3d P-5 "D3Q27 MRT $edge^3, arithmetic in f32, loop of the whole program" 1.0 1.3
 }
 
 # --- P-6: moving spheres in partially saturated cells, whole step, one core ---
