@@ -3,6 +3,7 @@
 # Writes results.csv beside this script, one row per quantity; ends with status 1 if one misses its reference.
 #
 #   bash jobs/verification/run.sh [NAME...]        # all cases, or those named
+#   bash jobs/verification/run.sh --single         # lattice Boltzmann cases with arithmetic in f32, to single-precision.csv
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -17,4 +18,10 @@ cargo build --locked --release --bin solver
 cargo build --locked --example verify
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$target/debug/examples/verify" long "$target/release/solver" "$work" "$here/results.csv" "$@"
+results=$here/results.csv
+if [ "${1:-}" = --single ]; then
+  results=$here/single-precision.csv
+  set -- --set fluid.lattice_boltzmann.arithmetic=f32 taylor-green taylor-green-3d taylor-green-d3q27 poiseuille-force poiseuille-pressure \
+    poiseuille-3d couette couette-3d duct cavity cavity-3d
+fi
+"$target/debug/examples/verify" long "$target/release/solver" "$work" "$results" "$@"

@@ -138,11 +138,14 @@ pub(crate) fn cases(root: &Path) -> Result<Vec<PathBuf>, String> {
 /// Runs a form of a case, `short` or `long`, and compares the results. A case without a long form runs its short
 /// one instead; a case without a short form has no result for it.
 ///
+/// `more` are arguments of `--set` for every run, in addition to those of the form.
+///
 /// # Errors
 /// If a file cannot be read, a run fails, or a quantity cannot be computed.
 pub(crate) fn check(
     folder: &Path,
     form: &str,
+    more: &[String],
     solver: &Path,
     work: &Path,
 ) -> Result<Vec<Outcome>, String> {
@@ -168,7 +171,7 @@ pub(crate) fn check(
         for (name, set) in &form.runs {
             run(
                 folder,
-                set,
+                &[set, more].concat(),
                 expected.allow_unstable.is_some(),
                 solver,
                 &work.join(&case).join(name),

@@ -1,5 +1,5 @@
-//! `verify short|long SOLVER WORK RESULTS [NAME…]`: runs the cases under `jobs/verification` and writes a table of
-//! results.
+//! `verify short|long SOLVER WORK RESULTS [--set PATH=VALUE]… [NAME…]`: runs the cases under `jobs/verification` and
+//! writes a table of results. Every `--set` holds in all runs of the cases.
 //!
 //! `RESULTS` receives one row per quantity; the status is 1 if a quantity deviates from its reference.
 //! `jobs/verification/run.sh` calls this program; the tests run the short forms with the same [`suite`].
@@ -21,11 +21,19 @@ use suite::Outcome;
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [form, solver, work, results, names @ ..] = &arguments[..] else {
-        eprintln!("verify short|long SOLVER WORK RESULTS [NAME...]");
+        eprintln!("verify short|long SOLVER WORK RESULTS [--set PATH=VALUE]... [NAME...]");
         return ExitCode::from(2);
     };
     let paths = [solver, work, results].map(Path::new);
-    match verify(form, paths, names) {
+    let (mut set, mut cases) = (Vec::new(), Vec::new());
+    let mut rest = names.iter();
+    while let Some(argument) = rest.next() {
+        match (argument.as_str(), rest.len()) {
+            ("--set", 1..) => set.extend(rest.next().cloned()),
+            _ => cases.push(argument.clone()),
+        }
+    }
+    match verify(form, paths, &set, &cases) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -38,6 +46,7 @@ fn main() -> ExitCode {
 fn verify(
     form: &str,
     [solver, work, results]: [&Path; 3],
+    set: &[String],
     names: &[String],
 ) -> Result<bool, String> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("jobs/verification");
@@ -52,7 +61,7 @@ fn verify(
         if !names.is_empty() && !name.is_some_and(|name| names.contains(&name)) {
             continue;
         }
-        match suite::check(&folder, form, solver, work) {
+        match suite::check(&folder, form, set, solver, work) {
             Ok(outcomes) => {
                 for outcome in outcomes {
                     println!("{outcome}");

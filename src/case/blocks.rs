@@ -29,9 +29,10 @@ pub struct Blocks {
 pub enum BlockSource {
     /// A rock mass cut by joint sets.
     Joints(Joints),
-    /// A list in a file: written by `save`, or the blocks of `SparkRocks`.
+    /// A list in a file: written by `save`, the blocks of `SparkRocks`, or the polyhedra of a legacy VTK file such as
+    /// those of `UnBlocks-Gen`.
     File {
-        /// JSON file, relative to the case.
+        /// JSON file, or VTK file as text, relative to the case.
         path: PathBuf,
     },
     /// A list of blocks.

@@ -174,6 +174,10 @@ pub struct Seepage<Sp: Space> {
     sums: Sums,
     water: Water,
     moist: Moist,
+    /// `true` if a coupling may be interrupted ([`Self::heed`]).
+    may_stop: bool,
+    /// State before the present coupling, if it may be interrupted.
+    kept: Vec<f64>,
     space: PhantomData<Sp>,
 }
 
@@ -209,6 +213,8 @@ impl<Sp: Space> Seepage<Sp> {
             parts: Parts::default(),
             sums: Sums::new(n),
             moist: Moist::default(),
+            may_stop: false,
+            kept: Vec::new(),
             space: PhantomData,
         }
     }
@@ -279,20 +285,31 @@ impl<Sp: Space> Seepage<Sp> {
     /// the water flux, and the speed that determines its friction. Empty before the first coupling.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
+        let mut state = Vec::new();
+        self.save(&mut state);
+        state
+    }
+
+    /// Replaces the values of `state` by those of [`Self::state`].
+    fn save(&self, state: &mut Vec<f64>) {
+        state.clear();
         if !self.has_before {
-            return Vec::new();
+            return;
         }
         let water = &self.water;
-        let gradient = water.gradient.as_flattened().iter().copied();
-        let flux = water.flux.as_flattened().iter().copied();
-        self.pressure
-            .saved()
-            .chain(self.before.iter().copied())
-            .chain(gradient)
-            .chain(flux)
-            .chain(water.speed.iter().copied())
-            .chain(self.pressure.saved_water())
-            .collect()
+        state.extend(self.pressure.saved());
+        state.extend_from_slice(&self.before);
+        state.extend_from_slice(water.gradient.as_flattened());
+        state.extend_from_slice(water.flux.as_flattened());
+        state.extend_from_slice(&water.speed);
+        state.extend(self.pressure.saved_water());
+    }
+
+    /// Ends couplings early where `requested` returns `true` on some rank ([`Pressure::heed`]). The state is then that
+    /// of the previous coupling.
+    pub fn heed(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
+        self.pressure.heed(requested);
+        self.may_stop = true;
     }
 
     /// Restores the state from [`Self::state`].
@@ -385,12 +402,33 @@ fn components<V: Components>(vector: &V) -> [f64; 3] {
 fn failed(error: darcy::SeepageError) -> Error {
     match error {
         darcy::SeepageError::Messages(text) => Error::Internal(text),
+        stopped @ darcy::SeepageError::Stopped => Error::Stopped(stopped.to_string()),
         other => Error::Numerical(other.to_string()),
     }
 }
 
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
     fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
+        let mut kept = std::mem::take(&mut self.kept);
+        if self.may_stop {
+            self.save(&mut kept);
+        }
+        let advanced = self.load(particles);
+        if matches!(advanced, Err(Error::Stopped(_))) {
+            self.restore(&kept)?;
+        }
+        self.kept = kept;
+        advanced
+    }
+
+    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+impl<Sp: Space> Seepage<Sp> {
+    /// Computes the water, and the load of each grain. Collective.
+    fn load(&mut self, particles: &mut Particles<Sp>) -> Result<(), Error> {
         particles.allocate_fluid_loads();
         if self.pressure.drains() {
             return self.wet(particles);
@@ -430,10 +468,6 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
                 "the force of the water on the grains is not finite".into(),
             ));
         }
-        Ok(())
-    }
-
-    fn update_bodies(&mut self, _: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
         Ok(())
     }
 }

@@ -134,4 +134,7 @@ pub enum SeepageError {
     /// Failure to set up the messages between ranks.
     #[error("seepage: {0}")]
     Messages(String),
+    /// Solution that ended early, because a stop was requested ([`Pressure::heed`]).
+    #[error("stopped within a solution of the seepage pressure")]
+    Stopped,
 }

@@ -30,6 +30,7 @@
 mod answers;
 mod boundary;
 mod condition;
+mod interruption;
 mod iteration;
 pub mod section;
 mod tensor;
@@ -45,6 +46,7 @@ pub use answers::{Heave, Prisms};
 use boundary::{Boundary, boundary, head_pressure, slabs};
 pub use condition::Condition;
 use decomposition::{Communicator, Domain, ExactSum};
+use interruption::Interruption;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tensor::Tensor;
@@ -248,6 +250,7 @@ pub struct Pressure {
     unsaturated: Option<Box<Unsaturated>>,
     /// Data of ground whose principal permeabilities are inclined to the axes; none otherwise.
     tensor: Option<Box<Tensor>>,
+    interruption: Interruption,
 }
 
 impl Pressure {
@@ -325,6 +328,7 @@ impl Pressure {
             fresh: true,
             unsaturated: None,
             tensor: None,
+            interruption: Interruption::default(),
         };
         all.check_outlets()?;
         Ok(all)

@@ -19,7 +19,7 @@
 //! settling speed.
 //!
 //! Blocks of a rock mass are supported by others at the start. Which of them come loose and how far they fall is not
-//! known before the run, and their impacts are not judged.
+//! known before the run: their impacts are not judged, and the plan states that after a fall to the end of the domain.
 
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -108,10 +108,26 @@ impl Things {
         all.add_generated(scene);
         all.others
             .extend(scene.walls.iter().map(SceneWall::largest_velocity));
-        let materials = scene.materials.len();
-        all.moving
-            .retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < materials);
+        all.drop_wrong(scene);
         all
+    }
+
+    /// Returns the blocks of a rock mass, as if nothing supported them.
+    fn loose_blocks(scene: &Scene) -> Self {
+        let mut all = Self::default();
+        all.add_blocks(scene);
+        all.drop_wrong(scene);
+        for block in &mut all.moving {
+            block.falls = true;
+        }
+        all
+    }
+
+    /// Removes bodies with a wrong field, which other findings name.
+    fn drop_wrong(&mut self, scene: &Scene) {
+        let materials = scene.materials.len();
+        self.moving
+            .retain(|one| one.mass > 0.0 && one.radius > 0.0 && one.material < materials);
     }
 
     fn add_bodies(&mut self, scene: &Scene) {
@@ -434,6 +450,15 @@ fn deepest<'a>(
     deepest
 }
 
+/// Returns the speed \[m/s\] and the overlap in radii of the deepest impact of a block of a rock mass that comes loose
+/// and falls to the end of the domain; none without such blocks.
+pub(super) fn of_loose_blocks(scene: &Scene) -> Option<(f64, f64)> {
+    let law = scene.contact.as_ref()?.model();
+    let blocks = Things::loose_blocks(scene);
+    let impact = deepest(scene, law, &blocks.moving, &[[0.0; 3]])?;
+    Some((impact.speed, impact.part))
+}
+
 /// Compares the overlaps of impacts with the radii.
 pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let Some(contact) = &scene.contact else {
@@ -578,5 +603,24 @@ mod tests {
         let (light, heavy) = (area * 0.0005_f64.powi(2), area * 0.03_f64.powi(2));
         let exact = 5.0 * (light * heavy / (light + heavy) / 1e7_f64).sqrt() / 0.0005;
         approx::assert_relative_eq!(part(&plan), exact, max_relative = 1e-9);
+    }
+
+    /// The block 0.3 m above the reach of the lower end: v = (2 g h)^1/2. Blocks closer to it than their reach have no
+    /// fall.
+    #[test]
+    fn the_impact_of_a_loose_block_is_stated() {
+        let planned = |set: &[&str]| {
+            let text = case::examples::find("plucked-block").unwrap().text;
+            let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+            let document = Document::read(text, &set, Path::new(".")).unwrap();
+            let plan = Plan::prepare(document).unwrap();
+            let mut choices = plan.models.into_iter();
+            choices.find(|choice| choice.what == "impact of a loose block")
+        };
+        assert_eq!(planned(&[]), None);
+        let high = planned(&["blocks.initial.list[0].position=[0.2, 0.2, 0.45]"]).unwrap();
+        let speed = super::number((2.0 * 9.81 * 0.3_f64).sqrt());
+        let expected = format!("at most {speed} m/s");
+        assert!(high.model.starts_with(&expected), "{high:?}, not {expected}");
     }
 }

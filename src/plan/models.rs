@@ -3,6 +3,7 @@
 use super::Clock;
 use super::arithmetic;
 use super::device::device;
+use super::impacts;
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
@@ -524,6 +525,14 @@ impl Choices<'_> {
             format!("requested; {kind}, without orientation")
         };
         self.add("contact law", table.model().describe(), reason);
+        if let Some((speed, part)) = impacts::of_loose_blocks(scene) {
+            self.add(
+                "impact of a loose block",
+                format!("at most {} m/s, overlap {} of the radius", number(speed), number(part)),
+                "after a fall to the end of the domain; which blocks come loose is not known before the run, which stops \
+                 above `guards.max_overlap`",
+            );
+        }
         if table.model().bridges() {
             self.add(
                 "capillary bridges",

@@ -18,6 +18,9 @@
 //! not answered there within [`PATIENCE`] of processor time, the process ends at once: no state is lost, and the
 //! exit code is that of the signal. SIGHUP remains ignored if the process was started to ignore it (`nohup`).
 //!
+//! A solution of the seepage may take minutes. It calls [`Watch::stop_requests`] in every iteration, and ends early if
+//! a stop is requested: the checkpoint is then that of the step before it.
+//!
 //! Operations of the first rank alone, such as growing a sample, are watched as well: the other ranks call
 //! [`answer_checks`](Watch::answer_checks), so that a request to any rank takes effect.
 
@@ -26,7 +29,7 @@ use decomposition::Communicator;
 use preparation::supervision::{Request, Requests};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Maximum number of steps between two checks for requests.
@@ -34,6 +37,8 @@ const MOST_STEPS: u64 = 10;
 /// Time between two checks \[ms\] above which the number of steps between them is halved, and below which it is
 /// doubled.
 const PACE: [u64; 2] = [1000, 250];
+/// Time between two searches for a STOP file.
+const BETWEEN_SEARCHES: Duration = Duration::from_millis(500);
 /// Code by which the first rank reports that the work that it does alone is finished.
 const DONE: u64 = 3;
 
@@ -155,7 +160,8 @@ pub struct Watch {
     limit: Option<Duration>,
     every: Option<Duration>,
     saved: Instant,
-    cost: Duration,
+    /// Longest time that a checkpoint took \[ms\].
+    cost: Arc<AtomicU64>,
     /// Time of the last search for a STOP file; none before the first search.
     looked: Option<Instant>,
     asked: Instant,
@@ -183,7 +189,7 @@ impl Watch {
             limit,
             every,
             saved: now,
-            cost: Duration::ZERO,
+            cost: Arc::default(),
             looked: None,
             asked: now,
             steps: 1,
@@ -233,17 +239,15 @@ impl Watch {
             {
                 mine = Request::Checkpoint;
             }
-            // Time for three checkpoints is reserved before the walltime, because the disk may be busier then.
-            let reserve = 3 * self.cost + Duration::from_secs(1);
             if self
                 .limit
-                .is_some_and(|limit| self.start.elapsed() + reserve >= limit)
+                .is_some_and(|limit| self.start.elapsed() + reserve(&self.cost) >= limit)
             {
                 mine = Request::Stop;
             }
             if self
                 .looked
-                .is_none_or(|looked| looked.elapsed() >= Duration::from_millis(500))
+                .is_none_or(|looked| looked.elapsed() >= BETWEEN_SEARCHES)
             {
                 self.looked = Some(Instant::now());
                 if self.files.iter().any(|file| file.exists()) {
@@ -257,11 +261,37 @@ impl Watch {
         mine
     }
 
+    /// Returns a check for requests to stop on this rank, for work that may take longer than a step should: signals,
+    /// and on the first rank STOP files and the walltime.
+    pub fn stop_requests(&self, communicator: &Communicator) -> Box<dyn Fn() -> bool + Send + Sync> {
+        let (signals, start, cost) = (self.signals, self.start, Arc::clone(&self.cost));
+        let (files, limit) = if communicator.rank() == 0 {
+            (self.files.clone(), self.limit)
+        } else {
+            (Vec::new(), None)
+        };
+        let searched = Mutex::new(Instant::now());
+        Box::new(move || {
+            if signals.stop.load(Ordering::Relaxed)
+                || limit.is_some_and(|limit| start.elapsed() + reserve(&cost) >= limit)
+            {
+                return true;
+            }
+            let mut searched = searched.lock().unwrap_or_else(PoisonError::into_inner);
+            if searched.elapsed() < BETWEEN_SEARCHES {
+                return false;
+            }
+            *searched = Instant::now();
+            files.iter().any(|file| file.exists())
+        })
+    }
+
     /// Records that a checkpoint was written and took `cost`.
     pub fn wrote(&mut self, cost: Duration) {
         self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();
-        self.cost = self.cost.max(cost);
+        let cost = u64::try_from(cost.as_millis()).unwrap_or(u64::MAX);
+        self.cost.fetch_max(cost, Ordering::Relaxed);
     }
 
     /// Removes the STOP files, so that the next run does not stop at once.
@@ -277,6 +307,12 @@ impl Watch {
     pub fn elapsed(&self) -> Duration {
         self.start.elapsed()
     }
+}
+
+/// Returns the time that is reserved before the walltime, for checkpoints that took at most `cost` \[ms\]: three of
+/// them, because the disk may be busier then.
+fn reserve(cost: &AtomicU64) -> Duration {
+    Duration::from_millis(cost.load(Ordering::Relaxed).saturating_mul(3)) + Duration::from_secs(1)
 }
 
 impl Requests for Watch {

@@ -395,3 +395,32 @@ fn a_checkpoint_that_does_not_fit_is_left_out_and_the_run_goes_on() {
     assert!((INTERVAL..5 * INTERVAL).contains(&step), "{step}");
     study.same("straight", "disk/run");
 }
+
+/// An interval of seepage takes long where its grid is large: a stop does not wait for its end, and the run continues
+/// from the step before it.
+#[test]
+fn a_stop_is_heard_within_an_interval_of_seepage() {
+    let _alone = alone();
+    let study = Study::from_example(
+        "drawdown",
+        &[
+            ("fluid.darcy.grid.cells", "[500, 40]"),
+            ("time.solid_time_step", "216000"),
+            ("time.end", "648000"),
+            ("checkpoint.every", "216000"),
+            ("probes[0].every", "216000"),
+            ("output.fluid.every", "216000"),
+        ],
+    );
+    study.run("straight", 1, 1, &[]);
+    let mut running = start(2, &study.arguments("stopped", 1, &[]));
+    let folder = study.path("stopped").join("checkpoints");
+    let step = running.until("it ends a step", || {
+        let newest = io::newest(&folder, &Alone).ok()?.manifest.step;
+        (newest > 0).then_some(newest)
+    });
+    signal(running.mpirun(), "USR2");
+    stops(&study, "stopped", running.wait(), 75);
+    assert_eq!(study.summary("stopped")["steps"], step);
+    goes_on(&study, "stopped", 1);
+}

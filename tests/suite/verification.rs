@@ -25,7 +25,7 @@ pub(crate) fn short_forms(root: &Path, part: usize, of: usize) -> (usize, usize)
     let (mut quantities, mut bad) = (0, 0);
     for folder in &folders {
         let _core = Cores::acquire(1);
-        match suite::check(folder, "short", solver, work.path()) {
+        match suite::check(folder, "short", &[], solver, work.path()) {
             Ok(outcomes) => {
                 for outcome in outcomes {
                     quantities += 1;

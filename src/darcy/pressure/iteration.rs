@@ -37,6 +37,7 @@ impl Pressure {
                 }
                 scale = flowing;
             }
+            self.interruption.check(&self.slab.communicator)?;
             if iterations >= self.settings.iterations {
                 return Err(SeepageError::NotConverged {
                     iterations,

@@ -11,6 +11,7 @@ use super::super::resume::{self, Resumed};
 use super::super::watch::Watch;
 use super::{Ended, Start};
 use base::error::Error;
+use coupling::water::Water;
 use decomposition::{Communicator, Slabs};
 use dem::Dem;
 use dem::space::Space;
@@ -174,6 +175,10 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
 
     fn run(&mut self) -> Result<Pause, Error> {
         self.watch.steps_begin();
+        let communicator = self.simulation.now.domain.communicator().clone();
+        if let Some(seepage) = self.simulation.now.flow.as_mut().and_then(Water::seepage_mut) {
+            seepage.heed(self.watch.stop_requests(&communicator));
+        }
         let steps = self.simulation.now.plan.clock.steps;
         let save_every = self
             .simulation
@@ -188,7 +193,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             self.simulation.drop_end()?;
         }
         while self.goes_on() {
-            self.simulation.step()?;
+            let stepped = self.simulation.step();
+            if matches!(stepped, Err(Error::Stopped(_))) {
+                return Err(self.stop()?);
+            }
+            stepped?;
             for line in self.simulation.collapse.take_events() {
                 self.progress.note(&line);
             }
@@ -225,18 +234,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                             self.watch.forget_file();
                         }
                     }
-                    Request::Stop => {
-                        self.save(Occasion::Stop)?;
-                        self.simulation.check_state()?;
-                        if self.simulation.now.domain.rank() == 0 {
-                            self.watch.forget_file();
-                        }
-                        let text = format!(
-                            "step {step} of {steps}; continue with `solver restart {}`",
-                            self.folder.path().display()
-                        );
-                        return Err(Error::Stopped(text));
-                    }
+                    Request::Stop => return Err(self.stop()?),
                 }
             }
         }
@@ -263,6 +261,26 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             .draw(self.folder.path(), &self.simulation.now.domain)?;
         self.simulation.phases.done(Phase::Output);
         Ok(Pause::Done)
+    }
+
+    /// Saves the state after a request to stop, and returns the end of the run. Collective.
+    ///
+    /// # Errors
+    /// If the state cannot be saved, or is not finite.
+    fn stop(&mut self) -> Result<Error, Error> {
+        let (step, steps) = (
+            self.simulation.now.step,
+            self.simulation.now.plan.clock.steps,
+        );
+        self.save(Occasion::Stop)?;
+        self.simulation.check_state()?;
+        if self.simulation.now.domain.rank() == 0 {
+            self.watch.forget_file();
+        }
+        Ok(Error::Stopped(format!(
+            "step {step} of {steps}; continue with `solver restart {}`",
+            self.folder.path().display()
+        )))
     }
 
     /// Returns `true` if there is a step left to do; equal on every rank.

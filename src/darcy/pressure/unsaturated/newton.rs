@@ -98,7 +98,7 @@ impl Pressure {
                 });
             }
             self.set_symmetric(own);
-            iterations += self.solve_linear(own);
+            iterations += self.solve_linear(own)?;
             if let Some(gather) = &mut self.slab.gather {
                 gather.fill(&mut own.krylov.change);
             }
@@ -201,7 +201,10 @@ impl Pressure {
 
     /// Solves the linear system of a Newton step; returns the number of iterations. The line search judges the
     /// result. Collective.
-    fn solve_linear(&mut self, own: &mut Unsaturated) -> u32 {
+    ///
+    /// # Errors
+    /// If a stop is requested.
+    fn solve_linear(&mut self, own: &mut Unsaturated) -> Result<u32, SeepageError> {
         let (layout, part) = (self.slab.layout, self.slab.part.clone());
         let here = (&layout, &part);
         let communicator = self.slab.communicator.clone();
@@ -217,7 +220,12 @@ impl Pressure {
         let (mut rho, mut alpha, mut omega) = (1.0, 1.0, 1.0);
         let first = self.largest(&all.residual);
         let mut iterations = 0;
+        let mut requested = Ok(());
         while iterations < self.settings.iterations {
+            requested = self.interruption.check(&communicator);
+            if requested.is_err() {
+                break;
+            }
             let rho_next = dot(&all.shadow, &all.residual);
             let beta = (rho_next / rho) * (alpha / omega);
             if !beta.is_finite() {
@@ -280,7 +288,7 @@ impl Pressure {
             }
         }
         own.krylov = own_vectors;
-        iterations
+        requested.map(|()| iterations)
     }
 
     /// Returns the largest magnitude in a vector on any rank. Collective.

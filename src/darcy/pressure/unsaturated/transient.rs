@@ -301,27 +301,22 @@ impl Pressure {
     }
 
     /// Returns the state of a transient flow in addition to [`Self::saved`]; empty in a steady flow.
-    #[must_use]
-    pub fn saved_water(&self) -> Vec<f64> {
-        let transient = self
-            .unsaturated
-            .as_ref()
-            .and_then(|own| own.transient.as_ref());
-        let Some(transient) = transient else {
-            return Vec::new();
-        };
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
-        let cells =
-            (0..grid.count()).map(|cell| transient.stored[layout.position(grid.cell(cell))]);
-        let own = [
-            transient.step,
-            transient.time,
-            transient.entered,
-            transient.left,
-            transient.initial,
-            self.level,
-        ];
-        cells.chain(own).collect()
+    pub fn saved_water(&self) -> impl Iterator<Item = f64> {
+        let own = self.unsaturated.as_ref();
+        let transient = own.and_then(|own| own.transient.as_ref());
+        transient.into_iter().flat_map(|transient| {
+            let (grid, layout) = (self.slab.grid, self.slab.layout);
+            let cells = (0..grid.count())
+                .map(move |cell| transient.stored[layout.position(grid.cell(cell))]);
+            cells.chain([
+                transient.step,
+                transient.time,
+                transient.entered,
+                transient.left,
+                transient.initial,
+                self.level,
+            ])
+        })
     }
 
     /// Restores the values of [`Self::saved_water`].

@@ -1,4 +1,4 @@
-//! Lists of blocks in files: two formats are read, one is written.
+//! Lists of blocks in files: three formats are read, one is written.
 //!
 //! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and
 //! either `half_spaces`, each `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is
@@ -12,6 +12,10 @@
 //! line or in an array: `centerX`, `centerY`, `centerZ` and `faces` of `a`, `b`, `c`, `d`, where `d` is the face's
 //! distance from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines
 //! friction.
+//!
+//! Polyhedra of a legacy VTK file are the third format ([`vtk`]).
+
+mod vtk;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -72,11 +76,14 @@ struct Face {
     d: f64,
 }
 
-/// Returns the blocks of a file in either format.
+/// Returns the blocks of a file in one of the formats.
 ///
 /// # Errors
 /// If blocks are invalid; each text names its block.
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
+    if vtk::is_vtk(text) {
+        return collected(vtk::read(text).map_err(|e| vec![e])?);
+    }
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
         values.push(value.map_err(|e| vec![format!("the file is not JSON: {e}")])?);

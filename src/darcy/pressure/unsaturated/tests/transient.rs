@@ -4,6 +4,8 @@ use super::*;
 use crate::retention::haverkamp::Haverkamp;
 use crate::{ConditionHistory, InitialWater, TransientSettings};
 use base::history::TimeTable;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 /// Weight of the water \[N/m3\].
 const WEIGHT: f64 = 1000.0 * G;
@@ -472,5 +474,46 @@ fn infiltration_of_ponded_water_into_a_linear_soil() {
         let found = report.inflow / 0.01;
         println!("{time}: {found} {exact} {}", found / exact - 1.0);
         assert!((found / exact - 1.0).abs() < 0.005, "{found} {exact}");
+    }
+}
+
+/// A request ends an interval early. From the state before it, the interval is advanced with the bits of a solution
+/// that was not interrupted.
+#[test]
+fn a_stopped_interval_is_repeated_with_the_same_bits() {
+    let grid = plane([1, 60], [0.01, 0.6]);
+    let soil = Retention::VanGenuchten(NEW_MEXICO);
+    let conductivity = conductivity(&grid, 1e-5);
+    // Number of checks after the first interval until a request.
+    let advance = |checks: Option<i64>| {
+        let patches = column(&grid, [suction(-10.0), suction(-0.75)]);
+        let settings = transient(InitialWater::PressureHead(-10.0), 3600.0);
+        let mut solver = advancing(&grid, patches, soil, settings);
+        let left = Arc::new(AtomicI64::new(i64::MAX));
+        let counter = Arc::clone(&left);
+        solver.heed(Box::new(move || counter.fetch_sub(1, Ordering::Relaxed) == 0));
+        solver.solve(still(&conductivity)).unwrap();
+        left.store(checks.unwrap_or(i64::MAX), Ordering::Relaxed);
+        let mut stopped = 0;
+        for _ in 0..2 {
+            let pressure: Vec<f64> = solver.saved().collect();
+            let water: Vec<f64> = solver.saved_water().collect();
+            if let Err(error) = solver.solve(still(&conductivity)) {
+                assert!(matches!(error, SeepageError::Stopped), "{error}");
+                stopped += 1;
+                solver.restore(&pressure).unwrap();
+                solver.restore_water(&water).unwrap();
+                solver.solve(still(&conductivity)).unwrap();
+            }
+        }
+        let bits = solver.saved().chain(solver.saved_water());
+        (stopped, bits.map(f64::to_bits).collect::<Vec<_>>())
+    };
+    let (stopped, straight) = advance(None);
+    assert_eq!(stopped, 0);
+    for checks in [0, 50] {
+        let (stopped, bits) = advance(Some(checks));
+        assert_eq!(stopped, 1, "{checks}");
+        assert!(bits == straight, "{checks}");
     }
 }

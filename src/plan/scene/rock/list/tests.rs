@@ -87,3 +87,51 @@ fn what_is_no_block_is_refused_by_its_number() {
     assert!(refused(&open).contains("block 0: half-space 0"));
     assert!(refused(&lines().replacen("\"d\":", "\"e\":", 1)).contains("block 0: faces[0]"));
 }
+
+/// Returns a unit cube over a tetrahedron in the form of UnBlocks-Gen; `faces` are the faces of the cube.
+fn grid(faces: &str) -> String {
+    let length = faces.split_whitespace().count();
+    format!(
+        "# vtk DataFile Version 3.0\nVoronoi results\nASCII\n \nDATASET UNSTRUCTURED_GRID\nPOINTS 9 float\n\
+         0 0 1\n1 0 1\n1 1 1\n0 1 1\n0 0 2\n1 0 2\n1 1 2\n0 1 2\n0 0 0\n \nCELLS 2 {}\n{length} {faces}\n\
+         4 0 1 2 8\n\nCELL_TYPES 2\n42\n10\n \nCELL_DATA 2\nSCALARS id float\nLOOKUP_TABLE default\n0\n1\n",
+        length + 6
+    )
+}
+
+/// Faces of the cube of [`grid`], in orders of both senses.
+const CUBE: &str = "6 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4 4 1 2 6 5";
+
+#[test]
+fn polyhedra_of_a_vtk_file_are_blocks() {
+    let blocks = read(&grid(CUBE)).unwrap();
+    let volumes: Vec<f64> = blocks.iter().map(|b| b.solid.shape.volume()).collect();
+    assert_relative_eq!(volumes[..], [1.0, 1.0 / 6.0][..], epsilon = 1e-14);
+    assert_relative_eq!(
+        blocks[0].solid.position,
+        Vector3::new(0.5, 0.5, 1.5),
+        epsilon = 1e-14
+    );
+}
+
+#[test]
+fn polyhedra_that_are_no_blocks_are_refused_by_their_number() {
+    // A face that is pressed in to the point (0, 0, 0), outside the cube, and a face that is missing.
+    let dented = "6 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4 4 1 2 6 8";
+    let cases = [
+        (grid("5 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4"), "cell 0: the polyhedron is not convex"),
+        (grid(dented), "cell 0: the polyhedron is not convex"),
+        (grid("6 4 0 1 2 3"), "cell 0: the list of its faces is incomplete"),
+        (grid(&CUBE.replace("2 6 5", "2 6 9")), "cell 0: there is no point 9"),
+        (grid(CUBE).replace("\n42\n", "\n12\n"), "cell 0: cells of type 12 are not read"),
+        (grid(CUBE).replace("ASCII", "BINARY"), "a binary VTK file is not read"),
+        (grid(CUBE).replace("UNSTRUCTURED_GRID", "POLYDATA"), "not POLYDATA"),
+        (grid(CUBE).replace("CELL_TYPES 2\n42\n10\n", ""), "`CELL_DATA` where `CELL_TYPES` is expected"),
+        (grid(CUBE).replace("0 0 1\n", "0 0 x\n"), "`x` where a coordinate is expected"),
+    ];
+    for (text, expected) in cases {
+        let errors = read(&text).unwrap_err();
+        assert_eq!(errors.len(), 1, "{errors:?}");
+        assert!(errors[0].contains(expected), "{errors:?}, not {expected}");
+    }
+}
