@@ -131,16 +131,22 @@ idle_share() {
 
 # Refuses on a busy machine; notes the idle share for the header.
 quiet() {
-  local idle
-  idle=$(idle_share)
-  echo "$idle" >>"$work/idle"
-  if awk -v i="$idle" 'BEGIN { exit !(i < 0.95) }'; then
-    if [ "$busy_ok" -eq 0 ]; then
-      echo "beside_peers: the machine is busy (only $idle of its time was idle over 2 s): end the other work, or measure all the same with --busy-ok" >&2
-      return 1
+  local idle try
+  for ((try = 1; try <= 15; try++)); do
+    idle=$(idle_share)
+    if awk -v i="$idle" 'BEGIN { exit !(i >= 0.95) }'; then
+      echo "$idle" >>"$work/idle"
+      return 0
     fi
-    : >"$work/busy"
+    [ "$busy_ok" -eq 0 ] || break
+    sleep 2
+  done
+  if [ "$busy_ok" -eq 0 ]; then
+    echo "beside_peers: the machine is busy (only $idle of its time was idle over 2 s, and no more for a minute): end the other work, or measure all the same with --busy-ok" >&2
+    return 1
   fi
+  echo "$idle" >>"$work/idle"
+  : >"$work/busy"
 }
 
 # field KEY[.INDEX] <JSON: a value of the last line or of the whole text.
