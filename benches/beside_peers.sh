@@ -129,7 +129,7 @@ idle_share() {
     printf "%.3f\n", (all > 0) ? idle / all : 1 }'
 }
 
-# Refuses on a busy machine; notes the idle share for the header.
+# Waits for an idle machine, refuses after a minute, and notes the idle share for the header.
 quiet() {
   local idle try
   for ((try = 1; try <= 15; try++)); do
@@ -353,7 +353,7 @@ row_P4() {
 row_P5() {
   local model=(--set fluid.lattice_boltzmann.storage=f32) peer_model=(--precision mixed)
   row_3d P-5 "D3Q27 MRT $edge^3, f32 at rest, loop of the whole program" 1.0 1.3
-  model=(--set fluid.lattice_boltzmann.arithmetic=f32) peer_model=(--precision single)
+  model=(--set fluid.lattice_boltzmann.storage=f32 --set fluid.lattice_boltzmann.arithmetic=f32) peer_model=(--precision single)
   row_3d P-5 "D3Q27 MRT $edge^3, arithmetic in f32, loop of the whole program" 1.0 1.3
 }
 
