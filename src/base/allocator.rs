@@ -15,7 +15,11 @@
 //! static ALLOCATOR: base::allocator::Allocator = base::allocator::Allocator;
 //! ```
 
+#[cfg(not(miri))]
 use mimalloc::MiMalloc;
+// Miri calls no functions of other languages.
+#[cfg(miri)]
+use std::alloc::System as MiMalloc;
 use std::alloc::{GlobalAlloc, Layout};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -71,8 +75,8 @@ pub fn map(bytes: usize) -> *mut u8 {
         return std::ptr::null_mut();
     };
     let mut start = anonymous(room);
-    // Kernels before 6.7 do not align the mapping.
-    if !start.is_null() && !start.addr().is_multiple_of(HUGE) {
+    // Kernels before 6.7 do not align the mapping. Miri cannot release a part of a mapping, and has no pages.
+    if !cfg!(miri) && !start.is_null() && !start.addr().is_multiple_of(HUGE) {
         // SAFETY: this mapping was made above and no other code uses it.
         unsafe { release(start, room) };
         start = anonymous(room.saturating_add(HUGE));
@@ -86,7 +90,7 @@ pub fn map(bytes: usize) -> *mut u8 {
             }
         }
     }
-    #[cfg(target_os = "linux")]
+    #[cfg(all(target_os = "linux", not(miri)))]
     if !start.is_null() {
         // SAFETY: this is advice on our own mapping; a failure is harmless.
         unsafe {

@@ -211,7 +211,7 @@ impl<Sp: Space> Seepage<Sp> {
             balance: Balance::default(),
             extremes: None,
             parts: Parts::default(),
-            sums: Sums::new(n),
+            sums: Sums::default(),
             moist: Moist::default(),
             may_stop: false,
             kept: Vec::new(),

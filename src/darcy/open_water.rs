@@ -166,7 +166,8 @@ pub struct OpenWater {
     free: Vec<f64>,
     /// Boundaries of open water at the lower and the upper face of each cell along each axis.
     faces: Vec<[[Face; 2]; 3]>,
-    /// Length over which the void of a cell extends along each axis \[m\].
+    /// Length over which the void of a cell extends along each axis \[m\]; empty as long as no cell is open, as are the
+    /// losses and channels.
     lengths: Vec<[f64; 3]>,
     /// Inertial loss of a void along each axis over `rho u^2` \[1/m\], and the degree to which both its ends are
     /// those of a stream.
@@ -193,9 +194,9 @@ impl OpenWater {
             open: vec![0.0; n],
             free: vec![1.0; n],
             faces: (0..n).map(of_cell).collect(),
-            lengths: vec![[0.0; 3]; n],
-            losses: vec![[(0.0, 0.0); 3]; n],
-            ducts: vec![[Duct::new(longest, longest); 3]; n],
+            lengths: Vec::new(),
+            losses: Vec::new(),
+            ducts: Vec::new(),
             longest,
         }
     }
@@ -206,7 +207,7 @@ impl OpenWater {
         self.open[cell]
     }
 
-    /// Returns the channel along an axis at a cell.
+    /// Returns the channel along an axis at an open cell.
     #[must_use]
     pub fn duct(&self, cell: usize, axis: usize) -> Duct {
         self.ducts[cell][axis]
@@ -224,6 +225,11 @@ impl OpenWater {
         if !any {
             return false;
         }
+        let cells = self.open.len();
+        self.lengths.resize(cells, [0.0; 3]);
+        self.losses.resize(cells, [(0.0, 0.0); 3]);
+        let longest = Duct::new(self.longest, self.longest);
+        self.ducts.resize(cells, [longest; 3]);
         for axis in 0..self.grid.dimension {
             self.measure_lengths(openness, axis);
         }

@@ -74,9 +74,9 @@ pub struct Pores {
     mean: MeanDiameter,
     /// Unit in which diameters are summed \[m\].
     unit: f64,
-    /// Sums per cell, in steps of 2^-62: solid volume over that of the cell, sum w d^(k+1), sum w d^k.
-    sums: Vec<[i128; 3]>,
-    words: Vec<u128>,
+    /// Sums per cell as signed integers in steps of 2^-62: solid volume over that of the cell, sum w d^(k+1),
+    /// sum w d^k. Empty as long as there is no grain.
+    sums: Vec<[u128; 3]>,
     porosity: Vec<f64>,
     diameter: Vec<f64>,
     mean_diameter: f64,
@@ -96,8 +96,7 @@ impl Pores {
             method,
             mean,
             unit,
-            sums: vec![[0; 3]; n],
-            words: vec![0; 3 * n],
+            sums: Vec::new(),
             porosity: vec![1.0; n],
             diameter: vec![0.25 * unit; n],
             mean_diameter: 0.25 * unit,
@@ -136,15 +135,23 @@ impl Pores {
         let volume = measure(self.grid.dimension, radius) / self.grid.volume();
         let d = 2.0 * radius / self.unit;
         let weight = d.powi(self.mean.power());
+        self.allocate();
         let mut finite = centre.iter().all(|x| x.is_finite());
         for &(cell, part) in parts {
             let terms = [part * volume, part * weight * d, part * weight];
             for (sum, term) in self.sums[cell].iter_mut().zip(terms) {
                 finite &= term.abs() < 2.0;
-                *sum += i128::from(quantise(term));
+                *sum = sum.wrapping_add(i128::from(quantise(term)).cast_unsigned());
             }
         }
         self.finite &= finite;
+    }
+
+    /// Allocates the sums if that was not done before.
+    fn allocate(&mut self) {
+        if self.sums.is_empty() {
+            self.sums.resize(self.grid.count(), [0; 3]);
+        }
     }
 
     /// Sums over the ranks and derives porosity and diameters. Collective.
@@ -156,18 +163,23 @@ impl Pores {
         openness: &Openness,
         communicator: &Communicator,
     ) -> Result<(), super::SeepageError> {
-        if !communicator.all_true(self.finite) {
-            return Err(super::SeepageError::NotFinite("a grain"));
+        let state = match (self.finite, self.sums.is_empty()) {
+            (false, _) => 2,
+            (true, false) => 1,
+            (true, true) => 0,
+        };
+        match communicator.all_reduce_max_u64(state) {
+            0 => {}
+            1 => {
+                self.allocate();
+                communicator.all_reduce_sum_u128s(self.sums.as_flattened_mut());
+            }
+            _ => return Err(super::SeepageError::NotFinite("a grain")),
         }
-        for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
-            *words = sums.map(i128::cast_unsigned);
-        }
-        communicator.all_reduce_sum_u128s(&mut self.words);
         let mut all = [0_i128; 2];
-        for (words, sums) in self.words.as_chunks::<3>().0.iter().zip(&mut self.sums) {
-            *sums = words.map(u128::cast_signed);
-            all[0] += sums[1];
-            all[1] += sums[2];
+        for sums in &self.sums {
+            all[0] += sums[1].cast_signed();
+            all[1] += sums[2].cast_signed();
         }
         let mean = |upper: i128, lower: i128| {
             (lower > SLIVER).then(|| self.unit * (real(upper) / real(lower)))
@@ -175,7 +187,9 @@ impl Pores {
         if let Some(d) = mean(all[0], all[1]) {
             self.mean_diameter = d;
         }
-        for (cell, sums) in self.sums.iter().enumerate() {
+        for cell in 0..self.porosity.len() {
+            let sums = self.sums.get(cell).copied().unwrap_or_default();
+            let sums = sums.map(u128::cast_signed);
             let solid = real(sums[0]) * STEP;
             self.porosity[cell] = if openness.blocked(cell) {
                 0.0
@@ -202,7 +216,8 @@ impl Pores {
     /// Returns the volume of the grains in a cell \[m3; m2 in 2-D\].
     #[must_use]
     pub fn solid_volume(&self, cell: usize) -> f64 {
-        real(self.sums[cell][0]) * STEP * self.grid.volume()
+        let volume = self.sums.get(cell).map_or(0, |sums| sums[0].cast_signed());
+        real(volume) * STEP * self.grid.volume()
     }
 }
 

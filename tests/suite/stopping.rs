@@ -404,12 +404,13 @@ fn a_stop_is_heard_within_an_interval_of_seepage() {
     let study = Study::from_example(
         "drawdown",
         &[
-            ("fluid.darcy.grid.cells", "[500, 40]"),
-            ("time.solid_time_step", "216000"),
-            ("time.end", "648000"),
-            ("checkpoint.every", "216000"),
-            ("probes[0].every", "216000"),
-            ("output.fluid.every", "216000"),
+            ("fluid.darcy.grid.cells", "[200, 10]"),
+            ("time.solid_time_step", "144000"),
+            ("time.end", "432000"),
+            ("checkpoint.every", "144000"),
+            ("probes[0].every", "144000"),
+            ("probes[1].every", "432000"),
+            ("output.fluid.every", "432000"),
         ],
     );
     study.run("straight", 1, 1, &[]);

@@ -80,7 +80,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Returns the flux past the grains of a cell \[m/s\].
     pub(super) fn slip(&self, cell: usize) -> [f64; 3] {
-        let (flux, sum) = (self.water.flux[cell], &self.sums.cells()[cell]);
+        let (flux, sum) = (self.water.flux[cell], self.sums.cell(cell));
         if self.settings.moves() {
             let mean = sum.mean();
             std::array::from_fn(|a| flux[a] - mean[a])
@@ -101,7 +101,7 @@ impl<Sp: Space> Seepage<Sp> {
         if !self.settings.moves() {
             return -friction;
         }
-        let sum = &self.sums.cells()[cell];
+        let sum = self.sums.cell(cell);
         let gradient = water.gradient[cell][axis];
         let drag = sum.drag[axis] * flux - sum.held[axis] + sum.pushed[axis] * gradient;
         (1.0 - water.coupled[cell]) * drag - friction

@@ -217,7 +217,7 @@ pub(super) fn load<Sp: Space>(
 }
 
 /// Sums over the parts of grains in a cell, along each axis; `w` is the fraction, `b` reaction times answer.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Sum {
     /// `sum w b`: ratio of reaction to flux \[kg/s\].
     pub(super) drag: [f64; 3],
@@ -247,35 +247,43 @@ impl Sum {
     }
 }
 
-/// Sums of all cells as integers, which do not depend on the order of grains or ranks.
-#[derive(Debug)]
+/// Sums of a cell without grains.
+const EMPTY: Sum = Sum {
+    drag: [0.0; 3],
+    held: [0.0; 3],
+    moving: [0.0; 3],
+    with_flux: [0.0; 3],
+    with_gradient: [0.0; 3],
+    pushed: [0.0; 3],
+};
+
+/// Sums of all cells as integers, which do not depend on the order of grains or ranks. All are empty as long as there
+/// is no grain.
+#[derive(Debug, Default)]
 pub(super) struct Sums {
-    sums: Vec<[i128; NUMBERS]>,
-    words: Vec<u128>,
+    /// Signed integers.
+    words: Vec<[u128; NUMBERS]>,
     cells: Vec<Sum>,
 }
 
 impl Sums {
-    /// Returns the sums of a number of cells without grains.
-    pub(super) fn new(cells: usize) -> Self {
-        Self {
-            sums: vec![[0; NUMBERS]; cells],
-            words: vec![0; NUMBERS * cells],
-            cells: vec![Sum::default(); cells],
-        }
+    /// Returns the sums of a cell.
+    pub(super) fn cell(&self, cell: usize) -> &Sum {
+        self.cells.get(cell).unwrap_or(&EMPTY)
     }
 
-    /// Returns the sums of all cells.
-    pub(super) fn cells(&self) -> &[Sum] {
-        &self.cells
+    /// Removes the sums of all cells, where no rank has a grain.
+    pub(super) fn clear(&mut self) {
+        self.cells.clear();
     }
 
-    /// Sums the terms of all grains over the ranks. Collective.
+    /// Sums the terms of all grains over the ranks, for a number of cells. Collective.
     ///
     /// # Errors
     /// If a velocity or a coefficient is not finite; the same on every rank.
     pub(super) fn fill(
         &mut self,
+        count: usize,
         shares: &[Share],
         communicator: &Communicator,
     ) -> Result<(), darcy::SeepageError> {
@@ -300,24 +308,20 @@ impl Sums {
             per_unit[n] = 1.0 / units[n];
         }
         let scales: [f64; NUMBERS] = std::array::from_fn(|n| per_unit[n / 3]);
-        self.sums.fill([0; NUMBERS]);
+        self.words.clear();
+        self.words.resize(count, [0; NUMBERS]);
         for share in shares {
             for ((cell, _), numbers) in share.parts.iter().zip(&share.numbers) {
-                let sums = &mut self.sums[*cell];
+                let words = &mut self.words[*cell];
                 for n in 0..NUMBERS {
-                    sums[n] += i128::from(quantise(numbers[n] * scales[n]));
+                    let whole = i128::from(quantise(numbers[n] * scales[n]));
+                    words[n] = words[n].wrapping_add(whole.cast_unsigned());
                 }
             }
         }
-        for (words, sums) in self.words.as_chunks_mut().0.iter_mut().zip(&self.sums) {
-            *words = sums.map(i128::cast_unsigned);
-        }
-        communicator.all_reduce_sum_u128s(&mut self.words);
-        for (cell, words) in self
-            .cells
-            .iter_mut()
-            .zip(self.words.as_chunks::<NUMBERS>().0)
-        {
+        communicator.all_reduce_sum_u128s(self.words.as_flattened_mut());
+        self.cells.resize(count, EMPTY);
+        for (cell, words) in self.cells.iter_mut().zip(&self.words) {
             let kind = |kind: usize| -> [f64; 3] {
                 std::array::from_fn(|a| {
                     real(words[3 * kind + a].cast_signed()) * (STEP * units[kind])

@@ -121,7 +121,7 @@ impl<Sp: Space> Seepage<Sp> {
     fn weigh(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
-            let (slip, drag) = (size(self.slip(cell)), self.sums.cells()[cell].drag[0]);
+            let (slip, drag) = (size(self.slip(cell)), self.sums.cell(cell).drag[0]);
             let volume = self.openness.volume(cell);
             let loss = if drag > 0.0 {
                 drag * slip / volume
@@ -320,7 +320,7 @@ impl<Sp: Space> Seepage<Sp> {
             };
             let volume = self.openness.volume(cell);
             let pores = self.pores.porosity()[cell].max(LEAST_PORES) * volume;
-            let (sum, coupled) = (&self.sums.cells()[cell], water.coupled[cell]);
+            let (sum, coupled) = (self.sums.cell(cell), water.coupled[cell]);
             let weight = coupled * f64::from(u8::from(moves));
             let mut along = [0.0; 3];
             for a in 0..dimension {
@@ -378,7 +378,7 @@ impl<Sp: Space> Seepage<Sp> {
                 water.still.copy_from_slice(&water.friction_next);
             }
             self.permeate();
-            self.sum(particles)?;
+            self.sum(particles, grains)?;
             self.conduct();
             if self.water.directed {
                 self.pressure.set_directions(&self.water.ratios);
@@ -446,14 +446,19 @@ impl<Sp: Space> Seepage<Sp> {
         self.parts.shares = shares;
     }
 
-    /// Computes terms and sums of the grains, if they move with the water.
-    fn sum(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
+    /// Computes terms and sums of the grains, if they move with the water; `grains` is their number on all ranks.
+    fn sum(&mut self, particles: &ParticlesView<'_, Sp>, grains: u64) -> Result<(), Error> {
         if !self.settings.moves() {
             return Ok(());
         }
+        if grains == 0 {
+            self.sums.clear();
+            return Ok(());
+        }
         self.answer(particles);
+        let cells = self.openness.grid.count();
         self.sums
-            .fill(&self.parts.shares, &self.communicator)
+            .fill(cells, &self.parts.shares, &self.communicator)
             .map_err(failed)
     }
 
@@ -499,7 +504,7 @@ impl<Sp: Space> Seepage<Sp> {
         if self.pores.solid_volume(cell) <= 0.0 || !self.settings.moves() {
             return 0.0;
         }
-        let sum: &Sum = &self.sums.cells()[cell];
+        let sum: &Sum = self.sums.cell(cell);
         let mean = sum.mean();
         let slip = |flux: [f64; 3]| std::array::from_fn(|a| flux[a] - mean[a]);
         let (used, new): ([f64; 3], [f64; 3]) = (slip(ground.flux), slip(found));
