@@ -119,6 +119,8 @@ impl Clock {
     }
 }
 
+/// Ratio of the end of the last step to the stated end above which a run warns.
+const LATE: f64 = 1.05;
 /// Maximum number of steps; more would never complete.
 const MOST_STEPS: f64 = 1e13;
 
@@ -360,6 +362,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         );
         return None;
     }
+    check_end(scene, (time_step, total), solid_steps, findings);
     let warm_up_steps = match time.warm_up {
         Some(WarmUp::FluidOnly { at_most, .. }) if at_most / time_step <= MOST_STEPS => {
             steps(at_most / time_step)
@@ -382,6 +385,40 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         critical_solid_time_step: critical.map(|c| c.time_step),
         warm_up_steps,
     })
+}
+
+/// Warns if the last of a few long steps ends clearly after the end of the run. `total` is the number of steps, not
+/// rounded.
+fn check_end(
+    scene: &Scene,
+    (time_step, total): (f64, f64),
+    solid_steps: u32,
+    findings: &mut Findings,
+) {
+    let time = &scene.time;
+    let steps = total.ceil().max(1.0);
+    let steady = scene
+        .seepage
+        .as_ref()
+        .is_some_and(|one| !one.is_transient());
+    if steps <= LATE * total || steady && !scene.has_solids() {
+        return;
+    }
+    let fitting = time.end / steps / f64::from(solid_steps);
+    let remedy = match time.solid_time_step {
+        Some(_) => Remedy::from(format!("use a solid time step of {} s", number(fitting)))
+            .set("time.solid_time_step", at_most(fitting)),
+        None => Remedy::from("use an end that is a whole number of steps".to_owned()),
+    };
+    findings.warn(
+        "time.end",
+        format!(
+            "the run has {steps} step(s) of {} s and ends at {} s",
+            number(time_step),
+            number(steps * time_step)
+        ),
+        remedy,
+    );
 }
 
 /// Returns the solid steps in a step of the fluid; none if there would be too many.

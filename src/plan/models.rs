@@ -529,8 +529,8 @@ impl Choices<'_> {
             self.add(
                 "impact of a loose block",
                 format!("at most {} m/s, overlap {} of the radius", number(speed), number(part)),
-                "after a fall to the end of the domain; which blocks come loose is not known before the run, which stops \
-                 above `guards.max_overlap`",
+                "after a fall to the end of the domain; which blocks come loose is not known before the run, which \
+                 stops above `guards.max_overlap`",
             );
         }
         if table.model().bridges() {

@@ -263,7 +263,10 @@ impl Watch {
 
     /// Returns a check for requests to stop on this rank, for work that may take longer than a step should: signals,
     /// and on the first rank STOP files and the walltime.
-    pub fn stop_requests(&self, communicator: &Communicator) -> Box<dyn Fn() -> bool + Send + Sync> {
+    pub fn stop_requests(
+        &self,
+        communicator: &Communicator,
+    ) -> Box<dyn Fn() -> bool + Send + Sync> {
         let (signals, start, cost) = (self.signals, self.start, Arc::clone(&self.cost));
         let (files, limit) = if communicator.rank() == 0 {
             (self.files.clone(), self.limit)

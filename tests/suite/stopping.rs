@@ -405,7 +405,7 @@ fn a_stop_is_heard_within_an_interval_of_seepage() {
         "drawdown",
         &[
             ("fluid.darcy.grid.cells", "[200, 10]"),
-            ("time.solid_time_step", "144000"),
+            ("time.solid_time_step", "14400"),
             ("time.end", "432000"),
             ("checkpoint.every", "144000"),
             ("probes[0].every", "144000"),

@@ -176,7 +176,13 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     fn run(&mut self) -> Result<Pause, Error> {
         self.watch.steps_begin();
         let communicator = self.simulation.now.domain.communicator().clone();
-        if let Some(seepage) = self.simulation.now.flow.as_mut().and_then(Water::seepage_mut) {
+        if let Some(seepage) = self
+            .simulation
+            .now
+            .flow
+            .as_mut()
+            .and_then(Water::seepage_mut)
+        {
             seepage.heed(self.watch.stop_requests(&communicator));
         }
         let steps = self.simulation.now.plan.clock.steps;

@@ -119,15 +119,39 @@ fn polyhedra_that_are_no_blocks_are_refused_by_their_number() {
     // A face that is pressed in to the point (0, 0, 0), outside the cube, and a face that is missing.
     let dented = "6 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4 4 1 2 6 8";
     let cases = [
-        (grid("5 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4"), "cell 0: the polyhedron is not convex"),
+        (
+            grid("5 4 0 1 2 3 4 4 5 6 7 4 0 1 5 4 4 3 2 6 7 4 0 3 7 4"),
+            "cell 0: the polyhedron is not convex",
+        ),
         (grid(dented), "cell 0: the polyhedron is not convex"),
-        (grid("6 4 0 1 2 3"), "cell 0: the list of its faces is incomplete"),
-        (grid(&CUBE.replace("2 6 5", "2 6 9")), "cell 0: there is no point 9"),
-        (grid(CUBE).replace("\n42\n", "\n12\n"), "cell 0: cells of type 12 are not read"),
-        (grid(CUBE).replace("ASCII", "BINARY"), "a binary VTK file is not read"),
-        (grid(CUBE).replace("UNSTRUCTURED_GRID", "POLYDATA"), "not POLYDATA"),
-        (grid(CUBE).replace("CELL_TYPES 2\n42\n10\n", ""), "`CELL_DATA` where `CELL_TYPES` is expected"),
-        (grid(CUBE).replace("0 0 1\n", "0 0 x\n"), "`x` where a coordinate is expected"),
+        (
+            grid("6 4 0 1 2 3"),
+            "cell 0: the list of its faces is incomplete",
+        ),
+        (
+            grid(&CUBE.replace("2 6 5", "2 6 9")),
+            "cell 0: there is no point 9",
+        ),
+        (
+            grid(CUBE).replace("\n42\n", "\n12\n"),
+            "cell 0: cells of type 12 are not read",
+        ),
+        (
+            grid(CUBE).replace("ASCII", "BINARY"),
+            "a binary VTK file is not read",
+        ),
+        (
+            grid(CUBE).replace("UNSTRUCTURED_GRID", "POLYDATA"),
+            "not POLYDATA",
+        ),
+        (
+            grid(CUBE).replace("CELL_TYPES 2\n42\n10\n", ""),
+            "`CELL_DATA` where `CELL_TYPES` is expected",
+        ),
+        (
+            grid(CUBE).replace("0 0 1\n", "0 0 x\n"),
+            "`x` where a coordinate is expected",
+        ),
     ];
     for (text, expected) in cases {
         let errors = read(&text).unwrap_err();

@@ -97,7 +97,9 @@ impl<'t, W: Iterator<Item = &'t str>> Words<'t, W> {
         if word.eq_ignore_ascii_case(keyword) {
             Ok(())
         } else {
-            Err(format!("the VTK file has `{word}` where `{keyword}` is expected"))
+            Err(format!(
+                "the VTK file has `{word}` where `{keyword}` is expected"
+            ))
         }
     }
 
