@@ -66,12 +66,12 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
 /// Closed ends of a seepage and the distance to which an estimate moves them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FarEnds {
-    /// Axis on which they lie.
+    /// Axis along which the ends close the model.
     pub axis: usize,
     /// Distance of the lower and the upper end from the nearest edge of an imposed head \[m\]; none for an open
     /// end.
     pub distances: [Option<f64>; 2],
-    /// Distance beyond which they reduce the discharge by less than 1 % \[m\]; 0 if the leakage length is not
+    /// Distance beyond which the ends reduce the discharge by less than 1 % \[m\]; 0 if the leakage length is not
     /// known.
     pub enough: f64,
 }
@@ -256,7 +256,7 @@ mod tests {
         plan.warnings
     }
 
-    /// T = 4e-3 m2/s under D/k = 2/4e-6 s: a leakage length of 44.7 m.
+    /// Checks a layer with T = 4e-3 m2/s under a cover with D/k = 2/4e-6 s: a leakage length of 44.7 m.
     #[test]
     fn the_plan_names_the_leakage_length_of_a_dam() {
         let near = warnings(40.0);

@@ -21,7 +21,7 @@ use base::error::Remedy;
 use lbm::collision::Operator;
 use serde_json::json;
 
-/// Factor by which a value written with few digits may pass its bound.
+/// Factor by which a value written with few digits may exceed its bound.
 const SLACK: f64 = 1.0 + 1e-6;
 
 /// Limits of the cell Reynolds number: the largest value up to which all runs of a map were stable, and the
@@ -253,7 +253,7 @@ mod tests {
         assert!(found(&held).is_empty());
     }
 
-    /// Rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
+    /// Checks rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
     #[test]
     fn a_stream_is_judged_by_a_map_of_streams() {
         let unstable = |cell: f64, operator: &str, eddies: bool| {

@@ -296,7 +296,7 @@ fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), spee
 struct Impact<'a> {
     one: &'a Moving,
     speed: f64,
-    /// Part of the speed that comes from a fall.
+    /// Part of the speed gained in a fall [m/s].
     fall: f64,
     /// Overlap divided by the radius.
     part: f64,

@@ -81,7 +81,7 @@ pub struct Plan {
     pub warnings: Vec<Problem>,
     /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
-    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    /// The case as compact JSON, with sorted keys, without annotations and with `--set` applied.
     #[serde(skip)]
     pub case_text: String,
     /// blake3 of [`Plan::case_text`], in hexadecimal.
@@ -438,8 +438,8 @@ fn solid_steps_in_flow(
     })
 }
 
-/// Returns the time step without a fluid of its own step, and the solid steps in it: those between two solutions of a
-/// seepage.
+/// Returns the time step of a scene without a lattice, and the number of solid steps in it: in seepage, those between
+/// two solutions.
 fn dry_step(
     scene: &Scene,
     allowed: Option<f64>,

@@ -113,7 +113,7 @@ pub struct Scene {
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Name.
+    /// Name of the material.
     pub name: String,
     /// Density [kg/m3]; required for free motion.
     pub density: Option<f64>,

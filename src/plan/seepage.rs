@@ -108,7 +108,7 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     }
 }
 
-/// Reports heads relative to another level than the origin, and gravity with the wrong sign.
+/// Reports heads relative to a level other than the origin, and gravity with the wrong sign.
 fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let (gravity, dimension) = (scene.gravity, scene.grid.dimension);
     let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();

@@ -20,18 +20,18 @@ use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::{ContactModel, Depth, StaticContact};
 
-/// Part of the radius from which on an overlap is no longer small.
+/// Fraction of the radius above which an overlap is no longer small.
 const LARGE: f64 = 0.1;
 
 /// A contact of two equal grains under a force.
 struct Pressed {
     /// Overlap \[m\].
     overlap: f64,
-    /// Normal stiffness there [N/m].
+    /// Normal stiffness at this overlap [N/m].
     stiffness: f64,
-    /// Stiffness that the law expects [N/m].
+    /// Stiffness for which the contact law was set up [N/m].
     expected: f64,
-    /// Speed of the impact that presses as deep [m/s]; none for springs that do not harden.
+    /// Speed of the impact that causes this overlap [m/s]; none for springs that do not harden.
     speed: Option<f64>,
 }
 
@@ -71,7 +71,8 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     }
 }
 
-/// Compares the contacts under servo walls with what contacts and solid step allow.
+/// Compares the contacts under servo walls with the overlap that the contact law allows and with the stiffness for
+/// which the solid step was chosen.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let Some(contact) = &scene.contact else {
         return;

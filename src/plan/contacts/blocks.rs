@@ -122,7 +122,7 @@ impl Block<'_> {
     }
 
     /// Returns points of a face with weights that integrate quadratic functions exactly: the edge midpoints of its
-    /// triangles. A single point if springs do not grow with the area.
+    /// triangles. A single point suffices if springs do not grow with the area.
     fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
         let corners: Vec<Vector3<f64>> = self
             .shape

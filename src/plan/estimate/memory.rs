@@ -27,7 +27,7 @@ const SATURATED: f64 = 8.0;
 const COVERED: f64 = 100.0;
 /// Memory per cell for owner and mark, if solids use links \[bytes\].
 const LINKED: f64 = 8.0;
-/// Ghost layers of that map.
+/// Number of ghost layers of the map of owners.
 const MAP_GHOSTS: f64 = 4.0;
 /// Memory of the links of a cell at the surface of a solid \[bytes\].
 const SURFACE: f64 = 300.0;

@@ -39,7 +39,7 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// Returns all phases together \[s\].
+    /// Returns the sum of the times of all phases \[s\].
     #[must_use]
     pub fn sum(&self) -> f64 {
         self.start_and_end
@@ -146,7 +146,7 @@ pub struct Parts {
     pub covered: f64,
     /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
     pub linked: f64,
-    /// Cost of the map of such a cell, of a grain in a bed and of another solid.
+    /// Cost of mapping a cell at the surface of a grain in a bed, and of another solid.
     pub mapped: [f64; 2],
     /// Cost of the solid steps of a grain or round body, and of a block.
     pub solid: [f64; 2],

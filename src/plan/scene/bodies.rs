@@ -15,7 +15,7 @@ use serde::Serialize;
 /// Named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NamedBody {
-    /// Name.
+    /// Name of the body.
     pub name: String,
     /// Radius \[m\]; for a polyhedron that of the enclosing sphere about its centroid.
     pub radius: f64,

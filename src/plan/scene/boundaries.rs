@@ -27,11 +27,11 @@ pub struct ScenePatch {
     /// Lower and upper ends along each axis, in cells: those of its cells, except for an imposed velocity, which
     /// may end within a cell.
     pub ends: [[f64; 2]; 3],
-    /// `true` for the faces of the domain that are walls, by axis, lower face first.
+    /// For each axis, lower face first: `true` if the face of the domain is a wall.
     pub walls: [[bool; 2]; 3],
     /// Condition imposed on these cells.
     pub condition: Condition,
-    /// Position in the list of boundaries of the case; none for a default wall.
+    /// Index in the list of boundaries of the case; none for a default wall.
     pub index: Option<usize>,
 }
 
@@ -178,7 +178,7 @@ fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<ScenePatch>; 6] {
     faces
 }
 
-/// Returns a whole face as a wall without a name.
+/// Returns a patch that covers a whole face as a wall without a name.
 fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> ScenePatch {
     let mut to = grid.cells;
     to[face.axis()] = 1;
@@ -282,7 +282,7 @@ const AT_FACE: f64 = 1e-6;
 /// Fraction of the width of an opening by which an end may be moved to a face between cells without a warning.
 const MOVES: f64 = 0.02;
 
-/// Warns of an opening whose ends lie between faces of cells, as it is made as wide as its cells.
+/// Warns of an opening whose ends lie between faces of cells, because its width is rounded to whole cells.
 fn moved(
     grid: &Grid,
     patch: &ScenePatch,

@@ -155,7 +155,7 @@ fn find(
     found
 }
 
-/// Returns the wall of a probe of a wall.
+/// Returns the wall that a wall probe measures.
 fn loaded<'a>(probe: &Probe, walls: &'a [SceneWall]) -> Option<&'a SceneWall> {
     match probe.at {
         ProbeAt::WallLoad { wall, .. } => walls.get(wall),
@@ -163,7 +163,8 @@ fn loaded<'a>(probe: &Probe, walls: &'a [SceneWall]) -> Option<&'a SceneWall> {
     }
 }
 
-/// Refuses answers without a lateral stress that need one, two kinds of it, and a test without answers.
+/// Refuses answers that need a lateral stress if none is measured, two kinds of lateral stress, and a test without
+/// answers.
 fn check_answers(case: &Case, test: &ElementTest, findings: &mut Findings) {
     let sides = !test.lateral.is_empty();
     if sides && test.inside.is_some() {

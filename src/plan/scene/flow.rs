@@ -41,7 +41,7 @@ pub struct Flow {
     pub storage: Precision,
     /// Precision of the collisions.
     pub arithmetic: Precision,
-    /// Device that it runs on.
+    /// Device that computes the fluid.
     pub device: Device,
     /// Time step \[s\].
     pub time_step: f64,
@@ -207,8 +207,8 @@ struct FixedStep {
     by: &'static str,
 }
 
-/// Returns the time step from the way that the case uses to state it; if it states none, a placeholder until the
-/// speeds are known.
+/// Returns the time step from the fields by which the case states it; if it states none, a placeholder until the speeds
+/// are known.
 fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
     let ways = [
         ("relaxation_time", lbm.relaxation_time),

@@ -81,13 +81,13 @@ impl Grains {
 pub struct Cloud {
     /// Name of the layer; none for the first cloud.
     pub name: Option<String>,
-    /// The box.
+    /// Box in which the grains start.
     pub block: AlignedBox,
-    /// Sizes.
+    /// Grading of the grains.
     pub grading: grading::Grading,
     /// Number of grains.
     pub number: usize,
-    /// Index of their material.
+    /// Index of the material of the grains.
     pub material: usize,
 }
 
@@ -96,7 +96,7 @@ pub struct Cloud {
 pub enum GrainSource {
     /// Growth of a loose cloud in a box.
     Growth {
-        /// The box.
+        /// Box in which the grains grow.
         block: AlignedBox,
         /// Number of grains.
         number: usize,
@@ -110,11 +110,11 @@ pub enum GrainSource {
         /// Other fields as written.
         deposition: WrittenDeposition,
     },
-    /// Saved sample, which is already read.
+    /// Sample that was saved in a file and is already read.
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Grains.
+        /// Grains of the file.
         #[serde(skip)]
         grains: Vec<ListedGrain>,
     },
@@ -125,7 +125,7 @@ pub enum GrainSource {
 /// Region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct MaterialZone {
-    /// Name.
+    /// Name of the zone.
     pub name: String,
     /// Lower corner \[m\]; infinite along axes without a bound.
     pub from: [f64; 3],

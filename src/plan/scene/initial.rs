@@ -74,7 +74,7 @@ pub struct Weight {
 }
 
 impl Weight {
-    /// Returns the pressure at a place \[Pa\].
+    /// Returns the pressure at a point \[Pa\].
     #[must_use]
     pub fn pressure(&self, at: [f64; 3]) -> f64 {
         let rise = |a: usize| self.force[a] * (at[a] - self.place[a]);

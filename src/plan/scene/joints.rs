@@ -52,7 +52,7 @@ pub struct JointScene {
     pub movers: usize,
     /// Memory of the network with its factors, on every rank \[bytes\].
     pub bytes: usize,
-    /// Numbers of the water in a checkpoint.
+    /// Number of values that the water in the joints adds to a checkpoint.
     pub numbers: usize,
 }
 
@@ -72,7 +72,7 @@ pub struct Counts {
 /// Mouth of the joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneMouth {
-    /// Name.
+    /// Name of the mouth.
     pub name: String,
     /// Box that contains the midpoints of its edges.
     pub block: AlignedBox,
@@ -322,7 +322,7 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Refuses what does not work with a lattice over joints.
+/// Refuses features that do not work with a lattice over joints.
 fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) {
     let Some(Fluid::LatticeBoltzmann(water)) = &case.fluid else {
         return;
@@ -427,7 +427,7 @@ fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Finding
     }
 }
 
-/// Refuses what does not work with blocks that the water moves.
+/// Refuses features that do not work with blocks that the water moves.
 fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut Findings) {
     let law = contact.and_then(|contact| contact.model().blocks());
     let damped = law.is_some_and(|law| law.mass_damping > 0.0);

@@ -77,7 +77,7 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// Length of what stands above the triangles of a binary file: a text of 80 bytes and their number.
+/// Length of the header of a binary file \[bytes\]: a text of 80 bytes and the number of triangles.
 const HEADER: usize = 84;
 
 /// Returns the corners of a binary file, which is at least as long as its number of triangles requires, whatever

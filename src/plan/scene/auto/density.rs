@@ -211,7 +211,7 @@ fn imposes_a_velocity(patch: &ScenePatch) -> bool {
 struct Inlet<'a> {
     patch: &'a ScenePatch,
     axis: usize,
-    /// JSON path of the field that determines the speed.
+    /// Speed imposed by the opening [m/s].
     speed: f64,
     /// JSON path of the field that determines the speed.
     path: String,

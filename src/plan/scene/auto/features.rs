@@ -336,8 +336,8 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// Returns the smallest width of a shape \[m\]; for a hull between a face and the corner farthest from it. None if
-/// it is not known yet.
+/// Returns the smallest width of a shape \[m\]; for a hull the smallest distance from a face to the corner farthest
+/// from it. None if the shape is known only after it is generated.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),

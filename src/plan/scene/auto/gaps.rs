@@ -373,7 +373,7 @@ impl JoinedSolids {
         (k, by)
     }
 
-    /// Joins two solids; returns the periods around the ring if this closes one.
+    /// Joins two solids; returns the periods around the ring if the joint closes a ring.
     pub(super) fn join(&mut self, one: usize, other: usize, by: [i32; 3]) -> Option<[i32; 3]> {
         let (a, of_one) = self.root(one);
         let (b, of_other) = self.root(other);

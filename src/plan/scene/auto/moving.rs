@@ -23,8 +23,8 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
 
-/// Minimum factors of the estimates over the results of runs: the sound of a start spreads, and guards check only
-/// at intervals.
+/// Minimum ratio of the estimates to the results of runs: the sound of a start spreads, and guards check only at
+/// intervals.
 const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
 const OVER: f64 = 2.5;
 const OVER_IN_A_FILM: f64 = 2.0;
@@ -212,8 +212,8 @@ mod tests {
             .collect()
     }
 
-    /// A cylinder that moves at speed U in an ideal fluid has the pressure -3/2 rho U² at its sides; a driven one
-    /// also causes the sound of its start.
+    /// Checks that a cylinder that moves at speed U in an ideal fluid has the pressure -3/2 rho U² at its sides, and
+    /// that a driven one also causes the sound of its start.
     #[test]
     fn a_driven_disc_sounds_once_and_sucks() {
         let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);

@@ -107,7 +107,7 @@ pub(crate) fn judge(
     }
 }
 
-/// Returns what of a scene no measured error covers.
+/// Returns the features and motions of a scene that no measured error covers.
 fn unmeasured(
     scene: &Scene,
     case: &Case,
@@ -152,7 +152,7 @@ fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Finding
     );
 }
 
-/// Records what the promise is for where bodies move.
+/// Records in which sense the promise holds if bodies move.
 fn qualify_bodies(scene: &mut Scene) {
     let crosses = |body: &NamedBody| {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)

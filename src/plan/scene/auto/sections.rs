@@ -32,7 +32,7 @@ pub(crate) struct Sections {
     pub(crate) friction: f64,
     /// The smallest open section: width \[m\] in 2-D, area \[m2\] in 3-D.
     pub(crate) smallest: f64,
-    /// Smallest open section divided by the whole section.
+    /// Width or area of the smallest open section, divided by that of the whole section.
     pub(crate) open: f64,
 }
 
@@ -51,9 +51,9 @@ struct Body {
 pub(crate) enum End {
     /// Wall with friction.
     Wall,
-    /// A surface without friction.
+    /// Surface without friction.
     Slip,
-    /// The other end of the line.
+    /// Periodic image of the other end of the line.
     Periodic,
 }
 

@@ -297,8 +297,8 @@ mod tests {
         assert!(covering("overlap", 1.01 * softest.value).is_none());
     }
 
-    /// A column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains
-    /// of at most 4 mm and accelerates them by (1471.19 / 159) m/s².
+    /// Column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains of at
+    /// most 4 mm and accelerates them by (1471.19 / 159) m/s².
     const COLUMN: &str = r#"{
         "accuracy": "draft",
         "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},

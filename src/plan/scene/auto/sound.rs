@@ -48,7 +48,7 @@ const PASSAGES: f64 = 4.0;
 /// Number of time constants after which the pressure upstream of a narrow passage has risen to within one per cent.
 const TIME_CONSTANTS: f64 = 4.6;
 
-/// Returns the time from which values are used \[s\]: the start of averages, or the end of the run.
+/// Returns the time at which results are used first \[s\]: the start of averages, or the end of the run.
 fn when(scene: &Scene) -> f64 {
     let averages = scene.output.averages.iter().map(|averages| averages.from);
     averages
@@ -96,7 +96,7 @@ pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 
     }
 }
 
-/// Returns the rate [1/s] of friction in boundary layers, or in layers that fill the passage.
+/// Returns the decay rate [1/s] of sound by friction in boundary layers, or in layers that fill the passage.
 fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
     let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;

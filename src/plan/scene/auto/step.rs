@@ -143,10 +143,10 @@ const OF_SOUND: f64 = 0.125;
 /// Minimum fraction of the longest time step to which it may be shortened to match sampling intervals.
 const SHORTEST: f64 = 0.75;
 
-/// Relative difference of intervals that rounding explains.
+/// Relative difference of intervals that is attributed to rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns the longest interval of which both are multiples, to rounding; it approaches 0 if there is none.
+/// Returns the longest interval of which both intervals are multiples, to rounding; it approaches 0 if there is none.
 fn common(a: f64, b: f64) -> f64 {
     let (mut long, mut short) = (a.max(b), a.min(b));
     let least = ROUNDING * long;
@@ -408,7 +408,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// Returns the size of the smallest obstacle in the water \[m\], which sheds the eddies.
+/// Returns the size of the smallest obstacle in the water \[m\], which determines the size of the eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);

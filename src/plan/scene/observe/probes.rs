@@ -110,7 +110,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
 }
 
 impl Measured<'_> {
-    /// Returns the location of a probe; none if there is nothing to measure, which is reported.
+    /// Returns the location of a probe; reports a finding and returns none if there is nothing to measure.
     fn resolve(&self, at: &Written, path: &str, findings: &mut Findings) -> Option<ProbeAt> {
         Some(match at {
             Written::Point { position } => {
@@ -242,7 +242,7 @@ impl Measured<'_> {
         }
     }
 
-    /// Returns the water balance, and refuses one of flow that does not change with time.
+    /// Returns the water balance; reports a finding if the flow does not change with time.
     fn water_balance(&self, path: &str, findings: &mut Findings) -> ProbeAt {
         let transient = match &self.case.fluid {
             Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),

@@ -29,7 +29,7 @@ pub struct Listed {
     pub solid: PlacedPolyhedron,
     /// Name of its material; none for the default material.
     pub material: Option<String>,
-    /// `true` if it never moves.
+    /// `true` if the block never moves.
     pub fixed: bool,
 }
 

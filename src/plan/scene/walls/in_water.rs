@@ -22,7 +22,7 @@ use structure::{Facets, Images};
 const SAGITTA: f64 = 0.01;
 /// Number of facets that the curved structures of a scene share: a million facets take seconds and 2 GB.
 const FACETS: usize = 400_000;
-/// Number of facets that each structure may have in any case.
+/// Number of facets that every structure may have, however many structures share the total.
 const LEAST_FACETS: usize = 1_000;
 
 /// Returns the walls of structures for grains.
