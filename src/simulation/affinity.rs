@@ -13,14 +13,13 @@ use std::env::var;
 pub(super) enum Cores {
     /// The rank has as many cores as threads.
     Enough,
-    /// The rank has enough cores now; it had this number before.
+    /// The rank has enough cores now; the number is that before the change.
     Widened(usize),
     /// The rank has only this number of cores.
     TooFew(usize),
 }
 
-/// Binds this process to at least as many cores as it will have threads; call it before threads are
-/// started.
+/// Binds this process to at least as many cores as it will have threads; must be called before threads are started.
 pub(super) fn provide(threads: usize) -> Cores {
     let Ok(before) = sched_getaffinity(None) else {
         return Cores::Enough;
@@ -135,7 +134,7 @@ mod tests {
         assert!((1..=online()).contains(&allowed()));
     }
 
-    /// On a thread of its own, since threads inherit cores.
+    /// Runs on a thread of its own, since threads inherit the cores of their parent.
     #[test]
     fn a_process_on_one_core_gets_the_cores_of_its_threads_or_says_that_it_does_not() {
         let test = || {

@@ -219,7 +219,7 @@ pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     if mean > 0.0 { mean } else { 1.0 }
 }
 
-/// Slabs of equal thickness.
+/// Returns slabs of equal thickness.
 #[must_use]
 pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
     let axis = scene.grid.split_axis;
@@ -365,7 +365,7 @@ mod tests {
         }
     }
 
-    /// A long block costs what it covers, which is a small part of the sphere about it.
+    /// Checks that the cost of a long block is that of the cells that it covers, a small part of its enclosing sphere.
     #[test]
     fn a_block_costs_its_own_volume_and_surface() {
         let text = r#"{"title": "block", "domain": {"size": [0.4, 0.1, 0.1], "spacing": 0.005, "split": "x"},

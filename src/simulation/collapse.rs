@@ -52,7 +52,7 @@ struct Left {
     mass: f64,
 }
 
-/// The state of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
+/// State of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CollapseState {
     start: Option<Start>,
@@ -68,7 +68,7 @@ pub struct CollapseState {
     last_row: Option<u64>,
 }
 
-/// The tables of rank 0.
+/// Tables that rank 0 writes.
 #[derive(Debug, Default)]
 struct Tables {
     rows: Option<Table>,
@@ -132,7 +132,7 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
-    /// Returns `true` if there is anything to measure; the measurement reads up-to-date ghosts.
+    /// Returns `true` if there is anything to measure; the measurement needs current ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.asked.is_some()

@@ -71,12 +71,12 @@ struct Start {
     diameter: f64,
     /// Solid fraction of the grains next to the hole, from the radii of the grains.
     packing: f64,
-    /// Mean contacts and bonds per grain.
+    /// Mean numbers of contacts and bonds per grain.
     #[serde(default)]
     contacts: Option<[f64; 2]>,
 }
 
-/// The state of the recorder in a checkpoint.
+/// State of the recorder in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErosionState {
     start: Option<Start>,
@@ -121,7 +121,7 @@ pub struct ErosionRecorder {
     removed: Option<Table>,
     bonds: Option<Table>,
     rows: Option<Table>,
-    /// Largest speed over C in the last row; none once it was taken.
+    /// Largest speed over C in the last row; none after [`Self::take_speed`].
     speed: Option<f64>,
 }
 
@@ -194,7 +194,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// Numbers of bonds broken inside and at the wall of the hole, as of the last flush.
+    /// Returns the numbers of bonds broken inside and at the wall of the hole, as of the last flush.
     fn broken(&self) -> [u64; 2] {
         [self.state.bonds_inside, self.state.bonds_at_wall]
     }
@@ -205,7 +205,7 @@ impl ErosionRecorder {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
-    /// Returns `true` if there may be anything to measure; the measurement reads up-to-date ghosts.
+    /// Returns `true` if there may be anything to measure; the measurement needs current ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.law.is_some() || self.interval.is_some()

@@ -72,12 +72,12 @@ pub fn is_of_a_run(name: &str) -> bool {
 pub enum Entry {
     /// New run.
     Fresh {
-        /// `true` if an earlier run there is replaced.
+        /// `true` if the run replaces an earlier run in the folder.
         overwrite: bool,
-        /// The file that the case was read from.
+        /// File from which the case was read.
         case: Option<PathBuf>,
     },
-    /// Continuation of the run that is there.
+    /// Continuation of the run in the folder.
     Resume,
 }
 
@@ -86,7 +86,7 @@ pub enum Entry {
 struct Holder {
     host: String,
     process: u32,
-    /// Seconds since 1970.
+    /// Start time \[s\], as seconds since 1970.
     started: u64,
     /// Batch job and attempt number.
     #[serde(default)]
@@ -122,8 +122,8 @@ impl Holder {
         )
     }
 
-    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one attempt before they
-    /// start the next.
+    /// Returns `true` if this process is an earlier attempt of the same batch job: batch systems end one attempt before
+    /// they start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -267,7 +267,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
     Error::Io(format!("{}: {error}", path.display()))
 }
 
-/// Returns `true` if an open file is the file at this path.
+/// Returns `true` if an open file is still the file at this path.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
@@ -380,7 +380,7 @@ struct Found {
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
-    /// `true` if there is a case with which the run can be continued.
+    /// `true` if the folder contains a case with which the run can be continued.
     began: bool,
 }
 

@@ -49,11 +49,11 @@ use std::fmt;
 
 /// Steps between two balances; each balance costs about as much as a fluid step.
 const BALANCE_EVERY: u64 = 1000;
-/// Minimum force per cell, in lattice units, to which an error of the momentum balance is related; for populations
-/// in f64 and in f32, and for collisions in f32. These change the momentum of a cell, up to 0.1, by up to 2^-23 of it
-/// in a step: a thousandth of this force.
+/// Minimum force per cell, in lattice units, by which an error of the momentum balance is divided: for populations in
+/// f64, for populations in f32, and for collisions in f32. Such collisions change the momentum of a cell, up to 0.1, by
+/// up to 2^-23 of it in a step: a thousandth of this force.
 const SMALLEST_FORCE: [f64; 3] = [1e-11, 1e-7, 1e-5];
-/// Maximum errors of the mass balance of a step that rounding explains, with populations in f64 and in f32.
+/// Maximum errors of the mass balance of a step that are attributed to rounding, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
 const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 
@@ -73,11 +73,11 @@ pub struct GuardState {
     overlap: Option<f64>,
 }
 
-/// The guards of a run.
+/// Guards of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Guards {
     every: u64,
-    /// Minimum force per cell to which an error of the momentum balance is related.
+    /// Minimum force per cell by which an error of the momentum balance is divided.
     smallest_force: f64,
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
@@ -87,9 +87,9 @@ pub struct Guards {
     /// Density deviation of the largest magnitude and the position of its cell: latest value, and maximum over the
     /// run.
     squeezed: [Option<Extreme>; 2],
-    /// `true` if a step was taken since the start: before it, no mass has crossed a face.
+    /// `true` if a step was taken since the start; before the first step no mass has crossed a face.
     stepped: bool,
-    /// `true` if the last check found a failure whose description needs the populations.
+    /// `true` if the last check found a failure whose description needs populations that are still on the GPU.
     unfetched: bool,
     /// `true` if buffers are preallocated.
     ready: bool,
@@ -98,7 +98,7 @@ pub struct Guards {
     openings: Openings,
     /// Largest overlap of any contact so far, divided by the smaller radius; reduced over all ranks at checks.
     overlap: Option<f64>,
-    /// `true` for the compression, and for the openings, if a warning was given.
+    /// Flags of warnings given, `true` after the warning: about the compression, and about the openings.
     warned: [bool; 2],
     /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
@@ -124,7 +124,7 @@ impl Guards {
         }
     }
 
-    /// Returns the values for a checkpoint, so that tables continue after a restart as if there had been none.
+    /// Returns the values for a checkpoint, so that a restart does not change later tables.
     #[must_use]
     pub fn state(&self) -> GuardState {
         GuardState {
@@ -220,7 +220,7 @@ impl Guards {
         })
     }
 
-    /// Includes the largest speed relative to C that another recorder measured, so that its values never exceed the
+    /// Includes the largest speed relative to C that a recorder measured, so that no recorded value exceeds the
     /// reported maximum.
     pub fn include_speed(&mut self, speed: Option<f64>) {
         self.speed[1] = larger(self.speed[1], speed);
@@ -530,10 +530,10 @@ impl Guards {
         }
     }
 
-    /// Checks the state after `step`, unless that has been done: the final state of a run is always checked.
-    /// Collective.
+    /// Checks the state after `step`, unless it was checked: the final state of a run is always checked. Collective.
     ///
     /// # Errors
+    ///
     /// If [`Self::check`] fails.
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
@@ -589,8 +589,7 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
-    /// Returns the failure of the water, if the water has failed too when the solids failed with `error`.
-    /// Collective.
+    /// Returns the failure of the water if the water failed as well when the solids failed with `error`. Collective.
     pub fn failed_water<Sp: Space, S: Stored>(
         &mut self,
         (step, error): (u64, &Error),
@@ -614,8 +613,8 @@ impl Guards {
         }
     }
 
-    /// Returns `true` if the last check found a failure in populations on a GPU: repeat the check after fetching
-    /// the populations, to describe the failure.
+    /// Returns `true` if the last check found a failure in populations on a GPU, and resets the flag: the check must be
+    /// repeated after fetching the populations, to describe the failure.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
@@ -822,7 +821,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// Checks that errors of a balance are reported only above the limits that rounding explains.
+    /// Checks that errors of a balance are reported only above the limits of rounding.
     #[test]
     fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
         let text = examples::find("poiseuille").unwrap().text;

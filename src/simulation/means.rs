@@ -10,7 +10,7 @@ use plan::scene::observe::ProbeAt;
 use serde::Serialize;
 use std::path::Path;
 
-/// The means of a probe.
+/// Means of the columns of a probe.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Means {
     /// Name of the probe.
@@ -27,12 +27,12 @@ pub(super) struct Means {
     pub(super) doubts: Vec<String>,
 }
 
-/// The mean of a column.
+/// Mean of a column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Mean {
     /// Name of the column.
     pub(super) quantity: String,
-    /// Unit.
+    /// Unit of the column.
     pub(super) unit: String,
     /// Mean over the samples that have a value; none if no sample has one.
     pub(super) mean: Option<f64>,

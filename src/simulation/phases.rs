@@ -5,7 +5,7 @@ use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Phase of a step.
+/// Phase of a step, for the table of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
@@ -70,9 +70,9 @@ pub struct Spread {
 /// Time of one phase.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Spent {
-    /// The phase.
+    /// Phase to which the time belongs.
     pub phase: Phase,
-    /// Its time over the ranks.
+    /// Time of the phase over the ranks.
     #[serde(flatten)]
     pub seconds: Spread,
 }
@@ -104,7 +104,7 @@ pub struct Traffic {
 pub struct Account {
     /// Times of the phases; their sum is the time of the steps.
     pub phases: Vec<Spent>,
-    /// Waiting included in this time.
+    /// Waiting time included in the phases.
     pub waiting: Waiting,
     /// Messages between ranks.
     pub traffic: Traffic,

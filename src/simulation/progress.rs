@@ -13,7 +13,7 @@ pub struct ProgressState {
     pub steps: u64,
     /// Physical time \[s\].
     pub time: f64,
-    /// Cells of the lattice.
+    /// Number of cells of the lattice.
     pub cells: u64,
     /// Number of grains of this rank.
     pub grains: u64,
@@ -63,7 +63,7 @@ impl Progress {
         }
     }
 
-    /// Returns `true` if a progress line is due (called every few steps).
+    /// Returns `true` if a progress line is due. Called every few steps.
     #[must_use]
     pub fn due(&self) -> bool {
         self.prints_messages && self.last.elapsed() >= self.every

@@ -34,7 +34,7 @@ pub struct Departed {
     pub region: usize,
     /// Position of its centre, wrapped into the box \[m\].
     pub at: [f64; 3],
-    /// The row of `removed.csv`.
+    /// Row of `removed.csv`.
     pub grain: RemovedGrain,
 }
 
@@ -69,7 +69,7 @@ pub struct Feed {
 /// Counts of all regions in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RemovalState {
-    /// The next free id; none before ids are needed.
+    /// Next free id; none before ids are needed.
     next_id: Option<u64>,
     /// Removed grains, per region of the scene.
     taken: Vec<Taken>,
@@ -84,7 +84,7 @@ pub struct Removal {
     first_grain: u64,
     removes: Vec<(usize, AlignedBox, When)>,
     generates: bool,
-    /// Time of the last step that generated \[s\].
+    /// Time of the last step in which the region generated grains \[s\].
     last: Option<f64>,
     state: RemovalState,
 }
@@ -327,10 +327,11 @@ impl Removal {
         self.state.clone()
     }
 
-    /// Restores the counts of [`Self::state`]; `origins` has for each region the index of the saved region that it
-    /// was, or none for a new region. It is not needed if the regions are the same.
+    /// Restores the counts of [`Self::state`]. `origins` has for each region of the scene the index of the same region
+    /// in the saved run, or none for a new region; it is not needed if the regions are unchanged.
     ///
     /// # Errors
+    ///
     /// If the number of saved regions differs, [`Error::Io`].
     pub fn restore(
         &mut self,

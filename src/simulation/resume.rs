@@ -37,20 +37,20 @@ use std::path::Path;
 #[derive(Clone, Debug)]
 pub(super) struct Resumed {
     pub(super) found: Found,
-    /// `true` if the case in the folder must be written again.
+    /// `true` if the case in the folder must be written again, because it has changed.
     pub(super) changed: bool,
     /// Index of each wall among the walls of the saved run; none if they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
     /// Index of each region among the regions of the saved run; none if they are the same.
     pub(super) regions: Option<Vec<Option<usize>>>,
-    /// `true` if the sums over time continue from those of the checkpoint.
+    /// `true` if the time averages continue from those of the checkpoint.
     pub(super) sums_go_on: bool,
 }
 
 /// Stage of a run when its checkpoint was written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
-    /// The time loop, after the preparation.
+    /// Time loop, after the preparation.
     Run,
     /// Generation of a sample.
     Sample,
@@ -61,7 +61,7 @@ pub(super) enum Stage {
 }
 
 impl Resumed {
-    /// Returns a continued run with the unchanged case of the checkpoint.
+    /// Returns the continuation of a run with the unchanged case of the checkpoint.
     pub(super) fn unchanged(found: Found) -> Self {
         Self {
             found,
@@ -361,7 +361,7 @@ fn report_version(found: &Found) {
     }
 }
 
-/// Returns `true` if a folder contains an unfinished run of this very plan. First rank.
+/// Returns `true` if a folder contains an unfinished run of exactly this plan. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
     let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {
@@ -565,7 +565,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     problems
 }
 
-/// Returns for each new wall the corresponding old wall: that of the same name, or on the same face of the domain.
+/// Returns for each new wall the index of the old wall of the same name, or on the same face of the domain.
 fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
@@ -575,7 +575,7 @@ fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// Returns for each new region the corresponding old region: that of the same name.
+/// Returns for each new region the index of the old region of the same name.
 fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
     let generates = |plan: &Plan| {
         let regions = plan.scene.regions.iter();
@@ -602,7 +602,8 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         .collect())
 }
 
-/// Sets the velocities of walls to those of the case: those of the checkpoint may be older. A servo wall keeps its own.
+/// Sets the velocities of walls to those of the case, which may be newer than those of the checkpoint. A servo wall
+/// keeps its own velocity.
 pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     let walls = setup::walls::<S>(plan);
     let walls = walls.iter().zip(&plan.scene.walls).zip(dem.walls());

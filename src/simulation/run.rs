@@ -47,7 +47,7 @@ pub struct RunOptions {
     pub overwrite: bool,
     /// `true` if the end of the run is saved as a checkpoint.
     pub final_checkpoint: bool,
-    /// Time at which the program started: the walltime counts from here.
+    /// Time at which the program started, from which the walltime counts.
     pub begun: Instant,
     /// Threads of each rank; none for the number of cores of the machine divided by its ranks.
     pub threads: Option<usize>,
@@ -177,9 +177,10 @@ pub fn trial(
     start_on(communicator, plan, start)
 }
 
-/// Returns `true` if a folder contains this very run, finished. Collective.
+/// Returns `true` if a folder contains exactly this run, finished. Collective.
 ///
 /// # Errors
+///
 /// None of its own.
 pub fn is_done(communicator: &Communicator, plan: &Plan, folder: &Path) -> Result<bool, Error> {
     let done = agreement::on_first(communicator, || {
@@ -285,8 +286,8 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 
 /// Time at which a run ended with an error.
 enum Ended {
-    /// Error before the first step, or between this step and the next while the slabs changed: the summary does not
-    /// contain it yet.
+    /// Error before the first step, or between this step and the next one while the slabs changed; it is not in the
+    /// summary yet.
     BetweenSteps(Error, u64),
     /// Later error, which the run itself has reported.
     Later(Error),

@@ -1,5 +1,5 @@
-//! Construction of the state from the plan: the fluid with its boundaries, walls, contact law, bodies. Blocks and
-//! the initial flow have files of their own.
+//! Construction of the state from the plan: the fluid with its boundaries, walls, contact law and bodies. Blocks and
+//! the initial flow are constructed in separate files.
 
 pub mod blocks;
 pub mod initial;
@@ -151,7 +151,7 @@ fn patch<S: Stored>(
     })
 }
 
-/// Returns the spin in this number of dimensions from a rotation vector.
+/// Returns the rotation rate from a vector along the axes: the vector in 3-D, its component along z in 2-D.
 pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     let mut spin = S::Spin::default();
     if S::DIMENSION == 2 {

@@ -78,12 +78,12 @@ impl Signals {
 /// Request to stop that is not answered yet.
 #[derive(Debug, Default)]
 struct Unanswered {
-    /// Processor time since which there was no check for requests, and the number of checks at that time.
+    /// Processor time at the last check for requests, and the number of checks at that time.
     since: Option<(Duration, u64)>,
 }
 
 impl Unanswered {
-    /// Returns `true` if there was no check for requests for [`PATIENCE`] after a request to stop.
+    /// Returns `true` if no check for requests has been made for [`PATIENCE`] after a request to stop.
     fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
         let known = self.since.filter(|(_, before)| stop && *before == checks);
         self.since = stop.then(|| known.unwrap_or((now, checks)));
@@ -112,6 +112,7 @@ fn ignores(signal: i32) -> bool {
 /// Catches signals from now on; requests that arrive before the first step take effect at that step.
 ///
 /// # Errors
+///
 /// If signals cannot be caught.
 pub fn hear() -> Result<&'static Signals, Error> {
     use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
@@ -208,7 +209,7 @@ impl Watch {
         self.begin_anew();
     }
 
-    /// Resets the interval, so that it is equal on all ranks.
+    /// Restarts the interval between checks, so that it is equal on all ranks.
     fn begin_anew(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
@@ -219,7 +220,7 @@ impl Watch {
         self.signals.answers.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the request received by this rank.
+    /// Returns the request that this rank has received.
     fn mine(&mut self, communicator: &Communicator) -> Request {
         self.signals.checks.fetch_add(1, Ordering::Relaxed);
         let mut mine = Request::None;

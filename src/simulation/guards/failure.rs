@@ -37,8 +37,8 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// Returns the complete message, on every rank; `flows` are inflow and outflow through the openings in words,
-    /// and `true` if water only enters or only leaves. Collective.
+    /// Returns the complete message, on every rank; `flows` are inflow and outflow through the openings in words, and
+    /// `true` if water only enters or only leaves the domain. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,

@@ -42,7 +42,7 @@ pub(super) struct Seen {
     /// Density deviation of the largest magnitude in the water, except in cells enclosed by bodies, which moving
     /// bodies squeeze.
     pub(super) squeezed: Extreme,
-    /// The first cell whose numbers are not finite.
+    /// First cell whose values are not finite.
     pub(super) broken: Option<u64>,
 }
 
@@ -133,7 +133,7 @@ impl StateCheck {
     }
 }
 
-/// Checks each cell of a row of the slab.
+/// Checks the cells of a row of the slab one by one.
 fn go_through<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     row: usize,

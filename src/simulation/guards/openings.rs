@@ -71,7 +71,7 @@ pub(super) fn unit(dimension: usize) -> &'static str {
 #[serde(default)]
 pub(super) struct State {
     settled: usize,
-    /// Inflow and outflow of each check.
+    /// Inflow and outflow at each check.
     looks: Vec<[Option<f64>; 2]>,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct State {
 pub(super) struct Openings {
     /// `true` if the lattice has openings.
     exist: bool,
-    /// Number of checks in a window; 0 before the first.
+    /// Number of checks in a window; 0 before the first check.
     window: usize,
     /// Step at which all ramps have ended.
     ramps_end: u64,
@@ -88,9 +88,9 @@ pub(super) struct Openings {
     still: f64,
     /// Number of checks since the end of the ramps.
     settled: usize,
-    /// Rates at the checks of the window.
+    /// Rates at the checks of the window, oldest first.
     looks: VecDeque<Rates>,
-    /// Sums since the last call, and their number of steps.
+    /// Sums since the last call of [`Self::since_last`], and the number of steps in them.
     since: (Rates, u64),
     masses: Vec<i128>,
     sums: Vec<u128>,

@@ -33,7 +33,7 @@ pub(super) enum Source {
     },
 }
 
-/// The checkpoint from which a run continues, if any, and the stage in which it was saved.
+/// Checkpoint from which a run continues, if any, and the stage in which it was saved.
 pub(super) struct Origin {
     resumed: Option<Resumed>,
     pub(super) stage: Option<Stage>,

@@ -27,7 +27,7 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) simulation: Simulation<Sp, S>,
     pub(super) folder: RunFolder,
     pub(super) final_checkpoint: bool,
-    /// Step of the newest checkpoint, if this run has or knows one.
+    /// Step of the newest checkpoint; none if the run has no checkpoint yet.
     pub(super) saved: Option<u64>,
     pub(super) watch: Watch,
     pub(super) progress: Progress,

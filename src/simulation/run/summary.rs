@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 /// Relative change of the mass of enclosed water above which a run warns.
 const LOST: f64 = 1e-3;
 
-/// Part of the water with a free surface that is lost, from which a run warns.
+/// Fraction of the water with a free surface whose loss causes a warning.
 const LOST_WATER: f64 = 1e-2;
 
 /// Ratio of the speed of a grain to the largest speed that water can give it, above which the grain counts as
@@ -259,8 +259,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         values
     }
 
-    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], what of it is lost, and what entered and left
-    /// through the openings. Returns a warning if much is lost. Collective.
+    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], the mass lost, and the masses that entered and
+    /// left through the openings. Returns a warning if much is lost. Collective.
     fn add_water(&self, values: &mut Value) -> Option<String> {
         let now = &self.simulation.now;
         let surface = now.lattice().and_then(|flow| flow.fluid().surface())?;
@@ -575,8 +575,8 @@ fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     found.collect::<serde_json::Map<String, Value>>().into()
 }
 
-/// Returns the safety factors against heave of the probes for it, by their names: for Terzaghi's width of half the
-/// depth, and the minimum with its width.
+/// Returns the safety factors against heave of the heave probes, by name: for Terzaghi's width of half the depth, and
+/// the minimum with its width.
 fn heave(pressure: &Pressure, probes: &[Probe]) -> Value {
     let found = probes.iter().filter_map(|probe| {
         let ProbeAt::Heave(prisms) = &probe.at else {
