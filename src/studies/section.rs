@@ -32,7 +32,7 @@ impl Tolerance {
     }
 }
 
-/// An interval to search.
+/// Interval to be searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// Lower end.
@@ -59,15 +59,15 @@ pub struct Bracket {
 pub enum Round {
     /// Try these values.
     Try(Vec<f64>),
-    /// The interval is as narrow as wanted.
+    /// The interval is narrow enough.
     Found(Bracket),
     /// Both ends have this verdict.
     Same(bool),
-    /// Too many values have no verdict; with the interval, if both ends have one.
+    /// Too many values have no verdict. The interval is given if both ends have a verdict.
     Undecided(Option<Bracket>),
 }
 
-/// A value with its verdict; none if it could not be found.
+/// Value with its verdict; none if the value could not be judged.
 pub type Tried = (f64, Option<bool>);
 
 impl Section {

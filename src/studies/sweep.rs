@@ -40,7 +40,7 @@ use study::{Refused, Run, Study};
 /// Options of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
-    /// The study file.
+    /// Study file.
     pub study: PathBuf,
     /// Output folder; none for a folder next to the study, with the study's name.
     pub output: Option<PathBuf>,

@@ -31,7 +31,7 @@ use study::ThresholdStudy;
 /// Options of a search.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Threshold {
-    /// The study file.
+    /// Study file.
     pub study: PathBuf,
     /// Output folder; none for a folder next to the study, with the study's name.
     pub output: Option<PathBuf>,
@@ -56,17 +56,17 @@ pub enum ThresholdResult {
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Found {
-    /// The searched field.
+    /// Path of the searched field.
     pub field: String,
-    /// The criterion.
+    /// Criterion, as a formula.
     pub criterion: String,
-    /// Kind of result.
+    /// Kind of the result.
     pub result: ThresholdResult,
     /// Value next to the threshold at which the criterion is false.
     pub false_at: Option<f64>,
     /// Value next to the threshold at which the criterion is true.
     pub true_at: Option<f64>,
-    /// Number of members.
+    /// Number of members of the search.
     pub members: usize,
     /// Number of members without a verdict.
     pub without_verdict: usize,
@@ -74,7 +74,7 @@ pub struct Found {
     pub changes: usize,
 }
 
-/// A member with its verdict.
+/// Member with its verdict.
 struct Trial {
     value: f64,
     member: Member,
@@ -136,8 +136,7 @@ fn read(options: &Threshold) -> Result<(ThresholdStudy, &Path, PathBuf), Error> 
 /// Returns the members at both ends of the interval, without running them; relative paths in the study start at
 /// `beside`.
 ///
-/// # Errors
-/// If a case of them or a name in the criterion is invalid, with all problems.
+/// # Errors If a case of these members or a name in the criterion is invalid, with all problems.
 pub fn ends(study: &ThresholdStudy, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
     let mut ends = members(&study.with_values(&[study.search.from]), beside)?;
     // After the first, so that a fault of both is reported once.

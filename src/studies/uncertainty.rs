@@ -66,7 +66,7 @@ pub struct Options {
     pub allow_unstable: bool,
 }
 
-/// The runs of an estimate.
+/// Runs of an estimate.
 #[derive(Clone, Debug)]
 pub struct Members {
     /// Runs with their cases; the first is the case itself.
@@ -221,7 +221,7 @@ impl Members {
         all
     }
 
-    /// Returns the case on the grid on which settings are compared.
+    /// Returns the case on the grid that is used to compare settings.
     fn compared(&self, plan: &Plan, stated: &Value) -> Value {
         let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
         match beside {
@@ -342,7 +342,8 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// Returns a run of a changed case on a machine of this speed; its input files already have absolute paths.
+/// Returns a run of a changed case; its time is estimated for a machine of this speed. The input files of the case
+/// already have absolute paths.
 fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {

@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 /// Means of the groups of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
-    /// Index of the variation over which is averaged.
+    /// Index of the variation over which the outputs are averaged.
     varied: usize,
     /// Names of the outputs that are numbers.
     outputs: Vec<String>,
@@ -144,7 +144,7 @@ impl Ensemble {
     }
 }
 
-/// Returns mean, scatter and both ends of the interval; empty where they are unknown.
+/// Returns the mean, the standard deviation and both ends of the interval; empty where they are unknown.
 fn cells_of(mean: Option<&SampleMean>) -> [String; 4] {
     let Some(mean) = mean else {
         return [const { String::new() }; 4];

@@ -211,7 +211,7 @@ impl Front<'_> {
     }
 }
 
-/// Prediction of the plan and outcome of a member.
+/// Prediction of the plan and outcome of a member, with its coordinates on the map.
 #[derive(Clone, Debug)]
 struct Place {
     name: String,

@@ -35,7 +35,7 @@ pub struct MemberRow {
     pub core_seconds: Option<f64>,
     /// Core-seconds of the whole run; none if they are unknown.
     pub run_core_seconds: Option<f64>,
-    /// Processor time \[s\]: less than the core-seconds where the run shared its cores with others.
+    /// Processor time \[s\]: less than the core-seconds if the run shared its cores with other processes.
     pub processor_seconds: Option<f64>,
     /// Peak memory of all ranks together \[bytes\].
     pub memory: Option<f64>,
@@ -47,11 +47,11 @@ pub struct MemberRow {
     pub pareto_time: bool,
     /// `true` if the member is in the Pareto set of error against memory.
     pub pareto_memory: bool,
-    /// Hash of the last state.
+    /// Hash of the final state.
     pub state_hash: String,
     /// Commit of the program.
     pub commit: String,
-    /// Remarks.
+    /// Remarks on the member.
     pub note: String,
 }
 

@@ -41,7 +41,7 @@ const NO_ANSWERS: &[&str] = &[
     "known",
     "difference",
 ];
-/// Columns of probes that are given by the case.
+/// Columns of probes that do not depend on the solution.
 const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];
 /// Maximum number of values of a list in `summary.json` that are answers.
 const LONGEST_LIST: usize = 20;
@@ -49,9 +49,9 @@ const LONGEST_LIST: usize = 20;
 /// Numerical result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// Unit; empty if the file states none.
+    /// Unit; empty if the file states no unit.
     pub unit: String,
-    /// Value.
+    /// Value of the result.
     pub value: f64,
     /// Scale with which differences are compared: the magnitude of the value, or of the vector of which it is a
     /// component.

@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
+    /// Three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
     /// extrapolated value, index [%]. The third series oscillates.
     const CELIK: [([f64; 3], [f64; 3], [f64; 3]); 3] = [
         (
@@ -365,7 +365,7 @@ mod tests {
         }
     }
 
-    /// Returns 3 + a h^p on three grids whose ratios differ.
+    /// Returns 3 + a h^p on three grids with two different ratios.
     fn power(a: f64, p: f64) -> Vec<(f64, f64)> {
         let grids: [f64; 3] = [0.1, 0.16, 0.3];
         grids.iter().map(|h| (*h, 3.0 + a * h.powf(p))).collect()
@@ -421,8 +421,8 @@ mod tests {
         assert!(found.uncertainty.unwrap() >= 0.5 * (6.0909 - 5.9624));
     }
 
-    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % from
-    /// the published 1.1159e-2.
+    /// Checks the drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2
+    /// % from the published 1.1159e-2.
     #[test]
     fn a_fine_difference_that_is_small_by_chance_is_not_taken_for_the_error() {
         let values = [

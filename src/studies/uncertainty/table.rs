@@ -79,9 +79,9 @@ pub struct GridData {
 /// Row of the table: an answer with its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AnswerRow {
-    /// The answer.
+    /// Name of the answer.
     pub answer: String,
-    /// Unit.
+    /// Unit of the answer.
     pub unit: String,
     /// Value in the run of the case.
     pub value: f64,
@@ -90,7 +90,7 @@ pub struct AnswerRow {
     /// Estimate from the grids.
     #[serde(flatten)]
     pub estimate: Estimate,
-    /// Change in time between the last two tenths of the run.
+    /// Drift: change in time between the last two tenths of the run.
     pub drift: Option<f64>,
     /// `true` if the answer has settled; none if the drift was not measured.
     pub settled: Option<bool>,
@@ -101,13 +101,13 @@ pub struct AnswerRow {
 /// Changes of the answers under another value of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
-    /// The setting.
+    /// Name of the setting.
     pub setting: String,
     /// Description of the change: old value to new value.
     pub change: String,
     /// Folder of the run.
     pub folder: String,
-    /// Folder of the run with which it is compared.
+    /// Folder of the run that the changes are relative to.
     pub beside: String,
     /// Reason for missing changes; empty if there are changes.
     pub missing: String,
@@ -115,10 +115,10 @@ pub struct Sensitivity {
     pub changes: Vec<Change>,
 }
 
-/// The change of an answer.
+/// Change of an answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
-    /// The answer.
+    /// Name of the answer.
     pub answer: String,
     /// Value under the setting of the case.
     pub before: f64,
@@ -137,7 +137,7 @@ pub struct UncertaintyTable {
     pub formal_order: f64,
     /// Consequence of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
-    /// The grids, from fine to coarse.
+    /// Grids, from fine to coarse.
     pub grids: Vec<GridData>,
     /// Answers with their uncertainties.
     pub answers: Vec<AnswerRow>,
@@ -298,7 +298,7 @@ impl AnswerRow {
         Some(causes.join("; "))
     }
 
-    /// Returns a description of the drift.
+    /// Returns a description of the drift of an answer.
     #[must_use]
     pub fn rest(&self) -> String {
         match (self.settled, self.drift) {
