@@ -87,7 +87,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     }
 }
 
-/// Minimum number of values of a list for which values are first compared with a template of their schema.
+/// Minimum length of a list whose values are first compared with a template of their schema.
 const MANY: usize = 16;
 
 /// Keywords by which a schema restricts a value; without any of them every value is valid.
@@ -126,8 +126,8 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Counts a further problem if the list is full; returns `true` if it did. It is called before the texts of the
-    /// problem are built.
+    /// Counts a further problem and returns `true` if the list is full. Must be called before the texts of the problem
+    /// are built.
     fn only_counted(&mut self) -> bool {
         let full = self.problems.len() >= MOST_PROBLEMS;
         self.more += usize::from(full);
@@ -148,7 +148,7 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// Resolves `$ref`.
+    /// Returns the schema to which a `$ref` refers, or the schema itself.
     fn resolve(&self, schema: &'a Value) -> &'a Value {
         let mut schema = schema;
         while let Some(name) = schema

@@ -322,12 +322,12 @@ pub struct RasterFile {
 pub struct SeepageBoundary {
     /// Name in tables and outputs.
     pub name: String,
-    /// The face.
+    /// Face of the coarse grid.
     pub face: Face,
     /// Box that selects a part of the face [m]; its extent normal to the face has no effect. Default: the whole face.
     #[serde(default)]
     pub patch: Option<Extent>,
-    /// The condition.
+    /// Condition of the seepage on the face.
     pub condition: Condition,
     /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
     /// rate): linear between the rows, constant before and after; two values at one time give a jump. Default:

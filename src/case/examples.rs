@@ -1,17 +1,17 @@
 //! Example cases: each runs in under a minute on two ranks. `solver example` lists them.
 
-/// An example case.
+/// Example case of the program.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// The name.
+    /// Name of the example.
     pub name: &'static str,
-    /// A line of description.
+    /// Description in one line.
     pub summary: &'static str,
-    /// The case file.
+    /// Text of the case file.
     pub text: &'static str,
 }
 
-/// All example cases.
+/// All example cases, in the order of the list.
 pub const EXAMPLES: [Example; 40] = [
     Example {
         name: "piping",

@@ -11,7 +11,7 @@ use super::{annotation, check, examples, restart};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Name of the page with the fields that have no page of their own; it is the front page.
+/// Name of the front page, which has the fields without a page of their own.
 pub const FRONT: &str = "index";
 
 /// Placeholder for a key that the user chooses, as in `materials.NAME.density`.
@@ -21,12 +21,12 @@ const ANY_KEY: &str = "NAME";
 /// page.
 const LONGEST_EXAMPLE: usize = 100;
 
-/// A file of the reference.
+/// File of the reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
     /// Name of the file.
     pub name: String,
-    /// Its text.
+    /// Text of the file.
     pub text: String,
 }
 
@@ -418,8 +418,8 @@ fn range(node: &Value) -> Option<String> {
     (!both.is_empty()).then(|| both.join(", "))
 }
 
-/// Returns the parameter to which a name in a description refers: a neighbour, otherwise one further up, otherwise
-/// the only one of that name.
+/// Returns the parameter to which a name in a description refers: a parameter of the same object, otherwise of an
+/// object that contains it, otherwise the only one of that name.
 fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {

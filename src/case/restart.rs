@@ -6,7 +6,7 @@
 use base::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
 
-/// A field, or all fields below it, that a restart may change.
+/// Field, or all fields below it, that a restart may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Changeable {
     /// Path as in messages; `[*]` is any item of a list. The path includes everything below it.
@@ -299,7 +299,7 @@ pub fn mark(mut schema: Value) -> Value {
     schema
 }
 
-/// Returns the JSON pointer of a field's schema.
+/// Returns the JSON pointer of the schema of the field at a path.
 fn locate(root: &Value, path: &str) -> Option<String> {
     let mut at = String::new();
     for part in path.split('.') {
@@ -315,7 +315,7 @@ fn locate(root: &Value, path: &str) -> Option<String> {
     Some(at)
 }
 
-/// Returns the pointer of the schema after resolving `$ref`, optional fields and annotated values.
+/// Returns the JSON pointer of the schema after resolving `$ref`, optional fields and annotated values.
 fn follow(root: &Value, at: &str) -> Option<String> {
     let node = root.pointer(at)?;
     if let Some(name) = node.get("$ref").and_then(Value::as_str) {

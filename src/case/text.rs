@@ -227,7 +227,7 @@ pub fn brief(value: &Value) -> String {
 struct Head(Vec<u8>);
 
 impl Head {
-    /// Maximum number of bytes: enough for 61 characters.
+    /// Maximum number of bytes that are kept: enough for 61 characters.
     const MOST: usize = 256;
 }
 

@@ -8,7 +8,7 @@
 pub struct Absent {
     /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
-    /// The feature.
+    /// Name of the feature.
     pub feature: &'static str,
     /// Closest alternative.
     pub instead: &'static str,
@@ -26,7 +26,7 @@ const fn absent(
     }
 }
 
-/// The features, in the order of README.md.
+/// Absent features, in the order of README.md.
 pub const ABSENT: [Absent; 11] = [
     absent(
         &["surfacetension"],
@@ -132,7 +132,7 @@ pub const ABSENT: [Absent; 11] = [
 struct Renamed {
     /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
-    /// The feature.
+    /// Name of the feature.
     feature: &'static str,
     /// Field of a case that provides the feature.
     field: &'static str,
@@ -157,7 +157,7 @@ const RENAMED: [Renamed; 3] = [
     },
 ];
 
-/// Returns the field that provides the feature of a name, with the feature.
+/// Returns the name of the feature for which a name stands and the field that provides it; none if no field does.
 #[must_use]
 pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
     let renamed = RENAMED.iter().find(|renamed| means(name, renamed.words))?;

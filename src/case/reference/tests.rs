@@ -84,7 +84,7 @@ fn every_example_is_valid() {
     assert!(shown > 200, "{shown}");
 }
 
-/// Returns all texts between two marks.
+/// Returns all parts of a text between two marks.
 fn between<'a>(text: &'a str, open: &str, close: char) -> Vec<&'a str> {
     text.split(open)
         .skip(1)
