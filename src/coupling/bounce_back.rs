@@ -51,7 +51,7 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: BounceBackSettings,
     loads: Vec<Load>,
     owned: usize,
-    /// Motions for which the gradients of the eddy viscosity have the links.
+    /// Motions of the bodies when the links were last registered with the gradients of the eddy viscosity.
     told: Vec<Rigid>,
     /// `true` if the fluid is in its initial state, the grains have no loads yet, and the map does not exist yet.
     fresh: bool,

@@ -12,13 +12,14 @@ use lbm::links::{CellPlane, Rigid};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     again: Vec<Again>,
-    /// Cells lost by bodies that shared none, with the body, then cells gained.
+    /// Cells lost by bodies that shared no cell, each row with its body; then cells gained.
     pub(super) lost: Vec<(usize, Row)>,
     pub(super) gained: Vec<(usize, Row)>,
 }
 
 impl BodyMap {
-    /// Checks the bodies that moved, by threads: most still have the same cells, the others must be mapped `again`.
+    /// Checks the bodies that moved, divided among threads: most still have the same cells, the others must be mapped
+    /// again.
     pub(super) fn look_again(&mut self) {
         let count = self.bodies.len();
         let runs = thread_pool::runs(count, PER_THREAD);
@@ -128,14 +129,15 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
 /// Distance from a body, in cells, within which cells are searched as well.
 const REACH: f64 = 1.5;
 
-/// Number of cells that are watched.
+/// Number of cells nearest to the surface that are watched for each body.
 const WATCHED: usize = 8;
 
 /// Cells whose centres are nearest to the surface of a disc or sphere, which are the first to change as it moves.
 /// If none of them has changed, the other cells need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
-    /// Cells in the raw frame, with the value of [`beyond`] when they were found, in ascending order of magnitude.
+    /// Watched cells in the raw frame, each with the value of [`beyond`] when it was found, in ascending order of
+    /// magnitude.
     cells: [([i32; 3], f64); WATCHED],
     count: usize,
     /// Lower bound of the magnitude of [`beyond`] of all other cells.
@@ -151,7 +153,7 @@ impl Nearest {
         self.reach = 0.0;
     }
 
-    /// Takes account of a cell that is not watched.
+    /// Updates the bound for cells that are not watched by the value `beyond` of such a cell.
     #[inline(always)]
     fn pass(&mut self, beyond: f64) {
         self.others = self.others.min(beyond.abs());
@@ -377,7 +379,7 @@ mod tests {
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
     use lbm::populations::Populations;
 
-    /// Checks that no cell centre is nearer to the surface than the slack, and only watched ones are nearer than
+    /// Checks that no cell centre is nearer to the surface than the slack, and that only watched cells are nearer than
     /// the reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();

@@ -15,7 +15,7 @@ use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;
 
-/// The laws that act on the grains.
+/// Laws that act on the grains.
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a> {
     pub(super) drag: &'a dyn DragFormula,
@@ -77,14 +77,14 @@ impl Laws<'_> {
     }
 }
 
-/// Minimum weight of a velocity change over the interval: the load is that of the middle of the interval.
+/// Minimum weight of a velocity change over the interval, with which the load is that of the middle of the interval.
 const MIDDLE: f64 = 0.5;
 
 /// Known data of a grain before a coupling.
 enum Start {
-    /// First coupling; held by contacts.
+    /// First coupling; contacts hold the grain.
     Held,
-    /// First coupling; free of contacts.
+    /// First coupling; the grain has no contact.
     Free,
     /// Later coupling: load and velocity at the last coupling are known.
     Known,
@@ -183,8 +183,8 @@ pub(super) fn fill<Sp: Space>(
     }
 }
 
-/// Computes the loads of the grains of one thread: the force on each, and `true` if its drag is that at the end of
-/// the interval. `weight` is that of the water per volume \[N/m³\].
+/// Computes the loads of the grains of one thread, with a flag that is `true` if the drag is that at the end of the
+/// interval. `weight` is the weight of the water per volume \[N/m³\].
 pub(super) fn load<Sp: Space>(
     (water, weight): (&Water, [f64; 3]),
     particles: &ParticlesView<'_, Sp>,
@@ -216,14 +216,15 @@ pub(super) fn load<Sp: Space>(
     }
 }
 
-/// Sums over the parts of grains in a cell, along each axis; `w` is the fraction, `b` reaction times answer.
+/// Sums over the parts of grains in a cell, along each axis; in the formulas `w` is the fraction of the grain in the
+/// cell and `b` the reaction times the answer.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
     /// `sum w b`: ratio of reaction to flux \[kg/s\].
     pub(super) drag: [f64; 3],
     /// `sum w b measure known`: reaction of the known velocities of the grains \[N\].
     pub(super) held: [f64; 3],
-    /// `sum w V answer known` \[m4/s\].
+    /// `sum w V answer known` \[m4/s\]: volume flow of the known velocities of the grains.
     pub(super) moving: [f64; 3],
     /// `sum w V compliance drag answer` \[m³\]: volume of grains that moves with the flux.
     pub(super) with_flux: [f64; 3],
@@ -270,9 +271,10 @@ impl Sums {
         &self.cells
     }
 
-    /// Sums the terms of all grains over the ranks. Collective.
+    /// Adds the terms of all grains of all ranks. Collective.
     ///
     /// # Errors
+    ///
     /// If a velocity or a coefficient is not finite; the same on every rank.
     pub(super) fn fill(
         &mut self,

@@ -30,8 +30,8 @@ const PATIENT: u32 = 50;
 const NEAR: f64 = 1e-5;
 /// Maximum number of rounds: the error at least halves in each.
 const MOST_ROUNDS: u32 = 200;
-/// Solid fraction up to which the reaction of grains does not move the water around them, then that from which it
-/// does.
+/// Solid fraction up to which the reaction of grains does not move the water around them; above [`CLOUD`] it moves the
+/// water fully.
 const LONE: f64 = 0.02;
 const CLOUD: f64 = 0.05;
 /// Porosity above which the permeability of a zone changes to that of its grains.
@@ -115,9 +115,9 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Computes the weights of the cells: their gradient with the drag on the grains, and their water speed,
-    /// relative to the largest of all cells. A coefficient counts as much as it can change the flow; in stationary
-    /// water nothing depends on it.
+    /// Computes the weights of the cells in the test of convergence: their gradient for the drag on the grains, and
+    /// their water speed for its friction, relative to the largest of all cells. A coefficient counts as much as it can
+    /// change the flow; in stationary water none counts.
     fn weigh(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
@@ -188,7 +188,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Computes porosities and laws of all cells, except for the flux.
+    /// Computes porosities and laws of all cells, except those that depend on the flux.
     fn survey(&mut self) {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
