@@ -24,7 +24,7 @@ const MOVED: f64 = 1.0;
 /// Data of one run.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
-    /// Folder.
+    /// Folder of the run.
     pub folder: PathBuf,
     /// `outcome` of the summary; `unfinished` without a summary.
     pub outcome: String,
@@ -48,12 +48,12 @@ pub struct RunReport {
     pub windows: Vec<RateWindow>,
     /// The run as one hole erosion test.
     pub whole: Option<RateWindow>,
-    /// The rows of `erosion.csv`.
+    /// Rows of `erosion.csv`.
     #[serde(skip)]
     pub records: Vec<ErosionRecord>,
 }
 
-/// The runs of one cohesion and their law.
+/// Runs of one cohesion and their law.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct CohesionReport {
     /// C/d [N/m].
@@ -370,7 +370,7 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     })
 }
 
-/// Returns the value itself if it is written with its source.
+/// Returns the value without its source, if the source is stated with it.
 fn bare(value: &Value) -> &Value {
     match value {
         Value::Object(map)

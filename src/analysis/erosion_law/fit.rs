@@ -88,7 +88,7 @@ impl RatePoint {
         (self.error * self.error / (self.quantum * self.rate.max(self.quantum))).max(1.0)
     }
 
-    /// Returns the variance of the rate if the law gives `rate`.
+    /// Returns the variance of the measured rate if the law predicts `rate`.
     fn variance(&self, rate: f64, scatter: f64) -> f64 {
         let counting = if self.quantum > 0.0 {
             self.burstiness() * self.quantum * rate.max(self.quantum)
@@ -117,7 +117,7 @@ impl Default for FitOptions {
     }
 }
 
-/// Erosion law, or bound of it, that the points give.
+/// Erosion law, or bound of the law, that follows from the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FittedErosionLaw {
@@ -137,7 +137,7 @@ pub enum FittedErosionLaw {
     },
 }
 
-/// The fitted law.
+/// Law fitted to the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct LinearLaw {
     /// Critical shear stress tau_c, Pa.
@@ -220,7 +220,8 @@ impl Line {
     }
 }
 
-/// Fits the law, or returns the bound that the points give. `None` without a point that has a finite stress and rate.
+/// Fits the law, or returns the bound that follows from the points. `None` without a point that has a finite stress and
+/// rate.
 #[must_use]
 pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosionLaw> {
     let mut points: Vec<RatePoint> = points
@@ -575,7 +576,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.
     pub coefficient_exponent: Option<f64>,
-    /// Confidence interval of this slope.
+    /// Confidence interval of the exponent.
     pub coefficient_exponent_interval: Option<Interval>,
     /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,
