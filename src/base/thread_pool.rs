@@ -221,8 +221,8 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. `rooms`
-/// contains one buffer for each thread.
+/// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. Each thread has one
+/// of the buffers in `rooms`.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,

@@ -19,7 +19,7 @@ use super::sync::{
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::PoisonError;
 
-/// Number of polls for work, which take tens of microseconds.
+/// Number of polls for work before a thread yields, which take tens of microseconds.
 const SPINS: u32 = if cfg!(loom) { 0 } else { 4000 };
 /// Number of yields to other threads after polling.
 const YIELDS: u32 = if cfg!(loom) { 1 } else { 200 };
@@ -31,7 +31,7 @@ const GROUPS: usize = 64;
 /// Work of the pool: a function of the number of a piece.
 pub(super) type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
-/// Function with the number of its pieces and of the threads that may do them.
+/// Function to be called for every piece, with the number of pieces and the number of threads that may call it.
 #[derive(Clone, Copy)]
 struct Job {
     work: *const Work<'static>,
@@ -66,7 +66,7 @@ pub(super) struct Board {
     /// State of the job: [`OPEN`] from posting until all pieces are begun, the number of the job, and the number of
     /// helpers that have joined it.
     state: AtomicU64,
-    /// Current job; it is written only while the state is not open and no helper has joined.
+    /// Current job. It is written only while the state is not open and no helper has joined.
     job: Turns<Option<Job>>,
     /// Bits of the groups of pieces that a thread has begun.
     begun: AtomicU64,
@@ -89,7 +89,7 @@ pub(super) struct Helper {
 }
 
 impl Helper {
-    /// Wakes the helper if it sleeps; the caller has written the new state before a fence.
+    /// Wakes the helper if it sleeps. The caller must have written the new state before a fence.
     fn wake(&self) {
         if self.sleeps.load(Ordering::Relaxed) {
             self.thread.unpark();
@@ -147,7 +147,7 @@ impl Board {
         );
     }
 
-    /// Does the pieces of a thread, then pieces that no other thread has begun.
+    /// Processes the pieces of a thread, then pieces that no other thread has begun.
     fn work_on(&self, job: &Job, thread: usize) {
         let groups = job.groups();
         let all = u64::MAX >> (GROUPS - groups);
@@ -169,7 +169,7 @@ impl Board {
         }
     }
 
-    /// Joins the job of a state; returns `true` unless the job is closed or replaced by now.
+    /// Joins the job of a state; returns `true` unless the job has been closed or replaced meanwhile.
     fn join(&self, job: u64) -> bool {
         let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
         self.state
@@ -210,8 +210,8 @@ impl Board {
         }
     }
 
-    /// Waits for a job after number `seen`, joins it unless it is already closed, and does a thread's part of it.
-    /// Returns the number of the job.
+    /// Waits for a job after number `seen`, joins it unless it is already closed, and processes the pieces of this
+    /// thread. Returns the number of the job.
     pub(super) fn help(&self, sleeps: &AtomicBool, thread: usize, seen: u64) -> u64 {
         let mut turns = 0;
         while self.last() == seen {
@@ -257,7 +257,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::AtomicU32;
 
-    /// Checks that no thread waits for a helper without a core: the caller does the pieces of that helper.
+    /// Checks that no thread waits for a helper without a core: the caller processes the pieces of that helper.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
         let board = Board::new();
@@ -300,8 +300,8 @@ mod models {
     use super::*;
     use loom::thread;
 
-    /// Posts `jobs` jobs of `pieces` pieces to `helpers` helpers and checks that each piece is done once when its call
-    /// returns. The pieces write cells that loom watches for races.
+    /// Posts `jobs` jobs of `pieces` pieces to `helpers` helpers and checks that each piece has been processed once
+    /// when its call returns. The pieces write cells that loom watches for races.
     fn jobs(jobs: u64, pieces: usize, helpers: usize, preemptions: usize) {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(preemptions);
