@@ -58,7 +58,7 @@ struct Cli {
     command: Command,
 }
 
-/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more.
+/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more details.
 static VERSION: LazyLock<String> =
     LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
 
@@ -516,7 +516,7 @@ fn ended(result: Result<(), Error>) -> i32 {
     }
 }
 
-/// Delay of the other ranks behind the first one, which reports the error.
+/// Delay of the other ranks behind the first rank, which reports the error.
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// Adds the default command: `solver case.json` is `solver run case.json`.
@@ -611,7 +611,7 @@ fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
-/// Reports problems like [`report_problems`], with the verdict on a case that only the work itself has read.
+/// Reports problems like [`report_problems`], with the verdict on a case that has not been read before.
 fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     let outcome = report_problems(outcome);
     if let Err(Error::Case(findings)) = &outcome {
@@ -861,8 +861,8 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of
-/// a shell: there it counts only with a number of ranks above it.
+/// `true` for the first rank. Launchers set the rank before MPI starts. Batch systems also set the variable in the
+/// environment of a shell: a rank counts only if a number of ranks above it is set as well.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
     let ranks: [(&str, &[&str]); 3] = [
