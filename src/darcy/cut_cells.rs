@@ -21,11 +21,11 @@ const ROUNDING: f64 = 1e-9;
 /// Part of a cell that structures leave to the water.
 #[derive(Clone, Debug)]
 enum Left {
-    /// All of it.
+    /// Whole cell.
     Water,
-    /// Nothing.
+    /// No part of the cell.
     Solid,
-    /// The sub-cells of its water, x fastest.
+    /// Sub-cells of the water in the cell, x fastest.
     Part(Vec<bool>),
 }
 
@@ -419,8 +419,8 @@ mod tests {
         seen[grid.count() - 1]
     }
 
-    /// Checks that no sheet leaks: with a thickness of a thousandth of a cell, upright, between cells or within
-    /// them, and oblique. A sheet that ends leaves a path.
+    /// Checks that no sheet leaks: with a thickness of a thousandth of a cell, upright, between cells or within them,
+    /// and oblique. A sheet that ends in the ground leaves a path.
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [

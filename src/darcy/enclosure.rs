@@ -13,7 +13,7 @@ type Point = [f64; 3];
 /// Region that the water may fill.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enclosure {
-    /// The whole grid.
+    /// Whole grid.
     Everything,
     /// Points with n·x ≤ d for every (n, d), n of unit length: a convex region, cut exactly.
     HalfSpaces(Vec<(Point, f64)>),
@@ -58,7 +58,7 @@ pub struct Openness {
     pub faces: [Vec<f64>; 3],
     /// Faces between the ground and drains, in ascending order of the positions of their cells.
     pub drain_faces: Vec<DrainFace>,
-    /// The grid.
+    /// Grid of cells.
     pub grid: SeepageGrid,
 }
 

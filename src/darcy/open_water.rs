@@ -43,14 +43,14 @@ use super::enclosure::Openness;
 use super::grid::SeepageGrid;
 use std::f64::consts::PI;
 
-/// Solid fraction up to which a cell is open water, then that from which it is soil.
+/// Solid fraction up to which a cell is open water; above the next one it is soil.
 const OPEN: f64 = 0.05;
 const SOIL: f64 = 0.2;
 /// Maximum ratio of roughness height to hydraulic diameter: the friction of a duct filled by its roughness is not
 /// known.
 const ROUGHEST: f64 = 0.2;
 
-/// Coefficient of the inertial loss over a void, length times C: between two imposed faces, then with a closed end.
+/// Coefficient of the inertial loss over a void between two imposed faces, multiplied by C and the length of the void.
 const THROUGH: f64 = 0.5;
 const CLOSED: f64 = 1.5;
 
@@ -156,7 +156,7 @@ impl Duct {
     }
 }
 
-/// The channels of all cells.
+/// Channels of all cells.
 #[derive(Clone, Debug)]
 pub struct OpenWater {
     grid: SeepageGrid,

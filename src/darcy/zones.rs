@@ -42,7 +42,8 @@ pub enum Rule {
 pub struct Raster {
     /// Coordinates of the nodes along each axis, ascending \[m\]; one along z in 2-D.
     pub nodes: [Vec<f64>; 3],
-    /// Permeability of each node \[m²\] or its factor, x fastest; empty if the raster has none.
+    /// Permeability of each node \[m²\], or the factor by which it is multiplied, x fastest; empty if the raster has
+    /// none.
     pub permeability: Vec<Rule>,
     /// Porosity of each node, x fastest; empty if the raster has none.
     pub porosity: Vec<f64>,
@@ -85,9 +86,9 @@ pub struct SoilZone {
     pub to: [f64; 3],
     /// Corners of a polygon that bounds the zone in 2-D \[m\]; empty if the zone is the box.
     pub polygon: Vec<[f64; 2]>,
-    /// Permeability; none if that of the grains applies.
+    /// Permeability; none if that of the grains is used.
     pub permeability: Option<Rule>,
-    /// Porosity; none if that of the grains applies.
+    /// Porosity; none if that of the grains is used.
     pub porosity: Option<f64>,
     /// Values that vary within the zone.
     pub raster: Option<Raster>,
@@ -118,7 +119,7 @@ impl SoilZone {
     }
 }
 
-/// Values that zones state at a point; each with `true` if it applies without grains.
+/// Values that zones state at a point, each with a flag that is `true` if the value applies without grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -158,7 +159,7 @@ impl Medium {
     }
 
     /// Returns the permeability \[m²\] of a bed with this porosity (unless the zone states one) and mean diameter
-    /// \[m\], under a gradient \[Pa/m\]; `law` is that outside zones; `grains` is `true` if there are grains.
+    /// \[m\], under a gradient \[Pa/m\]; `law` is the law outside zones; `grains` is `true` if there are grains.
     #[must_use]
     pub fn permeability(
         &self,
@@ -209,7 +210,8 @@ pub struct Zones {
 }
 
 impl Zones {
-    /// Returns the zones with the cells of a grid divided. A later zone takes precedence in its stated values.
+    /// Returns the zones with the cells of a grid divided at their boundaries. A later zone takes precedence in its
+    /// stated values.
     #[must_use]
     pub fn new(grid: &SeepageGrid, zones: &[SoilZone]) -> Self {
         let mut all = Self {
@@ -558,7 +560,7 @@ impl Conduct {
         }
     }
 
-    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`
+    /// Replaces the porosity of the cells by that of the zones; a cut cell has its mean over the volume. `grains`
     /// returns `true` for a cell with grains.
     pub fn replace_porosity(
         &mut self,

@@ -143,7 +143,7 @@ impl Pressure {
     }
 
     /// Returns the largest right side, which drives the flow: the imbalance at the uniform midpoint of the imposed
-    /// pressures. Computed over the whole grid, so that no message is needed.
+    /// pressures. It is computed over the whole grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()
