@@ -60,7 +60,7 @@ use super::space::{Components, Space};
 /// Properties of a pair from which a law may compute its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairProperties {
-    /// Both materials.
+    /// Indices of the materials of both bodies.
     pub materials: [u32; 2],
     /// Mean diameter \[m\] of two grains, or the diameter of a grain at a wall.
     pub diameter: f64,
@@ -124,7 +124,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// Values computed once per pair of bodies because they need roots or divisions; as small as possible, since
     /// every listed pair stores them.
     type Scale: Copy + Debug + Send + Sync;
-    /// Values from which the force of a pair is computed.
+    /// Constants from which the force of a pair is computed.
     type Constants: Copy + Debug + Send + Sync;
     /// History of a contact; its default is that of a new contact.
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
@@ -188,7 +188,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Removes the bond.
     fn unbond(_: &mut Self::History) {}
-    /// Returns the largest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
+    /// Returns the largest gap \[m\] over which a bonded pair still acts, for a range of mean diameters \[m\] of pairs.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }

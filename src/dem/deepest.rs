@@ -7,7 +7,7 @@
 
 use super::polyhedron::Polyhedron;
 
-/// Deepest contact so far.
+/// Deepest contact of a run so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deepest {
     /// Overlap divided by the smaller radius; 0 before the first contact.
@@ -21,12 +21,12 @@ pub struct Deepest {
 /// Other side of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum With {
-    /// None so far, or unknown since a restart.
+    /// No contact so far, or unknown since a restart.
     #[default]
     Unknown,
-    /// Body with this id.
+    /// Body, by its id.
     Body(u64),
-    /// Wall with this index.
+    /// Wall, by its index.
     Wall(u32),
 }
 
@@ -46,7 +46,7 @@ pub(super) enum Other {
     Wall(u32),
 }
 
-/// Fraction of the largest quotient above which a contact is evaluated further.
+/// Fraction of the largest quotient of overlap and radius above which a contact is compared exactly.
 const NEAR: f64 = 1.0 - 1e-12;
 
 impl Record {
@@ -59,7 +59,7 @@ impl Record {
         }
     }
 
-    /// Records a contact of entry `first` whose smaller radius is `smaller` \[m\].
+    /// Records the overlap \[m\] of a contact of entry `first`; `smaller` is the radius of the smaller body \[m\].
     #[inline(always)]
     pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
         if overlap > self.filter * smaller {

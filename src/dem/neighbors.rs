@@ -34,7 +34,7 @@ pub struct Search {
     grid: Overlaps,
     /// Position and radius of each entry.
     points: Vec<[f64; 4]>,
-    /// Large bodies, and the cell of each in the grid of its class.
+    /// Large bodies, and the cell of each body in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
     /// Pairs found by each thread.
@@ -220,8 +220,8 @@ impl Overlaps {
         bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two bodies whose boxes overlap, and some others, each in one cell, for the cells in
-    /// a range of rows.
+    /// Calls `visit` with every two bodies whose boxes overlap, and some others, each pair in one cell, for the cells
+    /// in a range of rows.
     #[inline]
     fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
         let [along, across, _] = self.counts;
@@ -281,7 +281,7 @@ impl Search {
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
-    /// Returns the number of pairs that the engine's search finds, without sorting them. For measurements.
+    /// Returns the number of pairs that the engine's search finds, without sorting them. Intended for measurements.
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
@@ -410,7 +410,7 @@ impl Search {
         }
     }
 
-    /// Returns the first class of the small bodies: with a giant among them their cells would be too wide.
+    /// Returns the first class of the small bodies, without giants, whose cells would be too wide.
     fn first_small(&self, gap: f64) -> usize {
         let mut sums = [[0.0_f64; 3]; CLASSES];
         for (class, point) in self.class_of.iter().zip(&self.points) {

@@ -74,7 +74,7 @@ enum Feature {
 /// Contact of a sphere with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// Facet index.
+    /// Index of the facet.
     pub facet: u32,
     /// Distance of the centre \[m\].
     pub distance: f64,
@@ -541,8 +541,8 @@ mod tests {
         }
     }
 
-    /// Checks that groups omit no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in
-    /// a periodic domain.
+    /// Checks that groups omit no facet, on a wavy mesh whose facets are numbered at random, alone and repeated in a
+    /// periodic domain.
     #[test]
     fn what_is_within_reach_is_what_the_clearance_says() {
         let n = 12_u32;

@@ -106,7 +106,7 @@ impl NormalStiffness {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "BlockPair")]
 pub struct BlockMaterialPair {
-    /// The two materials, in either order.
+    /// Names of the two materials, in either order.
     pub materials: [String; 2],
     /// Normal stiffness, in the unit of the law's normal stiffness.
     #[serde(default)]

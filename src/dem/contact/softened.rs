@@ -34,7 +34,7 @@ use super::{
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Softening")]
 pub struct SofteningParameters {
-    /// Part c of the dry strength that no water takes [1].
+    /// Fraction c of the dry strength that remains at any moisture [1].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub residual: f64,
     /// Rate b of the loss with the degree of saturation [1].

@@ -322,8 +322,8 @@ impl<S: Space> Bodies<S> for BlockLaw {
         boxes_meet(poses, &S::to_volume(between), gap + slack)
     }
 
-    /// The narrow phase takes much longer than the summation, and uneven times: threads take pieces of its work as
-    /// they become free.
+    /// Distributes the work of the next phase. The narrow phase takes much longer than the summation, and uneven times:
+    /// threads take pieces of its work as they become free.
     fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
 
     fn forces(

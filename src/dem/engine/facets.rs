@@ -7,7 +7,7 @@
 use super::flush::{Planes, drop_doubled_by_planes, is_by_plane};
 use super::*;
 
-/// Owned grain and a wall of facets near it.
+/// Owned grain near a wall with facets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePair<C> {
     pub(super) wall: u32,
@@ -17,7 +17,7 @@ pub(crate) struct SurfacePair<C> {
     pub(super) opening: f64,
     /// `true` if the grain is near a plane wall as well.
     pub(super) by_plane: bool,
-    /// Facets within reach: range in `Facets::near`.
+    /// Index range in `Facets::near` of the facets within reach.
     pub(super) near: (u32, u32),
     /// Contacts: range in `Facets::held`.
     pub(super) held: (u32, u32),

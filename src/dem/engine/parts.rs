@@ -31,7 +31,7 @@ struct Cut {
 struct Part<S: Space> {
     /// Range of active pairs among all.
     active: Range<usize>,
-    /// Indices of the incoming pairs: all of them.
+    /// Positions of the incoming pairs in the list of all pairs.
     places: Vec<u32>,
     /// Failed bonds, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
@@ -55,7 +55,7 @@ impl<S: Space> Default for Part<S> {
     }
 }
 
-/// The parts of one rank.
+/// Parts into which the grains of a rank are divided.
 #[derive(Debug)]
 pub(super) struct Parts<S: Space, C, M> {
     /// Boundaries of the parts: one more than there are parts.
@@ -371,7 +371,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         phase.map(|_| fastest)
     }
 
-    /// Moves the grains to their new positions from the last step.
+    /// Stores the positions that the last step computed.
     pub(super) fn take_moved(&mut self, particles: &mut Particles<S>) {
         let owned = particles.owned();
         // Ghosts remain unchanged until they are refreshed.

@@ -84,7 +84,7 @@ pub use history::BlockHistory;
 /// Block in its position for the narrow phase.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// Shape.
+    /// Shape of the block.
     pub shape: &'a Polyhedron,
     /// Rotation from its body frame into space.
     pub rotation: Matrix3<f64>,
@@ -99,7 +99,7 @@ pub enum BlockContactModel {
     /// conserves energy.
     #[default]
     Pressure,
-    /// Volume and vector area of the overlap: faces that rest on faces.
+    /// Volume and vector area of the overlap, for faces that are in contact with faces.
     Patch,
     /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
@@ -158,7 +158,7 @@ pub struct Narrow {
     /// Vertices and half-spaces of the second block, slightly enlarged.
     vertices: Vec<Vector3<f64>>,
     grown: Vec<HalfSpace>,
-    /// Planes that cut, those with most vertices outside first.
+    /// Planes that cut, in descending order of the number of vertices outside.
     cutting: Vec<(usize, usize)>,
     polygon: Vec<Vector3<f64>>,
     spare: Vec<Vector3<f64>>,
@@ -352,8 +352,8 @@ impl Narrow {
         }
     }
 
-    /// Returns the result of the exhaustive test of a pair: none if an axis separates it, otherwise the shortest
-    /// separation.
+    /// Returns the result of the exhaustive test of a pair: none if an axis separates the blocks, otherwise the
+    /// shortest separation.
     fn exhaust(
         &mut self,
         first: &Polyhedron,

@@ -194,7 +194,7 @@ pub(super) fn number(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// Returns a count as a real number.
+/// Converts a count to a real number.
 #[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
 pub(super) fn count_f64(k: usize) -> f64 {
     k as f64

@@ -38,7 +38,7 @@ pub(super) enum Verdict {
     Open,
 }
 
-/// Normals of four distant planes around everything, which form the initial basis if there is none.
+/// Normals of four distant planes around both sets, which form the initial basis if there is none.
 const TETRAHEDRON: [[f64; 3]; 4] = [
     [1.0, 1.0, 1.0],
     [1.0, -1.0, -1.0],

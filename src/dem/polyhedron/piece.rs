@@ -86,7 +86,8 @@ impl Piece {
         }
     }
 
-    /// Returns the minimum and the maximum of its extent along a direction (m, times the length of the direction).
+    /// Returns the minimum and the maximum of the extent of the solid along a direction (m, times the length of the
+    /// direction).
     #[must_use]
     pub fn extent(&self, direction: &Vector3<f64>) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);

@@ -20,16 +20,16 @@ const FLAT: f64 = 1e-9;
 /// the file has single precision.
 const STL_PLANE: f64 = 2e-6;
 
-/// An edge between two faces.
+/// Edge between two faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// Vertices at its ends.
+    /// Indices of the vertices at both ends.
     pub ends: [u32; 2],
     /// Faces on both sides.
     pub faces: [u32; 2],
 }
 
-/// A convex polyhedron in its body frame: see the module.
+/// Convex polyhedron in its body frame: see the module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polyhedron {
     half_spaces: Vec<HalfSpace>,

@@ -24,7 +24,7 @@ const RATIO: f64 = 10.0;
 pub(crate) struct Faces {
     /// First facet of the face of each facet.
     first: Vec<u32>,
-    /// First given facet of the face of each facet, also for periodic images of the face.
+    /// First given facet of the face to which each facet belongs, also for periodic images of the face.
     name: Vec<u32>,
     /// Facet on the other side of each edge, in the order of the corners of all facets.
     beside: Vec<u32>,
@@ -125,8 +125,7 @@ impl FacetSurface {
         self.facets[facet].normal.dot(&(point - corner))
     }
 
-    /// Returns the facets across the edges of a facet that fall away behind it, as seen from a point: those whose
-    /// front is visible across a convex edge.
+    /// Returns the facets across the convex edges of a facet whose fronts are visible from a point.
     fn in_front<'a>(
         &'a self,
         faces: &'a Faces,
@@ -147,8 +146,8 @@ impl FacetSurface {
         })
     }
 
-    /// Removes from `order`, pairs of a face and a facet in ascending order of faces, the faces whose back is
-    /// visible from a block at `centre` behind a face in front of them.
+    /// Removes from `order`, pairs of a face and a facet in ascending order of faces, the faces that a block at
+    /// `centre` sees only from behind, past another face in front of them.
     pub(crate) fn leave_seen(
         &self,
         faces: &Faces,

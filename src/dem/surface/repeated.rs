@@ -29,9 +29,9 @@ pub(super) struct Repeated {
     lengths: [f64; 3],
     /// Number of given facets, which come first.
     pub(super) given: u32,
-    /// Given facet of each facet, and its offset from there in periods.
+    /// Given facet of which each facet is an image, and the offset of the image in periods.
     images: Vec<(u32, [i32; 3])>,
-    /// Index of each vertex that it shares with its images.
+    /// Index of each vertex, equal for a vertex and its images.
     vertices: Vec<u32>,
     /// The images of given facet k are `of_given[starts[k]..starts[k + 1]]`.
     starts: Vec<u32>,
@@ -238,8 +238,8 @@ impl FacetSurface {
         }
     }
 
-    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic
-    /// face, since the point may pass the face, and other images are then near it.
+    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
+    /// the point may cross the face and is then near other images.
     pub(crate) fn images_beyond(
         &self,
         facet: u32,

@@ -51,8 +51,8 @@ impl<'a, S: Space> World<'a, S> {
         self.view.polyhedron(k).map(|(shape, _)| shape)
     }
 
-    /// Computes the contact of a block with a block or a sphere. Returns also `true` if the second body of the pair
-    /// is the first one of the contact: a block precedes a sphere.
+    /// Computes the contact of a block with a block or a sphere. Also returns `true` if the second body of the pair
+    /// comes first in the contact: a block precedes a sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -207,7 +207,7 @@ impl<'a, S: Space> World<'a, S> {
             .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
-    /// Returns the contact of a block with a plane; none if there is none.
+    /// Returns the contact of a block with a plane, or none.
     pub(super) fn meet_plane(
         &self,
         pair: &BlockAtPlane,
@@ -257,8 +257,7 @@ impl<'a, S: Space> World<'a, S> {
         action
     }
 
-    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of
-    /// [`Approach`].
+    /// Returns the force and moment on block `k` of a contact with a wall; see [`Approach`] for `part` and `damped`.
     pub(super) fn act_at_wall(
         &self,
         k: usize,

@@ -19,7 +19,7 @@ const ROUNDING: f64 = 1e-11;
 pub struct Hidden {
     /// Volume [m³] and its first moment [m⁴].
     part: Overlap,
-    /// Area [m²] of the facets inside the block, its first [m³] and second [m⁴] moments about the centroid.
+    /// Area [m²] of the facets inside the block, and its first [m³] and second [m⁴] moments about the centroid.
     area: f64,
     first: Vector3<f64>,
     second: Matrix3<f64>,

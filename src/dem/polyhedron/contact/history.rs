@@ -7,7 +7,7 @@ use super::super::linear_program::AFRESH;
 /// History of a pair as plain data of 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockHistory {
-    /// Axis that separated the pair at the last test, in the frame of the first block; zero if none did.
+    /// Axis that separated the pair at the last test, in the frame of the first block; zero if no axis did.
     pub(super) axis: Vector3<f64>,
     /// Last contact point, in the frame of the first block.
     pub(super) point: Vector3<f64>,

@@ -170,7 +170,7 @@ impl Narrow {
         !self.polygon.is_empty()
     }
 
-    /// Returns the contact of an overlap; none if its surface has no direction.
+    /// Returns the contact of an overlap; none if the surface of the overlap has no direction.
     pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
         let area = overlap.area.norm();
         let normal = match other {
@@ -194,7 +194,7 @@ impl Narrow {
         })
     }
 
-    /// Returns the contact of two blocks by pressure; none if only rounding errors are left of the overlap.
+    /// Returns the contact of two blocks by pressure; none if the overlap consists of rounding errors.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.push_at(&overlap.centroid)?;
         // If one block penetrates the other, the vectors of a surface nearly cancel: the force remains, with an

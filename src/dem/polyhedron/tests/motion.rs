@@ -376,9 +376,9 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// Pressure contacts have a potential. Patch contacts have one if one of the two surfaces is a plane, and
-/// approximately otherwise. Boon's point and normal have none: they conserve momenta, and energy within some per
-/// cent.
+/// Checks energy and momenta in collisions. Pressure contacts have a potential. Patch contacts have one if one of the
+/// two surfaces is a plane, and approximately otherwise. Boon's point and normal have none: they conserve momenta, and
+/// energy within some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
@@ -480,8 +480,8 @@ fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
     worst
 }
 
-/// The stack is stable over a million steps too: the numbers in the module documentation were measured with more
-/// steps.
+/// Checks a stack, which is stable over a million steps as well: the numbers in the module documentation were measured
+/// with more steps.
 #[test]
 fn ten_blocks_stand() {
     let [speed, moved, lean] = stack(BlockContactModel::Pressure, 100.0, 8000);

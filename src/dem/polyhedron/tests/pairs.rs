@@ -120,8 +120,8 @@ fn shapes() -> Vec<Polyhedron> {
     found
 }
 
-/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned
-/// alike.
+/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow or deep; some of the
+/// pairs have parallel faces.
 fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
     let mut draw = Stream::new(22, id, 0);
     let mut pick = || &shapes[draw.bits() as usize % shapes.len()];

@@ -342,8 +342,8 @@ fn spheres_touch_the_closest_point() {
     }
 }
 
-/// A box on its edge, a strip of length L: the dashpots resist a rotation normal to the edge like a beam, with c_n
-/// L²/12, but hardly a rotation about the edge, because the strip has almost no width.
+/// Checks a box on its edge, a strip of length L: the dashpots resist a rotation normal to the edge like a beam, with
+/// c_n L²/12, but hardly a rotation about the edge, because the strip has almost no width.
 #[test]
 fn a_block_turns_freely_about_its_edge() {
     let (length, depth, tilt) = (0.4, 1e-5, 0.3);
