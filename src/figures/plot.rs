@@ -121,13 +121,13 @@ impl Mark {
 pub enum Style {
     /// Filled disc.
     Filled,
-    /// A white disc with a rim.
+    /// White disc with a rim.
     Hollow,
     /// Wide ring, through which underlying points are visible.
     Ring,
     /// Filled square: a point of a map.
     Square,
-    /// A white square with a rim.
+    /// White square with a rim.
     OpenSquare,
 }
 
@@ -138,7 +138,7 @@ pub enum Shape {
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
         points: Vec<(f64, f64)>,
-        /// `true` if it is dashed.
+        /// `true` if the line is dashed.
         dashed: bool,
     },
     /// Area between two lines.
@@ -148,7 +148,7 @@ pub enum Shape {
     },
     /// Points with error bars.
     Marks {
-        /// The points.
+        /// Points with their error bars.
         marks: Vec<Mark>,
         /// Mark of the points.
         style: Style,
@@ -212,7 +212,7 @@ pub struct Panel {
     pub y: PlotAxis,
     /// Layers in the order of drawing.
     pub layers: Vec<Layer>,
-    /// Place of the legend.
+    /// Position of the legend.
     pub legend: Legend,
     /// Title above the entries of the legend.
     pub legend_title: String,
@@ -304,7 +304,7 @@ impl Pen {
     }
 }
 
-/// The range of an axis, its ticks, and how values map to the unit interval.
+/// Range of an axis, its ticks, and the map of values to the unit interval.
 struct Mapping {
     scale: AxisScale,
     low: f64,
@@ -530,7 +530,7 @@ fn legend_height(panel: &Panel) -> f64 {
     real(rows) * LINE + 10.0
 }
 
-/// A panel being drawn.
+/// Panel that is being drawn.
 struct Drawing<'a> {
     panel: &'a Panel,
     left: f64,

@@ -16,7 +16,7 @@ pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
         .collect()
 }
 
-/// Stresses at which the line of a fit is drawn.
+/// Returns the stresses at which the line of a fit is drawn.
 pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f64> {
     let most = points(cohesion).iter().map(|p| p.shear).fold(0.0, f64::max);
     let mut stresses: Vec<f64> = (0..=120_u32)

@@ -162,8 +162,8 @@ mod tests {
         assert_eq!(cuts.draw(&frame, &raster).matches('M').count(), 8);
     }
 
-    /// A plane through corners intersects an octahedron in four lines. A plane along a face of a box gives the
-    /// lines of the other faces or none.
+    /// Checks that a plane through corners intersects an octahedron in four lines, and that a plane along a face of a
+    /// box gives the lines of the other faces or none.
     #[test]
     fn a_plane_through_corners_cuts_each_face_once() {
         let section = Section { axis: 2, at: 0.0 };

@@ -392,7 +392,7 @@ fn label([x, y]: Point, words: &str, size: u32) -> String {
     )
 }
 
-/// Returns the index of the cell at a point of the extended grid; at the ends that of the adjacent cell.
+/// Returns the index of the cell at a point of the extended grid; at the ends the index of the adjacent cell.
 fn inner(k: usize, [columns, rows]: [usize; 2]) -> usize {
     let near = |place: usize, cells: usize| place.saturating_sub(1).min(cells - 1);
     let width = columns + 2;

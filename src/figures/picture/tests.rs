@@ -42,7 +42,7 @@ fn times_are_the_nearest_or_spread_over_the_run() {
     assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
 }
 
-/// Returns a scene of ten by ten metres without values.
+/// Axis of a plot.
 pub(super) fn square() -> Scene {
     let corner = |x: f64| [x, x, 0.0];
     Scene {
