@@ -17,13 +17,13 @@ const MOST: usize = 1000;
 /// Neighbour of a cell across one of its edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// An edge of the overlap, by its number.
+    /// Edge of the overlap, by its index.
     Edge(usize),
-    /// Another cell of the joint, by its number in the joint.
+    /// Another cell of the joint, by its index in the joint.
     Cell(usize),
 }
 
-/// A cell of a joint.
+/// Cell of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
     /// Point of the cell's pressure, in the plane of the joint \[m\].
@@ -103,7 +103,7 @@ impl Grid {
     }
 }
 
-/// Returns the cells of a joint, of at most about this size \[m\].
+/// Returns the cells of a joint, with edges of at most about this size \[m\].
 #[must_use]
 pub fn divide(joint: &Joint, size: f64) -> Vec<Cell> {
     let grid = Grid::new(&joint.overlap, size);

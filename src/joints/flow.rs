@@ -57,10 +57,10 @@ const CHANGE: f64 = 1e-12;
 /// line search.
 const ROUNDING: f64 = 1e-8;
 /// Change of the pressures, relative to the largest, at which an iteration with kept factors has converged: the
-/// remaining error is a part of this change, not its square, and where there is vapour a small pressure holds much
-/// water.
+/// remaining error is a fraction of this change, not its square, and near vapour a small pressure difference stores
+/// much water.
 const KEPT_CHANGE: f64 = 1e-14;
-/// Largest change of the pressures over the last one with which Newton's method keeps its factors.
+/// Largest ratio of the change of the pressures to the previous change at which Newton's method keeps its factors.
 const KEPT: f64 = 0.03;
 /// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
 const STILL: f64 = 1e-14;
@@ -159,7 +159,8 @@ pub struct JointFlow {
     gaps: Vec<LinearField>,
     /// Volumes that store by compression \[m³\].
     volumes: Vec<f64>,
-    /// Volumes that follow the walls without the displacements of the blocks, and what these add \[m³\].
+    /// Volumes that follow the walls without the displacements of the blocks, and the change of these volumes by the
+    /// displacements \[m³\].
     fills: Vec<f64>,
     opened: Vec<f64>,
     /// Water of the nodes in excess of their volumes and pressures, after blocks were placed \[m³\].
@@ -176,12 +177,12 @@ pub struct JointFlow {
     /// `true` if the factors are those of an iterate of the present step.
     factored: bool,
     work: Work,
-    /// Moving blocks, and the cells next to them.
+    /// Moving blocks, each with the adjacent cells.
     movers: Vec<Mover>,
     touches: Vec<Touch>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Gaps without the displacements of the blocks, and what these add \[m\].
+    /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
 }
@@ -217,13 +218,13 @@ struct Work {
 }
 
 impl JointFlow {
-    /// Returns the water of a network at zero pressure and at rest.
+    /// Returns the stationary water of a network at zero pressure.
     #[must_use]
     pub fn new(network: Network, settings: FlowSettings) -> Self {
         Self::with_movers(network, settings, Vec::new())
     }
 
-    /// Returns the water of a network with moving blocks ([`crate::motion`]), at zero pressure and at rest.
+    /// Returns the stationary water of a network with moving blocks ([`crate::motion`]), at zero pressure.
     #[must_use]
     pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
@@ -346,7 +347,7 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\]; where blocks move then the water of the nodes beyond that of their volumes \[m³\].
+    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\].
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let surplus = if self.movers.is_empty() {
@@ -471,7 +472,7 @@ impl JointFlow {
         self.add_water(-1.0);
     }
 
-    /// Adds the water of the nodes, times a factor, to their surplus.
+    /// Adds the water of the nodes, multiplied by a factor, to their surplus.
     fn add_water(&mut self, factor: f64) {
         for (number, surplus) in self.surplus.iter_mut().enumerate() {
             let (more, _) = self.settings.water.compression(self.pressure[number]);
@@ -481,8 +482,7 @@ impl JointFlow {
         }
     }
 
-    /// Takes the positions of the blocks as they are, and with them volumes and channels. Displacements count from
-    /// here.
+    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
     pub fn set_positions(&mut self, rocks: &[Rock]) {
         for (number, base) in self.base_gaps.iter_mut().enumerate() {
             let joint = &mut self.network.joints[number];
@@ -523,8 +523,8 @@ impl JointFlow {
         self.prepare_answers(interval);
     }
 
-    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: index of the first
-    /// pair of the blocks.
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair` is the index of the
+    /// first pair of the blocks.
     fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
         let nodes = self.volumes.len();
         let [imbalance, diagonal, pairs] = to;
@@ -848,7 +848,7 @@ impl JointFlow {
         outflows
     }
 
-    /// Adds what leaves through open pieces in a time \[s\].
+    /// Adds the water that leaves through open pieces during a time \[s\].
     fn add_passed(&mut self, time: f64) {
         for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
             if let End::Open(piece) = link.to {

@@ -52,7 +52,7 @@ pub struct Mover {
     pub centroid: Vector3<f64>,
     /// External force \[N\] and moment \[N m\], constant during a step.
     pub load: Vector6<f64>,
-    /// Displacement \[m\] and rotation \[rad\] since the network was made.
+    /// Displacement \[m\] and rotation \[rad\] since the network was built.
     pub displacement: Vector6<f64>,
     /// Velocity [m/s] and rotation rate [rad/s].
     pub velocity: Vector6<f64>,

@@ -149,7 +149,8 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
     assert!((found / exact - 1.0).abs() < 1e-10);
 }
 
-/// Four blocks whose faces leave a vertical joint of one aperture and a horizontal one of another.
+/// Returns four blocks between which a vertical joint of one aperture and a horizontal joint of another aperture
+/// remain.
 fn cross(upright: f64, level: f64) -> Vec<PlacedPolyhedron> {
     let (x, z) = (0.5 * upright, 0.5 * level);
     boxes(&[
@@ -199,7 +200,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
     }
 }
 
-/// A block in a hole: six fixed slabs round it, with an aperture at each face.
+/// Returns a block in a hole: six fixed slabs round it, with an aperture at each face.
 fn hole(apertures: [[f64; 2]; 3]) -> Vec<PlacedPolyhedron> {
     let size = [0.5, 0.3, 0.2];
     let outer = |axis: usize, side: usize| {
@@ -258,8 +259,8 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
     ring(&solids, apertures);
 }
 
-/// Compares the flow round the block in two parallel ways with the closed solution: with the joints in the planes
-/// across y shut, a ring of four joints in series and parallel.
+/// Compares the flow round the block in two parallel paths with the closed solution: with the joints in the planes
+/// across y closed, a ring of four joints in series and parallel.
 fn ring(solids: &[PlacedPolyhedron], apertures: [[f64; 2]; 3]) {
     let network = Network::new(
         &rocks(&[&solids[..3], &solids[5..]].concat()),
