@@ -113,7 +113,7 @@ pub struct SlabSurface {
     bodies: Option<Box<Bodies>>,
     /// `true` after a restart, until bodies are known.
     restored: bool,
-    /// `true` between the step and the update of the bodies, which change cells as well: lists and fill levels are
+    /// `true` between the step and the update of the bodies, which also changes cells: lists and fill levels are then
     /// those before the step.
     unsettled: bool,
     /// Carried ghost cells of a step; a reusable buffer.
@@ -125,7 +125,7 @@ pub struct SlabSurface {
     fed: Vec<conversion::Fed>,
     /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
     shore: Vec<(usize, [f32; 3])>,
-    /// Momentum of the step; none where no balance is due.
+    /// Momentum of the step; none if no balance is due.
     balance: Option<StepMomentum>,
 }
 
@@ -246,8 +246,8 @@ impl SlabSurface {
         [f64::from(kind), mass, self.cells.share[cell]]
     }
 
-    /// Returns the mass on this rank that could not be distributed so far, in quanta: positive for mass that left
-    /// the water.
+    /// Returns the mass on this rank that could not be distributed so far, in quanta: positive for mass that left the
+    /// water.
     #[must_use]
     pub fn lost(&self) -> i128 {
         self.lost
@@ -517,7 +517,7 @@ impl SlabSurface {
         }
     }
 
-    /// Shares excess mass. Collective.
+    /// Distributes excess mass. Collective.
     fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);

@@ -126,7 +126,7 @@ impl Upstream {
 struct Leaving {
     cell: usize,
     upstream: Upstream,
-    /// Weight w_j.
+    /// Weight w_j of the direction.
     weight: f64,
     /// Population f_j(x, t).
     before: f64,
@@ -452,8 +452,8 @@ mod tests {
         assert!(local.0 < plain.0 && given.0 < plain.0);
     }
 
-    /// A vortex leaves through an outflow with an imposed mean pressure with no more reflection than without one,
-    /// and the pressure behind it is the imposed one within 1 % of ρ U².
+    /// Checks that a vortex leaves through an outflow with an imposed mean pressure with no more reflection than
+    /// without one, and that the pressure behind it is the imposed one within 1 % of ρ U².
     #[test]
     fn the_pressure_behind_a_vortex_is_the_one_that_is_held() {
         let of = |held: bool| {

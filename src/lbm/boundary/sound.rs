@@ -73,7 +73,7 @@ pub(super) struct PlaneWave {
     asks: Asks,
     /// Relaxation rate K per step.
     rate: f64,
-    /// `true` if the imposed value holds at every step.
+    /// `true` if the imposed value applies at every step.
     reflects: bool,
     /// Value stored at the previous step; `None` before the first step.
     memory: Option<f64>,
@@ -96,7 +96,8 @@ impl PlaneWave {
         Self::new(Asks::Velocity, length)
     }
 
-    /// Returns the wave of a face whose mean pressure is exact at every step; only for [`Self::hear_outflow`].
+    /// Returns the wave of a face whose mean pressure is imposed exactly at every step; only for
+    /// [`Self::hear_outflow`].
     pub(super) fn reflected() -> Self {
         Self {
             reflects: true,
@@ -363,7 +364,7 @@ mod tests {
     /// Committed table of reflection coefficients at normal incidence.
     const TABLE: &str = include_str!("../../../benches/accuracy/sound/returned.csv");
 
-    /// Measures the table again.
+    /// Measures the reflection again and compares it with the table.
     #[test]
     fn sound_leaves_through_openings_that_absorb() {
         let (mut text, mut others) = (TABLE.lines().next().unwrap().to_owned(), Vec::new());
@@ -403,7 +404,8 @@ mod tests {
         Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
     }
 
-    /// Each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the domain.
+    /// Checks that each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the
+    /// domain.
     #[test]
     fn sound_leaves_through_outflows() {
         for carried in [Carried::Local, Carried::Whole, Carried::Given(0.05)] {
@@ -420,7 +422,7 @@ mod tests {
         }
     }
 
-    /// A start from rest settles as at an absorbing pressure, to the imposed pressure and velocity.
+    /// Checks that a start from rest settles as with an absorbing pressure, to the imposed pressure and velocity.
     #[test]
     fn a_start_before_an_outflow_settles() {
         const SPEED: f64 = 0.01;

@@ -53,8 +53,8 @@ pub struct Velocity {
     pub sound: Sound,
 }
 
-/// Maximum fraction of a discharge that links at the rim may lack; above it the flow would differ from the stated
-/// one.
+/// Maximum fraction of a discharge that may be missing because links at the rim belong to walls; above it the flow
+/// would differ from the stated one.
 const MOST_AMISS: f64 = 0.5;
 
 fn reflect() -> Sound {
@@ -181,7 +181,7 @@ pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Opti
     history.map(|history| history.scaled(|time| units.time_to_lattice(time), |factor| factor))
 }
 
-/// Returns turbulence carried in by the mean of a profile over the cells of its patch.
+/// Returns the turbulence that the mean velocity of a profile carries in through the cells of its patch.
 fn synthetic(
     written: &Fluctuations,
     place: &Place<'_>,
@@ -235,7 +235,7 @@ pub struct VelocityLinks {
     history: Option<TimeTable>,
     /// Axis of the face and ends of the patch in cells; `None` for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
-    /// Stated discharge at full speed; `None` without one.
+    /// Stated discharge at full speed; `None` if none is stated.
     discharge: Option<f64>,
     /// Discharge of this rank's links at a factor of one, in quanta.
     given: i128,
@@ -316,7 +316,7 @@ impl VelocityLinks {
         self
     }
 
-    /// Adds turbulence to the profile; `side` is the axis of the face and `true` for its upper end.
+    /// Adds turbulence to the profile; `side` is the axis of the face, and `true` for its upper end.
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));

@@ -50,12 +50,10 @@ use serde_json::json;
 #[schemars(inline)]
 pub struct SugaParameters(pub mrt::MrtParameters);
 
-/// Relaxation time from which on waves of three cells along the diagonals grow in fluid at rest with the rates of
-/// Suga: by 0.06 % per step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a
-/// period).
+/// Relaxation time above which waves of three cells along the diagonals grow in fluid at rest with the rates of Suga:
+/// by 0.06 % per step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
 const GROWS: f64 = 0.556;
-/// Relaxation time from which on runs failed for this reason: boxes without walls at 0.8, ducts at 0.75, under a
-/// lid at
+/// Relaxation time above which runs failed for this reason: boxes without walls at 0.8, ducts at 0.75, under a lid at
 /// 0.7 and not at 0.65.
 const FAILS: f64 = 0.7;
 /// Relaxation time below which waves grow at rest with all moments above second order at equilibrium: by 0.9 % per
@@ -136,8 +134,8 @@ impl CollisionModel for SugaParameters {
         Some(finding(severity, reason, remedy.into(), json!({"mrt": {}})))
     }
 
-    /// Returns the border: with an eddy viscosity only flows under a lid are covered; with moments above second
-    /// order at equilibrium the border then lies beyond the map.
+    /// Returns the stability limit. With an eddy viscosity only flows under a lid are covered; with moments above
+    /// second order at equilibrium the limit then lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
@@ -214,7 +212,7 @@ impl Kernels for Matrix {
 pub struct Suga {
     /// Rate of the shear stress 1/τ (s5 = s7).
     pub omega: f64,
-    /// The other rates.
+    /// Rates other than that of the shear stress.
     pub rates: Rates,
     /// Force density in lattice units.
     pub force: [f64; 3],
@@ -423,7 +421,7 @@ mod tests {
         }
     }
 
-    /// With one rate for even and one for odd moments the result is independent of the basis.
+    /// Checks that with one rate for even and one for odd moments the result is independent of the basis.
     #[test]
     fn paired_rates_are_trt() {
         let (g, omega, magic, force) = (cell(3), 1.1, 3.0 / 16.0, FORCE);

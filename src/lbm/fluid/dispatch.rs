@@ -24,22 +24,22 @@ use std::marker::PhantomData;
 
 /// Pass with a selected operator, force and eddy viscosity.
 pub(super) trait Step<S: Stored>: Send + Sync {
-    /// Makes one pass over the cells of a block by a worker; `force` is that of this step.
+    /// Collides and streams the cells of a block on one worker; `force` is the force in this step.
     ///
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &RowBlock, worker: usize);
 
-    /// Returns the equivalent kernel of a GPU; `None` if there is none.
+    /// Returns the equivalent kernel of a GPU, or `None`.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
 
-    /// Starts the pass over all cells on a GPU with this kernel, after populations of a parity.
+    /// Starts the pass over all cells on a GPU with this kernel, for populations after a pass of this parity.
     ///
     /// # Errors
     /// If the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
-    /// Makes the pass of a GPU on the host, cell by cell.
+    /// Computes the pass of a GPU on the host, cell by cell.
     ///
     /// # Safety
     /// The numbers must be those of the slab of the program.
@@ -70,7 +70,7 @@ struct Chosen<S: Stored, C, T, F> {
 #[cfg(test)]
 type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
 
-/// Makes the pass over all cells, one by one, with the functions of the GPU kernels.
+/// Computes the pass over all cells, one by one, with the functions of the GPU kernels.
 ///
 /// # Safety
 /// The numbers must be those of the slab of the program, and the view that of its cover.
@@ -274,7 +274,7 @@ impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for On<L, S, Q> {
         self.choice.pass::<L, K, S, Q>(kernels)
     }
 
-    /// The moments are those of D3Q27 for any velocity set.
+    /// Moments are those of D3Q27 for any velocity set.
     fn on_d3q27<K: Kernels>(self, kernels: K) -> Self::Output {
         self.choice.pass::<D3Q27, K, S, 27>(kernels)
     }

@@ -73,7 +73,7 @@ impl<S: Stored> Fluid<S> {
         self.surface.as_deref()
     }
 
-    /// Returns the free surface, to set its state.
+    /// Returns the free surface, for changes of its state.
     pub fn surface_mut(&mut self) -> Option<&mut SlabSurface> {
         self.surface.as_deref_mut()
     }
@@ -168,7 +168,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Sets the velocities for the eddy viscosity in cells newly reached by the surface, and their ghosts.
+    /// Sets the velocities for the eddy viscosity in cells that the surface has newly reached, and their ghosts.
     /// Collective.
     fn enter_velocities(&mut self) {
         let (Some(surface), Some(field)) = (&self.surface, &mut self.field) else {

@@ -91,8 +91,8 @@ impl Cover {
         }
     }
 
-    /// Sets if all bodies are balls that cover the cells exactly as given by their positions, so that a GPU can
-    /// compute the cover.
+    /// Sets a flag: `true` if all bodies are balls that cover the cells exactly as given by their positions, so that a
+    /// GPU can compute the cover.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
@@ -436,7 +436,7 @@ impl Cover {
 /// Lists of the bodies of shared cells.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Bodies of the shared cells with their fractions, in the order of their names.
+    /// Bodies of the shared cells with their fractions, ordered by id and image.
     shared: Vec<Vec<Share>>,
     /// Bodies that have the cell deep inside.
     deep: Vec<Vec<u32>>,
@@ -478,8 +478,8 @@ struct Place {
 enum Access<'a> {
     /// Access without other workers.
     Alone(&'a mut [Shelf]),
-    /// Access with other workers: new entries are taken from the list of this number, seldom from that of another
-    /// worker.
+    /// Access with other workers: new entries are taken from the list of this number, and only rarely from that of
+    /// another worker.
     Shared(&'a [Shelf], usize),
 }
 
@@ -494,7 +494,7 @@ pub struct CoverPart<'a> {
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [CoveringBody],
-    /// Flags of a change: that of all parts, written at the end, and that of this part.
+    /// Flag of all parts, `true` after a change; it is written at the end. The next field is the flag of this part.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,

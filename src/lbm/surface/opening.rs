@@ -505,8 +505,8 @@ fn critical(rows: &[f64], discharge: f64, gravity: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// A rectangular section has the critical depth (q²/g)^⅓ above its bed; a triangular one (2 Q²/(g m²))^⅕ with
-    /// sides of slope m.
+    /// Checks the critical depth: (q²/g)^⅓ above the bed in a rectangular section, and (2 Q²/(g m²))^⅕ in a triangular
+    /// section with sides of slope m.
     #[test]
     fn a_discharge_is_critical_at_the_depth_of_its_section() {
         let gravity = 1e-4;

@@ -98,7 +98,7 @@ impl Tank {
         slips.chain(open).chain(streams).collect()
     }
 
-    /// Returns the fluid with these fill levels, at rest with the pressure of its own column.
+    /// Returns the stationary fluid with these fill levels and the pressure of its own column.
     pub(super) fn fill(&self, level: impl Fn([usize; 3]) -> f64 + Sync) -> Fluid<f64> {
         let setup = Setup {
             set: self.set,

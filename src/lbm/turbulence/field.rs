@@ -60,7 +60,7 @@ struct Axis {
     distance: [f32; 2],
     /// Weights of the low side, of the cell and of the high side; 0 for a surface.
     weights: [f64; 3],
-    /// Contributions of the surfaces, including their weights.
+    /// Contributions of the surfaces to the gradient, including their weights.
     given: [f64; 3],
     velocity: [[f32; 3]; 2],
 }
@@ -464,7 +464,7 @@ impl Ghosts {
         ghosts
     }
 
-    /// Fills the ghost cells of some rows of planes, in the field that starts at `numbers` for each component.
+    /// Fills the ghost cells of a range of rows and planes, in the field that starts at `numbers` for each component.
     /// `ramp` returns the factor of a patch.
     ///
     /// # Safety
@@ -485,7 +485,7 @@ impl Ghosts {
         }
     }
 
-    /// Fills the ghost cells of some planes, on several threads if they are many.
+    /// Fills the ghost cells of a range of planes, on several threads if there are many cells.
     ///
     /// # Safety
     /// As for [`Self::fill`].
@@ -511,7 +511,7 @@ impl Ghosts {
         });
     }
 
-    /// Fills the ghost cells of some cells in the field written by a pass, before the step is complete.
+    /// Fills the ghost cells of a block of cells in the field written by a pass, before the step is complete.
     ///
     /// # Safety
     /// `written` must be of this slab, the pass must have done these cells and those two further inside, and no other
@@ -573,7 +573,7 @@ impl Run {
 pub struct BodyWall {
     /// Position of the cell.
     pub cell: usize,
-    /// Axis along which the surface is, and `true` for the upper side.
+    /// Axis normal to the surface, and `true` for the upper side.
     pub side: (usize, bool),
     /// Distance from the cell \[cells\].
     pub distance: f64,
@@ -588,7 +588,7 @@ fn position_from(from: usize, to: usize) -> isize {
 
 /// Velocity field of a slab, for the gradient.
 pub struct Field {
-    /// Components of the previous step and of this one.
+    /// Velocity components of the previous step, then of this one.
     numbers: [Pages<f32>; 2],
     /// Index of the field that is read.
     old: usize,
@@ -762,8 +762,8 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghost cells across periodic axes and beyond faces that depend
-    /// on the cells of some planes. `ramp` returns the factor of a patch at this time.
+    /// Receives the planes of the neighbours and fills the ghost cells across periodic axes and beyond faces that
+    /// depend on the cells of a range of planes. `ramp` returns the factor of a patch at this time.
     pub(crate) fn complete(
         &mut self,
         planes: impl Iterator<Item = Range<usize>>,

@@ -11,7 +11,7 @@ use crate::turbulence::Resolved;
 use std::any::Any;
 use std::marker::PhantomData;
 
-/// Receiver of kernels that only counts that there are some.
+/// Receiver of kernels that only detects that there are any.
 struct Exists;
 
 impl Dispatch for Exists {
