@@ -625,7 +625,7 @@ pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
 
-/// Reads the time averages of a slab from a checkpoint; they remain empty if it contains none.
+/// Reads the time averages of a slab from a checkpoint; they remain empty if the checkpoint contains none.
 ///
 /// # Errors
 /// If they cannot be read.
@@ -645,7 +645,7 @@ pub fn read_averages<S: SavedNumber>(
     Ok(())
 }
 
-/// Returns the state of the seepage in a checkpoint, on every rank; empty if it contains none.
+/// Returns the state of the seepage in a checkpoint, on every rank; empty if the checkpoint contains none.
 ///
 /// # Errors
 /// If they cannot be read.
@@ -660,8 +660,8 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Returns grains and contacts of a checkpoint. Every rank reads all contacts; the first rank reads the grains,
-/// which later go to their owners.
+/// Returns grains and contacts of a checkpoint. Every rank reads all contacts; the first rank reads the grains, which
+/// are later sent to their owners.
 ///
 /// # Errors
 /// If a column is missing or malformed.

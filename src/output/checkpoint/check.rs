@@ -19,7 +19,7 @@ pub struct Expected {
     pub lattice: Option<([usize; 3], usize, usize)>,
     /// Length of the state of the seepage or of the water in joints; none without these.
     pub seepage: Option<usize>,
-    /// `true` if it may hold fewer.
+    /// `true` if the number of these values may be smaller.
     pub seepage_varies: bool,
     /// Maximum number of grains, blocks and bodies; none if nothing is solid.
     pub grains: Option<u64>,

@@ -21,7 +21,7 @@ use plan::scene::Scene;
 pub(super) struct Gauge {
     axis: usize,
     rises: bool,
-    /// Cell at the bottom of the column: its index along the axis is 0.
+    /// Cell at the bottom of the column, with index 0 along the axis.
     foot: [usize; 3],
     height: f64,
     /// Fill levels of the column from bottom to top, in quanta; the buffer is reused.

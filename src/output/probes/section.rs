@@ -16,7 +16,7 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Section {
     pub(super) axis: usize,
-    /// Index of the plane: cells below it have smaller ones.
+    /// Index of the plane, above the indices of the cells below it.
     pub(super) plane: usize,
     /// Cells of the part; the range along the axis is not used.
     pub(super) ranges: [Range<usize>; 3],
