@@ -11,7 +11,7 @@ use super::flow::Flow;
 use base::number::{real, single};
 use std::f64::consts::PI;
 
-/// Largest rounding error of a number in f32, relative to it.
+/// Largest rounding error of a number in f32, relative to the number.
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
 /// Number of roundings in a step that add up: the largest number of the flows in `benches/precision.rs` is 1.2.
