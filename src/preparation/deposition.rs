@@ -47,11 +47,11 @@ pub struct Deposition<S: Space> {
     pub clouds: Vec<Cloud<S>>,
     /// Box that the grains may not leave.
     pub region: GrainDomain<S>,
-    /// Walls.
+    /// Walls onto which the grains fall.
     pub walls: Vec<Wall<S>>,
     /// Space outside the structures.
     pub room: Room,
-    /// Seed of sizes and places.
+    /// Seed of sizes and positions.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
@@ -109,7 +109,7 @@ pub struct DepositionReport {
 }
 
 const PLACES: u32 = 12;
-/// Local damping of grains that have landed, and limit of both measures below which they count as landed.
+/// Local damping of grains that have landed.
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
 /// Steps between checks.
@@ -292,7 +292,7 @@ impl<S: Space> Deposition<S> {
         Ok(places)
     }
 
-    /// Returns the settings of a relaxation under a contact law: the time step is that of the stiffest contacts.
+    /// Returns the settings of a relaxation under a contact law, with the time step of the stiffest contacts.
     fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
@@ -651,7 +651,7 @@ mod tests {
         assert!(sizes);
     }
 
-    /// The sample settles, is trimmed, and carries its weight: the floor bears the sum of m g.
+    /// Checks that the sample settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
     fn a_deposition_settles_and_is_trimmed() {
         let deposition = small();
@@ -706,7 +706,8 @@ mod tests {
         );
     }
 
-    /// The number of steps is at most the limit, even if that is smaller than the interval between two checks.
+    /// Checks that the number of steps is at most the limit, even if the limit is smaller than the interval between two
+    /// checks.
     #[test]
     fn steps_are_at_most_those_allowed() {
         for limit in [50, 500, 620] {

@@ -259,7 +259,7 @@ fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> ListedG
     }
 }
 
-/// Saves the blocks if the case requests it; returns a line about them.
+/// Saves the blocks if the case requests this; returns a line about them.
 fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<String, Error> {
     if let Some(path) = &blocks.save {
         let text = list::write(blocks.list.iter().map(|block| {
@@ -277,7 +277,7 @@ fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<Stri
     ))
 }
 
-/// Returns three components; missing ones are zero.
+/// Returns three components; components that the vector does not have are zero.
 fn components<C: Components>(vector: &C) -> [f64; 3] {
     std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
 }
@@ -430,7 +430,7 @@ fn packing_of<S: Space>(
     }
 }
 
-/// Returns an index of a material or a count of materials as the engine stores it.
+/// Returns an index of a material, or a number of materials, in the integer type of the engine.
 fn index(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }

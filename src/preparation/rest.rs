@@ -56,7 +56,7 @@ fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f6
     }
 }
 
-/// The state of a [`Rest`] in a checkpoint.
+/// State of a [`Rest`] in a checkpoint.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
 pub struct SavedRest {
     bonds: u64,
@@ -226,7 +226,7 @@ mod tests {
         }
     }
 
-    /// A piston that moves in the run is stationary during the relaxation, and moves afterwards.
+    /// Checks that a piston that moves in the run is stationary during the relaxation, and moves afterwards.
     #[test]
     fn walls_stand_still() {
         let corner = Vector3::repeat(0.01);

@@ -39,7 +39,7 @@ pub struct Boundaries<'a> {
     pub periodic: [bool; 3],
     /// Corners of each cloud \[m\].
     pub clouds: &'a [[[f64; 3]; 2]],
-    /// The axis against gravity, and whether up is its positive direction.
+    /// Axis against gravity, and `true` if its positive direction is upwards.
     pub up: (usize, bool),
 }
 
@@ -83,8 +83,8 @@ impl Room {
         room
     }
 
-    /// Fills the cells with their centre at least this distance \[m\] from all structures, from the top of the
-    /// region, or from that of the clouds.
+    /// Fills the cells whose centres are at least this distance \[m\] from all structures, from the top of the region,
+    /// or from the top of the clouds.
     fn fill(&mut self, bounds: &Boundaries<'_>, clearance: f64) {
         let count = self.cells.iter().product();
         let free: Vec<bool> = (0..count)

@@ -15,10 +15,10 @@ const REPORT_EVERY: Duration = Duration::from_secs(30);
 /// Interval between requests for instructions from the supervisor.
 const ASK_EVERY: Duration = Duration::from_millis(500);
 
-/// A request to a running operation.
+/// Request to a running operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Request {
-    /// Continue.
+    /// No request: the operation continues.
     None,
     /// Write a checkpoint and continue.
     Checkpoint,
@@ -38,7 +38,7 @@ pub trait Requests {
 /// State of an unfinished sample.
 #[derive(Debug)]
 pub struct SavedSample<S: Space> {
-    /// The grains.
+    /// Grains in their present state.
     pub particles: Particles<S>,
     /// Contacts of the grains, and the number of solid steps done.
     pub contacts: Contacts,
@@ -93,10 +93,10 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<SavedSample<S>>>,
     reported: Cell<Instant>,
-    /// Time of the last request; none before the first, which follows the first batch, so that an early stop is
-    /// noticed immediately.
+    /// Time of the last check for requests; none before the first check, which follows the first batch, so that an
+    /// early stop is noticed immediately.
     asked: Cell<Option<Instant>>,
-    /// Number of steps of a batch, whose duration is shorter than the interval between two requests.
+    /// Number of steps of a batch, whose duration is shorter than the interval between two checks.
     batch: Cell<u64>,
 }
 
@@ -119,7 +119,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         Self::new(&Unsupervised, None)
     }
 
-    /// Takes the saved state of an earlier attempt; `None` at the second call.
+    /// Returns the saved state of an earlier attempt; `None` at later calls.
     pub fn take_saved(&self) -> Option<SavedSample<S>> {
         self.saved.borrow_mut().take()
     }
@@ -132,7 +132,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         }
     }
 
-    /// Runs a batch of the `left` steps, and subtracts its length from `left`.
+    /// Runs a batch of the `left` remaining steps, and subtracts its length from `left`.
     ///
     /// # Errors
     /// If [`Dem::advance_many`] fails.
