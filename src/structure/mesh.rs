@@ -272,7 +272,7 @@ impl TriangleMesh {
         }
     }
 
-    /// Sorts the triangles into a tree that halves boxes along their longest edge.
+    /// Sorts the triangles into a tree of boxes, each divided in half along its longest edge.
     fn plant(&mut self) {
         let middle = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.vertices[v as usize]);
@@ -352,8 +352,8 @@ impl TriangleMesh {
     }
 }
 
-/// Keeps one of several equal triangles, and removes both of two triangles with opposite orientation, which separate
-/// two solids such as adjacent cubes.
+/// Removes duplicates of equal triangles, and both of two triangles with opposite orientation, which separate two
+/// solids such as adjacent cubes.
 fn once(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;

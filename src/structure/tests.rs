@@ -95,8 +95,8 @@ fn point(draw: &mut Stream, frame: &Frame) -> Point {
     at
 }
 
-/// The exact chords agree with those computed from the distance alone; the distance never exceeds that to a point
-/// of the other sign.
+/// Checks that the exact chords agree with those computed from the distance alone, and that the distance never exceeds
+/// that to a point of the other sign.
 #[test]
 fn distances_and_chords_agree_for_every_shape() {
     for (frame, text) in shapes() {
@@ -131,7 +131,7 @@ fn distances_and_chords_agree_for_every_shape() {
     }
 }
 
-/// Corners of facets lie on the surface, facets face outwards and close the volume.
+/// Checks that corners of facets lie on the surface, and that facets face outwards and close the volume.
 #[test]
 fn facets_close_the_volume_of_a_solid() {
     let volumes = [
@@ -176,8 +176,8 @@ fn facets_close_the_volume_of_a_solid() {
     assert_eq!(triangles.open_edges(), 0);
 }
 
-/// The middle of the largest facet of a round solid lies at the stated distance below its surface, also where the
-/// number of facets is at its limit.
+/// Checks that the middle of the largest facet of a round solid lies at the stated distance below its surface, also
+/// where the number of facets is at its limit.
 #[test]
 fn deviation_is_that_of_the_largest_facet() {
     for text in [
@@ -206,7 +206,7 @@ fn deviation_is_that_of_the_largest_facet() {
     }
 }
 
-/// The distance of the L of triangles is that of the L in closed form, near its edges and corners too.
+/// Checks that the distance of an L made of triangles is that of the L in closed form, also near its edges and corners.
 #[test]
 fn a_surface_of_triangles_has_the_distance_of_its_solid() {
     let exact = made(ELL, &SPACE, &none).unwrap();
@@ -249,8 +249,8 @@ fn turned(triangles: &[[Point; 3]]) -> Vec<[Point; 3]> {
 /// Function that is `true` inside a part of space.
 type Holds<'a> = &'a dyn Fn(&Point) -> bool;
 
-/// The sign of the distance, and the length of lines along the axes inside several shells, are those of their
-/// union; a reversed shell inside another one is a cavity.
+/// Checks that the sign of the distance, and the length of lines along the axes inside several shells, are those of
+/// their union, and that a reversed shell inside another shell is a cavity.
 #[test]
 fn shells_that_cross_are_one_solid() {
     let one = boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
@@ -350,7 +350,7 @@ fn solids_that_are_none_are_refused_by_name() {
     assert!(made(sheet, &SPACE, &|_| Ok(open.clone())).is_ok());
 }
 
-/// A solid across a periodic face is whole.
+/// Checks that a solid across a periodic face is complete.
 #[test]
 fn images_join_across_periodic_faces() {
     let solid = made(
