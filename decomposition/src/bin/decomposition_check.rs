@@ -282,7 +282,7 @@ fn fill(halo: &mut HaloExchange, domain: &Domain, round: usize) {
     pack(upper, range.end.saturating_sub(1), true);
 }
 
-/// Compares the received numbers with those of the planes next to this rank's.
+/// Compares the received numbers with those of the planes next to the planes of this rank.
 fn compare(halo: &HaloExchange, domain: &Domain, round: usize, down: usize, up: usize) -> Outcome {
     let (range, planes) = (domain.range(), domain.slabs().planes());
     let closed = !domain.slabs().periodic();
