@@ -55,7 +55,7 @@ pub struct Manifest {
     pub serial: u64,
     /// Step from the start of the simulation.
     pub step: u64,
-    /// Time, s.
+    /// Time \[s\].
     pub time: f64,
     /// Name of the HDF5 file, in the same folder as the manifest.
     pub file: String,
@@ -72,24 +72,24 @@ pub struct Manifest {
 /// Description of one array of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayInfo {
-    /// Name.
+    /// Name of the array.
     pub name: String,
-    /// Number type.
+    /// Type of the numbers.
     pub kind: Kind,
-    /// Shape.
+    /// Shape of the whole array.
     pub shape: Vec<usize>,
     /// Boxes written by the ranks, without empty ones.
     pub blocks: Vec<ArrayBlock>,
 }
 
-/// A box of an array with the CRC-32 of its numbers, C order, little endian.
+/// Box of an array with the CRC-32 of its numbers, C order, little endian.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayBlock {
-    /// First index.
+    /// First index of the box along each axis.
     pub start: Vec<usize>,
-    /// Size.
+    /// Size of the box along each axis.
     pub count: Vec<usize>,
-    /// CRC-32 (IEEE).
+    /// CRC-32 (IEEE) of the numbers in the box.
     pub crc32: u32,
 }
 
@@ -1011,7 +1011,8 @@ mod tests {
         );
     }
 
-    /// Numbers generated during writing give the same file as numbers in memory, and are read back in pieces.
+    /// Checks that numbers generated during writing give the same file as numbers in memory, and are read back in
+    /// pieces.
     #[test]
     fn numbers_are_made_in_pieces() {
         let dir = tempfile::tempdir().unwrap();
@@ -1147,8 +1148,8 @@ mod tests {
         }
     }
 
-    /// Criterion C1: flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found,
-    /// and the previous checkpoint is used.
+    /// Checks that flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found, and that
+    /// the previous checkpoint is used.
     #[test]
     fn every_damage_is_found() {
         let dir = tempfile::tempdir().unwrap();

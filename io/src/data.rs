@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// 32-bit float.
+    /// 32-bit floats.
     F32,
-    /// 64-bit float.
+    /// 64-bit floats.
     F64,
-    /// Byte.
+    /// Bytes.
     U8,
     /// 32-bit signed integer.
     I32,

@@ -46,8 +46,8 @@ pub fn version() -> String {
     format!("{major}.{minor}.{patch}")
 }
 
-/// Returns the optional features of the linked HDF5: `mpio`, writing one file by all ranks through MPI, without which
-/// this crate does not build, and `threadsafe`.
+/// Returns the optional features of the linked HDF5: `mpio`, writing of one file by all ranks through MPI, without
+/// which this crate does not build, and `threadsafe`.
 #[must_use]
 pub fn features() -> Vec<&'static str> {
     let mut features = vec!["mpio"];
@@ -92,7 +92,7 @@ pub const LONGEST_TEXT: usize = 32_000;
 pub struct Folder {
     /// Path from the root: `/VTKHDF/CellData`.
     pub path: String,
-    /// Attributes.
+    /// Attributes of the group.
     pub attributes: Vec<(String, Attribute)>,
 }
 
@@ -118,7 +118,7 @@ pub struct DatasetPart<'a> {
 pub struct Content<'a> {
     /// Groups, parents first.
     pub folders: Vec<Folder>,
-    /// Datasets.
+    /// Datasets with the parts of this rank.
     pub parts: Vec<DatasetPart<'a>>,
 }
 

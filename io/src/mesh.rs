@@ -17,7 +17,7 @@ use crate::moment::OutputTime;
 pub enum Cells<'a> {
     /// Each point is a cell: grains.
     Vertices,
-    /// Two points each, with this rank's indices: contacts, bonds.
+    /// Lines between two points each, with the indices of this rank: contacts, bonds.
     Lines(&'a [[usize; 2]]),
     /// Faces: number of corners of each, and the corners of all faces, with this rank's indices.
     Polygons {
@@ -171,7 +171,7 @@ fn single(path: String, value: &[i64], root: bool) -> DatasetPart<'_> {
     }
 }
 
-/// Rows of this rank among all rows.
+/// Range of the rows of this rank among all rows.
 struct Span {
     mine: usize,
     offset: usize,

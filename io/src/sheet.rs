@@ -116,7 +116,7 @@ impl Unit {
 /// Possible column of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
-    /// Name in messages and in tables of this program.
+    /// Name of the column in messages and in tables of this program.
     pub name: &'static str,
     /// Alternative names, in small letters with `_` between words, and the divisor of their numbers: 2 for a
     /// diameter instead of a radius.
@@ -287,7 +287,7 @@ fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<Stri
 /// Names of the columns of a text, and the rows below.
 #[derive(Debug)]
 pub struct Header<'t> {
-    /// Names, with their units in brackets.
+    /// Names of the columns, with their units in brackets.
     pub names: Vec<String>,
     /// Units from a separate line.
     pub units: Vec<String>,
@@ -455,7 +455,7 @@ impl<'t> Sheet<'t> {
         Self::below(Header::find(text, known)?, known, true)
     }
 
-    /// Finds the known columns below a header. `all`: an unknown column is refused, otherwise it is ignored.
+    /// Finds the known columns of a header. With `all` an unknown column is refused, otherwise it is ignored.
     ///
     /// # Errors
     /// If the text cannot be read or has an unknown column; the error names the line or the column.
