@@ -102,8 +102,8 @@ fn examples_without_their_numerics_still_plan() {
     assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
 }
 
-/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two
-/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: no other input is needed.
+/// Runs the hole-erosion test of Sibille, Lomine and Marot (2012) with its five physical parameters (viscosity, two
+/// stiffnesses, cohesion, friction), geometry, grading, densities and pressure: no other input is needed.
 #[test]
 fn the_hole_erosion_test_needs_five_physical_parameters() {
     let text = r#"{
@@ -145,7 +145,8 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
     assert!(plan.margins.iter().all(|margin| margin.used < 1.0 + 1e-9));
 }
 
-/// A law that states friction and damping, but no stiffness, gets the stiffness that a case without a law gets.
+/// Checks that a law that states friction and damping, but no stiffness, gets the stiffness that a case without a law
+/// gets.
 #[test]
 fn a_linear_law_needs_no_stiffness() {
     let case = |contact: &str| {
@@ -346,7 +347,8 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
     assert!((agreed.scene.grid.size[0] - grid.size[0]).abs() < 1e-12);
 }
 
-/// A disc at a quarter of the box is at a position of symmetry if the number of cells along an edge is even.
+/// Checks that a disc at a quarter of the box is at a position of symmetry if the number of cells along an edge is
+/// even.
 #[test]
 fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
     for radius in ["0.002", "0.0021", "0.0022", "0.0024", "0.0025", "0.003"] {

@@ -406,8 +406,8 @@ impl Study {
         }
     }
 
-    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first
-    /// grains leave.
+    /// Returns the study of a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the
+    /// first grains leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
         let mut study = Self::from_example(
             "piping",
