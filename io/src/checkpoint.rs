@@ -185,7 +185,7 @@ impl Manifest {
                 |block: &&ArrayBlock| !hdf::is_inside(&block.start, &block.count, &array.shape);
             if let Some(block) = array.blocks.iter().find(outside) {
                 return wrong(format!(
-                    "a block at {:?} of size {:?} leaves the array {name} of shape {:?}",
+                    "a block at {:?} of size {:?} extends beyond the array {name} of shape {:?}",
                     block.start, block.count, array.shape
                 ));
             }

@@ -259,7 +259,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
             let names: Vec<&str> = info.datasets.iter().map(DatasetInfo::name).collect();
             Error::invalid(
                 &path.display().to_string(),
-                format!("holds no column {name}; it holds {}", names.join(", ")),
+                format!("has no column {name}; its columns are {}", names.join(", ")),
             )
         })
 }

@@ -229,7 +229,7 @@ impl DatasetPart<'_> {
             return Err(Error::invalid(
                 &self.path,
                 format!(
-                    "the box at {:?} of size {:?} leaves the shape {:?}",
+                    "the box at {:?} of size {:?} extends beyond the shape {:?}",
                     self.start, self.count, self.shape
                 ),
             ));

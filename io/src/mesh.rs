@@ -309,13 +309,17 @@ impl MeshData<'_> {
             }
             Cells::Lines(lines) => {
                 if lines.iter().flatten().any(outside) {
-                    return wrong(format!("a line leaves the {points} points"));
+                    return wrong(format!(
+                        "a line refers to a point beyond the {points} points"
+                    ));
                 }
                 lines.len()
             }
             Cells::Polygons { sizes, corners } => {
                 if corners.iter().any(outside) {
-                    return wrong(format!("a polygon leaves the {points} points"));
+                    return wrong(format!(
+                        "a polygon refers to a point beyond the {points} points"
+                    ));
                 }
                 if sizes.iter().any(|&n| n < 3) || sizes.iter().sum::<usize>() != corners.len() {
                     return wrong("the sizes of the polygons do not fit their corners".to_owned());

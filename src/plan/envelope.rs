@@ -250,7 +250,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     };
     let total = density::total(causes, dt, h, flow.density);
     margins.push(margin(
-        &format!("density change: most of it by {}", cause.what),
+        &format!("density change, mainly by {}", cause.what),
         total,
         most,
         &cause.path,

@@ -131,7 +131,7 @@ impl BridgesInput {
         if scene.dimension == 2 {
             report.error(
                 path,
-                "capillary bridges are those of spheres: the fit has no counterpart for discs in 2-D".into(),
+                "capillary bridges are computed between spheres only: there is no fit of their force for discs in 2-D".into(),
                 Remedy::take_out("remove it, or use a domain of three dimensions", path),
             );
             return None;

@@ -353,7 +353,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
         (
             "arithmetic",
             water.arithmetic == Precision::F32,
-            "collisions in f32, which do not keep the water of small discharges",
+            "collisions in f32, which lose the water of small discharges by rounding",
         ),
         ("device", water.device == Device::Gpu, "a GPU"),
     ];
