@@ -385,7 +385,7 @@ fn main() -> Result<(), Error> {
         |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word.as_str()));
     if wanted("discs") {
         let start = Instant::now();
-        let packing = discs().pack(&Supervision::none())?;
+        let packing = discs().pack(&Supervision::without_requests())?;
         println!(
             "packing {:?} in {:.1} s",
             packing.report,

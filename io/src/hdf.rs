@@ -212,8 +212,8 @@ impl DatasetPart<'_> {
     /// Returns the pieces for writing: numbers in memory as a whole, generated ones piece by piece.
     fn pieces(&self) -> Pieces {
         match self.data {
-            Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
-            Numbers::Made(_) => Pieces::new(&self.start, &self.count, self.data.kind().size()),
+            Numbers::InMemory(_) => Pieces::whole(&self.start, &self.count),
+            Numbers::Generated(_) => Pieces::new(&self.start, &self.count, self.data.kind().size()),
         }
     }
 
@@ -373,8 +373,8 @@ fn write_together(
         }
         let pieces = piece.pieces();
         let rounds = match piece.data {
-            Numbers::Held(_) => 1,
-            Numbers::Made(_) => most(group, pieces.rounds())?,
+            Numbers::InMemory(_) => 1,
+            Numbers::Generated(_) => maximum_of_ranks(group, pieces.rounds())?,
         };
         for round in 0..rounds {
             together(write_piece(
@@ -452,7 +452,7 @@ fn write_piece(
 }
 
 /// Returns the maximum of a number over the ranks.
-pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
+pub(crate) fn maximum_of_ranks(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
         largest = largest.max(index(

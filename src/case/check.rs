@@ -63,7 +63,7 @@ pub(crate) fn against_schema(tree: &mut Value) -> Checked {
 }
 
 /// Returns all problems of a tree with respect to a schema.
-pub fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
+pub fn problems_against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
 
@@ -88,10 +88,10 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
 }
 
 /// Minimum length of a list whose values are first compared with a template of their schema.
-const MANY: usize = 16;
+const LEAST_FOR_TEMPLATE: usize = 16;
 
 /// Keywords by which a schema restricts a value; without any of them every value is valid.
-const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
+const RESTRICTING_KEYWORDS: [&str; 4] = ["type", "const", "enum", "properties"];
 
 /// Returns the reason and remedy for an unknown name.
 fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
@@ -108,7 +108,7 @@ fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
                 "there is no {kind} `{clipped}`: this program does not compute {}",
                 absent.feature
             ),
-            absent.instead.into(),
+            absent.alternative.into(),
         ),
         None => (
             format!("there is no {kind} `{clipped}` here"),
@@ -172,11 +172,14 @@ impl<'a> Walk<'a> {
         if let Some(options) = schema.get("anyOf").and_then(Value::as_array) {
             return self.any_of(value, options, path);
         }
-        if !SAYS.iter().any(|word| schema.get(word).is_some()) {
+        if !RESTRICTING_KEYWORDS
+            .iter()
+            .any(|word| schema.get(word).is_some())
+        {
             return;
         }
         if !self.has_type(value, schema) {
-            let wanted = wanted(schema);
+            let wanted = expected_values(schema);
             return self.report(
                 path,
                 value,
@@ -189,7 +192,7 @@ impl<'a> Walk<'a> {
             Value::Array(list) => self.array(list, schema, path),
             Value::Number(_) => self.range(value, schema, path),
             Value::String(text) => {
-                let choices = words(schema);
+                let choices = allowed_words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
                     let remedy = nearest_word(path, text, &choices, &choices);
                     let reason = "this choice does not exist here".into();
@@ -304,9 +307,10 @@ impl<'a> Walk<'a> {
             );
         }
         if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
-            let template = (list.len() >= MANY).then(|| Template::from_schema(self.root, items));
+            let template =
+                (list.len() >= LEAST_FOR_TEMPLATE).then(|| Template::from_schema(self.root, items));
             for (index, child) in list.iter_mut().enumerate() {
-                if !template.as_ref().is_some_and(|t| t.fits(child, LARGEST)) {
+                if !template.as_ref().is_some_and(|t| t.accepts(child, LARGEST)) {
                     self.node(child, items, &format!("{path}[{index}]"));
                 }
             }
@@ -371,7 +375,7 @@ impl<'a> Walk<'a> {
         let mut names: Vec<&str> = Vec::new();
         let mut plain: Vec<&str> = Vec::new();
         for option in options {
-            plain.extend(words(option));
+            plain.extend(allowed_words(option));
             names.extend(
                 option
                     .get("properties")
@@ -461,7 +465,7 @@ impl<'a> Walk<'a> {
             }
             let own = (resolved.get("oneOf").is_some() && value.is_object())
                 || (resolved.get("type").is_some() && self.has_type(value, resolved))
-                || (!words(resolved).is_empty() && value.is_string());
+                || (!allowed_words(resolved).is_empty() && value.is_string());
             let null = resolved.get("type").is_some_and(|t| t == "null");
             let better = match &best {
                 None => !null,
@@ -482,7 +486,7 @@ impl<'a> Walk<'a> {
 }
 
 /// Returns the words that a schema of strings allows; empty if any text is allowed.
-fn words(schema: &Value) -> Vec<&str> {
+fn allowed_words(schema: &Value) -> Vec<&str> {
     let listed = schema.get("enum").and_then(Value::as_array);
     let single = schema.get("const");
     let options = schema.get("oneOf").and_then(Value::as_array);
@@ -512,7 +516,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-fn wanted(schema: &Value) -> String {
+fn expected_values(schema: &Value) -> String {
     let name = |t: &Value| match t.as_str() {
         Some("object") => "an object {..}",
         Some("array") => "a list [..]",

@@ -79,7 +79,7 @@ pub struct Darcy {
     pub drag: Option<DragLaw>,
     /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
     /// interval.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: the largest number for which contacts, drag and bed are stable,
     /// limited by `accuracy`, or to 100 without `accuracy`. A longer interval is unstable.
@@ -146,7 +146,7 @@ fn default_iterations() -> u32 {
     500
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }
 

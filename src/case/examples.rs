@@ -81,7 +81,7 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "infiltration",
-        summary: "water enters a dry column of soil, compared with the published column of Celia, Bouloutas and Zarba (1990)",
+        summary: "water enters a dry column of soil, compared with Celia, Bouloutas and Zarba (1990)",
         text: include_str!("examples/infiltration.json"),
     },
     Example {
@@ -126,7 +126,7 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "triaxial",
-        summary: "spheres in a regular array between servo walls up to failure, compared with the strength of Rowe (1962)",
+        summary: "spheres in a regular array between servo walls up to failure, with the strength of Rowe (1962)",
         text: include_str!("examples/triaxial.json"),
     },
     Example {
@@ -136,7 +136,7 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "direct-shear",
-        summary: "two rows of discs are sheared between rough plates under a servo wall, compared with their strength by hand",
+        summary: "two rows of discs sheared between rough plates under a servo wall, with their strength by hand",
         text: include_str!("examples/direct-shear.json"),
     },
     Example {
@@ -196,7 +196,7 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "chute",
-        summary: "a supercritical stream over a bed of blocks, one of them protruding, with forces that carry its weight",
+        summary: "a supercritical stream over blocks, one of which protrudes, with forces that carry its weight",
         text: include_str!("examples/chute.json"),
     },
     Example {

@@ -12,7 +12,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Name of the front page, which has the fields without a page of their own.
-pub const FRONT: &str = "index";
+pub const FRONT_PAGE: &str = "index";
 
 /// Placeholder for a key that the user chooses, as in `materials.NAME.density`.
 const ANY_KEY: &str = "NAME";
@@ -33,7 +33,7 @@ pub struct File {
 /// Page of the reference: one section of the case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
-    /// Name of the section, or [`FRONT`].
+    /// Name of the section, or [`FRONT_PAGE`].
     pub name: String,
     /// Parameters in the order of the page.
     pub parameters: Vec<Parameter>,
@@ -130,7 +130,7 @@ pub fn pages() -> Vec<Page> {
             .or_else(|| Some(parameter.words.first()?.0.clone().into()));
     }
     let mut pages = vec![Page {
-        name: FRONT.into(),
+        name: FRONT_PAGE.into(),
         parameters: Vec::new(),
         example: None,
     }];
@@ -420,7 +420,11 @@ fn range(node: &Value) -> Option<String> {
 
 /// Returns the parameter to which a name in a description refers: a parameter of the same object, otherwise of an
 /// object that contains it, otherwise the only one of that name.
-fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
+fn referenced_parameter<'a>(
+    pages: &'a [Page],
+    from: &str,
+    name: &str,
+) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {
             let hit = page.parameters.iter().find(|p| p.path == path)?;

@@ -135,7 +135,7 @@ pub struct BodyMap {
     /// there are no polyhedra.
     blocks: Vec<Turned>,
     changes: Vec<Change>,
-    again: Vec<Again>,
+    again: Vec<RemapRequest>,
     relink: Vec<AtomicBool>,
     /// Results of the search for each run of bodies.
     found: Vec<Found>,
@@ -148,7 +148,7 @@ pub struct BodyMap {
 
 /// Body that is mapped again.
 #[derive(Clone, Copy, Debug)]
-struct Again {
+struct RemapRequest {
     body: usize,
     /// `true` if the cells of the body have changed.
     moved: bool,
@@ -349,14 +349,14 @@ impl BodyMap {
         if !self.adopted {
             self.assign_maps(particles);
         }
-        self.look_again();
+        self.recheck_moved_bodies();
         if self.again.is_empty() && self.changes.is_empty() {
             return;
         }
         // The owners of cells shared by several bodies are determined again.
         for &body in &self.sharing {
             if !self.bodies[body].again {
-                self.again.push(Again {
+                self.again.push(RemapRequest {
                     body,
                     moved: false,
                     shared: true,

@@ -111,7 +111,7 @@ pub struct CoverMap {
     /// `true` for cells of structures, by position: bodies do not cover these. Empty without structures.
     closed: Vec<bool>,
     /// `true` if bodies have moved since their cells were marked.
-    behind: bool,
+    outdated: bool,
     /// Buffers, reused between updates.
     pieces: Vec<Piece>,
     scratch: Vec<Scratch>,
@@ -159,7 +159,7 @@ impl CoverMap {
             entries: Vec::new(),
             alone: Alone::default(),
             closed: Vec::new(),
-            behind: false,
+            outdated: false,
             pieces: Vec::new(),
             scratch: Vec::new(),
         }
@@ -238,7 +238,7 @@ impl CoverMap {
             };
             balls &= block.is_none();
             body.moved |= body.at != Some(pose);
-            self.behind |= body.moved;
+            self.outdated |= body.moved;
             body.at = Some(pose);
             if let (true, Some((shape, state))) = (body.moved, block) {
                 let rotation = state.matrix();
@@ -275,7 +275,7 @@ impl CoverMap {
 
     /// Covers the cells at the present poses of the bodies, if bodies have moved since the last call.
     pub fn cover_cells(&mut self, cover: &mut Cover) {
-        if !std::mem::take(&mut self.behind) {
+        if !std::mem::take(&mut self.outdated) {
             return;
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);

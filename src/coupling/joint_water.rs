@@ -112,7 +112,7 @@ impl Mouths {
 
     /// Assigns mouths to the open pieces of a network of blocks that have moved. Edges that the motion uncovers belong
     /// to the mouth whose box is nearest.
-    fn follow(&mut self, network: &Network) {
+    fn reassign_mouths(&mut self, network: &Network) {
         self.middles = network.open.iter().map(|piece| piece.middle).collect();
         let mouth = |piece: &joints::edges::Piece| {
             let found = self
@@ -256,7 +256,7 @@ impl JointWater {
         let moving = Moving::new(blocks, &mouths, &network);
         let movers = moving.as_ref().map_or_else(Vec::new, |m| m.movers(blocks));
         let mut flow = JointFlow::with_movers(network, settings, movers);
-        let settled = flow.settle(&mouths, 0.0);
+        let settled = flow.solve_steady(&mouths, 0.0);
         settled.map_err(|error| Error::Numerical(error.to_string()))?;
         let mut water = Self {
             loads: Vec::new(),

@@ -31,7 +31,7 @@ use nalgebra::Vector3;
 /// Bytes of a pressure that ranks exchange: index of the mouth, side of the joint, pressure.
 const ROW: usize = 24;
 /// Distance from a mouth of the two points, one on each side of its joint, where water is searched \[cells\].
-const BESIDE: f64 = 0.25;
+const MOUTH_DISTANCE: f64 = 0.25;
 
 /// Lattice with bodies, and the water in the joints between them.
 pub struct Jointed<Sp: Space, S: Stored> {
@@ -112,7 +112,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
     fn cells_before(&self, mouth: &MouthAt) -> [Option<[usize; 3]>; 2] {
         let spacing = self.lattice.units().spacing;
         let point = mouth.middle + mouth.outward * (0.5 * spacing);
-        let beside = mouth.normal * (BESIDE * spacing);
+        let beside = mouth.normal * (MOUTH_DISTANCE * spacing);
         [point + beside, point - beside].map(|point| self.cell_of_domain(&point))
     }
 
@@ -162,7 +162,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
     }
 
     /// Adds the water that left the joints in the last step to the cells in front of the mouths.
-    fn give_back(&mut self) {
+    fn return_water(&mut self) {
         let part = self.joints.density_ratio() / self.lattice.units().spacing.powi(3);
         for &(mouth, volume) in self.joints.returned() {
             let cell = self.cells.get(mouth).copied().flatten();
@@ -194,7 +194,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Jointed<Sp, S> {
         particles: &mut Particles<Sp>,
         domain: &Domain,
     ) -> Result<(), Error> {
-        self.give_back();
+        self.return_water();
         self.lattice.update_bodies(particles, domain)
     }
 }

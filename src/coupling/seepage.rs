@@ -82,7 +82,7 @@ use base::error::Error;
 use base::thread_pool;
 use bed::Sums;
 use darcy::pressure;
-use darcy::zones::Conduct;
+use darcy::zones::ZonePermeability;
 use darcy::{
     DragLaw, Equations, Liquid, Openness, Permeability, Pores, Pressure, SeepageGrid,
     SolutionReport, Zones,
@@ -161,7 +161,7 @@ pub struct Seepage<Sp: Space> {
     /// `true` if the porosity of the previous coupling is known.
     has_before: bool,
     /// Permeabilities by zone.
-    zones: Option<(Arc<Zones>, Conduct)>,
+    zones: Option<(Arc<Zones>, ZonePermeability)>,
     report: SolutionReport,
     balance: Balance,
     extremes: Option<Extremes>,
@@ -211,7 +211,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// Adds permeabilities and porosities by zone.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
-        let room = Conduct::new(&zones, self.grid().count());
+        let room = ZonePermeability::new(&zones, self.grid().count());
         self.zones = Some((zones, room));
         self
     }
@@ -394,7 +394,7 @@ impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
             particles.keep_last_velocity();
         }
         let grains = particles.view();
-        self.seep(&grains)?;
+        self.solve_pressure(&grains)?;
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (water, weight) = (&self.water, self.pressure.weight());
         thread_pool::each_item(&mut shares, 1, |_, share| {

@@ -51,8 +51,8 @@ const SOIL: f64 = 0.2;
 const ROUGHEST: f64 = 0.2;
 
 /// Coefficient of the inertial loss over a void between two imposed faces, multiplied by C and the length of the void.
-const THROUGH: f64 = 0.5;
-const CLOSED: f64 = 1.5;
+const OPEN_LOSS: f64 = 0.5;
+const CLOSED_LOSS: f64 = 1.5;
 
 /// Boundary of open water at a face of a boundary cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -319,7 +319,7 @@ impl OpenWater {
                     let stream = to(0, Face::Stream) * to(1, Face::Stream);
                     let endless = unstated.max(both);
                     self.lengths[at][axis] = length * (1.0 + mirrored) / (1.0 - endless);
-                    let inertia = (CLOSED + (THROUGH - CLOSED) * both) / length;
+                    let inertia = (CLOSED_LOSS + (OPEN_LOSS - CLOSED_LOSS) * both) / length;
                     self.losses[at][axis] = (inertia, stream);
                 }
             }

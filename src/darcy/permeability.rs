@@ -62,7 +62,7 @@ pub trait PermeabilityFormula: Sync {
     }
 
     /// Returns `true` if the law may be used with these equations.
-    fn goes_with(&self, _equations: Equations) -> bool {
+    fn supports_equations(&self, _equations: Equations) -> bool {
         true
     }
 

@@ -153,7 +153,7 @@ impl Medium {
     }
 
     /// Returns `true` if the zone applies without grains.
-    fn stands(&self) -> bool {
+    fn applies_without_grains(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
             || self.porosity.is_some_and(|(_, without)| without)
     }
@@ -233,7 +233,10 @@ impl Zones {
             for (a, edges) in edges.iter_mut().enumerate() {
                 divide(grid, a, cell[a], &planes[a], edges);
             }
-            if zones.iter().any(|zone| passes(&zone.polygon, grid, cell)) {
+            if zones
+                .iter()
+                .any(|zone| edge_crosses(&zone.polygon, grid, cell))
+            {
                 edges[..2].iter_mut().for_each(subdivide);
             }
             let counts: [usize; 3] = std::array::from_fn(|a| edges[a].len() - 1);
@@ -468,7 +471,7 @@ pub fn is_inside(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
 }
 
 /// Returns `true` if an edge of a polygon passes through a cell.
-fn passes(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
+fn edge_crosses(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
     let low = grid.corner(cell);
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).any(|(from, to)| {
@@ -520,7 +523,7 @@ const LARGEST_CROSS: f64 = 0.999;
 
 /// Permeabilities of cells with zones, in buffers that are reused in each iteration.
 #[derive(Clone, Debug)]
-pub struct Conduct {
+pub struct ZonePermeability {
     /// Porosity from the grains, in the cells within zones.
     porosity: Vec<f64>,
     /// `true` for cells that contain grains.
@@ -541,7 +544,7 @@ pub struct Conduct {
     next_ratios: Vec<[f64; 3]>,
 }
 
-impl Conduct {
+impl ZonePermeability {
     /// Allocates buffers for the zones of a grid with `cells` cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
@@ -572,10 +575,10 @@ impl Conduct {
             let cell = divided.cell;
             (self.porosity[n], self.grains[n]) = (porosity[cell], grains(cell));
             let (_, here) = zones.boxes(divided);
-            let stands = |medium: &u32| zones.media[*medium as usize].stands();
+            let stands = |medium: &u32| zones.media[*medium as usize].applies_without_grains();
             self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
             self.ground[cell] = self.grains[n];
-            self.free[cell] = 1.0 - zones.part(divided, Medium::stands);
+            self.free[cell] = 1.0 - zones.part(divided, Medium::applies_without_grains);
             let own = |medium: u32| {
                 let stated = zones.media[medium as usize].porosity(self.grains[n]);
                 stated.unwrap_or(self.porosity[n])
@@ -655,7 +658,7 @@ impl Conduct {
                 if !self.grains[n] {
                     // Boxes in which no zone applies are open water.
                     for (own, medium) in self.boxes.iter_mut().zip(media) {
-                        if !zones.media[*medium as usize].stands() {
+                        if !zones.media[*medium as usize].applies_without_grains() {
                             *own = open[cell][axis];
                         }
                     }

@@ -90,7 +90,7 @@ pub struct ContactKinematics<S: Space> {
     /// Time step \[s\] over which the history advances.
     pub time_step: f64,
     /// Degree of saturation, and volume of water per volume of grains \[1\], as means of both bodies; at a wall those
-    /// of the grain. 0 unless the law uses them: [`ContactLaw::WETS`].
+    /// of the grain. 0 unless the law uses them: [`ContactLaw::NEEDS_MOISTURE`].
     pub moisture: [f64; 2],
 }
 
@@ -111,7 +111,7 @@ pub struct ContactForce<S: Space> {
     pub normal: f64,
     /// Tangential component \[N\].
     pub tangent: S::Tangent,
-    /// Rolling moment \[N m\]; used only if the law has one: [`ContactLaw::ROLLS`].
+    /// Rolling moment \[N m\]; used only if the law has one: [`ContactLaw::HAS_ROLLING`].
     pub moment: S::Spin,
     /// Mode in which the bond failed in this step; none if it did not.
     pub failure: Option<Failure>,
@@ -130,9 +130,9 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
     /// `true` if the force has a rolling moment.
-    const ROLLS: bool = false;
+    const HAS_ROLLING: bool = false;
     /// `true` if the force depends on the moisture of the ground.
-    const WETS: bool = false;
+    const NEEDS_MOISTURE: bool = false;
     /// Number of values of a history.
     const NUMBERS: usize;
 

@@ -38,7 +38,7 @@ mod report;
 
 use super::census::{agree, census};
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
-use super::deepest::{Deepest, Other, Record, inner_radius};
+use super::deepest::{Deepest, Partner, Record, inner_radius};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick, Phase};
 use super::message::{Reader, Writer};
@@ -134,7 +134,7 @@ pub(super) struct Validity {
     activated: f64,
     activated_at: u64,
     /// Path of a grain between two checks of all gaps \[m\].
-    look: f64,
+    check_path: f64,
     total: Option<u64>,
     pub(super) rebuilds: u64,
     pub(super) tested: u64,
@@ -207,7 +207,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 space: PhantomData,
             },
             validity: Validity {
-                look: settings.skin / 64.0,
+                check_path: settings.skin / 64.0,
                 ..Validity::default()
             },
             events: Events {

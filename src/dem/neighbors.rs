@@ -70,7 +70,7 @@ const CLASSES: usize = 24;
 const WIDTH: f64 = 3.4;
 /// Maximum width of a cell divided by the mean diameter of these bodies: wider cells would contain too many of
 /// them.
-const WIDEST: f64 = 8.0;
+const MAX_CELL_WIDTH: f64 = 8.0;
 
 /// Grid with all small bodies whose box overlaps each cell.
 #[derive(Debug, Default)]
@@ -87,7 +87,7 @@ struct Overlaps {
 type Span = [[u32; 2]; 3];
 
 /// Span without a cell.
-const NOWHERE: Span = [[1, 0]; 3];
+const EMPTY_SPAN: Span = [[1, 0]; 3];
 
 /// Minimum number of bodies per thread.
 const PER_THREAD: usize = 1000;
@@ -190,7 +190,7 @@ impl Overlaps {
         let mut spans = std::mem::take(&mut self.spans);
         spans.clear();
         spans.reserve_exact(points.len());
-        spans.resize(points.len(), NOWHERE);
+        spans.resize(points.len(), EMPTY_SPAN);
         let threads = threads_for(points.len());
         thread_pool::each_item(&mut spans, PER_THREAD, |k, span| {
             if is_small(k) {
@@ -423,7 +423,7 @@ impl Search {
         let fits = |first: &usize| {
             let total = |k: usize| sums[*first..].iter().map(|sum| sum[k]).sum::<f64>();
             let count = f64::max(total(0), 1.0);
-            WIDTH * (total(2) / count).cbrt() <= WIDEST * 2.0 * total(1) / count
+            WIDTH * (total(2) / count).cbrt() <= MAX_CELL_WIDTH * 2.0 * total(1) / count
         };
         (0..CLASSES).find(fits).unwrap_or(CLASSES)
     }

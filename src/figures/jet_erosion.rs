@@ -24,15 +24,15 @@ use std::path::{Path, PathBuf};
 const COLUMNS: [Column; 2] = [
     Column {
         name: "time",
-        others: &[("t", 1.0), ("elapsed_time", 1.0)],
+        aliases: &[("t", 1.0), ("elapsed_time", 1.0)],
         unit: Unit::Time,
-        needed: true,
+        required: true,
     },
     Column {
         name: "distance",
-        others: &[("j", 1.0), ("nozzle_distance", 1.0)],
+        aliases: &[("j", 1.0), ("nozzle_distance", 1.0)],
         unit: Unit::Length,
-        needed: true,
+        required: true,
     },
 ];
 /// Cubic centimetres in a cubic metre: the coefficient is also stated in cm3/(N s).

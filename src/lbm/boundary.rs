@@ -230,7 +230,7 @@ pub fn patch_at<S: Stored>(
 
 /// Returns points of a face around the point at which a link crosses the face: an oblique link crosses between
 /// cells, where patches may meet.
-fn around(
+fn surrounding_points(
     frame: &Frame,
     c: [i8; 3],
     outside: [bool; 3],
@@ -333,7 +333,7 @@ fn crossed<S: Stored>(
         .map(|axis| {
             let upper = c[axis] > 0;
             let default = defaults + 2 * axis + usize::from(upper);
-            let beside = around(frame, c, outside, middle);
+            let beside = surrounding_points(frame, c, outside, middle);
             let beside = beside.map(|point| {
                 let holder = patch_at(&patches[..defaults], axis, upper, point);
                 (holder.unwrap_or(default), point)
@@ -616,7 +616,7 @@ impl<S: Stored> Boundaries<S> {
         communicator.all_reduce_sum_u128s(&mut self.sums);
         for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact(count)) {
             let sums = std::array::from_fn(|n| sums[n].cast_signed());
-            self.patches[patch].rule.hear(sums, &moment);
+            self.patches[patch].rule.receive_sums(sums, &moment);
         }
     }
 

@@ -59,7 +59,7 @@ pub struct Setup<S: Stored = f64> {
     /// Device that computes the fluid.
     pub device: Device,
     /// Additional terms of the step.
-    pub terms: Vec<term::Make<S>>,
+    pub terms: Vec<term::TermBuilder<S>>,
 }
 
 impl<S: Stored> Setup<S> {

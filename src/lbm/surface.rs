@@ -81,7 +81,7 @@ pub use ghosts::Ends;
 use momentum::Left;
 pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
-pub use opening::{Outside, Passed, Up};
+pub use opening::{Outside, Passed, UpAxis};
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
@@ -122,7 +122,7 @@ pub struct SlabSurface {
     lost: i128,
     openings: Vec<Opening>,
     /// Dry cells of a step next to water outside an opening; a reusable buffer.
-    fed: Vec<conversion::Fed>,
+    fed: Vec<conversion::FedCell>,
     /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
     shore: Vec<(usize, [f32; 3])>,
     /// Momentum of the step; none if no balance is due.
@@ -160,7 +160,7 @@ impl SlabSurface {
     }
 
     /// Makes cells solid, given by position, including ghost cells.
-    pub fn stand_in(&mut self, solid: impl Iterator<Item = usize>) {
+    pub fn make_solid(&mut self, solid: impl Iterator<Item = usize>) {
         for cell in solid {
             self.cells.kind[cell] = SOLID;
         }

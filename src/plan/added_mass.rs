@@ -155,7 +155,7 @@ struct Kind {
     packed: bool,
 }
 
-fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
+fn body_kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     let h = scene.grid.spacing;
     let mut kinds = Vec::new();
     let free = scene.bodies.iter().filter(|b| b.mobility == Mobility::Free);
@@ -194,7 +194,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
     };
-    let judged = kinds(scene, coupling).into_iter().map(|kind| {
+    let judged = body_kinds(scene, coupling).into_iter().map(|kind| {
         let ratio = scene.density(kind.material) / flow.density;
         let operator = match coupling {
             Coupling::PartiallySaturated(written) => Some(flow.solid_operator(written)),

@@ -22,9 +22,9 @@ use case::geometry::{Axis, Region};
 use darcy::Condition;
 
 /// Relative loss of discharge above which the plan warns.
-const LOSS: f64 = 0.02;
+const WARNED_LOSS: f64 = 0.02;
 /// Distance of an end from the last edge, in leakage lengths, beyond which its effect is negligible.
-const FAR: f64 = 3.0;
+const NEGLIGIBLE_DISTANCE: f64 = 3.0;
 
 /// Warns of closed ends that are too close to the heads.
 pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
@@ -39,7 +39,7 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             continue;
         };
         let loss = ends.loss(length);
-        if loss < LOSS {
+        if loss < WARNED_LOSS {
             continue;
         }
         let name = ["x", "y", "z"][axis];
@@ -57,7 +57,7 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             format!(
                 "place the ends at least {} m (three leakage lengths) from the heads, or impose at the ends the \
                  heads or fluxes of the ground beyond",
-                number(FAR * length)
+                number(NEGLIGIBLE_DISTANCE * length)
             ),
         );
     }
@@ -89,7 +89,7 @@ impl FarEnds {
             Some(Self {
                 axis,
                 distances: ends.distances,
-                enough: FAR * length,
+                enough: NEGLIGIBLE_DISTANCE * length,
             })
         })
     }

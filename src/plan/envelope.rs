@@ -255,7 +255,7 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
         most,
         &cause.path,
     ));
-    if density::least(causes, dt, h, flow.density) <= most {
+    if density::smallest_change(causes, dt, h, flow.density) <= most {
         return;
     }
     let bound = (0.5 * most, h, flow.density);

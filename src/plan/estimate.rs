@@ -282,7 +282,7 @@ impl Estimate {
                 number(grid.spacing),
                 size(available)
             );
-            if let Some(why) = scene.chosen.why("spacing") {
+            if let Some(why) = scene.chosen.reason_of("spacing") {
                 reason.push_str("; the spacing was chosen for ");
                 reason.push_str(why);
             }

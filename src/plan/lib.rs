@@ -128,7 +128,7 @@ impl Plan {
     /// # Errors
     /// If the case has errors; all findings are returned, warnings included.
     pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
-        Self::made(document, None)
+        Self::planned_from(document, None)
     }
 
     /// Plans a case that continues from the state of another: choices that both cases leave out are those of the
@@ -137,7 +137,7 @@ impl Plan {
     /// # Errors
     /// If [`Self::prepare`] fails.
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
-        Self::made(document, Some(like))
+        Self::planned_from(document, Some(like))
     }
 
     /// Warns if the pilot of the case was run for another case.
@@ -160,7 +160,7 @@ impl Plan {
         }
     }
 
-    fn made(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
+    fn planned_from(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
         let Document {
             case,
             problems: mut all,
@@ -169,7 +169,7 @@ impl Plan {
         } = document;
         let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
         let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
-        let (plan, found) = Self::attempt(&case, like, &wrong);
+        let (plan, found) = Self::try_plan(&case, like, &wrong);
         // A field with an error does not get a second finding.
         let new: Vec<Problem> = found
             .into_iter()
@@ -246,8 +246,13 @@ impl Plan {
         })
     }
 
-    fn attempt(case: &Case, like: Option<&Self>, wrong: &[String]) -> (Option<Self>, Vec<Problem>) {
-        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene), wrong);
+    fn try_plan(
+        case: &Case,
+        like: Option<&Self>,
+        wrong: &[String],
+    ) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) =
+            Scene::resolve_findings(case, like.map(|plan| &plan.scene), wrong);
         // Limits computed from wrong fields would be wrong as well.
         let sound = scene.filter(|_| !findings.stop_plan());
         let plan = sound.and_then(|scene| {
@@ -306,7 +311,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let chosen = time.solid_time_step_safety <= USUAL_SAFETY;
     let automatic = allowed.map(|step| {
         if chosen {
-            contacts::accepted(scene, step)
+            contacts::longest_accepted_step(scene, step)
         } else {
             step
         }

@@ -24,7 +24,7 @@ use dem::contact::{ContactModel, Depth, StaticContact};
 const LARGE: f64 = 0.1;
 
 /// A contact of two equal grains under a force.
-struct Pressed {
+struct PressedContact {
     /// Overlap \[m\].
     overlap: f64,
     /// Normal stiffness at this overlap [N/m].
@@ -36,7 +36,12 @@ struct Pressed {
 }
 
 /// Returns the contact of two equal grains under a force \[N\].
-fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f64) -> Pressed {
+fn contact_under_force(
+    scene: &Scene,
+    law: &dyn ContactModel,
+    grain: (usize, f64),
+    force: f64,
+) -> PressedContact {
     let (material, radius) = grain;
     let mass = 0.5 * scene.mass(material, radius);
     let contact = |overlap, depth| StaticContact {
@@ -51,7 +56,7 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     let stiffness = |overlap, depth| law.springs(&contact(overlap, depth)).stiffness[0];
     let expected = stiffness(None, Depth::Expected);
     if law.impact_speed().is_none() {
-        return Pressed {
+        return PressedContact {
             overlap: force / expected,
             stiffness: expected,
             expected,
@@ -63,7 +68,7 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     let overlap = (force / factor).powf(2.0 / 3.0);
     // An impact stores its energy: m v²/2 = 2/5 c delta^(5/2).
     let speed = (0.8 * factor * overlap.powf(2.5) / mass).sqrt();
-    Pressed {
+    PressedContact {
         overlap,
         stiffness: 1.5 * factor * overlap.sqrt(),
         expected,
@@ -92,9 +97,12 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                     side * side
                 }
         };
-        let all = grains
-            .iter()
-            .map(|grain| (grain.1, pressed(scene, law, *grain, force(grain.1))));
+        let all = grains.iter().map(|grain| {
+            (
+                grain.1,
+                contact_under_force(scene, law, *grain, force(grain.1)),
+            )
+        });
         let deepest = all.max_by(|a, b| (a.1.overlap / a.0).total_cmp(&(b.1.overlap / b.0)));
         let Some((radius, deepest)) = deepest else {
             continue;

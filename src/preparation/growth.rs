@@ -714,7 +714,7 @@ mod tests {
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
         let settings = small();
-        let mut packing = settings.pack(&Supervision::none()).unwrap();
+        let mut packing = settings.pack(&Supervision::without_requests()).unwrap();
         let report = packing.report;
         assert!((0.80..0.87).contains(&report.solid_fraction), "{report:?}");
         assert!((3.2..4.6).contains(&report.coordination), "{report:?}");
@@ -791,7 +791,7 @@ mod tests {
             friction: 0.3,
             ..small()
         };
-        let straight = settings.pack(&Supervision::none()).unwrap();
+        let straight = settings.pack(&Supervision::without_requests()).unwrap();
         let (packing, stops) = interrupted(|supervision| settings.pack(supervision));
         assert!(stops > 10, "{stops}");
         assert_eq!(packing, straight);
@@ -800,7 +800,10 @@ mod tests {
             ..settings
         };
         let (packing, _) = interrupted(|supervision| given.pack(supervision));
-        assert_eq!(packing, given.pack(&Supervision::none()).unwrap());
+        assert_eq!(
+            packing,
+            given.pack(&Supervision::without_requests()).unwrap()
+        );
     }
 
     #[test]
@@ -810,7 +813,7 @@ mod tests {
             periodic: [true, false, false],
             ..small()
         };
-        let packing = settings.pack(&Supervision::none()).unwrap();
+        let packing = settings.pack(&Supervision::without_requests()).unwrap();
         let report = packing.report;
         assert!((report.size_factor - 1.0).abs() < f64::EPSILON);
         assert!((report.solid_fraction - 0.845).abs() < 2e-3, "{report:?}");
@@ -825,7 +828,7 @@ mod tests {
         assert_eq!(asked, found);
         assert_eq!(
             packing,
-            settings.pack(&Supervision::none()).unwrap(),
+            settings.pack(&Supervision::without_requests()).unwrap(),
             "the same seed gives the same bits"
         );
         assert!(
@@ -834,7 +837,7 @@ mod tests {
                     seed: 12,
                     ..settings
                 }
-                .pack(&Supervision::none())
+                .pack(&Supervision::without_requests())
                 .unwrap()
         );
     }
@@ -859,7 +862,10 @@ mod tests {
             unbalanced: 2e-2,
             limit: 1_000_000,
         };
-        let report = settings.pack(&Supervision::none()).unwrap().report;
+        let report = settings
+            .pack(&Supervision::without_requests())
+            .unwrap()
+            .report;
         assert!((0.57..0.68).contains(&report.solid_fraction), "{report:?}");
         assert!((4.0..7.5).contains(&report.coordination), "{report:?}");
     }

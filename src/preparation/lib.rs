@@ -53,7 +53,7 @@ use plan::scene::sample;
 use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
-use room::Room;
+use room::FreeSpace;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
@@ -330,7 +330,7 @@ fn deposition_of<S: Space>(
     let smallest = clouds.iter().map(|cloud| cloud.grading.bounds().0);
     let smallest = smallest.fold(f64::INFINITY, f64::min);
     Deposition {
-        room: Room::new(&scene.structures, &bounds, smallest),
+        room: FreeSpace::new(&scene.structures, &bounds, smallest),
         clouds: (clouds.iter())
             .map(|cloud| deposition::Cloud {
                 lower: vector::<S>(cloud.block.from),
@@ -358,7 +358,7 @@ fn deposition_of<S: Space>(
         kinetic_energy: written.stop.kinetic_energy,
         unbalanced: written.stop.unbalanced_force,
         limit: u64::from(written.stop.at_most_steps),
-        step_ratio: STEP_RATIO.min(MORE_CONTACTS * contacts::of_packing(scene)),
+        step_ratio: STEP_RATIO.min(MORE_CONTACTS * contacts::packing_limit(scene)),
     }
 }
 

@@ -30,7 +30,7 @@ impl TestResults {
             }
         };
         let answers = test.answers.iter();
-        let answers = answers.map(|asked| (asked.clone(), answer(&record, asked.quantity)));
+        let answers = answers.map(|asked| (asked.clone(), compute_answer(&record, asked.quantity)));
         Some(Self(answers.collect()))
     }
 
@@ -93,7 +93,7 @@ impl TestResults {
 }
 
 /// Returns the answer of a quantity.
-fn answer(record: &TestRecord, quantity: TestQuantity) -> Option<TestResult> {
+fn compute_answer(record: &TestRecord, quantity: TestQuantity) -> Option<TestResult> {
     match quantity {
         TestQuantity::AxialStress => record.axial_stress(),
         TestQuantity::AxialStrain => record.axial_strain(),

@@ -14,7 +14,7 @@
 //!   therefore independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any
 //!   case the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole
 //!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole:
-//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean
+//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`DEPTH_BEHIND`] mean
 //!   diameters behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so
 //!   that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
 //!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains next to the
@@ -36,7 +36,7 @@ mod imposed;
 mod mechanism;
 
 use super::agreement::agree;
-use super::removal::{Departed, boxed, rows};
+use super::removal::{DepartedGrain, boxed, rows};
 use super::table::{Table, append};
 use super::view::StateView;
 use analysis::erosion_law::{
@@ -48,7 +48,7 @@ use base::number::real;
 use decomposition::{Domain, ExactSum};
 use dem::space::{Components, Space};
 use dem::{BondBreak, Failure};
-use hole::{BEHIND, Hole, Sums, cell_sums, excess_force, profile};
+use hole::{DEPTH_BEHIND, Hole, Sums, cell_sums, excess_force, profile};
 use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
 use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
 use plan::Plan;
@@ -97,7 +97,7 @@ pub struct ErosionState {
 
 /// Broken bond that is yet to be sent to rank 0.
 #[derive(Clone, Copy, Debug)]
-struct Pending {
+struct PendingBreak {
     step: u64,
     time: f64,
     solid_step: u64,
@@ -117,7 +117,7 @@ pub struct ErosionRecorder {
     first_grain: u64,
     state: ErosionState,
     /// Bonds broken on this rank since the last flush.
-    pending: Vec<Pending>,
+    pending: Vec<PendingBreak>,
     removed: Option<Table>,
     bonds: Option<Table>,
     rows: Option<Table>,
@@ -222,7 +222,7 @@ impl ErosionRecorder {
     pub fn record_due<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
-        removed: &[Departed],
+        removed: &[DepartedGrain],
         breaks: Vec<BondBreak<S>>,
         mass_error: f64,
     ) -> Result<(), Error> {
@@ -262,7 +262,7 @@ impl ErosionRecorder {
     pub fn note_breaks<S: Space>(&mut self, view: &StateView<'_, S>, breaks: Vec<BondBreak<S>>) {
         for broken in breaks {
             let at_wall = self.at_wall(&broken.position, view.plan);
-            self.pending.push(Pending {
+            self.pending.push(PendingBreak {
                 step: view.step,
                 time: view.time,
                 solid_step: broken.step,
@@ -426,7 +426,7 @@ impl ErosionRecorder {
             .map_err(|error| Error::Internal(error.to_string()))
     }
 
-    fn measure_start<S: Space>(&self, view: &StateView<'_, S>, removed: &[Departed]) -> Start {
+    fn measure_start<S: Space>(&self, view: &StateView<'_, S>, removed: &[DepartedGrain]) -> Start {
         let grid = &view.plan.scene.grid;
         let (mut mass, mut diameter, mut beside) =
             (ExactSum::new(), ExactSum::new(), ExactSum::new());
@@ -523,7 +523,7 @@ impl ErosionRecorder {
         let viscosity = flow.density * flow.kinematic_viscosity;
         let gradient = of_faces(&|faces| sums.shear(units, faces, viscosity));
         let traction = of_faces(&|faces| {
-            let ends = sums.end_pressures(units, faces, BEHIND * start.diameter);
+            let ends = sums.end_pressures(units, faces, DEPTH_BEHIND * start.diameter);
             let gradient = (ends[0] - ends[1]) / length;
             shear_by_traction(excess_force(view, &hole, &start, faces, gradient), length)
         });

@@ -98,7 +98,7 @@ fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
 }
 
 /// Relative difference of the two shear stresses of a bed above which the stream over it is not considered steady.
-const ALIKE: f64 = 0.2;
+const STEADY_DIFFERENCE: f64 = 0.2;
 
 /// Returns the reasons why the computed shear stresses of a bed may differ from the stress that it bears.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
@@ -114,7 +114,7 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     match (balance, profile) {
         (Some(balance), Some(profile)) => {
             let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
-            if apart > ALIKE {
+            if apart > STEADY_DIFFERENCE {
                 doubts.push(format!(
                     "the two shear stresses differ by {:.0} %: the stream is not steady, or other solids than \
                      the bed resist it",

@@ -69,7 +69,7 @@ pub struct Spread {
 
 /// Time of one phase.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Spent {
+pub struct PhaseTime {
     /// Phase to which the time belongs.
     pub phase: Phase,
     /// Time of the phase over the ranks.
@@ -101,9 +101,9 @@ pub struct Traffic {
 
 /// Times of a run over the ranks.
 #[derive(Clone, Debug)]
-pub struct Account {
+pub struct PhaseTimes {
     /// Times of the phases; their sum is the time of the steps.
-    pub phases: Vec<Spent>,
+    pub phases: Vec<PhaseTime>,
     /// Waiting time included in the phases.
     pub waiting: Waiting,
     /// Messages between ranks.
@@ -177,25 +177,25 @@ impl Phases {
 
     /// Returns the times reduced over the ranks. Collective.
     #[must_use]
-    pub fn reduce(&self, communicator: &Communicator) -> Account {
+    pub fn reduce(&self, communicator: &Communicator) -> PhaseTimes {
         let (waited, computed) = (self.waited(), self.computed());
         // Count the traffic before the reductions below, which are not part of the steps.
         let sent = traffic().since(&self.sent_before);
         let phases = PHASES
             .iter()
             .zip(self.spent)
-            .map(|(&phase, spent)| Spent {
+            .map(|(&phase, spent)| PhaseTime {
                 phase,
-                seconds: spread(spent, communicator),
+                seconds: spread_of_ranks(spent, communicator),
             })
             .collect();
-        let computing = spread(computed, communicator);
-        Account {
+        let computing = spread_of_ranks(computed, communicator);
+        PhaseTimes {
             phases,
             waiting: Waiting {
-                total: spread(waited.total(), communicator),
-                messages: spread(waited.messages, communicator),
-                collectives: spread(waited.collectives, communicator),
+                total: spread_of_ranks(waited.total(), communicator),
+                messages: spread_of_ranks(waited.messages, communicator),
+                collectives: spread_of_ranks(waited.collectives, communicator),
             },
             traffic: Traffic {
                 messages: communicator.all_reduce_sum_u64(sent.messages),
@@ -211,7 +211,7 @@ impl Phases {
     }
 }
 
-impl Account {
+impl PhaseTimes {
     /// Returns the time of the steps \[s\]: that of all phases, averaged over the ranks.
     #[must_use]
     pub fn looped(&self) -> f64 {
@@ -254,7 +254,7 @@ impl Account {
 }
 
 /// Returns the minimum, mean and maximum over the ranks. Collective.
-fn spread(mine: Duration, communicator: &Communicator) -> Spread {
+fn spread_of_ranks(mine: Duration, communicator: &Communicator) -> Spread {
     let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
     let seconds = mine.as_secs_f64();
     let nanoseconds = u64::try_from(mine.as_nanos()).unwrap_or(u64::MAX);

@@ -6,7 +6,7 @@
 //! change the time step.
 
 use super::folder::RunFolder;
-use super::gates::{Gates, clear_of};
+use super::gates::{Gates, check_clearance};
 use super::setup;
 use base::error::{Error, Problem, Severity, Verdict};
 use base::number::{real, whole};
@@ -44,7 +44,7 @@ pub(super) struct Resumed {
     /// Index of each region among the regions of the saved run; none if they are the same.
     pub(super) regions: Option<Vec<Option<usize>>>,
     /// `true` if the time averages continue from those of the checkpoint.
-    pub(super) sums_go_on: bool,
+    pub(super) averages_continue: bool,
 }
 
 /// Stage of a run when its checkpoint was written.
@@ -68,7 +68,7 @@ impl Resumed {
             changed: false,
             walls: None,
             regions: None,
-            sums_go_on: true,
+            averages_continue: true,
         }
     }
 
@@ -429,7 +429,7 @@ pub(super) fn plan(
             .filter(|_| changed.iter().any(|path| path.contains("walls")));
         resumed.regions = Some(region_origins(&old, &plan)?);
         let step = resumed.found.manifest.step;
-        resumed.sums_go_on = Averages::continues(&old, &plan, step).map_err(|path| {
+        resumed.averages_continue = Averages::continues(&old, &plan, step).map_err(|path| {
             let written = |plan: &Plan| {
                 let averages = plan.scene.output.averages.as_ref();
                 averages.map_or(String::new(), |averages| {
@@ -624,8 +624,8 @@ pub(super) fn clear_of_new_walls<S: Space>(
     domain: &Domain,
 ) -> Result<(), Error> {
     let new = origins.iter().enumerate();
-    let new = new.filter(|(n, origin)| origin.is_none() && !gates.absent(step, *n));
-    clear_of(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
+    let new = new.filter(|(n, origin)| origin.is_none() && !gates.wall_is_absent(step, *n));
+    check_clearance(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
         Error::Case(vec![refusal(
             "walls",
             "new".into(),

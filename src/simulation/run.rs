@@ -227,13 +227,13 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
         (std::thread::available_parallelism().map_or(1, usize::from) / ranks).max(1)
     });
     let first = communicator.rank() == 0;
-    match affinity::provide(threads) {
+    match affinity::bind_cores(threads) {
         // A launcher gives the same number of cores to all its ranks, so that one message suffices.
         Cores::TooFew(had) if first => log::warn!(
             "the {threads} threads of a rank share {had} core(s), which is slower than {had} thread(s): use \
              `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
         ),
-        Cores::Widened(had) if first => log::info!(
+        Cores::MoreCores(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
         ),
         _ => {}
@@ -303,10 +303,10 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
         .as_ref()
         .map_or(Precision::F64, |flow| flow.storage);
     match (grid.dimension, storage) {
-        (2, Precision::F64) => Runner::<PlaneSpace, f64>::go(plan, communicator, start),
-        (2, Precision::F32) => Runner::<PlaneSpace, f32>::go(plan, communicator, start),
-        (_, Precision::F64) => Runner::<Volume, f64>::go(plan, communicator, start),
-        (_, Precision::F32) => Runner::<Volume, f32>::go(plan, communicator, start),
+        (2, Precision::F64) => Runner::<PlaneSpace, f64>::run_to_end(plan, communicator, start),
+        (2, Precision::F32) => Runner::<PlaneSpace, f32>::run_to_end(plan, communicator, start),
+        (_, Precision::F64) => Runner::<Volume, f64>::run_to_end(plan, communicator, start),
+        (_, Precision::F32) => Runner::<Volume, f32>::run_to_end(plan, communicator, start),
     }
 }
 

@@ -37,7 +37,7 @@ impl Servos {
 
     /// Sets the required stresses of the step that begins at `time` \[s\].
     #[inline]
-    pub(super) fn aim<S: Space>(&self, time: f64, dem: &mut Dem<S>) {
+    pub(super) fn set_stresses<S: Space>(&self, time: f64, dem: &mut Dem<S>) {
         for (place, table) in self.0.iter().enumerate() {
             dem.set_servo_stress(place, table.value(time));
         }

@@ -23,7 +23,7 @@ use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
-use lbm::term::Make;
+use lbm::term::TermBuilder;
 use lbm::term::porous::Porous;
 use plan::scene::bodies::Mobility;
 use plan::scene::boundaries;
@@ -72,8 +72,8 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
 }
 
 /// Returns the terms of the fluid step other than those of the fluid itself, one line for each.
-fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<Make<S>> {
-    let mut terms: Vec<Make<S>> = Vec::new();
+fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<TermBuilder<S>> {
+    let mut terms: Vec<TermBuilder<S>> = Vec::new();
     if !plan.scene.porous_zones.is_empty() {
         let (zones, grid) = (plan.scene.porous_zones.clone(), plan.scene.grid.clone());
         let time_step = flow.time_step;

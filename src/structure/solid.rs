@@ -139,7 +139,7 @@ pub(super) fn between(first: f64, last: f64, found: &mut Vec<[f64; 2]>) {
 }
 
 /// Sorts parts of a line and joins parts that touch.
-pub(super) fn join(parts: &mut Vec<[f64; 2]>) {
+pub(super) fn merge_parts(parts: &mut Vec<[f64; 2]>) {
     parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut kept = 0;
     for k in 0..parts.len() {

@@ -16,9 +16,9 @@ const FLAT: Frame = Frame {
 };
 
 #[derive(Default)]
-struct Heard(Vec<String>);
+struct Messages(Vec<String>);
 
-impl Report for Heard {
+impl Report for Messages {
     fn error(&mut self, path: &str, reason: String, _: Remedy) {
         self.0.push(format!("{path}: {reason}"));
     }
@@ -28,7 +28,7 @@ impl Report for Heard {
 
 fn made(text: &str, frame: &Frame, read: ReadMesh<'_>) -> Result<Arc<dyn Solid>, String> {
     let shape: Shape = serde_json::from_str(text).map_err(|e| e.to_string())?;
-    let mut heard = Heard::default();
+    let mut heard = Messages::default();
     let solid = shape.solid(frame, "shape", read, &mut heard);
     match (solid, heard.0.is_empty()) {
         (Some(solid), true) => Ok(solid),
@@ -42,7 +42,7 @@ fn none(_: &Mesh) -> Result<Vec<[Point; 3]>, String> {
 
 /// Returns an L-shaped prism, not convex, as triangles.
 fn ell() -> Vec<[Point; 3]> {
-    let solid = made(ELL, &SPACE, &none).unwrap();
+    let solid = made(L_SHAPE, &SPACE, &none).unwrap();
     let facets = solid.facets(0.0);
     let corner = |k: u32| facets.vertices[k as usize];
     facets
@@ -52,7 +52,7 @@ fn ell() -> Vec<[Point; 3]> {
         .collect()
 }
 
-const ELL: &str = r#"{"polygon": {"points": [[1, 0.5], [3, 0.5], [3, 1], [1.5, 1], [1.5, 1.8], [1, 1.8]],
+const L_SHAPE: &str = r#"{"polygon": {"points": [[1, 0.5], [3, 0.5], [3, 1], [1.5, 1], [1.5, 1.8], [1, 1.8]],
     "axis": "y", "from": 0.4, "to": 2.6}}"#;
 
 fn shapes() -> Vec<(Frame, &'static str)> {
@@ -65,7 +65,7 @@ fn shapes() -> Vec<(Frame, &'static str)> {
             SPACE,
             r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#,
         ),
-        (SPACE, ELL),
+        (SPACE, L_SHAPE),
         (
             SPACE,
             r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
@@ -140,7 +140,7 @@ fn facets_close_the_volume_of_a_solid() {
             2.0 * 1.5 * 1.1,
             1e-12,
         ),
-        (ELL, 2.2 * (2.0 * 0.5 + 0.5 * 0.8), 1e-12),
+        (L_SHAPE, 2.2 * (2.0 * 0.5 + 0.5 * 0.8), 1e-12),
         (
             r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
             4.0 / 3.0 * std::f64::consts::PI * 0.512,
@@ -209,7 +209,7 @@ fn deviation_is_that_of_the_largest_facet() {
 /// Checks that the distance of an L made of triangles is that of the L in closed form, also near its edges and corners.
 #[test]
 fn a_surface_of_triangles_has_the_distance_of_its_solid() {
-    let exact = made(ELL, &SPACE, &none).unwrap();
+    let exact = made(L_SHAPE, &SPACE, &none).unwrap();
     // Turned inside out it is the same solid.
     let reversed: Vec<[Point; 3]> = ell().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
     for triangles in [ell(), reversed] {

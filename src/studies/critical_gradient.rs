@@ -108,7 +108,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
             inlet: &inlet,
             communicator,
             threads,
-            speaker: Progress::new(communicator.rank() == 0 && !json, 0),
+            progress: Progress::new(communicator.rank() == 0 && !json, 0),
             sample: None,
             trials: Vec::new(),
         }
@@ -338,7 +338,7 @@ struct Searching<'a> {
     inlet: &'a Inlet,
     communicator: &'a Communicator,
     threads: usize,
-    speaker: Progress,
+    progress: Progress,
     /// Sample prepared by the first run.
     sample: Option<PathBuf>,
     trials: Vec<Trial>,
@@ -387,7 +387,7 @@ impl Searching<'_> {
                     break;
                 }
                 // Both ends have been run, with different verdicts.
-                Round::Same(_) | Round::Undecided(_) => break,
+                Round::SameVerdict(_) | Round::Undecided(_) => break,
             }
         }
         let whole = self.trials.iter().rfind(|trial| !trial.erodes);
@@ -451,7 +451,7 @@ impl Searching<'_> {
         let (early, late) = (u64::from_le_bytes(early), u64::from_le_bytes(late));
         let erodes = early + late >= self.search.grains;
         let gradient = self.inlet.gradient(drive);
-        self.speaker.note(&format!(
+        self.progress.note(&format!(
             "{drive:.6e} {}{}: {early} grains were removed in the first half, {late} in the second: {}",
             self.inlet.quantity,
             gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),

@@ -251,7 +251,10 @@ fn collect(
     let table = table::SweepTable::collect(study, members, beside, output);
     let mut files = vec![
         ("members.csv", table.to_csv(study, members)),
-        ("sweep.svg", picture::front(study, members, &table).to_svg()),
+        (
+            "sweep.svg",
+            picture::cost_figure(study, members, &table).to_svg(),
+        ),
     ];
     if let Some(name) = &study.ensemble {
         let ensemble = ensemble::Ensemble::from_table(name, study, members, &table);

@@ -12,7 +12,7 @@
 
 pub mod study;
 
-use crate::section::{self, Bracket, Round, Tried};
+use crate::section::{self, Bracket, Round, TriedValue};
 use crate::sweep::members::{Member, members};
 use crate::sweep::outputs::unknown;
 use crate::sweep::record::Outcome;
@@ -55,7 +55,7 @@ pub enum ThresholdResult {
 
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Found {
+pub struct SearchOutcome {
     /// Path of the searched field.
     pub field: String,
     /// Criterion, as a formula.
@@ -87,7 +87,7 @@ struct Trial {
 /// # Errors
 /// If the study is invalid, with all problems before any member runs; if a signal ended the search,
 /// [`Error::Stopped`]; if members failed, [`Error::Io`]; if no result follows from the members, [`Error::Numerical`].
-pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<Found, Error> {
+pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<SearchOutcome, Error> {
     let (study, beside, output) = read(options)?;
     ends(&study, beside).map_err(Error::Case)?;
     enough_cores(&study.run)?;
@@ -101,8 +101,8 @@ pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<Found, Err
     };
     let section = study.section();
     let end = loop {
-        match section.next(&search.tried()) {
-            Round::Try(values) => search.round(&values, &runner, report)?,
+        match section.next(&search.tried_values()) {
+            Round::Try(values) => search.run_round(&values, &runner, report)?,
             end => break end,
         }
     };
@@ -189,13 +189,13 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn tried(&self) -> Vec<Tried> {
+    fn tried_values(&self) -> Vec<TriedValue> {
         let tried = self.trials.iter().map(|trial| (trial.value, trial.verdict));
         tried.collect()
     }
 
     /// Runs the members of a round and adds them to the table.
-    fn round(
+    fn run_round(
         &mut self,
         values: &[f64],
         runner: &Runner<'_>,
@@ -277,11 +277,11 @@ impl Search<'_> {
         text
     }
 
-    fn found(&self, end: &Round) -> Found {
+    fn found(&self, end: &Round) -> SearchOutcome {
         let (result, bracket) = match end {
             Round::Found(bracket) => (ThresholdResult::Threshold, Some(*bracket)),
-            Round::Same(true) => (ThresholdResult::TrueAtBothEnds, None),
-            Round::Same(false) => (ThresholdResult::FalseAtBothEnds, None),
+            Round::SameVerdict(true) => (ThresholdResult::TrueAtBothEnds, None),
+            Round::SameVerdict(false) => (ThresholdResult::FalseAtBothEnds, None),
             Round::Undecided(bracket) => (ThresholdResult::Undecided, *bracket),
             Round::Try(_) => (ThresholdResult::Undecided, None),
         };
@@ -289,7 +289,7 @@ impl Search<'_> {
             bracket.map(|Bracket { ends, rises }| if rises == upper { ends[1] } else { ends[0] })
         };
         let without = self.trials.iter().filter(|trial| trial.verdict.is_none());
-        Found {
+        SearchOutcome {
             field: self.study.search.field.clone(),
             criterion: self.study.criterion.clone(),
             result,
@@ -297,7 +297,7 @@ impl Search<'_> {
             true_at: end(true),
             members: self.trials.len(),
             without_verdict: without.count(),
-            changes: section::changes(&self.tried()),
+            changes: section::changes(&self.tried_values()),
         }
     }
 
@@ -351,7 +351,7 @@ fn verdict(study: &ThresholdStudy, member: &Member, row: &mut MemberRow) -> Opti
     }
 }
 
-impl Found {
+impl SearchOutcome {
     /// Returns the lines that report the result.
     fn lines(&self, output: &Path) -> Vec<String> {
         let (field, criterion) = (&self.field, &self.criterion);

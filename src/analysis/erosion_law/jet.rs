@@ -37,12 +37,12 @@ use crate::statistics::student;
 use base::number::real;
 
 /// Least number of readings: three parameters and one degree of freedom.
-const FEWEST: usize = 4;
+const LEAST_READINGS: usize = 4;
 /// Number of values of tau_c at which the sum of squares is first computed.
 const SCALE: u32 = 80;
 /// Largest distance of equilibrium at which the sum is computed, divided by the largest distance read; a larger one is
 /// treated as tau_c = 0.
-const FARTHEST: f64 = 100.0;
+const LARGEST_DISTANCE_RATIO: f64 = 100.0;
 /// Error of reading below which a record counts as exact, over the largest distance.
 const EXACT: f64 = 1e-9;
 
@@ -272,9 +272,9 @@ pub fn fit_jet(apparatus: &JetApparatus, readings: &[JetReading]) -> Result<JetO
 }
 
 fn check(readings: &[JetReading]) -> Result<(), String> {
-    if readings.len() < FEWEST {
+    if readings.len() < LEAST_READINGS {
         return Err(format!(
-            "{} readings do not determine a law: at least {FEWEST} are needed",
+            "{} readings do not determine a law: at least {LEAST_READINGS} are needed",
             readings.len()
         ));
     }
@@ -447,7 +447,7 @@ impl Test<'_> {
         let largest = self.readings.iter().map(|r| r.distance).fold(0.0, f64::max);
         let core = self.apparatus.core_length();
         let from = (self.readings[0].distance.max(core) * 1.002).ln();
-        let to = (FARTHEST * largest.max(core)).ln();
+        let to = (LARGEST_DISTANCE_RATIO * largest.max(core)).ln();
         let critical = |n: u32| {
             let part = f64::from(n) / f64::from(SCALE);
             let equilibrium = (to + (from - to) * part).exp();

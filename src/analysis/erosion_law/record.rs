@@ -267,7 +267,7 @@ fn unknown() -> f64 {
 }
 
 /// Columns at the end of the tables that earlier versions did not write.
-const ADDED: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
+const LATER_COLUMNS: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
 
 /// Columns that earlier versions wrote under another name: that name and the present one.
 const RENAMED: [(&str, &str); 2] = [
@@ -293,7 +293,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
     };
     let names = lines.names();
     let given = || names.iter().map(|name| present(name));
-    let earlier = (R::COLUMNS.iter().copied()).filter(|name| !ADDED.contains(name));
+    let earlier = (R::COLUMNS.iter().copied()).filter(|name| !LATER_COLUMNS.contains(name));
     if !given().eq(R::COLUMNS.iter().copied()) && !given().eq(earlier) {
         return Err(fail(format!(
             "the columns are `{}`, but `{}` are needed",

@@ -56,7 +56,7 @@ pub type Overlap = fn([f64; 3], f64, [f64; 3], [f64; 3]) -> f64;
 
 /// Ground at time 0, which a restart needs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ground {
+pub struct InitialGround {
     /// Cells of the ground.
     pub cells: Cells,
     /// Mean diameter of the grains \[m\].
@@ -85,7 +85,7 @@ pub struct Limits {
 
 /// Quantities over one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Above {
+pub struct PointMeasures {
     /// Volume of soil missing in the void connected with the point \[m3\].
     pub void_volume: f64,
     /// Height of the top of that void above the lowest ground at the point \[m\].
@@ -118,7 +118,7 @@ pub struct Sample {
     /// Volume of these voids \[m3\].
     pub void_volume: f64,
     /// Quantities over each point.
-    pub points: Vec<Above>,
+    pub points: Vec<PointMeasures>,
     /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,
     /// Settlement of each column \[m\].
@@ -285,7 +285,7 @@ fn skin(cells: &Cells, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
     tops.into_iter().map(lowest).collect()
 }
 
-impl Ground {
+impl InitialGround {
     /// Returns the ground at time 0 from the current grains.
     #[must_use]
     pub fn new(cells: Cells, grains: &[MeasuredGrain], diameter: f64, overlap: Overlap) -> Self {
@@ -458,7 +458,7 @@ impl Ground {
                 .map(|k| k / (self.cells.count[0] * self.cells.count[1]));
             let roof = highest.map_or(base, |z| self.cells.lower(z + 1, 2).min(top));
             let front = self.front(grains, point, base, top, limits.moving);
-            above.push(Above {
+            above.push(PointMeasures {
                 void_volume: self.missing(&hole, &solid),
                 arch_height: (roof - base).max(0.0),
                 cover,

@@ -77,7 +77,7 @@ pub struct Stages {
 impl Stages {
     /// Returns the number of stages that have begun.
     #[must_use]
-    pub fn begun(&self) -> usize {
+    pub fn stages_begun(&self) -> usize {
         self.times.iter().flatten().count()
     }
 
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(stages.times, [Some(2.0), None, None, None]);
         // Each stage begins only once.
         assert!(stages.note(4.0, &hole(12), &FROM).is_empty());
-        assert_eq!(stages.begun(), 1);
+        assert_eq!(stages.stages_begun(), 1);
     }
 
     #[test]

@@ -13,7 +13,7 @@
 //! `RUSTFLAGS="--cfg loom" cargo test --locked -p base --lib --release board`
 
 use super::sync::{
-    Arc, AtomicBool, AtomicU64, Mutex, Ordering, Thread, Turns, current, fence, park, spin_loop,
+    Arc, AtomicBool, AtomicU64, Mutex, Ordering, Thread, TurnCell, current, fence, park, spin_loop,
     yield_now,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -62,14 +62,14 @@ const fn number(state: u64) -> u64 {
 }
 
 /// State that the caller and its helpers share.
-pub(super) struct Board {
+pub(super) struct JobBoard {
     /// State of the job: [`OPEN`] from posting until all pieces are begun, the number of the job, and the number of
     /// helpers that have joined it.
     state: AtomicU64,
     /// Current job. It is written only while the state is not open and no helper has joined.
-    job: Turns<Option<Job>>,
+    job: TurnCell<Option<Job>>,
     /// Bits of the groups of pieces that a thread has begun.
-    begun: AtomicU64,
+    begun_groups: AtomicU64,
     failed: AtomicBool,
     /// `true` while the caller sleeps until the last helper has left.
     caller_sleeps: AtomicBool,
@@ -78,9 +78,9 @@ pub(super) struct Board {
 
 // SAFETY: `job` is written by the caller alone and only while no helper has joined and none can join; the function
 // to which it points is `Sync` and exists until the caller has closed the job and seen the last helper leave.
-unsafe impl Sync for Board {}
+unsafe impl Sync for JobBoard {}
 // SAFETY: as above.
-unsafe impl Send for Board {}
+unsafe impl Send for JobBoard {}
 
 /// Thread that helps the caller.
 pub(super) struct Helper {
@@ -97,12 +97,12 @@ impl Helper {
     }
 }
 
-impl Board {
+impl JobBoard {
     pub(super) fn new() -> Self {
         Self {
             state: AtomicU64::new(0),
-            job: Turns::new(None),
-            begun: AtomicU64::new(0),
+            job: TurnCell::new(None),
+            begun_groups: AtomicU64::new(0),
             failed: AtomicBool::new(false),
             caller_sleeps: AtomicBool::new(false),
             caller: Mutex::new(None),
@@ -129,7 +129,7 @@ impl Board {
         };
         // SAFETY: the last job is closed and no helper works on it.
         unsafe { self.job.set(Some(job)) };
-        self.begun.store(0, Ordering::Relaxed);
+        self.begun_groups.store(0, Ordering::Relaxed);
         self.failed.store(false, Ordering::Relaxed);
         let next = (self.last() + 1) % (OPEN / NEXT);
         self.state.store(OPEN | (next * NEXT), Ordering::Release);
@@ -155,13 +155,13 @@ impl Board {
         let work = unsafe { &*job.work };
         let take = |group: usize| {
             let bit = 1 << group;
-            if self.begun.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
+            if self.begun_groups.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
                 (group..job.pieces).step_by(groups).for_each(work);
             }
         };
         (thread..groups).step_by(job.threads).for_each(take);
         loop {
-            let free = all & !self.begun.load(Ordering::Relaxed);
+            let free = all & !self.begun_groups.load(Ordering::Relaxed);
             if free == 0 {
                 break;
             }
@@ -260,7 +260,7 @@ mod tests {
     /// Checks that no thread waits for a helper without a core: the caller processes the pieces of that helper.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
-        let board = Board::new();
+        let board = JobBoard::new();
         board.state.store(OPEN | NEXT, Ordering::Relaxed);
         for pieces in [1, 2, 63, 64, 65, 300] {
             let done: Vec<_> = (0..pieces).map(|_| AtomicU32::new(0)).collect();
@@ -276,7 +276,7 @@ mod tests {
                 pieces,
                 threads: 4,
             };
-            board.begun.store(0, Ordering::Relaxed);
+            board.begun_groups.store(0, Ordering::Relaxed);
             board.work_on(&job, 0);
             board.work_on(&job, 3);
             assert!(
@@ -306,7 +306,7 @@ mod models {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(preemptions);
         model.check(move || {
-            let board = Arc::new(Board::new());
+            let board = Arc::new(JobBoard::new());
             let helpers: Vec<_> = (1..=helpers)
                 .map(|number| {
                     let sleeps = Arc::new(AtomicBool::new(false));
@@ -322,7 +322,7 @@ mod models {
                 })
                 .collect();
             for job in 1..=jobs {
-                let done: Vec<_> = (0..pieces).map(|_| Turns::new(0)).collect();
+                let done: Vec<_> = (0..pieces).map(|_| TurnCell::new(0)).collect();
                 // SAFETY: each piece is done by one thread, which loom checks.
                 let work = |piece: usize| unsafe { done[piece].set(done[piece].get() + job) };
                 let shared = Shared(&work);

@@ -2,7 +2,7 @@
 
 use super::rows::{Row, Rows};
 use super::slab::Slab;
-use super::{Again, BodyMap, Change, FLUID, Mapped, OUTSIDE, tag};
+use super::{BodyMap, Change, FLUID, Mapped, OUTSIDE, RemapRequest, tag};
 use base::thread_pool;
 use dem::particles::Particles;
 use dem::space::Space;
@@ -105,7 +105,7 @@ impl BodyMap {
         let (bodies, slab) = (&self.bodies, &self.slab);
         let shared = || again.iter().filter(|one| one.shared);
         // Rows that bodies release, then rows that they occupy.
-        let before = |one: &Again| match &bodies[one.body] {
+        let before = |one: &RemapRequest| match &bodies[one.body] {
             body if one.moved => &body.other,
             body => &body.rows,
         };

@@ -108,7 +108,7 @@ impl Rows {
     }
 
     /// Returns the two parts of a row that these rows do not contain.
-    pub(super) fn lack(&self, row: Row) -> [Row; 2] {
+    pub(super) fn missing_parts(&self, row: Row) -> [Row; 2] {
         let here = self.span(row.y, row.z);
         let part = |from: i32, to: i32| Row {
             span: [from, to.max(from)],
@@ -181,7 +181,10 @@ mod tests {
             let deep = turn % 2 == 0;
             let (a, b) = (body(&mut draw, deep), body(&mut draw, deep));
             let (in_a, in_b) = (cells(&a), cells(&b));
-            let lacking = a.rows().flat_map(|row| b.lack(row)).flat_map(Row::cells);
+            let lacking = a
+                .rows()
+                .flat_map(|row| b.missing_parts(row))
+                .flat_map(Row::cells);
             assert_eq!(lacking.collect::<BTreeSet<_>>(), &in_a - &in_b);
             let near = |cell: [i32; 3]| {
                 let depth = i32::from(deep);

@@ -34,11 +34,11 @@ const RENEWAL: f64 = 0.1;
 const NUMBERS: usize = 19;
 /// Number of values of a block in a checkpoint: its present pose, its pose in the network, and the time at which it
 /// left its joints.
-const SAVED: usize = 15;
+const SAVED_NUMBERS: usize = 15;
 /// Number of values of a joint in a checkpoint.
 const PAIR: usize = 4;
 /// Value in a checkpoint for a block that has not left its joints, in place of the time at which it left them.
-const STAYS: f64 = -1.0;
+const NOT_LEFT: f64 = -1.0;
 
 /// Position and orientation of a block.
 type Pose = (Vector3<f64>, UnitQuaternion<f64>);
@@ -134,7 +134,7 @@ impl Moving {
                 to.extend(position.iter());
                 to.extend(orientation.coords.iter());
             }
-            to.push(body.left.unwrap_or(STAYS));
+            to.push(body.left.unwrap_or(NOT_LEFT));
         }
         to.push(real(network.joints.len()));
         for face in network.joints.iter().flat_map(|joint| joint.faces) {
@@ -358,7 +358,7 @@ impl JointWater {
     fn take_network(&mut self, moving: &mut Moving) {
         let time = self.time();
         let network = self.flow.network();
-        self.mouths.follow(network);
+        self.mouths.reassign_mouths(network);
         for body in &mut moving.bodies {
             body.built = pose(&self.solids[body.rock]);
             body.covered = cells_at(network, body.rock);
@@ -376,9 +376,13 @@ impl JointWater {
     /// belong to other blocks.
     pub(super) fn restore_positions<'a>(&mut self, numbers: &'a [f64]) -> Option<&'a [f64]> {
         let mut moving = self.moving.take()?;
-        let (poses, after) = numbers.split_at_checked(SAVED * moving.bodies.len())?;
+        let (poses, after) = numbers.split_at_checked(SAVED_NUMBERS * moving.bodies.len())?;
         let mut built = self.solids.clone();
-        for (body, saved) in moving.bodies.iter_mut().zip(poses.chunks_exact(SAVED)) {
+        for (body, saved) in moving
+            .bodies
+            .iter_mut()
+            .zip(poses.chunks_exact(SAVED_NUMBERS))
+        {
             let solid = &mut self.solids[body.rock];
             (solid.position, solid.orientation) = saved_pose(saved);
             let (position, orientation) = saved_pose(&saved[7..]);
@@ -398,7 +402,7 @@ impl JointWater {
         if network.joints.len() != count {
             return None;
         }
-        self.mouths.follow(&network);
+        self.mouths.reassign_mouths(&network);
         for body in &mut moving.bodies {
             body.covered = cells_at(&network, body.rock);
         }
@@ -478,7 +482,7 @@ fn gather<S: Space>(
 #[must_use]
 pub fn most_numbers(movers: usize, nodes: usize, links: usize, inertia: bool) -> usize {
     let network = super::numbers(2 * nodes, links, inertia) + PAIR * links;
-    GROWTH * (network + SAVED * movers + 1)
+    GROWTH * (network + SAVED_NUMBERS * movers + 1)
 }
 
 /// Largest growth of a network by the motion of its blocks, for the check of a checkpoint.

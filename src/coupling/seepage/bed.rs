@@ -36,7 +36,7 @@ impl Laws<'_> {
         let mut parts = [0.0; 2];
         if ground.dense > 0.0 {
             let (porosity, diameter) = ground.packing;
-            let resistance = ground.stated.unwrap_or_else(|| {
+            let resistance = ground.stated_resistance.unwrap_or_else(|| {
                 let liquid = self.settings.liquid;
                 self.resistance
                     .resistance(porosity, diameter, liquid, speed)
@@ -78,7 +78,7 @@ impl Laws<'_> {
 }
 
 /// Minimum weight of a velocity change over the interval, with which the load is that of the middle of the interval.
-const MIDDLE: f64 = 0.5;
+const LEAST_WEIGHT: f64 = 0.5;
 
 /// Known data of a grain before a coupling.
 enum Start {
@@ -147,7 +147,7 @@ pub(super) fn fill<Sp: Space>(
             let strongest = drag.iter().copied().fold(0.0, f64::max);
             let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
-                MIDDLE
+                LEAST_WEIGHT
             } else {
                 0.0
             };
@@ -165,9 +165,9 @@ pub(super) fn fill<Sp: Space>(
                 drag,
                 reaction,
                 compliance,
-                answer: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
+                response: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
                 known,
-                late: part > MIDDLE,
+                late: part > LEAST_WEIGHT,
             };
             share.terms.push(term);
             if moves {
@@ -348,8 +348,8 @@ const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
     let mut all = [0.0; NUMBERS];
     for a in 0..3 {
-        let b = part * term.reaction[a] * term.answer[a];
-        let v = part * volume * term.answer[a];
+        let b = part * term.reaction[a] * term.response[a];
+        let v = part * volume * term.response[a];
         let kinds = [
             b,
             b * measure * term.known[a],

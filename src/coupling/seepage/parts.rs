@@ -25,7 +25,7 @@ pub(super) struct Term {
     /// Part of the interval divided by the mass of the grain \[s/kg\]; 0 if the present velocity of the grain is used.
     pub(super) compliance: f64,
     /// 1/(1 + compliance drag measure) along each axis.
-    pub(super) answer: [f64; 3],
+    pub(super) response: [f64; 3],
     /// Velocity without flux and gradient \[m/s\].
     pub(super) known: [f64; 3],
     /// `true` if drag stops the grain within the interval, so that its velocity is taken later than in the middle of
@@ -45,7 +45,7 @@ impl Term {
         let push = self.compliance * volume;
         std::array::from_fn(|a| {
             let slip = flux[a] - measure * (self.known[a] - push * gradient[a]);
-            self.drag[a] * self.answer[a] * slip
+            self.drag[a] * self.response[a] * slip
         })
     }
 }

@@ -19,11 +19,11 @@ pub(super) struct Ground {
     /// Ratio of the drag on the volume of a grain to resistance times flux: porosity over solid fraction.
     pub(super) factor: f64,
     /// Resistance \[Pa s/m²\] if a zone states it.
-    pub(super) stated: Option<f64>,
+    pub(super) stated_resistance: Option<f64>,
     /// `true` if the forces on the grains of the cell are included in the balance of momentum.
     pub(super) counts: bool,
     /// Solid fraction of the neighbourhood; 0 without grains.
-    pub(super) around: f64,
+    pub(super) neighbourhood_fraction: f64,
     /// Fraction of the volume of the grains whose displacement is compensated by water of other cells: the water
     /// displaced by a lone grain returns next to it.
     pub(super) displaced: f64,

@@ -56,7 +56,7 @@ impl Pressure {
                     }
                 });
             self.system.multigrid.cycle();
-            let z = self.system.multigrid.result();
+            let z = self.system.multigrid.solution();
             let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
             let beta = if iterations == 0 { 0.0 } else { rz / last };
             last = rz;

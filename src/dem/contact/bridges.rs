@@ -131,7 +131,7 @@ impl BridgesInput {
         if scene.dimension == 2 {
             report.error(
                 path,
-                "capillary bridges are computed between spheres only: there is no fit of their force for discs in 2-D".into(),
+                "capillary bridges act between spheres only: there is no fit of their force for discs in 2-D".into(),
                 Remedy::take_out("remove it, or use a domain of three dimensions", path),
             );
             return None;
@@ -431,8 +431,8 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
     type Constants = BridgeConstants<L::Constants>;
     type History = BridgeHistory<L::History>;
     const NUMBERS: usize = L::NUMBERS + 1;
-    const ROLLS: bool = L::ROLLS;
-    const WETS: bool = true;
+    const HAS_ROLLING: bool = L::HAS_ROLLING;
+    const NEEDS_MOISTURE: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {
         let laws = self.law.table();

@@ -134,8 +134,8 @@ impl<S: Space, L: BondStrength<S>> ContactLaw<S> for Softened<L> {
     type Constants = SoftenedConstants<L::Constants>;
     type History = L::History;
     const NUMBERS: usize = L::NUMBERS;
-    const ROLLS: bool = L::ROLLS;
-    const WETS: bool = true;
+    const HAS_ROLLING: bool = L::HAS_ROLLING;
+    const NEEDS_MOISTURE: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {
         let rows = L::table(&self.law);

@@ -123,7 +123,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 pair.radius - one.distance,
                 pair.radius,
                 pair.grain,
-                Other::Wall(pair.wall),
+                Partner::Wall(pair.wall),
             );
             let failure = act_at_wall::<S, L>(
                 (&pair.constants, &mut history),
@@ -264,13 +264,13 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         &mut self,
         walls: &[Wall<S>],
         motion: &[Motion<S>],
-        look: f64,
+        check_path: f64,
     ) {
         self.active.clear();
         for (k, pair) in (0..).zip(&mut self.pairs) {
             let wall = &walls[pair.wall as usize];
             let at = wall.local(&motion[pair.grain as usize].position);
-            let far = pair.radius * (1.0 + 1e-12) + 2.0 * look * (1.0 + 1e-9);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * check_path * (1.0 + 1e-9);
             let closes = || {
                 wall.surface.as_ref().is_some_and(|surface| {
                     let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];

@@ -155,7 +155,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
 }
 
 /// Input data of the pairs in a step.
-struct World<'a, S: Space, L: ContactLaw<S>> {
+struct StepInput<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
     active: &'a [u32],
@@ -179,7 +179,7 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
     loads: &'a mut [Load<S>],
 }
 
-impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
+impl<S: Space, L: ContactLaw<S>> StepInput<'_, S, L> {
     /// Adds the actions of the pairs at these indices, each minus `base`, to the loads of the grains from number
     /// `first` on.
     #[inline(always)]
@@ -302,7 +302,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             moved,
             ..
         } = &mut self.lists.parts;
-        let world = World::<S, L> {
+        let world = StepInput::<S, L> {
             rows: &self.rows,
             offsets: &self.lists.offsets,
             active: &self.lists.active,

@@ -140,7 +140,7 @@ impl Geometry {
 
 /// Counts of the methods used, for benches and tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ways {
+pub struct MethodCounts {
     /// Number of linear programs solved.
     pub programs: u64,
     /// Number of pairs decided by the exhaustive test.
@@ -170,7 +170,7 @@ pub struct Narrow {
     triangles: Vec<[Vector3<f64>; 3]>,
     rows: Vec<[f64; 4]>,
     /// Counts of the methods used.
-    pub ways: Ways,
+    pub method_counts: MethodCounts,
 }
 
 /// Partner of a block, in the frame of that block.
@@ -217,7 +217,7 @@ impl Narrow {
             let offset = plane.offset + normal.dot(&local);
             self.planes.push(HalfSpace { normal, offset });
         }
-        self.ways.programs += 1;
+        self.method_counts.programs += 1;
         let far = 4.0 * first.shape.radius();
         let verdict = linear_program::solve(&self.planes, self.own, far, &mut history.basis);
         let other = Other::Block {
@@ -281,7 +281,7 @@ impl Narrow {
                 self.planes.extend_from_slice(block.shape.half_spaces());
                 self.own = self.planes.len();
                 self.planes.push(plane);
-                self.ways.programs += 1;
+                self.method_counts.programs += 1;
                 let far = 4.0 * block.shape.radius();
                 let basis = &mut history.basis;
                 match linear_program::solve(&self.planes, self.own, far, basis) {
@@ -326,7 +326,7 @@ impl Narrow {
                 let start = if warm { &history.point } else { deepest };
                 let (point, reached) = analytic_centre::find(&self.planes, start, &mut self.rows);
                 if !reached {
-                    self.ways.off_centre += 1;
+                    self.method_counts.off_centre += 1;
                 }
                 history.point = point;
                 let (own, others) = self.planes.split_at(self.own);
@@ -361,7 +361,7 @@ impl Narrow {
         model: &BlockContactModel,
         history: &mut BlockHistory,
     ) -> Option<Geometry> {
-        self.ways.exhaustive += 1;
+        self.method_counts.exhaustive += 1;
         let (axis, depth, foremost) = match other {
             Other::Block {
                 shape,

@@ -10,7 +10,7 @@ use super::HalfSpace;
 use super::shape_error::ShapeError;
 
 /// Maximum number of points of a hull.
-pub(super) const MOST: usize = 1000;
+pub(super) const MAX_POINTS: usize = 1000;
 
 /// Returns the half-spaces of the hull; points within `tolerance` \[m\] of a plane lie on it.
 pub(super) fn half_spaces(

@@ -9,7 +9,7 @@
 //!   The square root of a small stiffness is not small, so that its dashpot acts only in proportion to the ratio of
 //!   both overlaps.
 
-use super::{FacetSurface, ON, RIM, index};
+use super::{FacetSurface, ON_FACET, ON_RIM, index};
 use nalgebra::{Matrix3, Vector3};
 
 /// Index that marks an edge without an adjacent facet.
@@ -112,11 +112,11 @@ impl FacetSurface {
 
     fn in_one_plane(&self, a: usize, b: usize) -> bool {
         let (one, two) = (self.facets[a], self.facets[b]);
-        one.normal.cross(&two.normal).norm() <= RIM
+        one.normal.cross(&two.normal).norm() <= ON_RIM
             && self
                 .corners(a)
                 .zip(self.corners(b))
-                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= RIM * one.size.max(two.size))
+                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= ON_RIM * one.size.max(two.size))
     }
 
     /// Returns the height \[m\] of a point above the plane of a facet, on the side of its normal.
@@ -142,7 +142,7 @@ impl FacetSurface {
                 1.0
             };
             let heights = self.corners(facet).map(|at| side * self.height(other, &at));
-            heights.fold(0.0, f64::min) < -ON * place.size
+            heights.fold(0.0, f64::min) < -ON_FACET * place.size
         })
     }
 

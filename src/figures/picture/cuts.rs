@@ -35,7 +35,7 @@ impl Cuts {
     }
 
     /// Extends a frame by all lines.
-    pub(super) fn include(&self, frame: &mut Frame) {
+    pub(super) fn extend_frame(&self, frame: &mut Frame) {
         let all = [&self.blocks, &self.structures, &self.walls];
         for end in all.into_iter().flatten().flatten() {
             frame.include([end[0], end[1], 0.0], 0.0);

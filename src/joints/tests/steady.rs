@@ -102,7 +102,7 @@ fn one_joint_has_the_cubic_law() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let exact = 9810.0 * conductance(depth, gap, length);
     let [entered, left] = [0.0, 1.0].map(|x| through(&flow, |at| (at.x - x).abs() < 1e-9));
     println!("discharge {entered:e}, exact {exact:e}");
@@ -134,7 +134,7 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     // In the plane of the joint, half of the angle off each face; apertures are measured across it.
     let half = (0.5 * (b - a).atan()).cos();
     let gap = |x: f64| flow.gaps()[0].value(&nalgebra::Vector2::new(x, 0.0));
@@ -178,7 +178,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
     };
     let drive = Fronts::new(&network, move |at, _| pressure(at));
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let arms = [
         (5e3, conductance(0.2, level, 0.6 - 0.5 * upright)),
         (-1e3, conductance(0.2, level, 0.4 - 0.5 * upright)),
@@ -242,7 +242,7 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let sides = [
         conductance(0.2, apertures[1][0], 0.5),
         conductance(0.2, apertures[1][1], 0.5),
@@ -306,7 +306,7 @@ fn ring(solids: &[PlacedPolyhedron], apertures: [[f64; 2]; 3]) {
     let exact = matrix.lu().solve(&side).unwrap();
     let drive = Fronts::new(&network, move |at, _| pressure(at));
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let error = flow.pressures().iter().zip(exact.iter());
     let error = error.map(|(a, b): (&f64, &f64)| (a - b).abs());
     let error = error.fold(0.0, f64::max) / exact.amax();
@@ -324,7 +324,7 @@ fn water_at_rest_has_its_hydrostatic_pressure() {
         (at.z > 0.29 || at.x < -0.59).then(|| 9810.0 * (0.3 - at.z))
     });
     let mut flow = JointFlow::new(network, settings);
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     for (at, pressure) in flow.network().positions.iter().zip(flow.pressures()) {
         assert!((pressure - 9810.0 * (0.3 - at.z)).abs() < 1e-7);
     }

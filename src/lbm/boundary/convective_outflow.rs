@@ -123,7 +123,7 @@ impl Upstream {
 
 /// Data of one entering population.
 #[derive(Clone, Copy, Debug)]
-struct Leaving {
+struct EnteringPopulation {
     cell: usize,
     upstream: Upstream,
     /// Weight w_j of the direction.
@@ -136,7 +136,7 @@ struct Leaving {
     square: f64,
 }
 
-impl Leaving {
+impl EnteringPopulation {
     /// Returns the population that would enter without an imposed pressure; `upstream` is f_j(x', t+1).
     fn carried(&self, upstream: f64) -> f64 {
         self.stays.mul_add(self.before - upstream, upstream)
@@ -161,7 +161,7 @@ pub struct ConvectiveOutflowLinks {
     speed: Carried,
     links: Vec<FaceLink>,
     /// Data of the links.
-    leaving: Vec<Leaving>,
+    leaving: Vec<EnteringPopulation>,
     held: Option<Held>,
 }
 
@@ -219,7 +219,7 @@ impl ConvectiveOutflowLinks {
     }
 
     /// Returns the rule with another kind of boundary.
-    pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
+    pub(super) fn with_kind(mut self, kind: BoundaryKind) -> Self {
         self.kind = kind;
         self
     }
@@ -232,7 +232,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
         self.links.push(crossing.face_link());
-        self.leaving.push(Leaving {
+        self.leaving.push(EnteringPopulation {
             cell: crossing.cell,
             upstream: Upstream::new(crossing),
             weight: crossing.weight(),
@@ -308,11 +308,11 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
         })
     }
 
-    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
+    fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some(held) = &mut self.held {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
-                .hear_outflow(sums, held.density.value_at(moment.step), forecast);
+                .update_outflow_excess(sums, held.density.value_at(moment.step), forecast);
         }
     }
 

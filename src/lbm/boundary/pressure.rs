@@ -196,7 +196,9 @@ impl BoundaryModel for Pressure {
                 (axis, face.is_max()),
                 Carried::Local,
             );
-            return Ok(Box::new(links.of_kind(KIND).holding(wave, ramp, forecast)));
+            return Ok(Box::new(
+                links.with_kind(KIND).holding(wave, ramp, forecast),
+            ));
         }
         let mut links = PressureLinks::new(axis, ramp);
         if let Some(gradient) = &self.gradient {
@@ -347,10 +349,10 @@ impl<S: Stored> Rule<S> for PressureLinks {
         wave.measure(&self.links, squares, populations)
     }
 
-    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
+    fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some((wave, forecast)) = &mut self.sound {
             let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
-            wave.hear_pressure(sums, self.density.value_at(moment.step), forecast);
+            wave.update_pressure_excess(sums, self.density.value_at(moment.step), forecast);
         }
     }
 

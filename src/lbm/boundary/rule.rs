@@ -97,7 +97,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     }
 
     /// Receives the sums of all ranks.
-    fn hear(&mut self, _sums: Sums, _moment: &RuleStep) {}
+    fn receive_sums(&mut self, _sums: Sums, _moment: &RuleStep) {}
 
     /// Returns the value that the rule keeps between steps; `None` if there is none.
     fn memory(&self) -> Option<f64> {

@@ -60,7 +60,7 @@ struct Chosen<S: Stored, C, T, F> {
     eddies: T,
     viscosity: f64,
     /// Name of the velocity set for cells without eddy viscosity, and `true` if solids may cover cells.
-    bare: Option<&'static str>,
+    without_eddies: Option<&'static str>,
     covered: bool,
     #[cfg(test)]
     cells: CellByCell<S, C>,
@@ -132,7 +132,7 @@ where
     }
 
     fn kernel_on_gpu(&self) -> Option<Kernel> {
-        let (operator, set) = (C::ON_GPU?, self.bare?);
+        let (operator, set) = (C::ON_GPU?, self.without_eddies?);
         let operator = if self.covered {
             operator.strip_prefix("forced_")?
         } else {
@@ -203,9 +203,15 @@ impl Choice {
     /// Returns the pass for a velocity set.
     pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
         match set {
-            VelocitySet::D2Q9 => self.operator.dispatch(On::<D2Q9, S, 9>::new(self)),
-            VelocitySet::D3Q19 => self.operator.dispatch(On::<D3Q19, S, 19>::new(self)),
-            VelocitySet::D3Q27 => self.operator.dispatch(On::<D3Q27, S, 27>::new(self)),
+            VelocitySet::D2Q9 => self
+                .operator
+                .dispatch(ForVelocitySet::<D2Q9, S, 9>::new(self)),
+            VelocitySet::D3Q19 => self
+                .operator
+                .dispatch(ForVelocitySet::<D3Q19, S, 19>::new(self)),
+            VelocitySet::D3Q27 => self
+                .operator
+                .dispatch(ForVelocitySet::<D3Q27, S, 27>::new(self)),
         }
     }
 
@@ -246,7 +252,7 @@ impl Choice {
             operator,
             eddies,
             viscosity: (self.relaxation_time - 0.5) / 3.0,
-            bare: (!T::ACTIVE || !eddies.present()).then_some(L::NAME),
+            without_eddies: (!T::ACTIVE || !eddies.present()).then_some(L::NAME),
             covered: P::ACTIVE,
             #[cfg(test)]
             cells: cell_by_cell::<L, C, S, Q>,
@@ -255,19 +261,19 @@ impl Choice {
 }
 
 /// Choice for a given velocity set.
-struct On<L, S, const Q: usize> {
+struct ForVelocitySet<L, S, const Q: usize> {
     choice: Choice,
     types: PhantomData<(L, S)>,
 }
 
-impl<L: Lattice<Q>, S: Stored, const Q: usize> On<L, S, Q> {
+impl<L: Lattice<Q>, S: Stored, const Q: usize> ForVelocitySet<L, S, Q> {
     fn new(choice: Choice) -> Self {
         let types = PhantomData;
         Self { choice, types }
     }
 }
 
-impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for On<L, S, Q> {
+impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for ForVelocitySet<L, S, Q> {
     type Output = Box<dyn Step<S>>;
 
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output {

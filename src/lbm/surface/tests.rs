@@ -126,7 +126,7 @@ impl Tank {
         let solids: Vec<usize> = solids
             .map(|at| fluid.populations().interior_cell(*at))
             .collect();
-        fluid.surface_mut().unwrap().stand_in(solids.into_iter());
+        fluid.surface_mut().unwrap().make_solid(solids.into_iter());
         let height = self.cells[1];
         fluid.initialise(&|p: [f64; 3]| {
             let at = p.map(|x| base::number::whole(x.floor()));

@@ -341,7 +341,7 @@ mod tests {
                 }
             }
         }
-        let make: super::super::Make<f64> = Box::new(move |populations, start| {
+        let make: super::super::TermBuilder<f64> = Box::new(move |populations, start| {
             Box::new(Porous::new(populations, start, &resisted))
         });
         let setup = Setup {

@@ -11,7 +11,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{ASKED, TurbulenceModel, strain_squared};
+use super::{REASON, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use crate::lattice::unroll;
 use base::error::{Finding, Remedy, Severity};
@@ -53,7 +53,7 @@ fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
 
 impl TurbulenceModel for Wale {
     fn describe(&self) -> Description {
-        Description::new(format!("WALE, constant {}", self.constant), ASKED)
+        Description::new(format!("WALE, constant {}", self.constant), REASON)
     }
 
     fn check(&self, path: &str, dimension: usize) -> Option<Finding> {

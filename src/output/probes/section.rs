@@ -71,7 +71,7 @@ impl Quantity for Section {
             return Ok(false);
         };
         let pressure = seepage.pressure();
-        let through = pressure.through(self.axis, self.plane, &self.ranges);
+        let through = pressure.flow_through_section(self.axis, self.plane, &self.ranges);
         let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
         for row in rows {
             row.extend([through.discharge, through.area, before, behind]);

@@ -1,7 +1,7 @@
 //! Limits against frequencies known in closed form.
 
 use super::network::Network;
-use super::{Depth, Limits, blocks, of_densest};
+use super::{Depth, Limits, blocks, densest_limit};
 use crate::Plan;
 use crate::scene::Scene;
 use approx::assert_relative_eq;
@@ -115,7 +115,7 @@ fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
             let found = eigenvalue(&scene, network(&scene));
             assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
             let law = scene.contact.as_ref().unwrap().model();
-            let bound = of_densest(&scene, law, (0, 0.01), 12.0);
+            let bound = densest_limit(&scene, law, (0, 0.01), 12.0);
             assert_relative_eq!(eigenvalue(&scene, bound), packing, max_relative = 1e-9);
         }
     }
@@ -213,7 +213,7 @@ fn strong_dashpots_shorten_the_step_of_a_packing() {
     let ratio = |damping: f64| {
         let mut case = grains(&[0.2, 0.2, 0.2], &places, 30.0, damping);
         case["contact"]["linear"]["shear_damping_ratio"] = damping.into();
-        super::of_packing(&plan(&case).unwrap().scene)
+        super::packing_limit(&plan(&case).unwrap().scene)
     };
     let mut last = f64::INFINITY;
     for damping in [0.0, 0.2, 0.5, 0.8, 1.0] {

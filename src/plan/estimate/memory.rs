@@ -34,19 +34,19 @@ const SURFACE: f64 = 300.0;
 /// Memory per cell of the seepage, on every rank \[bytes\]: coefficients, vectors and multigrid levels.
 const SEEPAGE: f64 = 450.0;
 /// Memory per cell of the seepage next to structures for its cuts \[bytes\].
-const CUTS: f64 = 600.0;
+const CUT_BYTES: f64 = 600.0;
 /// Memory per cell of unsaturated ground \[bytes\]: states, face fluxes with their derivatives, vectors of the
 /// linear solver.
 const DRAINS: f64 = 310.0;
 /// Memory per cell of a transient flow \[bytes\]: stored water, and its part of the multigrid levels.
-const STORES: f64 = 100.0;
+const STORAGE_BYTES: f64 = 100.0;
 /// Memory per grain with its neighbours, contacts and contact history \[bytes\].
 const GRAIN: f64 = 1700.0;
 /// Memory per block \[bytes\]: its shape, in the state and in the scene, and the longer history of its contacts.
 const BLOCK: f64 = 17_000.0;
 
 /// Size of a part of a checkpoint that is written or read at once \[bytes\].
-const PIECE: f64 = 4.2e6;
+const CHECKPOINT_PART: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
 pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
@@ -93,11 +93,15 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
         } else {
             0.0
         };
-        let stores = if seepage.is_transient() { STORES } else { 0.0 };
+        let stores = if seepage.is_transient() {
+            STORAGE_BYTES
+        } else {
+            0.0
+        };
         let cuts = if scene.structures.is_empty() {
             0.0
         } else {
-            CUTS
+            CUT_BYTES
         };
         estimate.bytes_per_cell = SEEPAGE + drains + stores + cuts;
         memory += amounts.seepage_cells * estimate.bytes_per_cell;
@@ -106,6 +110,6 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
     // Files are gathered in memory, one at a time. The lattice is written to a checkpoint in parts, and everything
     // is read back in parts.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
-    memory += estimate.checkpoint_bytes.min(PIECE);
+    memory += estimate.checkpoint_bytes.min(CHECKPOINT_PART);
     estimate.memory_bytes = memory;
 }

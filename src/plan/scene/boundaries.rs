@@ -256,7 +256,7 @@ fn part(
 
 /// Returns a coordinate in cells, moved to a face between cells if it differs from it by rounding.
 fn on_face(x: f64) -> f64 {
-    if (x - x.round()).abs() < AT_FACE {
+    if (x - x.round()).abs() < ON_FACE {
         x.round()
     } else {
         x
@@ -278,9 +278,9 @@ fn check_overlap(patch: &ScenePatch, others: &[ScenePatch], path: &str, findings
 }
 
 /// Distance in cells between an end of a patch and a face between cells below which it counts as on the face.
-const AT_FACE: f64 = 1e-6;
+const ON_FACE: f64 = 1e-6;
 /// Fraction of the width of an opening by which an end may be moved to a face between cells without a warning.
-const MOVES: f64 = 0.02;
+const MAX_SHIFT: f64 = 0.02;
 
 /// Warns of an opening whose ends lie between faces of cells, because its width is rounded to whole cells.
 fn moved(
@@ -295,7 +295,7 @@ fn moved(
         let asked = [written.from[a], written.to[a]];
         let width = asked[1] - asked[0];
         let most = (ends[0] - asked[0]).abs().max((ends[1] - asked[1]).abs());
-        if ends[0] < ends[1] && most > MOVES * width {
+        if ends[0] < ends[1] && most > MAX_SHIFT * width {
             let axis = ["x", "y", "z"][a];
             findings.warn(
                 path,

@@ -12,7 +12,7 @@ use std::cell::OnceCell;
 pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
 
 /// Sections of a case on which neither its plan nor other sections depend.
-const OBSERVING: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
+const OUTPUT_SECTIONS: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
 
 /// Returns `true` if a path is that of a section or of a field below it.
 fn within(path: &str, section: &str) -> bool {
@@ -84,7 +84,7 @@ impl<'a> Findings<'a> {
     /// Returns `true` if a field on which the plan depends has an error.
     pub(crate) fn stop_plan(&self) -> bool {
         self.errors()
-            .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
+            .any(|path| !OUTPUT_SECTIONS.iter().any(|section| within(path, section)))
     }
 
     /// Drops findings that follow from others: those that depend on a section with an error, and those about a

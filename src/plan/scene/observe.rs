@@ -252,7 +252,7 @@ fn generated(
 }
 
 /// Returns the start of the time means of a probe \[s\].
-fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
+fn averaging_start(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
     let end = case.time.end;
     if from.is_some_and(|from| from >= end) {
         findings.error(

@@ -9,7 +9,7 @@
 
 use super::block::AlignedBox;
 use super::blocks::PlacedBlocks;
-use super::bodies::{Mobility, NamedBody, wider};
+use super::bodies::{Mobility, NamedBody, longer_than_domain};
 use super::findings::{Findings, number};
 use super::grains::{GrainSource, Grains};
 use super::grid::Grid;
@@ -271,7 +271,8 @@ impl<'a> Start<'a> {
             .filter(|one| matches!(one.origin, Origin::ListedBlock(_) | Origin::Block(_)));
         let mut named = 0;
         for (one, solid) in blocks.filter_map(|one| Some((one, one.solid?))) {
-            let Some((axis, width)) = wider(self.grid, solid, &self.grid.periodic) else {
+            let Some((axis, width)) = longer_than_domain(self.grid, solid, &self.grid.periodic)
+            else {
                 continue;
             };
             let path = match one.origin {

@@ -46,10 +46,10 @@ struct Thickness {
 }
 
 /// Maximum resistance of a step, a + b |u| in lattice units, for which the trapezoidal rule does not oscillate.
-const WITHOUT_SWINGS: f64 = 2.0;
+const MAX_WITHOUT_OSCILLATION: f64 = 2.0;
 /// Maximum resistance of a step in a zone with an eddy viscosity: the velocity read by the model is wrong by half
 /// of it.
-const BESIDE_EDDIES: f64 = 0.2;
+const MAX_WITH_EDDIES: f64 = 0.2;
 /// Number of columns along each transverse axis on which the thickness of a zone is sampled.
 const COLUMNS: usize = 16;
 /// Number of samples along a column.
@@ -239,7 +239,7 @@ pub(crate) fn step_limit(zones: &[PorousZone], speed: f64) -> Option<StepLimit<'
     let zone = zones.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
     Some(StepLimit {
         zone,
-        stable: WITHOUT_SWINGS / rate(zone),
-        beside_eddies: BESIDE_EDDIES / rate(zone),
+        stable: MAX_WITHOUT_OSCILLATION / rate(zone),
+        beside_eddies: MAX_WITH_EDDIES / rate(zone),
     })
 }

@@ -73,9 +73,9 @@ pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<Velocit
 fn columns(dimension: usize, axis: usize) -> Vec<Column> {
     let column = |(name, others), unit| Column {
         name,
-        others,
+        aliases: others,
         unit,
-        needed: true,
+        required: true,
     };
     let tangential = (0..dimension).filter(|a| *a != axis);
     let coordinates = tangential.map(|a| column(COORDINATES[a], Unit::Length));

@@ -239,9 +239,9 @@ impl Columns {
         let mut add = |name, others, unit, needed| {
             list.push(Column {
                 name,
-                others,
+                aliases: others,
                 unit,
-                needed,
+                required: needed,
             });
             list.len() - 1
         };
@@ -272,9 +272,9 @@ impl Columns {
         self.plane = Some(self.list.len());
         self.list.push(Column {
             name: POSITION[2],
-            others: OTHERS[2],
+            aliases: OTHERS[2],
             unit: Unit::Length,
-            needed: false,
+            required: false,
         });
     }
 

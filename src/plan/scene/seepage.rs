@@ -587,7 +587,11 @@ impl Seepage {
                     .set(format!("{PATH}.least_porosity"), 0.5 * cap),
             );
         }
-        if !written.resistance().model().goes_with(written.equations) {
+        if !written
+            .resistance()
+            .model()
+            .supports_equations(written.equations)
+        {
             findings.error(
                 &format!("{PATH}.resistance"),
                 "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",

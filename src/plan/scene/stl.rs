@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use std::collections::HashMap;
 
 /// Maximum distance of corners that are merged, relative to the extent of the surface.
-const MERGE: f64 = 1e-7;
+const MERGE_DISTANCE: f64 = 1e-7;
 
 /// Returns the surface of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
 ///
@@ -208,7 +208,7 @@ fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
         low = low.inf(corner);
         high = high.sup(corner);
     }
-    let near = (MERGE * (high - low).norm()).max(f64::MIN_POSITIVE);
+    let near = (MERGE_DISTANCE * (high - low).norm()).max(f64::MIN_POSITIVE);
     let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
     let mut vertices: Vec<Vector3<f64>> = Vec::new();
     let mut numbers = Vec::with_capacity(corners.len());

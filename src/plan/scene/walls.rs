@@ -123,7 +123,7 @@ pub(crate) fn walls(
         unique(&mut known, &wall.name, &format!("{path}.name"), findings);
         walls.push(written_wall(case, grid, names, wall, &path, findings));
     }
-    walls.extend(in_water::of_structures(case, grid, solids, findings));
+    walls.extend(in_water::walls_of_structures(case, grid, solids, findings));
     no_floor(case, grid, walls.is_empty(), findings);
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {
@@ -294,7 +294,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
 }
 
 /// Reports grains that are too large for facets in a domain with a short period.
-fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
+fn report_large_grains(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
     if largest >= reach {
@@ -477,7 +477,7 @@ fn facets(
     });
     match made {
         Ok(surface) => {
-            reaches(case, &surface, &path, findings);
+            report_large_grains(case, &surface, &path, findings);
             Some(surface)
         }
         Err(reason) => {

@@ -13,10 +13,10 @@ use plan::Plan;
 use plan::scene::observe::ErosionLaw;
 
 /// Maximum depth of a grain behind a face, in mean diameters, to count for the traction.
-pub(super) const BEHIND: f64 = 2.0;
+pub(super) const DEPTH_BEHIND: f64 = 2.0;
 /// Maximum distance of a grain in front of a face, in mean diameters, to count for the traction: rough
 /// faces protrude.
-const BEFORE: f64 = 0.5;
+const DISTANCE_BEFORE: f64 = 0.5;
 /// Box of the hole in the case, and its axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hole {
@@ -267,7 +267,10 @@ pub(super) fn excess_force<S: Space>(
     gradient: f64,
 ) -> f64 {
     let grid = &view.plan.scene.grid;
-    let (behind, before) = (BEHIND * start.diameter, BEFORE * start.diameter);
+    let (behind, before) = (
+        DEPTH_BEHIND * start.diameter,
+        DISTANCE_BEFORE * start.diameter,
+    );
     let first_grain = view.plan.scene.first_grain();
     let (mut force, mut volume) = (ExactSum::new(), ExactSum::new());
     for k in 0..view.particles.owned() {

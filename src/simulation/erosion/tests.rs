@@ -280,8 +280,8 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     assert!(row.shear_balance < 1.6 * row.shear_traction, "{row:?}");
 }
 
-fn departed(step: u64, id: u64, region: usize) -> Departed {
-    Departed {
+fn departed(step: u64, id: u64, region: usize) -> DepartedGrain {
+    DepartedGrain {
         at: [0.0; 3],
         region,
         grain: RemovedGrain {

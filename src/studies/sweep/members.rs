@@ -202,7 +202,7 @@ fn varied(study: &Study) -> Vec<Draft> {
             }
             continue;
         }
-        let short = file_name(short(field, study));
+        let short = file_name(short_name(field, study));
         let labels = variation.labels();
         grid = grid
             .iter()
@@ -257,7 +257,7 @@ impl Variation {
 }
 
 /// Returns the last word of a path, or the whole path where two varied fields share that word.
-fn short<'a>(field: &'a str, study: &Study) -> &'a str {
+fn short_name<'a>(field: &'a str, study: &Study) -> &'a str {
     let last = |path: &'a str| path.rsplit('.').next().unwrap_or(path);
     let same = study
         .vary

@@ -274,7 +274,7 @@ pub(crate) fn read_document<T: DeserializeOwned>(
 ) -> Result<T, Vec<Problem>> {
     let (tree, mut problems) = text::parse(text);
     if let Some(mut tree) = tree {
-        problems.extend(check::against(schema, &mut tree));
+        problems.extend(check::problems_against(schema, &mut tree));
     }
     if !problems.is_empty() {
         for problem in problems.iter_mut().filter(|p| p.path == "the case") {

@@ -34,9 +34,9 @@ use base::number::real;
 use serde::Serialize;
 
 /// Factor of safety for three grids in the asymptotic range.
-const SAFE: f64 = 1.25;
+const SAFETY_FACTOR: f64 = 1.25;
 /// Factor of safety for two grids and unclear orders.
-const CAUTIOUS: f64 = 3.0;
+const CAUTIOUS_FACTOR: f64 = 3.0;
 /// Maximum relative deviation of the apparent order from the formal one in the asymptotic range.
 const ASYMPTOTIC: f64 = 0.1;
 /// Minimum order used.
@@ -166,8 +166,8 @@ impl Series {
         if range <= self.rounding {
             return Estimate {
                 extrapolated: Some(first.1),
-                factor: Some(CAUTIOUS),
-                uncertainty: Some(CAUTIOUS * range),
+                factor: Some(CAUTIOUS_FACTOR),
+                uncertainty: Some(CAUTIOUS_FACTOR * range),
                 ..none(Behaviour::Equal)
             };
         }
@@ -184,10 +184,10 @@ impl Series {
             }
         };
         let Some(third) = rest.first() else {
-            let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS);
+            let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS_FACTOR);
             // Errors of staircases may cancel in a single difference.
             let first_order = richardson([first.1, second.1], ratio, self.formal.min(1.0));
-            found.uncertainty = Some(CAUTIOUS * (own - first_order).abs());
+            found.uncertainty = Some(CAUTIOUS_FACTOR * (own - first_order).abs());
             return found;
         };
         let values = [first.1, second.1, third.1];
@@ -202,9 +202,9 @@ impl Series {
         }
         let order = observed.clamp(LEAST_ORDER, self.formal);
         if observed >= (1.0 - ASYMPTOTIC) * self.formal {
-            by_order(Behaviour::Asymptotic, Some(observed), order, SAFE)
+            by_order(Behaviour::Asymptotic, Some(observed), order, SAFETY_FACTOR)
         } else {
-            by_order(Behaviour::Monotone, Some(observed), order, CAUTIOUS)
+            by_order(Behaviour::Monotone, Some(observed), order, CAUTIOUS_FACTOR)
         }
     }
 
@@ -224,13 +224,13 @@ impl Series {
         };
         let there = fit.value + fit.slope * self.values[self.at].0.powf(fit.order);
         let error = (there - fit.value).abs();
-        let sum = CAUTIOUS * error + fit.deviation + (own - there).abs();
+        let sum = CAUTIOUS_FACTOR * error + fit.deviation + (own - there).abs();
         Estimate {
             behaviour,
             observed_order: Some(observed),
             order: Some(fit.order),
             extrapolated: Some(fit.value),
-            factor: Some(CAUTIOUS),
+            factor: Some(CAUTIOUS_FACTOR),
             uncertainty: Some(sum.max(least)),
         }
     }
@@ -351,7 +351,7 @@ mod tests {
                 (phi - extrapolated).abs() < 1e-4,
                 "{phi} for {extrapolated}"
             );
-            let found = 100.0 * SAFE * (phi - values[0]).abs() / values[0];
+            let found = 100.0 * SAFETY_FACTOR * (phi - values[0]).abs() / values[0];
             assert!((found - index).abs() < 0.05, "{found} for {index}");
         }
     }

@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn ends_move_to_three_leakage_lengths_with_all_that_lies_between() {
         let plan = plan(40.0);
-        let mut case = grids::stated(&plan).unwrap();
+        let mut case = grids::with_choices_stated(&plan).unwrap();
         let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("40.0000 to 135.0000 m"), "{change}");
         assert_eq!(case["domain"]["size"][0], json!(290.0));
@@ -238,7 +238,7 @@ mod tests {
     #[test]
     fn ends_far_away_move_to_twice_their_distance() {
         let plan = plan(140.0);
-        let mut case = grids::stated(&plan).unwrap();
+        let mut case = grids::with_choices_stated(&plan).unwrap();
         let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("140.0000 to 280.0000 m"), "{change}");
     }

@@ -25,7 +25,7 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
             continue;
         };
         let own = plan(found.text, &[]);
-        let stated = grids::stated(&own).unwrap();
+        let stated = grids::with_choices_stated(&own).unwrap();
         let again = plan(&stated.to_string(), &[]);
         assert_eq!(again.scene.grid, own.scene.grid, "{name}");
         assert_eq!(again.scene.contact, own.scene.contact, "{name}");

@@ -51,8 +51,8 @@ fn cells() -> Cells {
     Cells::new(COUNT.map(|n| real(n) * EDGE), COUNT)
 }
 
-fn ground() -> Ground {
-    Ground::new(cells(), &packing(|_| true), D, overlap)
+fn ground() -> InitialGround {
+    InitialGround::new(cells(), &packing(|_| true), D, overlap)
 }
 
 /// Returns an opening two cells long and two wide in the bottom.
@@ -237,7 +237,7 @@ fn perched() -> MeasuredGrain {
 fn with_perched(edit: impl Fn(&mut MeasuredGrain)) -> Sample {
     let mut grains = packing(|_| true);
     grains.push(perched());
-    let ground = Ground::new(cells(), &grains, D, overlap);
+    let ground = InitialGround::new(cells(), &grains, D, overlap);
     grains.iter_mut().for_each(edit);
     ground.measure(&grains, &[point(5)], &LIMITS, overlap)
 }
@@ -351,7 +351,7 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
             (1..(z + 3).min(4)).contains(&y) || (y == 0 && z >= 3)
         })
     };
-    let ground = Ground::new(cells(), &v(&|_| ()), D, overlap);
+    let ground = InitialGround::new(cells(), &v(&|_| ()), D, overlap);
     let shape = |moves: fn([usize; 3]) -> bool| {
         let grains = v(&|grain| {
             if moves(cells().cell_of(grain.at)) {
@@ -386,5 +386,8 @@ fn ground_survives_a_checkpoint() {
     ground.surface[3] = None;
     ground.surface[4] = Some(0.1 + 0.2);
     let text = serde_json::to_string(&ground).unwrap();
-    assert_eq!(serde_json::from_str::<Ground>(&text).unwrap(), ground);
+    assert_eq!(
+        serde_json::from_str::<InitialGround>(&text).unwrap(),
+        ground
+    );
 }

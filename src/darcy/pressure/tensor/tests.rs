@@ -135,7 +135,7 @@ fn uniform_flow_is_exact() {
             }
             for (axis, q, length) in [(0, qx, 2.0), (1, qy, 3.0)] {
                 for plane in [0, 3, grid.cells[axis]] {
-                    let through = solver.through(axis, plane, &[0..12, 0..7, 0..1]);
+                    let through = solver.flow_through_section(axis, plane, &[0..12, 0..7, 0..1]);
                     assert!(
                         (through.discharge - q * length).abs() < 1e-9,
                         "{degrees} {plane}"
@@ -196,7 +196,9 @@ fn walls_turn_the_flow() {
         solver.solve(still(&k)).unwrap();
         let row = |x: usize| solver.pressure(grid.index([x, 9, 0]));
         let gradient = (row(105) - row(135)) / 1.5;
-        let discharge = solver.through(0, 120, &[0..240, 0..20, 0..1]).discharge;
+        let discharge = solver
+            .flow_through_section(0, 120, &[0..240, 0..20, 0..1])
+            .discharge;
         let exact = 0.1 / ky;
         assert!(
             (discharge / gradient / exact - 1.0).abs() < 1e-4,

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 const ALONG: [usize; 2] = [240, 64];
 const ACROSS: [usize; 2] = [240, 40];
 /// Maximum number of pairs of a sample and a solid.
-const MOST_LOOKS: usize = 30_000_000;
+const MAX_PAIRS: usize = 30_000_000;
 
 /// Resistance of the sections along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +82,7 @@ pub(crate) fn along(
     for a in &across {
         count[*a] = ACROSS[n];
     }
-    if count.iter().product::<usize>().saturating_mul(solids) > MOST_LOOKS {
+    if count.iter().product::<usize>().saturating_mul(solids) > MAX_PAIRS {
         return None;
     }
     let step: [f64; 3] = std::array::from_fn(|a| grid.size[a] / real(count[a]));

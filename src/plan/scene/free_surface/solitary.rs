@@ -23,10 +23,10 @@ use case::free_surface::SolitaryWave;
 use serde::Serialize;
 
 /// Height over depth from which on a solitary wave breaks (J. McCowan, Phil. Mag. 38 (1894) 351).
-const BREAKS: f64 = 0.78;
+const BREAKING_HEIGHT: f64 = 0.78;
 
 /// Height over depth above which the error of the third order exceeds 5 % of the velocity at the surface.
-const FAR: f64 = 0.4;
+const LARGE_HEIGHT: f64 = 0.4;
 
 /// A solitary wave in SI.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -129,16 +129,16 @@ pub(super) fn resolve(
         return None;
     }
     let steepness = wave.height / depth;
-    if !(steepness > 0.0 && steepness <= BREAKS) {
+    if !(steepness > 0.0 && steepness <= BREAKING_HEIGHT) {
         findings.error(
             &format!("{path}.height"),
             format!(
-                "a solitary wave of {} m on water {} m deep does not exist, because waves higher than {BREAKS} \
-                 of the depth break",
+                "a solitary wave of {} m on water {} m deep does not exist, because waves higher than \
+                 {BREAKING_HEIGHT} of the depth break",
                 number(wave.height),
                 number(depth)
             ),
-            format!("use a height above 0 and of at most {} m", number(BREAKS * depth)),
+            format!("use a height above 0 and of at most {} m", number(BREAKING_HEIGHT * depth)),
         );
         return None;
     }
@@ -153,7 +153,7 @@ pub(super) fn resolve(
         );
         return None;
     }
-    if steepness > FAR {
+    if steepness > LARGE_HEIGHT {
         findings.warn(
             &format!("{path}.height"),
             format!(
@@ -161,7 +161,7 @@ pub(super) fn resolve(
                  in the velocity at 0.4",
                 number(steepness)
             ),
-            format!("use a height of at most {} m", number(FAR * depth)),
+            format!("use a height of at most {} m", number(LARGE_HEIGHT * depth)),
         );
     }
     Some(SolitaryForm {

@@ -97,7 +97,7 @@ pub(super) fn resolve(
         threshold: (written.threshold).unwrap_or(if grid.dimension == 2 { 0.4 } else { 0.3 }),
         diameter: written.diameter,
         level: written.level,
-        mean_from: super::means(case, written.mean_from, path, findings),
+        mean_from: super::averaging_start(case, written.mean_from, path, findings),
     })
 }
 

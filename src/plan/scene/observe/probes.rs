@@ -1,6 +1,6 @@
 //! Resolution of the probes of a scene.
 
-use super::{Probe, ProbeAt, bed, due, means, seepage};
+use super::{Probe, ProbeAt, averaging_start, bed, due, seepage};
 use crate::scene::block::AlignedBox;
 use crate::scene::blocks::PlacedBlocks;
 use crate::scene::bodies::NamedBody;
@@ -517,7 +517,7 @@ impl Measured<'_> {
                     dimension: grid.dimension,
                 },
             },
-            mean_from: means(case, written.mean_from, path, findings),
+            mean_from: averaging_start(case, written.mean_from, path, findings),
         }
     }
 }

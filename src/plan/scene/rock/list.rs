@@ -20,7 +20,7 @@ use serde_json::Value;
 use dem::polyhedron::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 
 /// Maximum number of errors listed for one file.
-const MOST: usize = 20;
+const MAX_LISTED_ERRORS: usize = 20;
 
 /// Block of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,9 +173,9 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
             Err(problem) => problems.push(problem),
         }
     }
-    if problems.len() > MOST {
-        let more = problems.len() - MOST;
-        problems.truncate(MOST);
+    if problems.len() > MAX_LISTED_ERRORS {
+        let more = problems.len() - MAX_LISTED_ERRORS;
+        problems.truncate(MAX_LISTED_ERRORS);
         problems.push(format!("{more} more blocks cannot be used"));
     }
     match (blocks.is_empty(), problems.is_empty()) {

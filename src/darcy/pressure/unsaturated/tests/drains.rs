@@ -203,7 +203,7 @@ fn a_sheet_and_a_box_of_stated_heads() {
     let head = |x: usize| solver.head(solver.reduced(grid.index([x, 3, 0])));
     assert!((head(4) - 3.0).abs() < 1e-9 && (head(36) - 2.0).abs() < 1e-9);
     assert!((head(20) - (3.0 - 1.05 / 2.0)).abs() < 1e-8);
-    let through = solver.through(0, 20, &[0..40, 0..8, 0..1]);
+    let through = solver.flow_through_section(0, 20, &[0..40, 0..8, 0..1]);
     assert!((through.discharge / exact - 1.0).abs() < 1e-8);
     let stream = solver.stream_function();
     assert!((stream[8 * 41 + 20] / exact - 1.0).abs() < 1e-8);
