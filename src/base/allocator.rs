@@ -143,8 +143,8 @@ fn is_large(layout: &Layout) -> bool {
 }
 
 // SAFETY: the layout alone decides if a block is large, so that it is released to its source. `map` returns memory
-// that no other block uses, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that
-// would break the alignment; everything else is the promise of `MiMalloc`.
+// that no other block uses, aligned to `HUGE`, and `allocate_large` moves its start by less than that, and by
+// nothing if that would break the alignment; everything else is the promise of `MiMalloc`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {

@@ -52,7 +52,7 @@ pub(crate) struct Checked {
     pub(crate) problems: Vec<Problem>,
     /// `true` if a list does not have the expected number of values, so that its values cannot be interpreted
     /// together.
-    pub(crate) misshapen: bool,
+    pub(crate) wrong_shape: bool,
 }
 
 /// Returns all problems in the tree of a case; removes unknown fields, so that the remaining ones can be checked
@@ -72,7 +72,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
         root,
         problems: Vec::new(),
         more: 0,
-        misshapen: false,
+        wrong_shape: false,
     };
     walk.node(tree, root, "");
     let mut problems = walk.problems;
@@ -83,7 +83,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     problems.extend(unlisted(more));
     Checked {
         problems,
-        misshapen: walk.misshapen,
+        wrong_shape: walk.wrong_shape,
     }
 }
 
@@ -122,7 +122,7 @@ struct Walk<'a> {
     problems: Vec<Problem>,
     /// Number of problems beyond those listed.
     more: usize,
-    misshapen: bool,
+    wrong_shape: bool,
 }
 
 impl<'a> Walk<'a> {
@@ -291,7 +291,7 @@ impl<'a> Walk<'a> {
         let count = list.len() as u64;
         let (least, most) = (bound("minItems"), bound("maxItems"));
         if least.is_some_and(|least| count < least) || most.is_some_and(|most| count > most) {
-            self.misshapen = true;
+            self.wrong_shape = true;
             let allowed = match (least, most) {
                 (Some(a), Some(b)) if a == b => format!("{a} values are needed"),
                 (Some(a), Some(b)) => format!("{a} to {b} values are needed"),
@@ -456,7 +456,7 @@ impl<'a> Walk<'a> {
                 root: self.root,
                 problems: Vec::new(),
                 more: 0,
-                misshapen: false,
+                wrong_shape: false,
             };
             let mut copy = value.clone();
             attempt.node(&mut copy, option, path);
@@ -480,7 +480,7 @@ impl<'a> Walk<'a> {
             self.problems.extend(attempt.problems);
             self.more += attempt.more + self.problems.len().saturating_sub(MOST_PROBLEMS);
             self.problems.truncate(MOST_PROBLEMS);
-            self.misshapen |= attempt.misshapen;
+            self.wrong_shape |= attempt.wrong_shape;
         }
     }
 }

@@ -135,7 +135,7 @@ pub(super) struct Validity {
     activated_at: u64,
     /// Path of a grain between two checks of all gaps \[m\].
     check_path: f64,
-    total: Option<u64>,
+    grain_count: Option<u64>,
     pub(super) rebuilds: u64,
     pub(super) tested: u64,
 }
@@ -334,7 +334,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
         let census = census(particles, domain)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
-        if let Some(before) = self.validity.total {
+        if let Some(before) = self.validity.grain_count {
             let added: u64 = census.iter().map(|one| one.added).sum();
             let removed: u64 = census.iter().map(|one| one.removed).sum();
             if before + added != total + removed {
@@ -344,7 +344,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 )));
             }
         }
-        self.validity.total = Some(total);
+        self.validity.grain_count = Some(total);
         particles.added = 0;
         particles.removed = 0;
         let smallest = census

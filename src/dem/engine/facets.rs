@@ -259,7 +259,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         }
     }
 
-    /// Chooses the pairs that may touch before grains have moved by another `look` \[m\].
+    /// Chooses the pairs that may touch before grains have moved by another `check_path` \[m\].
     pub(super) fn activate<S: Space>(
         &mut self,
         walls: &[Wall<S>],

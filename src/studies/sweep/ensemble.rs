@@ -109,7 +109,7 @@ impl Ensemble {
             let mut cells = group.labels.clone();
             cells.extend([group.members.to_string(), group.finished.to_string()]);
             for mean in &group.means {
-                cells.extend(cells_of(mean.as_ref()));
+                cells.extend(statistics_cells(mean.as_ref()));
             }
             push_line(&mut text, &cells);
         }
@@ -145,7 +145,7 @@ impl Ensemble {
 }
 
 /// Returns the mean, the standard deviation and both ends of the interval; empty where they are unknown.
-fn cells_of(mean: Option<&SampleMean>) -> [String; 4] {
+fn statistics_cells(mean: Option<&SampleMean>) -> [String; 4] {
     let Some(mean) = mean else {
         return [const { String::new() }; 4];
     };

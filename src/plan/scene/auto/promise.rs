@@ -272,19 +272,19 @@ const MOST_TAU: f64 = 1.5 + 1e-9;
 /// Reports the sound of a sudden start, which oscillates in the forces until it decays.
 fn sound_warning(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
-    (left > SOUND * target).then(|| {
+    (left > SOUND_SHARE * target).then(|| {
         format!(
             "the pressure waves of a sudden start are too large at the end of the run: {} % of those of `{}` \
              remain, and at most {} % are acceptable; run longer, or use a shorter time step",
             number(100.0 * left),
             body.name,
-            number(100.0 * SOUND * target)
+            number(100.0 * SOUND_SHARE * target)
         )
     })
 }
 
 /// Largest fraction of the target that the sound of a sudden start may contribute.
-const SOUND: f64 = 0.25;
+const SOUND_SHARE: f64 = 0.25;
 
 /// Reports free grains: grains that approach each other leave gaps that no cells resolve.
 fn free_grain_warning(case: &Case) -> Option<String> {
