@@ -16,9 +16,9 @@
 //!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole:
 //!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`DEPTH_BEHIND`] mean
 //!   diameters behind a face or `hole::DISTANCE_BEFORE` in front of it. The shear stress decays within less than a
-//!   diameter, so that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
-//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains next to the
-//!   hole at the first row.
+//!   diameter, so that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the
+//!   two ends of that layer, in the planes of cells just outside the hole box; phi is measured once, from the
+//!   grains next to the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
 //!   inside. Before the first row the faces are those of the box in the case.

@@ -12,11 +12,11 @@
 //! reduced to the friction limit, and to zero across a gap. Strengths are forces and apply to the springs alone, not to
 //! the dashpots, which are fractions of critical damping as in [`super::linear`].
 //!
-//! Bonds are created once, between all pairs whose gap is at most the bonding gap. `zero_force_overlap` is the overlap
-//! at which the normal spring of a bond has no force. If it is 0, a bond across a gap starts with a tensile force of k_n
-//! times the gap, and fails in the first step if the gap exceeds T/k_n. With `unstressed` it is the overlap at
-//! which the bond was created, so that the bond starts without a force. After failure, overlaps are measured from
-//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
+//! Bonds are created once, between all pairs whose gap is at most the bonding gap. `zero_force_overlap` is the
+//! overlap at which the normal spring of a bond has no force. If it is 0, a bond across a gap starts with a tensile
+//! force of k_n times the gap, and fails in the first step if the gap exceeds T/k_n. With `unstressed` it is the
+//! overlap at which the bond was created, so that the bond starts without a force. After failure, overlaps are
+//! measured from contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
 //!
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329,
 //! doi:10.1016/j.ijrmms.2004.09.011.
