@@ -130,7 +130,7 @@ pub enum Reference {
     Number(f64),
     /// Formula of numbers of the case by path.
     Formula(String),
-    /// A reference that is read.
+    /// Reference read from a table or from another member.
     Found(FoundReference),
 }
 
