@@ -148,11 +148,11 @@ fn row(name: &str, pairs: &[Pair], model: &BlockContactModel) {
     );
 }
 
-/// Width (m) of the box and size (m) of a block in it.
+/// Width of the box (m); the next constant is the size of a block in it.
 const BOX: f64 = 0.30;
 const SIZE: f64 = 0.04;
 
-/// Returns fourteen planes round a point, the whole scaled to a box of 1.05 sizes.
+/// Returns a polyhedron of fourteen planes round a point, scaled to a box of 1.05 sizes.
 fn random_block(seed: u64) -> Result<Polyhedron, ShapeError> {
     let mut draw = Stream::new(8, seed, 0);
     loop {
@@ -272,7 +272,7 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes the vertices of each block where it is (m).
+/// Writes the vertices of each block in its present position (m).
 fn save(particles: &Particles<Volume>, file: &str) -> Result<(), Error> {
     let blocks: Vec<Vec<[f64; 3]>> = (0..particles.owned())
         .filter_map(|k| {

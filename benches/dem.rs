@@ -141,7 +141,7 @@ fn spheres(count: usize, packed: bool) -> Result<(), Error> {
     report(&name, &mut dem, &mut particles, 200)
 }
 
-/// Returns the time this thread has been on a processor (s): what is left on a machine shared with others.
+/// Returns the processor time of this thread (s), which excludes other work on the machine.
 fn on_processor() -> f64 {
     let mut time = libc::timespec {
         tv_sec: 0,
@@ -180,7 +180,7 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
     })
 }
 
-/// Returns the V of the fissure as triangles that share vertices, and planes at its ends.
+/// Returns the V-shaped fissure as triangles that share vertices, and planes at its ends.
 fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     let half = |z: f64| 0.004 + 0.42 * (z - 0.01);
     let mut vertices = Vec::new();
@@ -204,7 +204,7 @@ fn fissure() -> Result<Vec<Wall<Volume>>, Error> {
     ])
 }
 
-/// Writes a state of the peers, as they run it.
+/// Writes a state of the peers in the format in which they run it.
 fn state(path: &str, as_written: bool) -> Result<(), Error> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::Io(format!("{path}: {e}")))?;
     let mut rows: Vec<[f64; 4]> = Vec::new();
@@ -385,7 +385,7 @@ fn main() -> Result<(), Error> {
         |name: &str| words.is_empty() || words.iter().any(|word| name.contains(word.as_str()));
     if wanted("discs") {
         let start = Instant::now();
-        let packing = discs().pack(&Supervision::none())?;
+        let packing = discs().pack(&Supervision::without_requests())?;
         println!(
             "packing {:?} in {:.1} s",
             packing.report,

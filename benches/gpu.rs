@@ -15,7 +15,7 @@ use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
 use std::time::Instant;
 
-/// A velocity set with an operator.
+/// Velocity set with an operator.
 struct Row {
     name: &'static str,
     set: VelocitySet,
@@ -23,7 +23,7 @@ struct Row {
     forced: bool,
 }
 
-/// Returns a box with a lid that starts to slide, periodic along some axes.
+/// Returns a box with a lid that starts to slide, periodic along the given axes.
 fn setup<S: Stored>(row: &Row, cells: [usize; 3], periodic: [bool; 3], device: Device) -> Setup<S> {
     let flat = row.set.dimension() == 2;
     let axis = if flat { 1 } else { 2 };

@@ -71,7 +71,7 @@ fn fluid<S: Stored>(
     Fluid::new(setup, &Domain::serial(SplitAxis::X, cells[0], false))
 }
 
-/// Returns the seconds of some steps, two at a time.
+/// Returns the time of a number of steps, two at a time \[s\].
 fn seconds<S: Stored>(fluid: &mut Fluid<S>, steps: usize) -> f64 {
     let start = Instant::now();
     for _ in 0..steps / 2 {
@@ -93,7 +93,7 @@ fn fastest<S: Stored>(fluid: &mut Fluid<S>, steps: usize) -> f64 {
 /// Number of turns in which the three precisions of a row run.
 const TURNS: usize = 9;
 
-/// Runs the three precisions by turns and prints the medians of the ratios of their speeds.
+/// Runs the three precisions in turn and prints the medians of the ratios of their speeds.
 fn precisions(
     name: &str,
     set: VelocitySet,
@@ -126,7 +126,7 @@ fn precisions(
     Ok(())
 }
 
-/// Returns the bytes per second of `a ← a · s` over a large array: what an in-place kernel can at best move.
+/// Returns the rate of `a ← a · s` over a large array [bytes/s], the upper bound for an in-place kernel.
 fn update_in_place() -> f64 {
     let mut a = vec![1.0_f64; 64 << 20];
     (0..4)

@@ -27,7 +27,8 @@ struct Scene {
     length: f64,
 }
 
-/// Sizes 1:`ratio`, their numbers as r^-3, filling 0.3 of the box.
+/// Returns a scene of spheres whose sizes range over 1:`ratio` with numbers proportional to r^-3, and which fill 0.3 of
+/// the box.
 fn scene(count: u64, ratio: f64) -> Scene {
     let radii: Vec<f64> = (0..count)
         .map(|id| {
@@ -51,7 +52,7 @@ fn scene(count: u64, ratio: f64) -> Scene {
     }
 }
 
-/// Returns the best of three runs [s], and what they gave.
+/// Returns the shortest time of three runs [s], and the result of the work.
 fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     let mut best = f64::INFINITY;
     let mut result = None;
@@ -74,7 +75,7 @@ struct OneGrid {
 }
 
 impl OneGrid {
-    /// Finds the pairs closer than `gap`, with cells of `width`; how many entries the grid holds.
+    /// Finds the pairs closer than `gap` in a grid with cells of `width`; returns the number of entries in the grid.
     fn find(&mut self, scene: &Scene, gap: f64, width: f64) -> usize {
         let n = ((scene.length / width).floor() as u32).max(1);
         let cell = |x: f64| ((x / scene.length * f64::from(n)).max(0.0) as u32).min(n - 1);

@@ -18,10 +18,10 @@ use std::f64::consts::PI;
 
 const EVERYWHERE: [[f64; 2]; 3] = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
 
-/// Largest rounding error of a number in f32, relative to it.
+/// Largest rounding error of a number in f32, relative to the number.
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
-/// Kinds of flow, with `true` where walls hold the water.
+/// Kinds of flow, with `true` if walls bound the water.
 const FLOWS: [(&str, bool); 7] = [
     ("poiseuille", true),
     ("couette", true),
@@ -32,7 +32,7 @@ const FLOWS: [(&str, bool); 7] = [
     ("taylor-green", false),
 ];
 
-/// A flow on a lattice.
+/// Flow on a lattice.
 #[derive(Clone, Copy)]
 struct Flow {
     kind: &'static str,
@@ -49,7 +49,7 @@ impl Flow {
         (self.relaxation_time - 0.5) / 3.0
     }
 
-    /// Returns the time in which the viscosity takes the momentum away, in steps.
+    /// Returns the number of steps in which the viscosity dissipates the momentum.
     fn decay(&self) -> f64 {
         let length = if self.walls { PI } else { 2.0 * PI };
         (self.cells as f64 / length).powi(2) / self.viscosity()

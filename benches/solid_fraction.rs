@@ -34,7 +34,7 @@ fn all() -> impl Iterator<Item = [f64; 3]> {
     })
 }
 
-/// Returns the best of five rounds, each of `rounds` calls: ns of one of `cells`.
+/// Returns the time per cell in the fastest of five rounds, each of `rounds` calls \[ns\].
 fn per_cell(cells: usize, mut work: impl FnMut() -> f64) -> f64 {
     (0..5).fold(f64::INFINITY, |best, _| {
         let start = Instant::now();

@@ -99,13 +99,13 @@ impl World {
         // SAFETY: MPI runs; `raw` is overwritten by a new communicator with the same ranks, whose messages cannot
         // be confused with those of a library that uses the world itself.
         unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut raw) };
-        let mut farewell = world.as_raw();
+        let mut exit_communicator = world.as_raw();
         // SAFETY: as above; only `all_arrive` uses it, so that it cannot interfere with a collective call of other
         // ranks.
-        unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut farewell) };
+        unsafe { ffi::MPI_Comm_dup(world.as_raw(), &raw mut exit_communicator) };
         let context = Context {
             raw,
-            farewell,
+            exit_communicator,
             rank,
             size,
             universe: Some(universe),
@@ -165,7 +165,7 @@ fn install_panic_hook(rank: usize, size: usize) {
 /// Duplicated world communicator and, dropped last, MPI itself.
 struct Context {
     raw: MPI_Comm,
-    farewell: MPI_Comm,
+    exit_communicator: MPI_Comm,
     rank: usize,
     size: usize,
     universe: Option<Universe>,
@@ -176,7 +176,7 @@ impl Drop for Context {
         // SAFETY: `raw` was made by MPI_Comm_dup, is freed once, and MPI still runs.
         unsafe { ffi::MPI_Comm_free(&raw mut self.raw) };
         // SAFETY: likewise.
-        unsafe { ffi::MPI_Comm_free(&raw mut self.farewell) };
+        unsafe { ffi::MPI_Comm_free(&raw mut self.exit_communicator) };
         // Finalises MPI.
         self.universe = None;
     }
@@ -364,7 +364,7 @@ impl Communicator {
         // SAFETY: the null request is a constant of the library.
         let mut request = unsafe { ffi::RSMPI_REQUEST_NULL };
         // SAFETY: a live communicator that nothing else uses.
-        unsafe { ffi::MPI_Ibarrier(context.farewell, &raw mut request) };
+        unsafe { ffi::MPI_Ibarrier(context.exit_communicator, &raw mut request) };
         let start = Instant::now();
         loop {
             let mut done = 0;

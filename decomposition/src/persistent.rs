@@ -90,7 +90,7 @@ impl Buffer {
     }
 }
 
-/// Alignment of the pointer of an empty buffer, equal to that of the others.
+/// Empty cache line, which gives the pointer of an empty buffer the same alignment as that of the others.
 #[repr(align(64))]
 struct Line;
 

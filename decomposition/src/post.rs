@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// Tag of collective calls; exchanges use tags from 0.
 const COLLECTIVE: c_int = -1;
 
-struct Letter {
+struct PostedMessage {
     tag: c_int,
     bytes: Vec<u8>,
 }
@@ -17,17 +17,17 @@ struct Letter {
 /// Ends of a rank's channels, by the other rank.
 pub(crate) struct Post {
     rank: usize,
-    to: Vec<Sender<Letter>>,
-    from: Vec<Receiver<Letter>>,
+    to: Vec<Sender<PostedMessage>>,
+    from: Vec<Receiver<PostedMessage>>,
     /// Messages that arrived before they were requested, by sender.
-    early: RefCell<Vec<Vec<Letter>>>,
+    early: RefCell<Vec<Vec<PostedMessage>>>,
 }
 
 impl Post {
     /// Returns the channel ends of each of `size` ranks.
     pub(crate) fn offices(size: usize) -> Vec<Self> {
-        let mut to: Vec<Vec<Sender<Letter>>> = (0..size).map(|_| Vec::new()).collect();
-        let mut from: Vec<Vec<Receiver<Letter>>> = (0..size).map(|_| Vec::new()).collect();
+        let mut to: Vec<Vec<Sender<PostedMessage>>> = (0..size).map(|_| Vec::new()).collect();
+        let mut from: Vec<Vec<Receiver<PostedMessage>>> = (0..size).map(|_| Vec::new()).collect();
         for senders in &mut to {
             for receivers in &mut from {
                 let (sender, receiver) = channel();
@@ -58,7 +58,7 @@ impl Post {
 
     /// Sends without waiting. A message to a rank that has ended is dropped.
     pub(crate) fn send(&self, to: usize, tag: c_int, bytes: &[u8]) {
-        let letter = Letter {
+        let letter = PostedMessage {
             tag,
             bytes: bytes.to_vec(),
         };

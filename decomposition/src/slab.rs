@@ -51,7 +51,7 @@ pub enum SlabError {
         "slab bounds must start at 0, not decrease and contain at least one slab, not {bounds:?}"
     )]
     Bounds {
-        /// Given bounds.
+        /// Bounds given by the caller.
         bounds: Vec<usize>,
     },
     /// The number of slabs differs from the number of ranks.
@@ -156,8 +156,8 @@ impl Slabs {
         (plane < self.planes()).then(|| after - 1)
     }
 
-    /// Returns the rank that owns the plane below a rank's first: the rank itself if it is alone and periodic,
-    /// `None` at a closed end and for an empty slab.
+    /// Returns the rank that owns the plane below the first plane of a rank: the rank itself if it is alone and
+    /// periodic, `None` at a closed end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -175,8 +175,8 @@ impl Slabs {
         }
     }
 
-    /// Returns the rank that owns the plane above a rank's last: the rank itself if it is alone and periodic,
-    /// `None` at a closed end and for an empty slab.
+    /// Returns the rank that owns the plane above the last plane of a rank: the rank itself if it is alone and
+    /// periodic, `None` at a closed end and for an empty slab.
     ///
     /// # Panics
     /// If there is no such rank.
@@ -349,7 +349,7 @@ mod tests {
     }
 
     proptest! {
-        /// Neighbourhood is mutual, and a message downwards arrives from above.
+        /// Checks that neighbours are mutual, and that a message downwards arrives from above.
         #[test]
         fn neighbours_are_mutual(slabs in split()) {
             for rank in 0..slabs.size() {

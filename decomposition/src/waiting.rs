@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 const POLLS: u32 = 200;
 /// Duration of polling and yielding before a wait sleeps \[ns\]: minimum, maximum, and increase by a wait that did
 /// not sleep.
-const PATIENCE: [u64; 3] = [50_000, 1_000_000, 5_000];
+const POLLING_LIMITS: [u64; 3] = [50_000, 1_000_000, 5_000];
 /// Duration of a sleep.
-const NAP: Duration = Duration::from_micros(50);
+const SLEEP_DURATION: Duration = Duration::from_micros(50);
 
 /// Current duration of polling and yielding before a wait sleeps \[ns\]. A wait that sleeps halves it, because on a
 /// busy machine the awaited rank may need the core.
-static PATIENT: AtomicU64 = AtomicU64::new(PATIENCE[1]);
+static POLLING_DURATION: AtomicU64 = AtomicU64::new(POLLING_LIMITS[1]);
 
 /// Polls until a condition is met: first without pause, then yielding the core, finally sleeping between polls.
 pub(crate) fn until(mut done: impl FnMut() -> bool) {
@@ -28,23 +28,23 @@ pub(crate) fn until(mut done: impl FnMut() -> bool) {
         std::hint::spin_loop();
     }
     let begun = Instant::now();
-    let patience = PATIENT.load(Ordering::Relaxed);
+    let patience = POLLING_DURATION.load(Ordering::Relaxed);
     let mut slept = false;
     while !done() {
         if begun.elapsed() < Duration::from_nanos(patience) {
             std::thread::yield_now();
         } else {
             slept = true;
-            std::thread::sleep(NAP);
+            std::thread::sleep(SLEEP_DURATION);
         }
     }
-    let [least, most, more] = PATIENCE;
+    let [least, most, more] = POLLING_LIMITS;
     let next = if slept {
         (patience / 2).max(least)
     } else {
         (patience + more).min(most)
     };
-    PATIENT.store(next, Ordering::Relaxed);
+    POLLING_DURATION.store(next, Ordering::Relaxed);
 }
 
 static MESSAGES: AtomicU64 = AtomicU64::new(0);
@@ -196,11 +196,11 @@ mod tests {
         let pause = Duration::from_millis(5);
         until(|| begun.elapsed() >= pause);
         assert!(begun.elapsed() >= pause);
-        assert!(PATIENT.load(Ordering::Relaxed) < PATIENCE[1]);
+        assert!(POLLING_DURATION.load(Ordering::Relaxed) < POLLING_LIMITS[1]);
         for _ in 0..400 {
             let begun = Instant::now();
             until(|| begun.elapsed() >= Duration::from_micros(30));
         }
-        assert!(PATIENT.load(Ordering::Relaxed) >= PATIENCE[0]);
+        assert!(POLLING_DURATION.load(Ordering::Relaxed) >= POLLING_LIMITS[0]);
     }
 }

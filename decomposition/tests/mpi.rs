@@ -16,7 +16,7 @@ use std::process::{Command, Output};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// One job at a time, so that ranks do not compete with those of another test.
+/// Lock that allows one job at a time, so that ranks do not compete with those of another test.
 static ONE_JOB: Mutex<()> = Mutex::new(());
 
 /// Runs the check program; `timeout` ends it with exit code 124 if it hangs.

@@ -23,7 +23,7 @@ use mpi::traits::*;
 /// All ranks of the job.
 struct Ranks {
     world: SimpleCommunicator,
-    /// Number of agreements until this rank's disk fails; none for a sound disk.
+    /// Number of agreements until the disk of this rank fails; none for an intact disk.
     fails_in: Cell<Option<u32>>,
 }
 
@@ -373,7 +373,7 @@ fn write(folder: &Path, mode: Mode, axis: usize, group: &dyn Group) -> Result<()
     read_checkpoint(folder, 5, group, mode)
 }
 
-/// Asks the system to refuse files above `bytes` in this process: a disk that fails while it is written.
+/// Makes the system refuse files above `bytes` in this process, like a disk that fails while it is written.
 fn limit_files(bytes: u64) {
     let limit = libc::rlimit {
         rlim_cur: bytes,

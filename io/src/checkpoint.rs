@@ -55,7 +55,7 @@ pub struct Manifest {
     pub serial: u64,
     /// Step from the start of the simulation.
     pub step: u64,
-    /// Time, s.
+    /// Time \[s\].
     pub time: f64,
     /// Name of the HDF5 file, in the same folder as the manifest.
     pub file: String,
@@ -72,24 +72,24 @@ pub struct Manifest {
 /// Description of one array of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayInfo {
-    /// Name.
+    /// Name of the array.
     pub name: String,
-    /// Number type.
+    /// Type of the numbers.
     pub kind: Kind,
-    /// Shape.
+    /// Shape of the whole array.
     pub shape: Vec<usize>,
     /// Boxes written by the ranks, without empty ones.
     pub blocks: Vec<ArrayBlock>,
 }
 
-/// A box of an array with the CRC-32 of its numbers, C order, little endian.
+/// Box of an array with the CRC-32 of its numbers, C order, little endian.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArrayBlock {
-    /// First index.
+    /// First index of the box along each axis.
     pub start: Vec<usize>,
-    /// Size.
+    /// Size of the box along each axis.
     pub count: Vec<usize>,
-    /// CRC-32 (IEEE).
+    /// CRC-32 (IEEE) of the numbers in the box.
     pub crc32: u32,
 }
 
@@ -108,7 +108,7 @@ const DIMENSIONS: usize = 8;
 /// Space for the headers that describe the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
 /// Minimum number of checkpoints kept, because the last one may be damaged.
-const FEWEST: usize = 2;
+const LEAST_KEPT: usize = 2;
 
 impl Manifest {
     fn render(&self) -> Result<String> {
@@ -185,7 +185,7 @@ impl Manifest {
                 |block: &&ArrayBlock| !hdf::is_inside(&block.start, &block.count, &array.shape);
             if let Some(block) = array.blocks.iter().find(outside) {
                 return wrong(format!(
-                    "a block at {:?} of size {:?} leaves the array {name} of shape {:?}",
+                    "a block at {:?} of size {:?} extends beyond the array {name} of shape {:?}",
                     block.start, block.count, array.shape
                 ));
             }
@@ -202,12 +202,12 @@ impl Manifest {
     }
 
     /// Returns the path of the HDF5 file in the folder of `manifest`.
-    fn heavy(&self, manifest: &Path) -> PathBuf {
+    fn data_path(&self, manifest: &Path) -> PathBuf {
         manifest.with_file_name(&self.file)
     }
 
     fn verify_file(&self, manifest: &Path) -> Result<()> {
-        let path = self.heavy(manifest);
+        let path = self.data_path(manifest);
         let known = fs::symlink_metadata(&path).map_err(|e| Error::io("read", &path, &e))?;
         if known.is_symlink() {
             return Err(Error::corrupt(&path, "it is a link to another file"));
@@ -349,7 +349,7 @@ pub fn write(
             "{} and its {bytes} bytes read back as they were written",
             manifest.display()
         );
-        remove_old(folder, keep.max(FEWEST))
+        remove_old(folder, keep.max(LEAST_KEPT))
     })?;
     Ok(manifest)
 }
@@ -539,7 +539,11 @@ fn remove_old(folder: &Path, keep: usize) -> Result<()> {
         // While there are few checkpoints, even damaged ones are kept for inspection.
         return Ok(());
     }
-    let named = |path: &Path| known.iter().any(|k| k.0 == path || k.1.heavy(&k.0) == path);
+    let named = |path: &Path| {
+        known
+            .iter()
+            .any(|k| k.0 == path || k.1.data_path(&k.0) == path)
+    };
     for path in atomic::files(folder)? {
         let ours = is_ours(&path, "h5")
             || is_ours(&path, "json")
@@ -593,7 +597,7 @@ pub fn newest_that(
         }
         candidates.sort_by_key(|c| std::cmp::Reverse(c.1.serial));
         for path in atomic::files(folder)? {
-            let named = candidates.iter().any(|c| c.1.heavy(&c.0) == path);
+            let named = candidates.iter().any(|c| c.1.data_path(&c.0) == path);
             if is_ours(&path, "h5") && !named {
                 passed_over.push(format!("{} has no usable manifest", path.display()));
             }
@@ -619,7 +623,7 @@ pub fn newest_that(
                 Err(error) => passed_over.push(error.to_string()),
             }
         }
-        Err(none(folder, &passed_over))
+        Err(no_checkpoint(folder, &passed_over))
     })
 }
 
@@ -643,7 +647,7 @@ pub fn verify(manifest: &Path, group: &dyn Group) -> Result<Found> {
     })
 }
 
-fn none(folder: &Path, passed_over: &[String]) -> Error {
+fn no_checkpoint(folder: &Path, passed_over: &[String]) -> Error {
     let reason = if passed_over.is_empty() {
         String::new()
     } else {
@@ -724,7 +728,7 @@ impl<'g> Reader<'g> {
     /// # Errors
     /// [`Error::Hdf`].
     pub fn open(found: &Found) -> Result<Self> {
-        let path = found.manifest.heavy(&found.path);
+        let path = found.manifest.data_path(&found.path);
         let file = hdf::open(&path, None)?;
         holds(&file, &found.manifest).map_err(|e| Error::hdf(&path, "use its arrays", &e))?;
         Ok(Self {
@@ -750,7 +754,7 @@ impl<'g> Reader<'g> {
                 ..alone
             });
         };
-        let path = found.manifest.heavy(&found.path);
+        let path = found.manifest.data_path(&found.path);
         // Each rank inspects the contents of the file itself, before all open it together.
         agree(group, Self::open(found).and_then(Self::close))?;
         let opened = hdf::open(&path, Some(communicator));
@@ -892,7 +896,7 @@ impl<'g> Reader<'g> {
         self.together(inside)?;
         let pieces = hdf::Pieces::new(start, count, size_of::<T>());
         let rounds = match self.group {
-            Some(group) => hdf::most(group, pieces.rounds())?,
+            Some(group) => hdf::maximum_of_ranks(group, pieces.rounds())?,
             None => pieces.rounds(),
         };
         for round in 0..rounds {
@@ -1011,7 +1015,8 @@ mod tests {
         );
     }
 
-    /// Numbers generated during writing give the same file as numbers in memory, and are read back in pieces.
+    /// Checks that numbers generated during writing give the same file as numbers in memory, and are read back in
+    /// pieces.
     #[test]
     fn numbers_are_made_in_pieces() {
         let dir = tempfile::tempdir().unwrap();
@@ -1020,14 +1025,17 @@ mod tests {
         let shape = vec![40, 13, 3001];
         let count = product(&shape);
         let all: Vec<f64> = (0..count).map(of).collect();
-        let made = crate::Maker::new(count, |range, some: &mut Vec<f64>| {
+        let made = crate::FunctionSource::new(count, |range, some: &mut Vec<f64>| {
             some.extend(range.map(of));
         });
-        let both = [Numbers::Held(Data::F64(&all)), Numbers::Made(&made)];
+        let both = [
+            Numbers::InMemory(Data::F64(&all)),
+            Numbers::Generated(&made),
+        ];
         let texts = both.map(|data| {
             let folder = dir
                 .path()
-                .join(format!("{:?}", matches!(data, Numbers::Made(_))));
+                .join(format!("{:?}", matches!(data, Numbers::Generated(_))));
             fs::create_dir(&folder).unwrap();
             let array = Array {
                 name: "all",
@@ -1147,8 +1155,8 @@ mod tests {
         }
     }
 
-    /// Criterion C1: flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found,
-    /// and the previous checkpoint is used.
+    /// Checks that flipped bits, truncations and zeroed pages, in the file and in the manifest, are all found, and that
+    /// the previous checkpoint is used.
     #[test]
     fn every_damage_is_found() {
         let dir = tempfile::tempdir().unwrap();

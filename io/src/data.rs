@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// 32-bit float.
+    /// 32-bit floats.
     F32,
-    /// 64-bit float.
+    /// 64-bit floats.
     F64,
-    /// Byte.
+    /// Bytes.
     U8,
     /// 32-bit signed integer.
     I32,
@@ -166,7 +166,7 @@ impl<'a> Data<'a> {
 }
 
 /// Numbers generated during writing, a piece at a time, so that they are never all in memory.
-pub trait Make {
+pub trait NumberSource {
     /// Returns the number type.
     fn kind(&self) -> Kind;
     /// Returns the number of values.
@@ -176,13 +176,13 @@ pub trait Make {
 }
 
 /// Generator of numbers by a function that appends a range to a list.
-pub struct Maker<T, F> {
+pub struct FunctionSource<T, F> {
     count: usize,
     append: F,
     kind: PhantomData<fn() -> T>,
 }
 
-impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
+impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> FunctionSource<T, F> {
     /// Returns a generator of `count` numbers; `append` is called with ranges below `count`, and must give the same
     /// numbers for the same range each time.
     pub fn new(count: usize, append: F) -> Self {
@@ -194,7 +194,7 @@ impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Maker<T, F> {
     }
 }
 
-impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
+impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> NumberSource for FunctionSource<T, F> {
     fn kind(&self) -> Kind {
         T::KIND
     }
@@ -214,20 +214,20 @@ impl<T: Element, F: Fn(Range<usize>, &mut Vec<T>)> Make for Maker<T, F> {
 #[derive(Clone, Copy)]
 pub enum Numbers<'a> {
     /// Numbers in memory.
-    Held(Data<'a>),
+    InMemory(Data<'a>),
     /// Numbers generated in pieces.
-    Made(&'a dyn Make),
+    Generated(&'a dyn NumberSource),
 }
 
 impl<'a> From<Data<'a>> for Numbers<'a> {
     fn from(data: Data<'a>) -> Self {
-        Self::Held(data)
+        Self::InMemory(data)
     }
 }
 
 impl<'a, T: Element> From<&'a [T]> for Numbers<'a> {
     fn from(slice: &'a [T]) -> Self {
-        Self::Held(T::data(slice))
+        Self::InMemory(T::data(slice))
     }
 }
 
@@ -242,8 +242,8 @@ impl Numbers<'_> {
     #[must_use]
     pub fn kind(&self) -> Kind {
         match self {
-            Self::Held(data) => data.kind(),
-            Self::Made(make) => make.kind(),
+            Self::InMemory(data) => data.kind(),
+            Self::Generated(make) => make.kind(),
         }
     }
 
@@ -251,8 +251,8 @@ impl Numbers<'_> {
     #[must_use]
     pub fn count(&self) -> usize {
         match self {
-            Self::Held(data) => data.len(),
-            Self::Made(make) => make.count(),
+            Self::InMemory(data) => data.len(),
+            Self::Generated(make) => make.count(),
         }
     }
 
@@ -260,14 +260,14 @@ impl Numbers<'_> {
     pub(crate) fn show<R>(&self, range: Range<usize>, show: impl FnOnce(&[u8]) -> R) -> Option<R> {
         let (mut show, mut shown) = (Some(show), None);
         match self {
-            Self::Held(data) => {
+            Self::InMemory(data) => {
                 let size = data.kind().size();
                 let bytes = data.bytes().get(range.start * size..range.end * size);
                 if let (Some(bytes), Some(show)) = (bytes, show.take()) {
                     shown = Some(show(bytes));
                 }
             }
-            Self::Made(make) => make.show(range, &mut |data| {
+            Self::Generated(make) => make.show(range, &mut |data| {
                 if let Some(show) = show.take() {
                     shown = Some(show(data.bytes()));
                 }

@@ -20,7 +20,7 @@ use crate::hdf::{self, Transfer, product};
 pub struct DatasetInfo {
     /// Path from the root: `/VTKHDF/CellData/velocity`.
     pub path: String,
-    /// Shape.
+    /// Shape of the dataset.
     pub shape: Vec<usize>,
     /// Number type; none for a type that this crate does not write.
     pub kind: Option<Kind>,
@@ -43,7 +43,7 @@ impl DatasetInfo {
 pub struct FileInfo {
     /// Groups with their attributes, from the root.
     pub groups: Vec<(String, Vec<(String, Value)>)>,
-    /// Datasets.
+    /// Datasets with their attributes.
     pub datasets: Vec<DatasetInfo>,
 }
 
@@ -197,7 +197,7 @@ pub struct Values {
     pub shape: Vec<usize>,
     /// Unit, if it has one.
     pub units: Option<String>,
-    /// The numbers, C order.
+    /// Numbers of the column, in C order.
     pub values: Vec<f64>,
 }
 
@@ -259,7 +259,7 @@ pub fn find_column(info: &FileInfo, path: &Path, name: &str) -> Result<DatasetIn
             let names: Vec<&str> = info.datasets.iter().map(DatasetInfo::name).collect();
             Error::invalid(
                 &path.display().to_string(),
-                format!("holds no column {name}; it holds {}", names.join(", ")),
+                format!("has no column {name}; its columns are {}", names.join(", ")),
             )
         })
 }

@@ -46,8 +46,8 @@ pub fn version() -> String {
     format!("{major}.{minor}.{patch}")
 }
 
-/// Returns the optional features of the linked HDF5: `mpio`, writing one file by all ranks through MPI, without which
-/// this crate does not build, and `threadsafe`.
+/// Returns the optional features of the linked HDF5: `mpio`, writing of one file by all ranks through MPI, without
+/// which this crate does not build, and `threadsafe`.
 #[must_use]
 pub fn features() -> Vec<&'static str> {
     let mut features = vec!["mpio"];
@@ -92,7 +92,7 @@ pub const LONGEST_TEXT: usize = 32_000;
 pub struct Folder {
     /// Path from the root: `/VTKHDF/CellData`.
     pub path: String,
-    /// Attributes.
+    /// Attributes of the group.
     pub attributes: Vec<(String, Attribute)>,
 }
 
@@ -118,7 +118,7 @@ pub struct DatasetPart<'a> {
 pub struct Content<'a> {
     /// Groups, parents first.
     pub folders: Vec<Folder>,
-    /// Datasets.
+    /// Datasets with the parts of this rank.
     pub parts: Vec<DatasetPart<'a>>,
 }
 
@@ -212,8 +212,8 @@ impl DatasetPart<'_> {
     /// Returns the pieces for writing: numbers in memory as a whole, generated ones piece by piece.
     fn pieces(&self) -> Pieces {
         match self.data {
-            Numbers::Held(_) => Pieces::whole(&self.start, &self.count),
-            Numbers::Made(_) => Pieces::new(&self.start, &self.count, self.data.kind().size()),
+            Numbers::InMemory(_) => Pieces::whole(&self.start, &self.count),
+            Numbers::Generated(_) => Pieces::new(&self.start, &self.count, self.data.kind().size()),
         }
     }
 
@@ -229,7 +229,7 @@ impl DatasetPart<'_> {
             return Err(Error::invalid(
                 &self.path,
                 format!(
-                    "the box at {:?} of size {:?} leaves the shape {:?}",
+                    "the box at {:?} of size {:?} extends beyond the shape {:?}",
                     self.start, self.count, self.shape
                 ),
             ));
@@ -373,8 +373,8 @@ fn write_together(
         }
         let pieces = piece.pieces();
         let rounds = match piece.data {
-            Numbers::Held(_) => 1,
-            Numbers::Made(_) => most(group, pieces.rounds())?,
+            Numbers::InMemory(_) => 1,
+            Numbers::Generated(_) => maximum_of_ranks(group, pieces.rounds())?,
         };
         for round in 0..rounds {
             together(write_piece(
@@ -452,7 +452,7 @@ fn write_piece(
 }
 
 /// Returns the maximum of a number over the ranks.
-pub(crate) fn most(group: &dyn Group, mine: usize) -> Result<usize> {
+pub(crate) fn maximum_of_ranks(group: &dyn Group, mine: usize) -> Result<usize> {
     let mut largest = 0;
     for bytes in group.gather(&(mine as u64).to_le_bytes()) {
         largest = largest.max(index(

@@ -76,7 +76,7 @@ pub mod table;
 mod xdmf;
 
 pub use checkpoint::{Array, Found, Reader, newest};
-pub use data::{Column, Data, Element, Kind, Make, Maker, Numbers};
+pub use data::{Column, Data, Element, FunctionSource, Kind, NumberSource, Numbers};
 pub use error::{Error, Result};
 pub use group::{Alone, Group};
 pub use hdf::Mode;

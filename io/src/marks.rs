@@ -114,7 +114,7 @@ pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
     Ok(compare(folder, marks)?.0)
 }
 
-/// Missing tables, and tables that are longer than their marks with the marked length.
+/// Names of missing tables, and paths of tables that are longer than their marks, with the marked length.
 type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
 
 fn compare(folder: &Path, marks: &Marks) -> Result<Looked> {

@@ -17,7 +17,7 @@ use crate::moment::OutputTime;
 pub enum Cells<'a> {
     /// Each point is a cell: grains.
     Vertices,
-    /// Two points each, with this rank's indices: contacts, bonds.
+    /// Lines between two points each, with the indices of this rank: contacts, bonds.
     Lines(&'a [[usize; 2]]),
     /// Faces: number of corners of each, and the corners of all faces, with this rank's indices.
     Polygons {
@@ -171,7 +171,7 @@ fn single(path: String, value: &[i64], root: bool) -> DatasetPart<'_> {
     }
 }
 
-/// Rows of this rank among all rows.
+/// Range of the rows of this rank among all rows.
 struct Span {
     mine: usize,
     offset: usize,
@@ -309,13 +309,17 @@ impl MeshData<'_> {
             }
             Cells::Lines(lines) => {
                 if lines.iter().flatten().any(outside) {
-                    return wrong(format!("a line leaves the {points} points"));
+                    return wrong(format!(
+                        "a line refers to a point beyond the {points} points"
+                    ));
                 }
                 lines.len()
             }
             Cells::Polygons { sizes, corners } => {
                 if corners.iter().any(outside) {
-                    return wrong(format!("a polygon leaves the {points} points"));
+                    return wrong(format!(
+                        "a polygon refers to a point beyond the {points} points"
+                    ));
                 }
                 if sizes.iter().any(|&n| n < 3) || sizes.iter().sum::<usize>() != corners.len() {
                     return wrong("the sizes of the polygons do not fit their corners".to_owned());

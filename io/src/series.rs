@@ -35,7 +35,7 @@ struct Step {
 }
 
 const HEAD: &str = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<Xdmf Version=\"3.0\"><Domain>\n";
-const TAIL: &str = " </Grid>\n</Domain></Xdmf>\n";
+const XDMF_END: &str = " </Grid>\n</Domain></Xdmf>\n";
 
 impl Series {
     /// Starts an empty series: an index and data files of an earlier run with this name are removed.
@@ -48,7 +48,7 @@ impl Series {
         on_root(group, || {
             atomic::remove_if_there(&series.index())?;
             series
-                .heavy_files()?
+                .data_files()?
                 .iter()
                 .try_for_each(|(_, path)| atomic::remove_if_there(path))
         })?;
@@ -103,7 +103,7 @@ impl Series {
 
     /// Returns the path of the data file of a step.
     #[must_use]
-    pub fn heavy(&self, step: u64) -> PathBuf {
+    pub fn data_path(&self, step: u64) -> PathBuf {
         self.folder.join(format!("{}_{step:09}.vtkhdf", self.name))
     }
 
@@ -127,7 +127,7 @@ impl Series {
         group: &dyn Group,
         mode: Mode,
     ) -> Result<PathBuf> {
-        let path = self.heavy(when.step);
+        let path = self.data_path(when.step);
         image::write(&path, when, image, provenance, group, mode)?;
         self.add(path, group)
     }
@@ -144,7 +144,7 @@ impl Series {
         group: &dyn Group,
         mode: Mode,
     ) -> Result<PathBuf> {
-        let path = self.heavy(when.step);
+        let path = self.data_path(when.step);
         mesh::write(&path, when, mesh, provenance, group, mode)?;
         self.add(path, group)
     }
@@ -173,7 +173,7 @@ impl Series {
             self.steps.retain(|s| s.when.step <= step);
             // The index is written first, so that it never names a removed file.
             self.write_index()?;
-            for (late, path) in self.heavy_files()? {
+            for (late, path) in self.data_files()? {
                 if late > step {
                     atomic::remove_if_there(&path)?;
                 }
@@ -191,7 +191,7 @@ impl Series {
         for step in &self.steps {
             text.push_str(&step.grid);
         }
-        text.push_str(TAIL);
+        text.push_str(XDMF_END);
         atomic::write(&self.index(), text.as_bytes())
     }
 
@@ -209,7 +209,7 @@ impl Series {
         let body = text
             .strip_prefix(HEAD)?
             .strip_prefix(&self.collection())?
-            .strip_suffix(TAIL)?;
+            .strip_suffix(XDMF_END)?;
         let end = "  </Grid>\n";
         let mut steps = Vec::new();
         for grid in body.split_inclusive(end) {
@@ -227,13 +227,13 @@ impl Series {
                 grid: grid.to_owned(),
             });
         }
-        let named = steps.iter().all(|s| self.heavy(s.when.step).is_file());
+        let named = steps.iter().all(|s| self.data_path(s.when.step).is_file());
         named.then_some(steps)
     }
 
     fn scan(&mut self) -> Result<()> {
         self.steps.clear();
-        for (step, path) in self.heavy_files()? {
+        for (step, path) in self.data_files()? {
             match xdmf::grid(&path) {
                 Ok((when, grid)) if when.step == step => self.steps.push(Step { when, grid }),
                 Ok((when, _)) => {
@@ -250,7 +250,7 @@ impl Series {
         Ok(())
     }
 
-    fn heavy_files(&self) -> Result<Vec<(u64, PathBuf)>> {
+    fn data_files(&self) -> Result<Vec<(u64, PathBuf)>> {
         let number = |path: &PathBuf| -> Option<u64> {
             path.file_name()?
                 .to_str()?
@@ -318,7 +318,7 @@ mod tests {
         );
         again.truncate_after(200, &Alone).unwrap();
         assert_eq!(steps(&again), vec![100, 200]);
-        assert!(!again.heavy(300).exists() && again.heavy(0).exists());
+        assert!(!again.data_path(300).exists() && again.data_path(0).exists());
 
         // The same index from the heavy files alone.
         let kept = std::fs::read_to_string(again.index()).unwrap();
@@ -332,7 +332,7 @@ mod tests {
         again.truncate_after(50, &Alone).unwrap();
         assert!(!again.index().exists());
         let fresh = Series::create(dir.path(), "particles", &Alone).unwrap();
-        assert!(!fresh.heavy(0).exists());
+        assert!(!fresh.data_path(0).exists());
     }
 
     #[test]
@@ -348,12 +348,12 @@ mod tests {
             vec![1, 2]
         );
         Series::rebuild(dir.path(), "bonds", &Alone).unwrap();
-        std::fs::remove_file(series.heavy(1)).unwrap();
+        std::fs::remove_file(series.data_path(1)).unwrap();
         assert_eq!(
             steps(&Series::open(dir.path(), "bonds", &Alone).unwrap()),
             vec![2]
         );
-        std::fs::write(series.heavy(2), "no").unwrap();
+        std::fs::write(series.data_path(2), "no").unwrap();
         assert_eq!(
             steps(&Series::rebuild(dir.path(), "bonds", &Alone).unwrap()),
             Vec::<u64>::new()

@@ -116,15 +116,15 @@ impl Unit {
 /// Possible column of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
-    /// Name in messages and in tables of this program.
+    /// Name of the column in messages and in tables of this program.
     pub name: &'static str,
     /// Alternative names, in small letters with `_` between words, and the divisor of their numbers: 2 for a
     /// diameter instead of a radius.
-    pub others: &'static [(&'static str, f64)],
+    pub aliases: &'static [(&'static str, f64)],
     /// Dimension of the column's numbers.
     pub unit: Unit,
     /// `true` if every table must have it.
-    pub needed: bool,
+    pub required: bool,
 }
 
 /// Returns a name in small letters with `_` between words.
@@ -155,7 +155,7 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
 /// Returns `true` if a cell names one of these columns.
 fn is_known(columns: &[Column], cell: &str) -> bool {
     let name = plain(split_unit(cell).0);
-    let other = |c: &Column| c.others.iter().any(|(other, _)| *other == name);
+    let other = |c: &Column| c.aliases.iter().any(|(other, _)| *other == name);
     columns.iter().any(|c| c.name == name || other(c))
 }
 
@@ -170,7 +170,7 @@ fn separator(line: &str) -> u8 {
     }
 }
 
-fn called(separator: u8) -> &'static str {
+fn separator_name(separator: u8) -> &'static str {
     match separator {
         b';' => "semicolons",
         b'\t' => "tabs",
@@ -242,13 +242,13 @@ const GRID: [&str; 7] = [
 
 /// Returns a line of names for cells that are separated by this sign.
 fn example(columns: &[Column], separator: u8) -> String {
-    let needed = columns.iter().filter(|c| c.needed).map(|c| c.name);
+    let required = columns.iter().filter(|c| c.required).map(|c| c.name);
     let between = match separator {
         b';' => ";",
         b',' => ",",
         _ => " ",
     };
-    needed.collect::<Vec<_>>().join(between)
+    required.collect::<Vec<_>>().join(between)
 }
 
 /// Returns `true` if the line is blank or a comment.
@@ -287,7 +287,7 @@ fn names_in_comment(line: &str, known: &dyn Fn(&str) -> bool) -> Option<Vec<Stri
 /// Names of the columns of a text, and the rows below.
 #[derive(Debug)]
 pub struct Header<'t> {
-    /// Names, with their units in brackets.
+    /// Names of the columns, with their units in brackets.
     pub names: Vec<String>,
     /// Units from a separate line.
     pub units: Vec<String>,
@@ -397,10 +397,10 @@ impl<'t> Header<'t> {
             Unit::Ratio,
         ];
         let is_unit = |cell: &String| {
-            let cell = bare(cell);
+            let cell = without_brackets(cell);
             cell.is_empty() || all.iter().any(|unit| unit.divisor(cell).is_some())
         };
-        let some = units.iter().any(|cell| !bare(cell).is_empty());
+        let some = units.iter().any(|cell| !without_brackets(cell).is_empty());
         if some && !numeric(&units) && units.len() <= self.names.len() && units.iter().all(is_unit)
         {
             return Self {
@@ -415,7 +415,7 @@ impl<'t> Header<'t> {
 }
 
 /// Returns a unit without its brackets.
-fn bare(unit: &str) -> &str {
+fn without_brackets(unit: &str) -> &str {
     unit.trim().trim_matches(['[', ']', '(', ')']).trim()
 }
 
@@ -455,7 +455,7 @@ impl<'t> Sheet<'t> {
         Self::below(Header::find(text, known)?, known, true)
     }
 
-    /// Finds the known columns below a header. `all`: an unknown column is refused, otherwise it is ignored.
+    /// Finds the known columns of a header. With `all` an unknown column is refused, otherwise it is ignored.
     ///
     /// # Errors
     /// If the text cannot be read or has an unknown column; the error names the line or the column.
@@ -466,7 +466,7 @@ impl<'t> Sheet<'t> {
             let called = plain(name);
             let divisor = |column: &Column| {
                 let mut names =
-                    std::iter::once((column.name, 1.0)).chain(column.others.iter().copied());
+                    std::iter::once((column.name, 1.0)).chain(column.aliases.iter().copied());
                 names.find(|(known, _)| *known == called)
             };
             let matched = known
@@ -486,7 +486,7 @@ impl<'t> Sheet<'t> {
                 }
                 continue;
             };
-            let below = header.units.get(at).map(|unit| bare(unit));
+            let below = header.units.get(at).map(|unit| without_brackets(unit));
             let unit = unit.or(below).unwrap_or_default();
             let Some(unit_over) = known[k].unit.divisor(unit) else {
                 return Err(Refusal::Sentence(format!(
@@ -509,7 +509,7 @@ impl<'t> Sheet<'t> {
             found[k] = Some((at, over * unit_over));
         }
         for (column, found) in known.iter().zip(&found) {
-            if column.needed && found.is_none() {
+            if column.required && found.is_none() {
                 return Err(Refusal::Sentence(format!(
                     "the header has no column `{}`",
                     column.name
@@ -605,7 +605,10 @@ impl SheetRow<'_> {
         let advice = if length > names && separator == b',' {
             "; if its commas are decimal signs, write points (4.5 instead of 4,5)".to_owned()
         } else if length == 1 && names > 1 {
-            format!("; the header separates its cells by {}", called(separator))
+            format!(
+                "; the header separates its cells by {}",
+                separator_name(separator)
+            )
         } else {
             String::new()
         };

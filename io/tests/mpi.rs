@@ -26,7 +26,7 @@ fn program() -> PathBuf {
     path.join("examples").join("check")
 }
 
-/// One job at a time, so that ranks do not compete with those of another test.
+/// Lock that allows one job at a time, so that ranks do not compete with those of another test.
 static ONE_JOB: Mutex<()> = Mutex::new(());
 
 fn check(ranks: &str, command: &str, folder: &Path, rest: &[&str]) -> Output {
@@ -83,7 +83,8 @@ fn content(path: &Path) -> (fields::FileInfo, Vec<Vec<u64>>) {
     (info, numbers)
 }
 
-/// O3: datasets equal between 1, 2, 3 and 4 ranks, both modes, and cuts along every axis; some ranks hold nothing.
+/// Checks that datasets are equal on 1, 2, 3 and 4 ranks, in both modes, and for cuts along every axis; some ranks have
+/// no data.
 #[test]
 fn any_ranks_and_modes_write_the_same() {
     let reference = tempfile::tempdir().unwrap();
@@ -138,8 +139,8 @@ fn any_ranks_and_modes_write_the_same() {
     }
 }
 
-/// D1: where the disk fails, early or in the middle, on one rank or on all, the job ends with code 5 and words that
-/// name the file; the checkpoint before it stays, and nothing half written has a name without `.part`.
+/// Checks that if the disk fails, early or in the middle, on one rank or on all, the job ends with code 5 and a message
+/// that names the file, the checkpoint before it remains, and no incomplete file has a name without `.part`.
 #[test]
 fn a_failed_write_ends_and_spoils_nothing() {
     for (ranks, mode, who, agreements) in [

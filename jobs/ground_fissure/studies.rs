@@ -153,7 +153,7 @@ fn write(study: &Study, runs: &Path, results: &Path) -> Result<(), Error> {
     save(&results.join(format!("study_{}.svg", study.name)), &svg)
 }
 
-/// Returns a finished run; `None` if there is none.
+/// Returns a finished run; `None` if the folder has none.
 fn read(folder: &Path, value: &'static str) -> Option<Member> {
     let summary = json(&folder.join("summary.json"))?;
     if summary["outcome"] != "done" {

@@ -31,7 +31,7 @@ pub struct TestRecord {
     pub shear_over_normal: Vec<Vec<f64>>,
 }
 
-/// A number with the range of its measures.
+/// Number with the range of its measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TestResult {
     /// Mean of the measures.
@@ -43,7 +43,8 @@ pub struct TestResult {
 }
 
 impl TestResult {
-    /// Returns the mean and the range of some measures at a time; none without a measure, or if one is not finite.
+    /// Returns the mean and the range of several measurements at a time; none without a measurement, or if one is not
+    /// finite.
     fn from_measures(measures: impl Iterator<Item = f64>, time: f64) -> Option<Self> {
         let all: Vec<f64> = measures.collect();
         let finite = !all.is_empty() && all.iter().all(|x| x.is_finite());
@@ -68,7 +69,7 @@ impl TestResult {
 }
 
 impl TestRecord {
-    /// Returns the answer of some measures at a sample.
+    /// Returns the answer of several measurements at a sample.
     fn at_sample(
         &self,
         measures: &[Vec<f64>],
@@ -155,7 +156,8 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// A test with a peak in the middle, of which both planes differ: means, ranges and times are those of the sample.
+    /// Checks a test with a peak in the middle and two planes that differ: means, ranges and times are those of the
+    /// sample.
     #[test]
     fn answers_are_means_with_the_range_of_the_measures() {
         let record = TestRecord {

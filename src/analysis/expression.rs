@@ -23,20 +23,20 @@ pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64,
         ));
     }
     let mut reader = Reader {
-        rest: text.trim_start(),
+        remaining: text.trim_start(),
         lookup,
         depth: 0,
     };
     let value = reader
         .comparison()
         .map_err(|e| format!("{}: {e}", excerpt(text)))?;
-    if reader.rest.is_empty() {
+    if reader.remaining.is_empty() {
         Ok(value)
     } else {
         Err(format!(
             "{}: unexpected {}",
             excerpt(text),
-            excerpt(reader.rest)
+            excerpt(reader.remaining)
         ))
     }
 }
@@ -51,27 +51,27 @@ pub fn excerpt(text: &str) -> String {
 }
 
 struct Reader<'a> {
-    rest: &'a str,
+    remaining: &'a str,
     lookup: &'a dyn Fn(&str) -> Option<f64>,
     /// Number of signs, powers and brackets that enclose the current position.
     depth: usize,
 }
 
 impl Reader<'_> {
-    fn eat(&mut self, symbol: char) -> bool {
-        let Some(rest) = self.rest.strip_prefix(symbol) else {
+    fn skip_symbol(&mut self, symbol: char) -> bool {
+        let Some(remaining) = self.remaining.strip_prefix(symbol) else {
             return false;
         };
-        self.rest = rest.trim_start();
+        self.remaining = remaining.trim_start();
         true
     }
 
     fn comparison(&mut self) -> Result<f64, String> {
         let left = self.sum()?;
-        if self.eat('>') {
+        if self.skip_symbol('>') {
             return Ok(f64::from(u8::from(left > self.sum()?)));
         }
-        if self.eat('<') {
+        if self.skip_symbol('<') {
             return Ok(f64::from(u8::from(left < self.sum()?)));
         }
         Ok(left)
@@ -80,9 +80,9 @@ impl Reader<'_> {
     fn sum(&mut self) -> Result<f64, String> {
         let mut value = self.product()?;
         loop {
-            if self.eat('+') {
+            if self.skip_symbol('+') {
                 value += self.product()?;
-            } else if self.eat('-') {
+            } else if self.skip_symbol('-') {
                 value -= self.product()?;
             } else {
                 return Ok(value);
@@ -93,9 +93,9 @@ impl Reader<'_> {
     fn product(&mut self) -> Result<f64, String> {
         let mut value = self.signed()?;
         loop {
-            if self.eat('*') {
+            if self.skip_symbol('*') {
                 value *= self.signed()?;
-            } else if self.eat('/') {
+            } else if self.skip_symbol('/') {
                 value /= self.signed()?;
             } else {
                 return Ok(value);
@@ -108,7 +108,7 @@ impl Reader<'_> {
         if self.depth > DEEPEST {
             return Err(format!(
                 "brackets, signs and powers nest more than {DEEPEST} deep before {}",
-                excerpt(self.rest)
+                excerpt(self.remaining)
             ));
         }
         self.depth += 1;
@@ -118,25 +118,25 @@ impl Reader<'_> {
     }
 
     fn unbounded(&mut self) -> Result<f64, String> {
-        if self.eat('-') {
+        if self.skip_symbol('-') {
             return Ok(-self.signed()?);
         }
         let base = self.atom()?;
-        if self.eat('^') {
+        if self.skip_symbol('^') {
             return Ok(base.powf(self.signed()?));
         }
         Ok(base)
     }
 
     fn atom(&mut self) -> Result<f64, String> {
-        if self.eat('(') {
+        if self.skip_symbol('(') {
             let value = self.comparison()?;
-            return if self.eat(')') {
+            return if self.skip_symbol(')') {
                 Ok(value)
             } else {
                 Err(format!(
                     "a bracket is not closed before {}",
-                    excerpt(self.rest)
+                    excerpt(self.remaining)
                 ))
             };
         }
@@ -144,26 +144,26 @@ impl Reader<'_> {
         if length == 0 {
             return Err(format!(
                 "a number or a name is missing before {}",
-                excerpt(self.rest)
+                excerpt(self.remaining)
             ));
         }
-        let (word, rest) = self.rest.split_at(length);
-        self.rest = rest.trim_start();
+        let (word, remaining) = self.remaining.split_at(length);
+        self.remaining = remaining.trim_start();
         if word.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
             return word
                 .parse()
                 .map_err(|_| format!("{} is not a number", excerpt(word)));
         }
-        if self.eat('(') {
+        if self.skip_symbol('(') {
             let argument = self.comparison()?;
             let mut second = None;
-            if self.eat(',') {
+            if self.skip_symbol(',') {
                 second = Some(self.comparison()?);
             }
-            if !self.eat(')') {
+            if !self.skip_symbol(')') {
                 return Err(format!(
                     "a bracket is not closed before {}",
-                    excerpt(self.rest)
+                    excerpt(self.remaining)
                 ));
             }
             return function(word, argument, second);
@@ -177,7 +177,7 @@ impl Reader<'_> {
 
     /// Returns the bytes of the number or name at the front; an exponent may have a sign.
     fn word_length(&self) -> usize {
-        let bytes = self.rest.as_bytes();
+        let bytes = self.remaining.as_bytes();
         let number = bytes
             .first()
             .is_some_and(|b| b.is_ascii_digit() || *b == b'.');

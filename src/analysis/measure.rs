@@ -40,9 +40,9 @@ pub enum Take {
     /// Value of the last row.
     #[default]
     Last,
-    /// The largest.
+    /// Largest value.
     Max,
-    /// The smallest.
+    /// Smallest value.
     Min,
     /// Mean of the values.
     Mean,
@@ -102,7 +102,7 @@ impl Norm {
 /// Values as a function of a coordinate, in ascending order of the coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// The coordinate.
+    /// Coordinate of each point.
     pub x: Vec<f64>,
     /// Values at these coordinates.
     pub y: Vec<f64>,
@@ -144,8 +144,8 @@ impl Profile {
 }
 
 impl Measure {
-    /// Returns the number, from the output folder of a run. `beside` is where tables of references lie, `known` gives
-    /// numbers named before.
+    /// Returns the number, computed from the output folder of a run. `beside` is the folder of reference tables,
+    /// `known` returns numbers by name.
     ///
     /// # Errors
     /// If a file or value is missing or cannot be read.

@@ -19,12 +19,12 @@ use std::path::{Path, PathBuf};
 
 /// Displacement in mean diameters above which the bulk counts as failed; a bulk next to eroding faces is
 /// stationary.
-const MOVED: f64 = 1.0;
+const FAILURE_DISPLACEMENT: f64 = 1.0;
 
 /// Data of one run.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RunReport {
-    /// Folder.
+    /// Folder of the run.
     pub folder: PathBuf,
     /// `outcome` of the summary; `unfinished` without a summary.
     pub outcome: String,
@@ -48,12 +48,12 @@ pub struct RunReport {
     pub windows: Vec<RateWindow>,
     /// The run as one hole erosion test.
     pub whole: Option<RateWindow>,
-    /// The rows of `erosion.csv`.
+    /// Rows of `erosion.csv`.
     #[serde(skip)]
     pub records: Vec<ErosionRecord>,
 }
 
-/// The runs of one cohesion and their law.
+/// Runs of one cohesion and their law.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct CohesionReport {
     /// C/d [N/m].
@@ -286,7 +286,7 @@ fn read_run(folder: &Path, warnings: &mut Vec<String>) -> Result<RunReport, Erro
         before.map(|row| row.bulk_displacement).find_map(known)
     });
     if let Some(moved) = bulk_displacement
-        && moved > MOVED
+        && moved > FAILURE_DISPLACEMENT
     {
         warnings.push(format!(
             "{}: the bulk failed: it had moved by {moved:.1} mean diameters before a tenth of the mass was \
@@ -329,18 +329,18 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     let case = read_json(&path)?.ok_or_else(|| {
         missing("no summary.json with `erosion` in the run folder, and no case.json either")
     })?;
-    let cohesion = &bare(&case["contact"])["cohesive_frictional"]["cohesion"];
-    let cohesion = bare(&bare(cohesion)["per_diameter"])
+    let cohesion = &without_source(&case["contact"])["cohesive_frictional"]["cohesion"];
+    let cohesion = without_source(&without_source(cohesion)["per_diameter"])
         .as_f64()
         .ok_or_else(|| missing("contact.cohesive_frictional.cohesion.per_diameter is missing"))?;
-    let boundaries = bare(&case["fluid"]["lattice_boltzmann"]["boundaries"]);
+    let boundaries = without_source(&case["fluid"]["lattice_boltzmann"]["boundaries"]);
     let (mut pressures, mut ramp_end) = (Vec::new(), 0.0_f64);
     for boundary in boundaries.as_array().into_iter().flatten() {
         let condition = &boundary["condition"]["pressure"];
-        if let Some(value) = bare(&condition["value"]).as_f64() {
+        if let Some(value) = without_source(&condition["value"]).as_f64() {
             pressures.push(value);
-            let duration = &bare(&condition["ramp"])["duration"];
-            ramp_end = ramp_end.max(bare(duration).as_f64().unwrap_or(0.0));
+            let duration = &without_source(&condition["ramp"])["duration"];
+            ramp_end = ramp_end.max(without_source(duration).as_f64().unwrap_or(0.0));
         }
     }
     let most = pressures.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -370,8 +370,8 @@ fn summary_from_case(folder: &Path, records: &[ErosionRecord]) -> Result<Erosion
     })
 }
 
-/// Returns the value itself if it is written with its source.
-fn bare(value: &Value) -> &Value {
+/// Returns the value without its source, if the source is stated with it.
+fn without_source(value: &Value) -> &Value {
     match value {
         Value::Object(map)
             if map.contains_key("value")

@@ -42,15 +42,19 @@ const COLOURS: usize = 2048;
 const LINE: usize = 64;
 
 /// Number of large blocks allocated so far.
-static TAKEN: AtomicUsize = AtomicUsize::new(0);
+static LARGE_BLOCKS: AtomicUsize = AtomicUsize::new(0);
 
 /// Returns a block with a varying start in a huge page. Arrays with the same start would compete for the same cache
 /// sets when they are read together.
-fn take(layout: &Layout) -> *mut u8 {
+fn allocate_large(layout: &Layout) -> *mut u8 {
     let before = if layout.align() > LINE {
         0
     } else {
-        TAKEN.fetch_add(1, Ordering::Relaxed).wrapping_mul(STRIDE) % COLOURS * LINE
+        LARGE_BLOCKS
+            .fetch_add(1, Ordering::Relaxed)
+            .wrapping_mul(STRIDE)
+            % COLOURS
+            * LINE
     };
     let Some(bytes) = layout.size().checked_add(before) else {
         return std::ptr::null_mut();
@@ -64,7 +68,7 @@ fn take(layout: &Layout) -> *mut u8 {
 }
 
 /// Returns the offset of the start of a block from the start of its huge page \[bytes\].
-fn before(start: *mut u8) -> usize {
+fn offset_in_huge_page(start: *mut u8) -> usize {
     start.addr() % HUGE
 }
 
@@ -143,12 +147,12 @@ fn is_large(layout: &Layout) -> bool {
 }
 
 // SAFETY: the layout alone decides if a block is large, so that it is released to its source. `map` returns memory
-// that no other block uses, aligned to `HUGE`, and `take` moves its start by less than that, and by nothing if that
-// would break the alignment; everything else is the promise of `MiMalloc`.
+// that no other block uses, aligned to `HUGE`, and `allocate_large` moves its start by less than that, and by
+// nothing if that would break the alignment; everything else is the promise of `MiMalloc`.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {
-            take(&layout)
+            allocate_large(&layout)
         } else {
             // SAFETY: promised by the caller.
             unsafe { MiMalloc.alloc(layout) }
@@ -157,7 +161,7 @@ unsafe impl GlobalAlloc for Allocator {
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         if is_large(&layout) {
-            take(&layout)
+            allocate_large(&layout)
         } else {
             // SAFETY: promised by the caller.
             unsafe { MiMalloc.alloc_zeroed(layout) }
@@ -168,7 +172,7 @@ unsafe impl GlobalAlloc for Allocator {
         // SAFETY: promised by the caller; the layout determines the source of the block.
         unsafe {
             if is_large(&layout) {
-                let before = before(start);
+                let before = offset_in_huge_page(start);
                 unmap(start.sub(before), before + layout.size());
             } else {
                 MiMalloc.dealloc(start, layout);
@@ -183,7 +187,7 @@ unsafe impl GlobalAlloc for Allocator {
             // SAFETY: promised by the caller.
             return unsafe { MiMalloc.realloc(start, layout, size) };
         }
-        let pages = |bytes: usize| (before(start) + bytes).div_ceil(HUGE);
+        let pages = |bytes: usize| (offset_in_huge_page(start) + bytes).div_ceil(HUGE);
         if is_large(&layout) && is_large(&wanted) && pages(size) == pages(layout.size()) {
             return start;
         }

@@ -17,14 +17,14 @@ const RANKS: &str = "OMPI_COMM_WORLD_SIZE";
 /// # Safety
 /// No other thread may exist: call it first of all.
 pub unsafe fn yield_when_idle() {
-    if yields(std::env::var_os(RANKS), std::env::var_os(YIELD)) {
+    if should_yield(std::env::var_os(RANKS), std::env::var_os(YIELD)) {
         // SAFETY: no other thread reads or writes the environment, as the caller promises.
         unsafe { std::env::set_var(YIELD, "1") };
     }
 }
 
 /// Returns `true` if the job has several ranks and the variable is not set.
-fn yields(ranks: Option<OsString>, now: Option<OsString>) -> bool {
+fn should_yield(ranks: Option<OsString>, now: Option<OsString>) -> bool {
     ranks.is_some_and(|ranks| ranks != "1") && now.is_none()
 }
 
@@ -35,8 +35,8 @@ mod tests {
     #[test]
     fn ranks_of_a_job_yield_unless_it_is_stated() {
         let text = |text: &str| Some(OsString::from(text));
-        assert!(yields(text("2"), None));
-        assert!(!yields(text("2"), text("0")) && !yields(text("2"), text("1")));
-        assert!(!yields(text("1"), None) && !yields(None, None));
+        assert!(should_yield(text("2"), None));
+        assert!(!should_yield(text("2"), text("0")) && !should_yield(text("2"), text("1")));
+        assert!(!should_yield(text("1"), None) && !should_yield(None, None));
     }
 }

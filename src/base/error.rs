@@ -38,10 +38,10 @@ pub struct Problem {
     pub value: String,
     /// Reason, and the allowed range or choice.
     pub reason: String,
-    /// The smallest change that would pass.
+    /// Smallest change that would pass.
     #[serde(flatten)]
     pub remedy: Remedy,
-    /// Severity.
+    /// Severity of the problem.
     pub severity: Severity,
 }
 
@@ -52,9 +52,9 @@ pub struct Finding {
     pub path: String,
     /// Reason, and the allowed range or choice.
     pub reason: String,
-    /// The smallest change that would pass.
+    /// Smallest change that would pass.
     pub remedy: Remedy,
-    /// Severity.
+    /// Severity of the finding.
     pub severity: Severity,
 }
 
@@ -70,7 +70,7 @@ pub struct Remedy {
 /// Value to set at a path of the case, as in `--set`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Assignment {
-    /// JSON path.
+    /// Path of the field in the JSON text.
     pub path: String,
     /// Value; null removes the field.
     pub value: serde_json::Value,

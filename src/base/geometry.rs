@@ -112,11 +112,11 @@ pub struct Extent {
     pub to: Vector,
 }
 
-/// A part of the domain.
+/// Part of the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Region {
-    /// An axis-parallel box.
+    /// Axis-parallel box.
     Box(Extent),
     /// The space between two planes normal to an axis.
     Layer(Layer),
@@ -137,7 +137,7 @@ pub struct Layer {
     pub to: Option<f64>,
 }
 
-/// A triangulated surface from a file. Triangles that share corners form one smooth surface.
+/// Triangulated surface from a file. Triangles that share corners form one smooth surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
@@ -156,16 +156,16 @@ fn one() -> f64 {
     1.0
 }
 
-/// An axis of the domain.
+/// Axis of the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Axis {
-    /// The first axis.
+    /// First axis.
     X,
-    /// The second axis.
+    /// Second axis.
     Y,
-    /// The third axis (3-D only).
+    /// Third axis (3-D only).
     Z,
 }
 
@@ -187,7 +187,7 @@ impl Axis {
     }
 }
 
-/// A face of the domain.
+/// Face of the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]

@@ -154,7 +154,7 @@ impl Draws {
 mod tests {
     use super::*;
 
-    /// Known answers: the vectors of `kat_vectors` in Random123 for philox 4x32, 10 rounds.
+    /// Checks against the known answers in `kat_vectors` of Random123 for philox 4x32, 10 rounds.
     #[test]
     fn known_answers() {
         assert_eq!(

@@ -17,7 +17,7 @@
 mod board;
 mod sync;
 
-use board::{Board, Helper, Work};
+use board::{Helper, JobBoard, Work};
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -27,7 +27,7 @@ use sync::Arc;
 use sync::AtomicBool;
 
 struct Pool {
-    board: Arc<Board>,
+    board: Arc<JobBoard>,
     helpers: Vec<Helper>,
 }
 
@@ -179,7 +179,7 @@ pub fn runs(items: usize, least: usize) -> usize {
 /// Number of runs of a thread that have been begun, on a separate cache line.
 #[derive(Default)]
 #[repr(align(128))]
-struct Begun(AtomicUsize);
+struct RunCounter(AtomicUsize);
 
 /// Calls `work` like [`each_of`] for runs of unequal work: a thread first does the runs of its own part, which is
 /// the same in each call, and then runs of other threads. It therefore mostly reads data that it wrote before.
@@ -188,7 +188,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
     if threads <= 1 {
         return each_of(runs, shared, work);
     }
-    let begun: [Begun; MOST] = std::array::from_fn(|_| Begun::default());
+    let begun: [RunCounter; MOST] = std::array::from_fn(|_| RunCounter::default());
     each(threads, |thread| {
         for turn in 0..threads {
             let whose = (thread + turn) % threads;
@@ -221,8 +221,8 @@ pub fn each_item_in_runs<T: Send>(
     });
 }
 
-/// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. `rooms`
-/// contains one buffer for each thread.
+/// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. Each thread has one
+/// of the buffers in `rooms`.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
@@ -234,7 +234,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
     if rooms.len() < threads {
         rooms.resize_with(threads, R::default);
     }
-    let begun: [Begun; MOST] = std::array::from_fn(|_| Begun::default());
+    let begun: [RunCounter; MOST] = std::array::from_fn(|_| RunCounter::default());
     let all = Cut {
         start: items.as_mut_ptr(),
         bounds: [0; MOST + 1],
@@ -314,7 +314,7 @@ pub fn extend<T: Copy + Send>(
 impl Pool {
     fn new() -> Self {
         Self {
-            board: Arc::new(Board::new()),
+            board: Arc::new(JobBoard::new()),
             helpers: Vec::new(),
         }
     }
@@ -333,7 +333,7 @@ impl Pool {
 /// Starts a helper thread, which waits for jobs until the program ends; returns `None` if the system has no more
 /// threads.
 #[cfg(not(loom))]
-fn start(board: &Arc<Board>, thread: usize) -> Option<Helper> {
+fn start(board: &Arc<JobBoard>, thread: usize) -> Option<Helper> {
     let sleeps = Arc::new(AtomicBool::new(false));
     let (board, flag) = (Arc::clone(board), Arc::clone(&sleeps));
     let mut seen = board.last();
@@ -354,7 +354,7 @@ fn start(board: &Arc<Board>, thread: usize) -> Option<Helper> {
 
 /// Starts no helper: threads of a loom model belong to the model.
 #[cfg(loom)]
-fn start(_: &Arc<Board>, _: usize) -> Option<Helper> {
+fn start(_: &Arc<JobBoard>, _: usize) -> Option<Helper> {
     None
 }
 

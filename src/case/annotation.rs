@@ -31,21 +31,21 @@ impl Source {
 /// Replaces every annotated value by the bare value; returns their sources, by path.
 pub fn strip(tree: &mut Value) -> BTreeMap<String, Source> {
     let mut sources = BTreeMap::new();
-    if any(tree) {
+    if has_annotation(tree) {
         walk(tree, "", &mut sources);
     }
     sources
 }
 
 /// Returns `true` if any part of the tree may be annotated; paths are built only in that case.
-fn any(node: &Value) -> bool {
+fn has_annotation(node: &Value) -> bool {
     match node {
         Value::Object(map) => {
             let keys = ["value", "source", "note"];
             let beside = keys.iter().filter(|key| map.contains_key(**key)).count();
-            (beside > 1 && map.contains_key("value")) || map.values().any(any)
+            (beside > 1 && map.contains_key("value")) || map.values().any(has_annotation)
         }
-        Value::Array(list) => list.iter().any(any),
+        Value::Array(list) => list.iter().any(has_annotation),
         _ => false,
     }
 }
@@ -65,7 +65,7 @@ fn walk(node: &mut Value, path: &str, sources: &mut BTreeMap<String, Source>) {
         }
         Value::Array(list) => {
             for (index, child) in list.iter_mut().enumerate() {
-                if any(child) {
+                if has_annotation(child) {
                     walk(child, &format!("{path}[{index}]"), sources);
                 }
             }

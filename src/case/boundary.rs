@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 pub struct Boundary {
     /// Name in tables and outputs.
     pub name: String,
-    /// The face.
+    /// Face of the domain.
     pub face: Face,
     /// Box that selects a part of the face [m]; its extent normal to the face has no effect. Default: the whole face.
     #[serde(default)]
     pub patch: Option<Extent>,
-    /// The condition.
+    /// Condition of the fluid on the face.
     pub condition: Condition,
 }

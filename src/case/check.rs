@@ -52,7 +52,7 @@ pub(crate) struct Checked {
     pub(crate) problems: Vec<Problem>,
     /// `true` if a list does not have the expected number of values, so that its values cannot be interpreted
     /// together.
-    pub(crate) misshapen: bool,
+    pub(crate) wrong_shape: bool,
 }
 
 /// Returns all problems in the tree of a case; removes unknown fields, so that the remaining ones can be checked
@@ -63,7 +63,7 @@ pub(crate) fn against_schema(tree: &mut Value) -> Checked {
 }
 
 /// Returns all problems of a tree with respect to a schema.
-pub fn against(root: &Value, tree: &mut Value) -> Vec<Problem> {
+pub fn problems_against(root: &Value, tree: &mut Value) -> Vec<Problem> {
     walk(root, tree).problems
 }
 
@@ -72,7 +72,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
         root,
         problems: Vec::new(),
         more: 0,
-        misshapen: false,
+        wrong_shape: false,
     };
     walk.node(tree, root, "");
     let mut problems = walk.problems;
@@ -83,15 +83,15 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     problems.extend(unlisted(more));
     Checked {
         problems,
-        misshapen: walk.misshapen,
+        wrong_shape: walk.wrong_shape,
     }
 }
 
-/// Minimum number of values of a list for which values are first compared with a template of their schema.
-const MANY: usize = 16;
+/// Minimum length of a list whose values are first compared with a template of their schema.
+const LEAST_FOR_TEMPLATE: usize = 16;
 
 /// Keywords by which a schema restricts a value; without any of them every value is valid.
-const SAYS: [&str; 4] = ["type", "const", "enum", "properties"];
+const RESTRICTING_KEYWORDS: [&str; 4] = ["type", "const", "enum", "properties"];
 
 /// Returns the reason and remedy for an unknown name.
 fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
@@ -108,7 +108,7 @@ fn not_known(kind: &str, name: &str, known: &[&str]) -> (String, String) {
                 "there is no {kind} `{clipped}`: this program does not compute {}",
                 absent.feature
             ),
-            absent.instead.into(),
+            absent.alternative.into(),
         ),
         None => (
             format!("there is no {kind} `{clipped}` here"),
@@ -122,12 +122,12 @@ struct Walk<'a> {
     problems: Vec<Problem>,
     /// Number of problems beyond those listed.
     more: usize,
-    misshapen: bool,
+    wrong_shape: bool,
 }
 
 impl<'a> Walk<'a> {
-    /// Counts a further problem if the list is full; returns `true` if it did. It is called before the texts of the
-    /// problem are built.
+    /// Counts a further problem and returns `true` if the list is full. Must be called before the texts of the problem
+    /// are built.
     fn only_counted(&mut self) -> bool {
         let full = self.problems.len() >= MOST_PROBLEMS;
         self.more += usize::from(full);
@@ -148,7 +148,7 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// Resolves `$ref`.
+    /// Returns the schema to which a `$ref` refers, or the schema itself.
     fn resolve(&self, schema: &'a Value) -> &'a Value {
         let mut schema = schema;
         while let Some(name) = schema
@@ -172,11 +172,14 @@ impl<'a> Walk<'a> {
         if let Some(options) = schema.get("anyOf").and_then(Value::as_array) {
             return self.any_of(value, options, path);
         }
-        if !SAYS.iter().any(|word| schema.get(word).is_some()) {
+        if !RESTRICTING_KEYWORDS
+            .iter()
+            .any(|word| schema.get(word).is_some())
+        {
             return;
         }
         if !self.has_type(value, schema) {
-            let wanted = wanted(schema);
+            let wanted = expected_values(schema);
             return self.report(
                 path,
                 value,
@@ -189,7 +192,7 @@ impl<'a> Walk<'a> {
             Value::Array(list) => self.array(list, schema, path),
             Value::Number(_) => self.range(value, schema, path),
             Value::String(text) => {
-                let choices = words(schema);
+                let choices = allowed_words(schema);
                 if !choices.is_empty() && !choices.contains(&text.as_str()) {
                     let remedy = nearest_word(path, text, &choices, &choices);
                     let reason = "this choice does not exist here".into();
@@ -288,7 +291,7 @@ impl<'a> Walk<'a> {
         let count = list.len() as u64;
         let (least, most) = (bound("minItems"), bound("maxItems"));
         if least.is_some_and(|least| count < least) || most.is_some_and(|most| count > most) {
-            self.misshapen = true;
+            self.wrong_shape = true;
             let allowed = match (least, most) {
                 (Some(a), Some(b)) if a == b => format!("{a} values are needed"),
                 (Some(a), Some(b)) => format!("{a} to {b} values are needed"),
@@ -304,9 +307,10 @@ impl<'a> Walk<'a> {
             );
         }
         if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
-            let template = (list.len() >= MANY).then(|| Template::from_schema(self.root, items));
+            let template =
+                (list.len() >= LEAST_FOR_TEMPLATE).then(|| Template::from_schema(self.root, items));
             for (index, child) in list.iter_mut().enumerate() {
-                if !template.as_ref().is_some_and(|t| t.fits(child, LARGEST)) {
+                if !template.as_ref().is_some_and(|t| t.accepts(child, LARGEST)) {
                     self.node(child, items, &format!("{path}[{index}]"));
                 }
             }
@@ -371,7 +375,7 @@ impl<'a> Walk<'a> {
         let mut names: Vec<&str> = Vec::new();
         let mut plain: Vec<&str> = Vec::new();
         for option in options {
-            plain.extend(words(option));
+            plain.extend(allowed_words(option));
             names.extend(
                 option
                     .get("properties")
@@ -452,7 +456,7 @@ impl<'a> Walk<'a> {
                 root: self.root,
                 problems: Vec::new(),
                 more: 0,
-                misshapen: false,
+                wrong_shape: false,
             };
             let mut copy = value.clone();
             attempt.node(&mut copy, option, path);
@@ -461,7 +465,7 @@ impl<'a> Walk<'a> {
             }
             let own = (resolved.get("oneOf").is_some() && value.is_object())
                 || (resolved.get("type").is_some() && self.has_type(value, resolved))
-                || (!words(resolved).is_empty() && value.is_string());
+                || (!allowed_words(resolved).is_empty() && value.is_string());
             let null = resolved.get("type").is_some_and(|t| t == "null");
             let better = match &best {
                 None => !null,
@@ -476,13 +480,13 @@ impl<'a> Walk<'a> {
             self.problems.extend(attempt.problems);
             self.more += attempt.more + self.problems.len().saturating_sub(MOST_PROBLEMS);
             self.problems.truncate(MOST_PROBLEMS);
-            self.misshapen |= attempt.misshapen;
+            self.wrong_shape |= attempt.wrong_shape;
         }
     }
 }
 
 /// Returns the words that a schema of strings allows; empty if any text is allowed.
-fn words(schema: &Value) -> Vec<&str> {
+fn allowed_words(schema: &Value) -> Vec<&str> {
     let listed = schema.get("enum").and_then(Value::as_array);
     let single = schema.get("const");
     let options = schema.get("oneOf").and_then(Value::as_array);
@@ -512,7 +516,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-fn wanted(schema: &Value) -> String {
+fn expected_values(schema: &Value) -> String {
     let name = |t: &Value| match t.as_str() {
         Some("object") => "an object {..}",
         Some("array") => "a list [..]",

@@ -79,7 +79,7 @@ pub struct Darcy {
     pub drag: Option<DragLaw>,
     /// `true` if the drag is treated semi-implicitly, which stabilises grains whose response time is below the coupling
     /// interval.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     pub semi_implicit_drag: bool,
     /// Solid steps between two couplings. Default: the largest number for which contacts, drag and bed are stable,
     /// limited by `accuracy`, or to 100 without `accuracy`. A longer interval is unstable.
@@ -146,7 +146,7 @@ fn default_iterations() -> u32 {
     500
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }
 
@@ -322,12 +322,12 @@ pub struct RasterFile {
 pub struct SeepageBoundary {
     /// Name in tables and outputs.
     pub name: String,
-    /// The face.
+    /// Face of the coarse grid.
     pub face: Face,
     /// Box that selects a part of the face [m]; its extent normal to the face has no effect. Default: the whole face.
     #[serde(default)]
     pub patch: Option<Extent>,
-    /// The condition.
+    /// Condition of the seepage on the face.
     pub condition: Condition,
     /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
     /// rate): linear between the rows, constant before and after; two values at one time give a jump. Default:

@@ -31,7 +31,7 @@ pub struct ElementTest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TestAnswer {
-    /// The quantity.
+    /// Quantity that the test measures.
     pub quantity: TestQuantity,
     /// Value with which the answer is compared, in the unit of the quantity. Default: none.
     #[serde(default)]
@@ -48,7 +48,7 @@ pub struct TestAnswer {
 pub enum TestQuantity {
     /// Normal stress on the planes at the end [Pa].
     AxialStress,
-    /// Shortening between the planes since the start over their distance then, at the end [1].
+    /// Shortening between the planes, from the first sample to the end, over their distance at the first sample [1].
     AxialStrain,
     /// Change of the axial stress from the first sample to the end over that of the axial strain [Pa].
     SecantModulus,
@@ -80,7 +80,7 @@ impl TestQuantity {
         }
     }
 
-    /// Returns `true` if it needs a lateral stress.
+    /// Returns `true` if the quantity needs a lateral stress.
     #[must_use]
     pub fn is_lateral(self) -> bool {
         matches!(

@@ -1,17 +1,17 @@
 //! Example cases: each runs in under a minute on two ranks. `solver example` lists them.
 
-/// An example case.
+/// Example case of the program.
 #[derive(Clone, Copy, Debug)]
 pub struct Example {
-    /// The name.
+    /// Name of the example.
     pub name: &'static str,
-    /// A line of description.
+    /// Description in one line.
     pub summary: &'static str,
-    /// The case file.
+    /// Text of the case file.
     pub text: &'static str,
 }
 
-/// All example cases.
+/// All example cases, in the order of the list.
 pub const EXAMPLES: [Example; 40] = [
     Example {
         name: "piping",
@@ -76,12 +76,12 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "earth-dam",
-        summary: "a dam with a phreatic surface and a seepage face, beside the exact discharge (Charny 1951)",
+        summary: "a dam with a phreatic surface and a seepage face, compared with the exact discharge (Charny 1951)",
         text: include_str!("examples/earth-dam.json"),
     },
     Example {
         name: "infiltration",
-        summary: "water enters a dry column of soil, beside the published column of Celia, Bouloutas and Zarba (1990)",
+        summary: "water enters a dry column of soil, compared with Celia, Bouloutas and Zarba (1990)",
         text: include_str!("examples/infiltration.json"),
     },
     Example {
@@ -126,22 +126,22 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "triaxial",
-        summary: "spheres in a regular array between servo walls up to failure, beside the strength of Rowe (1962)",
+        summary: "spheres in a regular array between servo walls up to failure, with the strength of Rowe (1962)",
         text: include_str!("examples/triaxial.json"),
     },
     Example {
         name: "biaxial",
-        summary: "discs in hexagonal rows between servo walls up to failure, beside the strength of Rowe (1962)",
+        summary: "discs in hexagonal rows between servo walls up to failure, compared with the strength of Rowe (1962)",
         text: include_str!("examples/biaxial.json"),
     },
     Example {
         name: "direct-shear",
-        summary: "two rows of discs are sheared between rough plates under a servo wall, beside their strength by hand",
+        summary: "two rows of discs sheared between rough plates under a servo wall, with their strength by hand",
         text: include_str!("examples/direct-shear.json"),
     },
     Example {
         name: "unconfined-compression",
-        summary: "a column of bonded discs is crushed between plates, beside its strength by hand",
+        summary: "a column of bonded discs is crushed between plates, compared with its strength by hand",
         text: include_str!("examples/unconfined-compression.json"),
     },
     Example {
@@ -191,22 +191,22 @@ pub const EXAMPLES: [Example; 40] = [
     },
     Example {
         name: "broad-crested-weir",
-        summary: "water over a broad-crested weir, beside measured discharges (Bos 1989)",
+        summary: "water over a broad-crested weir, compared with measured discharges (Bos 1989)",
         text: include_str!("examples/broad-crested-weir.json"),
     },
     Example {
         name: "chute",
-        summary: "a supercritical stream over a bed of blocks, one of them proud, whose forces carry its weight",
+        summary: "a supercritical stream over blocks, one of which protrudes, with forces that carry its weight",
         text: include_str!("examples/chute.json"),
     },
     Example {
         name: "rock-into-reservoir",
-        summary: "a rock slide pushes a bore into a reservoir, with its height in shallow water",
+        summary: "a rock slide pushes a bore into a reservoir, with its height by shallow-water theory",
         text: include_str!("examples/rock-into-reservoir.json"),
     },
     Example {
         name: "floating-log",
-        summary: "a log heaves in water, beside the theory of a half-immersed cylinder (Ursell 1949)",
+        summary: "a log heaves in water, compared with the theory of a half-immersed cylinder (Ursell 1949)",
         text: include_str!("examples/floating-log.json"),
     },
     Example {

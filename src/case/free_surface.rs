@@ -57,7 +57,7 @@ pub struct SolitaryWave {
     /// Height of the crest above the water at rest [m], at most 0.78 of the depth.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub height: f64,
-    /// Axis along which the wave runs.
+    /// Axis along which the wave travels.
     pub axis: Axis,
     /// Coordinate of the crest at the start [m].
     pub crest: f64,
@@ -65,7 +65,7 @@ pub struct SolitaryWave {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub depth: Option<f64>,
-    /// `true` for a wave that runs towards smaller coordinates.
+    /// `true` for a wave that travels towards smaller coordinates.
     #[serde(default)]
     pub backward: bool,
 }

@@ -41,7 +41,7 @@ pub struct Grains {
 pub struct GrainZone {
     /// Name in the tables of `plan`.
     pub name: String,
-    /// A layer or a box. A grain belongs to the zone if its centre lies in the region.
+    /// Layer or box. A grain belongs to the zone if its centre lies in the region.
     #[serde(default)]
     pub region: Option<Region>,
     /// A solid, such as a polygon in 2-D or a mesh in 3-D. A grain belongs to the zone if its centre lies in the solid.

@@ -22,7 +22,7 @@ pub struct JointNetwork {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_step: f64,
     /// `true` if the inertia of the water is included, with the friction of a laminar layer at each frequency.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     pub inertia: bool,
     /// Water outside the joints, at least one mouth. All other edges that meet no other joint are closed. An edge
     /// in two boxes belongs to the first.
@@ -137,6 +137,6 @@ fn vapour() -> f64 {
     2339.0
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }

@@ -200,7 +200,7 @@ impl Document {
             // Fields that seem to be missing may be among the keys that were not read.
             problems.retain(|problem| problem.value != "missing");
         }
-        if cut_short || checked.misshapen {
+        if cut_short || checked.wrong_shape {
             return Err(problems);
         }
         // The walk over the schema has reported all problems with their paths; a remaining one is an error of the

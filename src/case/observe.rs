@@ -102,7 +102,7 @@ pub enum ProbeAt {
     },
     /// Discharge, mean pressure and largest velocity in a plane normal to an axis.
     Plane {
-        /// The axis.
+        /// Axis normal to the plane.
         axis: Axis,
         /// Coordinate of the plane [m].
         position: f64,
@@ -209,7 +209,7 @@ pub enum ProbeAt {
     /// Force of the fluid on a face of the domain [N], and its mean traction [Pa]. They are means over the last step,
     /// and `time` is the middle of this step.
     Wall {
-        /// The face.
+        /// Face of the domain.
         face: Face,
     },
     /// Load of the grains on a wall: a wall of the case, a structure that grains meet, or a face in `box_walls`.
@@ -369,7 +369,7 @@ pub enum FieldName {
 }
 
 impl FieldName {
-    /// Returns the numbers per cell.
+    /// Returns the number of values per cell.
     #[must_use]
     pub fn components(self, dimension: usize) -> usize {
         match self {

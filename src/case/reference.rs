@@ -11,8 +11,8 @@ use super::{annotation, check, examples, restart};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Name of the page with the fields that have no page of their own; it is the front page.
-pub const FRONT: &str = "index";
+/// Name of the front page, which has the fields without a page of their own.
+pub const FRONT_PAGE: &str = "index";
 
 /// Placeholder for a key that the user chooses, as in `materials.NAME.density`.
 const ANY_KEY: &str = "NAME";
@@ -21,19 +21,19 @@ const ANY_KEY: &str = "NAME";
 /// page.
 const LONGEST_EXAMPLE: usize = 100;
 
-/// A file of the reference.
+/// File of the reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
     /// Name of the file.
     pub name: String,
-    /// Its text.
+    /// Text of the file.
     pub text: String,
 }
 
 /// Page of the reference: one section of the case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Page {
-    /// Name of the section, or [`FRONT`].
+    /// Name of the section, or [`FRONT_PAGE`].
     pub name: String,
     /// Parameters in the order of the page.
     pub parameters: Vec<Parameter>,
@@ -130,7 +130,7 @@ pub fn pages() -> Vec<Page> {
             .or_else(|| Some(parameter.words.first()?.0.clone().into()));
     }
     let mut pages = vec![Page {
-        name: FRONT.into(),
+        name: FRONT_PAGE.into(),
         parameters: Vec::new(),
         example: None,
     }];
@@ -418,9 +418,13 @@ fn range(node: &Value) -> Option<String> {
     (!both.is_empty()).then(|| both.join(", "))
 }
 
-/// Returns the parameter to which a name in a description refers: a neighbour, otherwise one further up, otherwise
-/// the only one of that name.
-fn meant<'a>(pages: &'a [Page], from: &str, name: &str) -> Option<(&'a Page, &'a Parameter)> {
+/// Returns the parameter to which a name in a description refers: a parameter of the same object, otherwise of an
+/// object that contains it, otherwise the only one of that name.
+fn referenced_parameter<'a>(
+    pages: &'a [Page],
+    from: &str,
+    name: &str,
+) -> Option<(&'a Page, &'a Parameter)> {
     let find = |path: &str| {
         pages.iter().find_map(|page| {
             let hit = page.parameters.iter().find(|p| p.path == path)?;

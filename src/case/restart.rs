@@ -6,7 +6,7 @@
 use base::error::{Problem, Severity};
 use serde_json::{Map, Value, json};
 
-/// A field, or all fields below it, that a restart may change.
+/// Field, or all fields below it, that a restart may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Changeable {
     /// Path as in messages; `[*]` is any item of a list. The path includes everything below it.
@@ -15,143 +15,143 @@ pub struct Changeable {
     pub effect: &'static str,
 }
 
-const fn may(path: &'static str, effect: &'static str) -> Changeable {
+const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
     Changeable { path, effect }
 }
 
 /// Fields that a restart may change.
 pub const CHANGEABLE: [Changeable; 41] = [
-    may("title", "changes a name only"),
-    may("description", "changes a text only"),
-    may(
+    changeable("title", "changes a name only"),
+    changeable("description", "changes a text only"),
+    changeable(
         "time.end",
         "a later end extends the run, even a finished one",
     ),
-    may("time.neighbour_skin", "affects the cost only"),
-    may("domain.split", "affects the cost only"),
-    may("domain.slab_bounds", "affects the cost only"),
-    may(
+    changeable("time.neighbour_skin", "affects the cost only"),
+    changeable("domain.split", "affects the cost only"),
+    changeable("domain.slab_bounds", "affects the cost only"),
+    changeable(
         "output",
         "takes effect from the checkpoint on; averages whose first sample comes after the checkpoint start \
          again, all others keep `from` and `sample_every`",
     ),
-    may("probes", "from the checkpoint on"),
-    may("checkpoint", "from the checkpoint on"),
-    may("guards", "from the checkpoint on"),
-    may(
+    changeable("probes", "from the checkpoint on"),
+    changeable("checkpoint", "from the checkpoint on"),
+    changeable("guards", "from the checkpoint on"),
+    changeable(
         "analysis.erosion_law.end_at_eroded_fraction",
         "changes when the run ends",
     ),
-    may(
+    changeable(
         "analysis.element_test",
         "evaluates the records of the whole run at its end",
     ),
-    may(
+    changeable(
         "walls",
         "walls may be added, removed, and change their velocity and servo; a wall that remains keeps its shape, \
          material and times",
     ),
-    may(
+    changeable(
         "box_walls",
         "walls on faces of the domain may be added and removed",
     ),
-    may(
+    changeable(
         "regions",
         "regions may be added, removed and changed; a region that keeps its name keeps its counts",
     ),
-    may("gravity", "takes effect at once"),
-    may(
+    changeable("gravity", "takes effect at once"),
+    changeable(
         "fluid.lattice_boltzmann.body_force",
         "takes effect at once; phases count from the start of the run",
     ),
-    may("fluid.lattice_boltzmann.device", "affects the cost only"),
-    may(
+    changeable("fluid.lattice_boltzmann.device", "affects the cost only"),
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].name",
         "changes a name only",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.profile",
         "takes effect at once",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.ramp_time",
         "counts from the first step of the fluid",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.velocity.turbulence",
         "takes effect at once",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.pressure.value",
         "takes effect at once, unless a ramp is in progress",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.pressure.ramp",
         "counts from the first step of the fluid",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.moving_wall.velocity",
         "takes effect at once",
     ),
-    may(
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.convective_outflow.velocity",
         "takes effect at once",
     ),
-    may("fluid.darcy.boundaries[*].name", "changes a name only"),
-    may(
+    changeable("fluid.darcy.boundaries[*].name", "changes a name only"),
+    changeable(
         "fluid.darcy.boundaries[*].condition.pressure.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.boundaries[*].condition.head.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.boundaries[*].condition.flux.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.boundaries[*].condition.rain.rate",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.boundaries[*].condition.discharge.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.boundaries[*].condition.evaporation.rate",
         "takes effect at the next coupling",
     ),
-    may("fluid.darcy.drains[*].name", "changes a name only"),
-    may(
+    changeable("fluid.darcy.drains[*].name", "changes a name only"),
+    changeable(
         "fluid.darcy.drains[*].condition.pressure.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.drains[*].condition.head.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.drains[*].condition.flux.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.drains[*].condition.discharge.value",
         "takes effect at the next coupling",
     ),
-    may(
+    changeable(
         "fluid.darcy.tolerance",
         "applies to the pressure solver from the checkpoint on",
     ),
-    may(
+    changeable(
         "fluid.darcy.max_iterations",
         "applies to the pressure solver from the checkpoint on",
     ),
-    may("accuracy", "has no effect: the choices at the start remain"),
+    changeable("accuracy", "has no effect: the choices at the start remain"),
 ];
 
 /// Reasons why the other fields may not change, by the first matching beginning of the path.
-const KEPT: [(&str, &str); 12] = [
+const FIXED_FIELDS: [(&str, &str); 12] = [
     (
         "domain",
         "the saved state belongs to the cells of this domain",
@@ -214,7 +214,7 @@ fn differences<'a>(
 }
 
 /// Returns `true` if a path is equal to this pattern or below it.
-fn fits(pattern: &str, path: &str) -> bool {
+fn matches_pattern(pattern: &str, path: &str) -> bool {
     let mut rest = path;
     for (n, part) in pattern.split("[*]").enumerate() {
         if n > 0 {
@@ -243,12 +243,17 @@ pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     differences(old, new, "", &mut found);
     let (mut changed, mut refused) = (Vec::new(), Vec::new());
     for (path, old, new) in found {
-        if let Some(reason) = forbidden(&path, new) {
+        if let Some(reason) = refusal_of(&path, new) {
             refused.push(problem(path, old, new, reason));
-        } else if CHANGEABLE.iter().any(|one| fits(one.path, &path)) {
+        } else if CHANGEABLE
+            .iter()
+            .any(|one| matches_pattern(one.path, &path))
+        {
             changed.push(path);
         } else {
-            let kept = KEPT.iter().find(|(pattern, _)| fits(pattern, &path));
+            let kept = FIXED_FIELDS
+                .iter()
+                .find(|(pattern, _)| matches_pattern(pattern, &path));
             let reason = kept.map_or("the saved state depends on it", |(_, reason)| *reason);
             refused.push(problem(path, old, new, reason));
         }
@@ -257,7 +262,7 @@ pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
 }
 
 /// Returns why a change within a changeable field is not possible with the saved state; none if it is.
-fn forbidden(path: &str, new: &Value) -> Option<&'static str> {
+fn refusal_of(path: &str, new: &Value) -> Option<&'static str> {
     let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
     let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
         || path == "output.grains" && asked("/displacement");
@@ -299,7 +304,7 @@ pub fn mark(mut schema: Value) -> Value {
     schema
 }
 
-/// Returns the JSON pointer of a field's schema.
+/// Returns the JSON pointer of the schema of the field at a path.
 fn locate(root: &Value, path: &str) -> Option<String> {
     let mut at = String::new();
     for part in path.split('.') {
@@ -309,17 +314,17 @@ fn locate(root: &Value, path: &str) -> Option<String> {
         };
         at = property(root, &at, key)?;
         if item {
-            at = format!("{}/items", follow(root, &at)?);
+            at = format!("{}/items", resolve_pointer(root, &at)?);
         }
     }
     Some(at)
 }
 
-/// Returns the pointer of the schema after resolving `$ref`, optional fields and annotated values.
-fn follow(root: &Value, at: &str) -> Option<String> {
+/// Returns the JSON pointer of the schema after resolving `$ref`, optional fields and annotated values.
+fn resolve_pointer(root: &Value, at: &str) -> Option<String> {
     let node = root.pointer(at)?;
     if let Some(name) = node.get("$ref").and_then(Value::as_str) {
-        return follow(root, name.strip_prefix('#')?);
+        return resolve_pointer(root, name.strip_prefix('#')?);
     }
     if let Some(options) = node.get("anyOf").and_then(Value::as_array) {
         let useful = |option: &Value| {
@@ -328,14 +333,14 @@ fn follow(root: &Value, at: &str) -> Option<String> {
                 && reference.is_none_or(|name| !name.ends_with("Annotated"))
         };
         let n = options.iter().position(useful)?;
-        return follow(root, &format!("{at}/anyOf/{n}"));
+        return resolve_pointer(root, &format!("{at}/anyOf/{n}"));
     }
     Some(at.to_owned())
 }
 
 /// Returns the property of this name of an object, or of one of its variants.
 fn property(root: &Value, at: &str, key: &str) -> Option<String> {
-    let at = follow(root, at)?;
+    let at = resolve_pointer(root, at)?;
     let direct = format!("{at}/properties/{key}");
     if root.pointer(&direct).is_some() {
         return Some(direct);
@@ -391,8 +396,10 @@ mod tests {
     fn the_same_numbers_written_otherwise_do_not_differ() {
         let (changed, refused) = compare(&json!({"a": 1, "b": null}), &json!({"a": 1.0}));
         assert!(changed.is_empty() && refused.is_empty());
-        assert!(fits("a.b[*].c", "a.b[12].c[0].d") && !fits("a.b[*].c", "a.b.c"));
-        assert!(!fits("time.end", "time.ending"));
+        assert!(
+            matches_pattern("a.b[*].c", "a.b[12].c[0].d") && !matches_pattern("a.b[*].c", "a.b.c")
+        );
+        assert!(!matches_pattern("time.end", "time.ending"));
     }
 
     #[test]

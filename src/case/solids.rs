@@ -159,7 +159,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Returns `true` for a disc or a sphere.
+    /// Returns `true` if the shape is a disc or a sphere.
     #[must_use]
     pub fn round(&self) -> bool {
         matches!(self, Self::Disc { .. } | Self::Sphere { .. })
@@ -170,7 +170,7 @@ impl Shape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Motion {
-    /// At rest.
+    /// No motion.
     Fixed {},
     /// Prescribed velocity, independent of the forces.
     Driven {

@@ -37,13 +37,13 @@ pub enum Stops {
 }
 
 impl Stops {
-    /// Returns `true` if it stops water.
+    /// Returns `true` if the structure stops water.
     #[must_use]
     pub fn water(self) -> bool {
         self != Self::Grains
     }
 
-    /// Returns `true` if it stops grains and blocks.
+    /// Returns `true` if the structure stops grains and blocks.
     #[must_use]
     pub fn grains(self) -> bool {
         self != Self::Water

@@ -227,13 +227,13 @@ pub fn brief(value: &Value) -> String {
 struct Head(Vec<u8>);
 
 impl Head {
-    /// Maximum number of bytes: enough for 61 characters.
-    const MOST: usize = 256;
+    /// Maximum number of bytes that are kept: enough for 61 characters.
+    const MAX_BYTES: usize = 256;
 }
 
 impl std::io::Write for Head {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let room = Self::MOST - self.0.len();
+        let room = Self::MAX_BYTES - self.0.len();
         if room == 0 {
             return Err(std::io::ErrorKind::StorageFull.into());
         }

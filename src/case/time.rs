@@ -69,7 +69,7 @@ impl Default for SolidSteps {
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Auto {
-    /// Chosen by the program.
+    /// Number chosen by the program.
     Auto,
 }
 

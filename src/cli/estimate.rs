@@ -1,8 +1,8 @@
 //! `solver estimate`, and its costs in `solver plan`.
 
 use super::{
-    CaseArgs, Stability, first_rank, folder_of, judge, judged, list, prepare, pretty, print, usage,
-    walltime,
+    CaseArgs, Stability, first_rank, folder_of, list, prepare, pretty, print, print_verdict,
+    report_with_verdict, usage, walltime,
 };
 use base::error::Error;
 use clap::{Args, value_parser};
@@ -71,7 +71,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
     if !case.json {
         list(&plan.warnings);
     }
-    judge(&plan.warnings, &case, stability)?;
+    print_verdict(&plan.warnings, &case, stability)?;
     let usual = || {
         let mut folder = folder_of(&case.case).into_os_string();
         folder.push("-estimate");
@@ -103,7 +103,7 @@ pub(super) fn command(arguments: Arguments) -> Result<(), Error> {
         }
         Ok(())
     });
-    judged(outcome, &case.case)
+    report_with_verdict(outcome, &case.case)
 }
 
 /// Returns the number of threads of each rank: as given, otherwise the rank's share of the cores of this machine.
@@ -118,7 +118,10 @@ fn threads_of_each(asked: Option<u16>, jobs: u32, ranks: u32) -> u32 {
 pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
     match Members::for_case(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_lines(),
-        Err(error) => format!("\n`solver estimate` is not possible: {}", why(&error)),
+        Err(error) => format!(
+            "\n`solver estimate` is not possible: {}",
+            first_reason(&error)
+        ),
     }
 }
 
@@ -126,12 +129,12 @@ pub(super) fn costs(plan: &Plan, stability: Stability) -> String {
 pub(super) fn costs_as_data(plan: &Plan, stability: Stability) -> Value {
     match Members::for_case(plan, false, true, stability.allow_unstable) {
         Ok(members) => members.cost_json(),
-        Err(error) => json!({"impossible": why(&error)}),
+        Err(error) => json!({"impossible": first_reason(&error)}),
     }
 }
 
 /// Returns the first reason.
-fn why(error: &Error) -> String {
+fn first_reason(error: &Error) -> String {
     match error {
         Error::Case(problems) => problems
             .first()

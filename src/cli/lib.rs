@@ -58,7 +58,7 @@ struct Cli {
     command: Command,
 }
 
-/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more.
+/// Version with the commit, by which a sweep recognises members of the same program. `--version` prints more details.
 static VERSION: LazyLock<String> =
     LazyLock::new(|| format!("{} ({})", provenance::VERSION, provenance::commit()));
 
@@ -398,13 +398,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         cli.command,
         Command::Run(_) | Command::Restart { .. } | Command::CriticalGradient(_)
     );
-    if runs && let Err(error) = watch::hear() {
+    if runs && let Err(error) = watch::catch_signals() {
         return ended(Err(error));
     }
-    ended(carry_out(cli.command, begun))
+    ended(run_command(cli.command, begun))
 }
 
-fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
+fn run_command(command: Command, begun: Instant) -> Result<(), Error> {
     match command {
         Command::Run(arguments) => start(arguments, begun),
         Command::Validate { case, stability } => validate(&case, stability),
@@ -432,15 +432,15 @@ fn carry_out(command: Command, begun: Instant) -> Result<(), Error> {
             json,
         } => {
             let options = options(run, json, begun);
-            judged(
+            report_with_verdict(
                 simulation::run::restart(&directory, &set, options),
                 &directory,
             )
         }
-        Command::Completions { shell } => put(&manual::completions::<Cli>(shell)),
+        Command::Completions { shell } => write_output(&manual::completions::<Cli>(shell)),
         Command::Man => {
             let page = manual::page::<Cli>();
-            put(&page.map_err(|e| Error::Internal(format!("the manual page: {e}")))?)
+            write_output(&page.map_err(|e| Error::Internal(format!("the manual page: {e}")))?)
         }
         Command::Picture { run, options } => print(&figures::picture::picture(&run, &options)?),
         Command::Sweep {
@@ -494,7 +494,7 @@ fn search(arguments: CriticalArgs, begun: Instant) -> Result<(), Error> {
         allow_unstable: arguments.stability.allow_unstable,
     };
     let found = critical_gradient::command(&search, case.json);
-    judged(found.and_then(|text| print(&text)), &case.case)
+    report_with_verdict(found.and_then(|text| print(&text)), &case.case)
 }
 
 /// Reports an error and returns the exit code.
@@ -516,7 +516,7 @@ fn ended(result: Result<(), Error>) -> i32 {
     }
 }
 
-/// Delay of the other ranks behind the first one, which reports the error.
+/// Delay of the other ranks behind the first rank, which reports the error.
 const SILENT_RANKS_WAIT: Duration = Duration::from_millis(500);
 
 /// Adds the default command: `solver case.json` is `solver run case.json`.
@@ -554,8 +554,8 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
         allow_unstable: options.allow_unstable,
     };
     let accept = |plan: &Plan| {
-        show(plan, case)?;
-        judge(&plan.warnings, case, stability)
+        print_plan(plan, case)?;
+        print_verdict(&plan.warnings, case, stability)
     };
     if !Verdict::from_findings(&plan.warnings).runs(stability.allow_unstable) {
         return accept(&plan);
@@ -568,7 +568,7 @@ fn start(arguments: StartArgs, begun: Instant) -> Result<(), Error> {
         accept(plan)
     });
     match outcome {
-        Err(Error::Case(problems)) if !accepted => refuse(problems, case),
+        Err(Error::Case(problems)) if !accepted => list_problems(problems, case),
         outcome => report_problems(outcome),
     }
 }
@@ -611,8 +611,8 @@ fn report_problems(outcome: Result<(), Error>) -> Result<(), Error> {
     outcome
 }
 
-/// Reports problems like [`report_problems`], with the verdict on a case that only the work itself has read.
-fn judged(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
+/// Reports problems like [`report_problems`], with the verdict on a case that has not been read before.
+fn report_with_verdict(outcome: Result<(), Error>, name: &Path) -> Result<(), Error> {
     let outcome = report_problems(outcome);
     if let Err(Error::Case(findings)) = &outcome {
         report_error(&refusal(findings, name));
@@ -655,7 +655,7 @@ fn validate(case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     } else {
         list(&plan.warnings);
     }
-    judge(&plan.warnings, case, stability)
+    print_verdict(&plan.warnings, case, stability)
 }
 
 fn plan(arguments: &PlanArgs) -> Result<(), Error> {
@@ -674,7 +674,7 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     if pilot {
         plan = match piloted(&plan, case) {
             Ok(plan) => plan,
-            Err(error) => return judged(Err(error), &case.case),
+            Err(error) => return report_with_verdict(Err(error), &case.case),
         };
     }
     plan.on_machine(simulation::calibration::machine(&plan));
@@ -685,17 +685,17 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
         plan.on_cores(ranks, threads, crowded);
     }
     if case.json {
-        let mut tree = shown(&plan);
+        let mut tree = plan_as_data(&plan);
         tree["uncertainty_estimate"] = estimate::costs_as_data(&plan, stability);
         print(&pretty(&tree))?;
     } else {
-        show(&plan, case)?;
+        print_plan(&plan, case)?;
         print(&estimate::costs(&plan, stability))?;
         if details {
             print(&plan.details())?;
         }
     }
-    judge(&plan.warnings, case, stability)
+    print_verdict(&plan.warnings, case, stability)
 }
 
 /// Runs the pilot of a case, writes it to the folder of the case, and returns the plan with its results.
@@ -727,9 +727,9 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
 }
 
 /// Prints the findings, then the plan.
-fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
+fn print_plan(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
     if case.json {
-        print(&pretty(&shown(plan)))
+        print(&pretty(&plan_as_data(plan)))
     } else {
         list(&plan.warnings);
         print(&plan.to_string())
@@ -737,7 +737,7 @@ fn show(plan: &Plan, case: &CaseArgs) -> Result<(), Error> {
 }
 
 /// Returns the plan and its verdict as data.
-fn shown(plan: &Plan) -> serde_json::Value {
+fn plan_as_data(plan: &Plan) -> serde_json::Value {
     let mut tree = serde_json::to_value(plan).unwrap_or_default();
     tree["verdict"] = Verdict::from_findings(&plan.warnings).name().into();
     tree
@@ -759,7 +759,7 @@ fn report(findings: &[Problem], stability: Stability) -> serde_json::Value {
 ///
 /// # Errors
 /// If the case is not run, [`Error::Case`].
-fn judge(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
+fn print_verdict(findings: &[Problem], case: &CaseArgs, stability: Stability) -> Result<(), Error> {
     let accepted = Verdict::from_findings(findings).runs(stability.allow_unstable);
     if !accepted {
         if !case.json {
@@ -792,14 +792,14 @@ fn prepare(case: &CaseArgs) -> Result<Plan, Error> {
     let directory = path.parent().unwrap_or(Path::new(""));
     Document::read(&text, &case.set, directory)
         .and_then(Plan::prepare)
-        .or_else(|problems| refuse(problems, case))
+        .or_else(|problems| list_problems(problems, case))
 }
 
 /// Lists problems with the verdict.
 ///
 /// # Errors
 /// If nothing else fails, [`Error::Case`] with the problems; otherwise the error of the output.
-fn refuse<T>(problems: Vec<Problem>, case: &CaseArgs) -> Result<T, Error> {
+fn list_problems<T>(problems: Vec<Problem>, case: &CaseArgs) -> Result<T, Error> {
     if case.json {
         let stability = Stability {
             allow_unstable: false,
@@ -861,8 +861,8 @@ fn pretty(value: &impl serde::Serialize) -> String {
     serde_json::to_string_pretty(value).unwrap_or_default()
 }
 
-/// `true` for the first rank: launchers set the rank before MPI starts. Batch systems also set it in the environment of
-/// a shell: there it counts only with a number of ranks above it.
+/// `true` for the first rank. Launchers set the rank before MPI starts. Batch systems also set the variable in the
+/// environment of a shell: a rank counts only if a number of ranks above it is set as well.
 fn first_rank() -> bool {
     let number = |name: &str| std::env::var(name).ok()?.trim().parse::<u64>().ok();
     let ranks: [(&str, &[&str]); 3] = [
@@ -886,11 +886,11 @@ fn print(text: &str) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }
-    put(format!("{}\n", printable_lines(text)).as_bytes())
+    write_output(format!("{}\n", printable_lines(text)).as_bytes())
 }
 
 /// Writes bytes to the standard output; a closed output is not an error.
-fn put(bytes: &[u8]) -> Result<(), Error> {
+fn write_output(bytes: &[u8]) -> Result<(), Error> {
     if !first_rank() {
         return Ok(());
     }

@@ -30,8 +30,8 @@ use slab::Slab;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Owner tag of cells outside the domain or in a structure, which the faces and the structures treat. The highest
-/// bit of owners is reserved.
+/// Owner tag of cells outside the domain or in a structure, which belong to no body. The highest bit of owners is
+/// reserved.
 const OUTSIDE: u32 = u32::MAX >> 1;
 /// Maximum id plus one: ids below it have tags between [`FLUID`] and [`OUTSIDE`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
@@ -78,8 +78,8 @@ pub struct Rules {
     pub hydraulic_radius_factor: f64,
     /// Id of the first grain: bodies with a lower id keep their own radius.
     pub first_grain: u64,
-    /// Minimum number of solid neighbours with which a fluid cell does not feel the velocity of the walls; none for
-    /// never.
+    /// Minimum number of solid neighbours with which a fluid cell ignores the velocity of the walls; none if no cell
+    /// does.
     pub isolated: Option<usize>,
     /// `true` if links read the cell behind their outer end, two cells from the body: interpolation needs fluid
     /// there.
@@ -96,16 +96,16 @@ struct Mapped {
     radius: f64,
     /// Quaternion of a polyhedron at the time of mapping.
     orientation: [f64; 4],
-    /// Displacement below which its cells cannot change; negative if it is not mapped yet.
+    /// Displacement below which the cells of the body cannot change; negative if the body is not mapped yet.
     slack: f64,
     nearest: Nearest,
-    /// `true` if it overlaps cells of another body: it is mapped again whenever any body is.
+    /// `true` if the body overlaps cells of another body: it is mapped again whenever any body is.
     shares: bool,
-    /// `true` if it must be mapped again in this update.
+    /// `true` if the body must be mapped again in this update.
     again: bool,
     /// Cells in local coordinates, including those that belong to a body of lower id or a structure.
     rows: Rows,
-    /// Buffer for the next search; after a search with a different result, the previous cells.
+    /// Buffer for the next search. After a search with a different result it contains the previous cells.
     other: Rows,
 }
 
@@ -126,7 +126,7 @@ pub struct BodyMap {
     entries: HashMap<u32, Vec<u32>>,
     /// Indices of the bodies that share cells.
     sharing: Vec<usize>,
-    /// `true` if the entries at the last refresh are those mapped, image by image.
+    /// `true` if the entries at the last refresh are those mapped, including their images.
     adopted: bool,
     links: Vec<Vec<BodyLink>>,
     directions: Vec<Direction>,
@@ -135,7 +135,7 @@ pub struct BodyMap {
     /// there are no polyhedra.
     blocks: Vec<Turned>,
     changes: Vec<Change>,
-    again: Vec<Again>,
+    again: Vec<RemapRequest>,
     relink: Vec<AtomicBool>,
     /// Results of the search for each run of bodies.
     found: Vec<Found>,
@@ -148,11 +148,11 @@ pub struct BodyMap {
 
 /// Body that is mapped again.
 #[derive(Clone, Copy, Debug)]
-struct Again {
+struct RemapRequest {
     body: usize,
-    /// `true` if its cells have changed.
+    /// `true` if the cells of the body have changed.
     moved: bool,
-    /// `true` if it shared cells before.
+    /// `true` if the body shared cells with another body before.
     shared: bool,
 }
 
@@ -207,8 +207,8 @@ impl BodyMap {
         }
     }
 
-    /// Excludes bodies from the cells of structures and from the links that sheets cut (index of the cell,
-    /// direction). Call it before any body is mapped.
+    /// Excludes bodies from the cells of structures and from the links that sheets cut (index of the cell, direction).
+    /// Must be called before any body is mapped.
     pub fn stand_in(
         &mut self,
         cells: impl Iterator<Item = [i32; 3]>,
@@ -332,7 +332,7 @@ impl BodyMap {
     /// Maps the bodies that moved. With `loads`, a body gains the momentum of fluid cells that it covers and loses
     /// that of cells that it uncovers (Aidun, Lu and Ding 1998).
     ///
-    /// Call after [`Self::refresh`].
+    /// Must be called after [`Self::refresh`].
     pub fn update_bodies<Sp: Space, S: Stored>(
         &mut self,
         particles: &Particles<Sp>,
@@ -349,14 +349,14 @@ impl BodyMap {
         if !self.adopted {
             self.assign_maps(particles);
         }
-        self.look_again();
+        self.recheck_moved_bodies();
         if self.again.is_empty() && self.changes.is_empty() {
             return;
         }
         // The owners of cells shared by several bodies are determined again.
         for &body in &self.sharing {
             if !self.bodies[body].again {
-                self.again.push(Again {
+                self.again.push(RemapRequest {
                     body,
                     moved: false,
                     shared: true,

@@ -51,8 +51,8 @@ pub struct BounceBack<Sp: Space, S: Stored> {
     settings: BounceBackSettings,
     loads: Vec<Load>,
     owned: usize,
-    /// Motions for which the gradients of the eddy viscosity have the links.
-    told: Vec<Rigid>,
+    /// Motions of the bodies when the links were last registered with the gradients of the eddy viscosity.
+    registered_motions: Vec<Rigid>,
     /// `true` if the fluid is in its initial state, the grains have no loads yet, and the map does not exist yet.
     fresh: bool,
     space: PhantomData<Sp>,
@@ -84,7 +84,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
             settings,
             loads: Vec::new(),
             owned: 0,
-            told: Vec::new(),
+            registered_motions: Vec::new(),
             fresh: true,
             space: PhantomData,
         }
@@ -122,11 +122,11 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         if self.fluid.velocities().is_none() {
             return;
         }
-        if self.map.is_as_before() && self.told == self.map.motion() {
+        if self.map.is_as_before() && self.registered_motions == self.map.motion() {
             return;
         }
-        self.told.clear();
-        self.told.extend_from_slice(self.map.motion());
+        self.registered_motions.clear();
+        self.registered_motions.extend_from_slice(self.map.motion());
         let (links, motion) = (self.map.links(), self.map.motion());
         if Sp::DIMENSION == 2 {
             self.fluid.know_links::<2>(links, motion);

@@ -26,7 +26,7 @@ use lbm::saturation::{Cover, CoveringBody, DEEP};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Body id and periodic image.
+/// Id of a body, and its periodic image.
 type Name = (u64, [i32; 3]);
 
 /// Body, or periodic image of a body, near this slab.
@@ -34,9 +34,9 @@ type Name = (u64, [i32; 3]);
 struct Mapped {
     name: Name,
     slot: u32,
-    /// Pose at the time of mapping; none before the first time.
+    /// Pose at the time of mapping; none before the first mapping.
     at: Option<Pose>,
-    /// Cells, and cells after the next update.
+    /// Cells of the body at the last update; then buffer for the cells at the next update.
     cells: Runs,
     next: Runs,
     /// Surface of a polyhedron; without faces for a disc or sphere.
@@ -111,16 +111,16 @@ pub struct CoverMap {
     /// `true` for cells of structures, by position: bodies do not cover these. Empty without structures.
     closed: Vec<bool>,
     /// `true` if bodies have moved since their cells were marked.
-    behind: bool,
+    outdated: bool,
     /// Buffers, reused between updates.
     pieces: Vec<Piece>,
     scratch: Vec<Scratch>,
 }
 
-/// Maximum number of bodies that are divided among threads by planes; more of them are distributed as a whole.
+/// Maximum number of bodies that are divided among threads by planes; larger numbers are distributed as whole bodies.
 const FEW: usize = 16;
 
-/// Some planes of a body, and the cells covered in them.
+/// Planes of a body that one thread maps, and the cells covered in them.
 #[derive(Debug, Default)]
 struct Piece {
     body: usize,
@@ -159,13 +159,13 @@ impl CoverMap {
             entries: Vec::new(),
             alone: Alone::default(),
             closed: Vec::new(),
-            behind: false,
+            outdated: false,
             pieces: Vec::new(),
             scratch: Vec::new(),
         }
     }
 
-    /// Excludes bodies from the cells of structures, given by position. Call it before any body is mapped.
+    /// Excludes bodies from the cells of structures, given by position. Must be called before any body is mapped.
     pub fn close<S: Stored>(
         &mut self,
         cells: impl Iterator<Item = usize>,
@@ -184,7 +184,7 @@ impl CoverMap {
     }
 
     /// Returns the positions of the cells and ghost cells that bodies fill in part or completely, except those deep
-    /// inside: those of one thread.
+    /// inside: the part of them that belongs to one thread.
     pub fn surface_cells(&self, thread: usize, threads: usize) -> impl Iterator<Item = usize> {
         let share = move |body| Runs::cells_of_thread(body, thread, threads);
         let cells = self.bodies.iter().flat_map(move |body| share(&body.cells));
@@ -193,7 +193,7 @@ impl CoverMap {
             .map(|(position, _)| position)
     }
 
-    /// Returns the positions of all cells and ghost cells that bodies fill in part or completely; those of several
+    /// Returns the positions of all cells and ghost cells that bodies fill in part or completely. Cells of several
     /// bodies occur several times.
     pub fn filled_cells(&self) -> impl Iterator<Item = usize> {
         let cells = self
@@ -238,7 +238,7 @@ impl CoverMap {
             };
             balls &= block.is_none();
             body.moved |= body.at != Some(pose);
-            self.behind |= body.moved;
+            self.outdated |= body.moved;
             body.at = Some(pose);
             if let (true, Some((shape, state))) = (body.moved, block) {
                 let rotation = state.matrix();
@@ -275,7 +275,7 @@ impl CoverMap {
 
     /// Covers the cells at the present poses of the bodies, if bodies have moved since the last call.
     pub fn cover_cells(&mut self, cover: &mut Cover) {
-        if !std::mem::take(&mut self.behind) {
+        if !std::mem::take(&mut self.outdated) {
             return;
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);

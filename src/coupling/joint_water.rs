@@ -1,8 +1,6 @@
-//! Water in the joints between blocks as a fluid of a run: driven by pressures at its mouths, with its pressure as
-//! the load on the blocks.
-//!
-//! Every rank has the whole network and makes the same step; each sets the loads of the blocks that it owns. Blocks
-//! that can move are moved together with the water ([`moving`]), on every rank alike.
+//! Water in the joints between blocks as a fluid of a run: driven by pressures at its mouths, with its pressure as the
+//! load on the blocks. Every rank has the whole network and makes the same step; each rank sets the loads of the blocks
+//! that it owns. Blocks that can move are moved together with the water ([`moving`]), in the same way on every rank.
 
 mod moving;
 #[cfg(test)]
@@ -30,8 +28,8 @@ use nalgebra::Vector3;
 pub struct MouthFront {
     /// Pressure at the datum over time.
     pub pressure: PressureHistory,
-    /// Lower and upper corner of the box of its edges \[m\]: lower faces belong to it, upper ones do not. The pressure
-    /// is that at its centre; elsewhere it is hydrostatic relative to it.
+    /// Lower and upper corner of the box of the edges \[m\]: lower faces belong to the box, upper faces do not. The
+    /// pressure applies at the centre of the box; elsewhere it is hydrostatic relative to the centre.
     pub region: [[f64; 3]; 2],
     /// `true` if the water also presses on blocks that can move, where no joint covers them.
     pub presses_on_blocks: bool,
@@ -55,46 +53,46 @@ impl MouthFront {
         (0..3).map(|axis| apart(axis).powi(2)).sum()
     }
 
-    /// Returns the pressure at a point \[m\] and time \[s\]. `weight`: that of the water per volume [N/m³].
+    /// Returns the pressure at a point \[m\] and time \[s\]; `weight` is the weight of the water per volume [N/m³].
     fn pressure_at(&self, point: &Vector3<f64>, weight: &Vector3<f64>, time: f64) -> f64 {
         let [from, to] = self.region.map(Vector3::from);
         self.pressure.value(time) + weight.dot(&(point - 0.5 * (from + to)))
     }
 }
 
-/// An open piece of an edge.
+/// Open piece of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MouthAt {
-    /// Middle \[m\].
+    /// Midpoint of the piece \[m\].
     pub middle: Vector3<f64>,
-    /// Direction out of the joint.
+    /// Unit vector out of the joint.
     pub outward: Vector3<f64>,
     /// Normal of the joint.
     pub normal: Vector3<f64>,
 }
 
-/// An open piece of an edge that is closed from the beginning: the faces of its joint, and its direction.
+/// Open piece of an edge that stays closed: the faces of its joint, and its direction out of the joint.
 type ClosedEdge = ([RockFace; 2], Vector3<f64>);
 
 /// Mouths of a network, and the open pieces of edges that belong to them.
 #[derive(Clone, Debug)]
 pub struct Mouths {
-    /// The mouths.
+    /// Mouths in the order of the case.
     pub list: Vec<MouthFront>,
     /// Mouth of each open piece; none for a closed piece.
     pub of_piece: Vec<Option<usize>>,
-    /// Weight of the water per volume and direction [N/m³].
+    /// Weight of the water per volume as a vector [N/m³].
     pub weight: Vector3<f64>,
-    /// Middles of the open pieces \[m\].
+    /// Midpoints of the open pieces \[m\].
     middles: Vec<Vector3<f64>>,
     /// Edges in front of which there is no water.
     closed: Vec<ClosedEdge>,
-    /// Pressures in front of the open pieces from a lattice \[Pa\]; none where the mouths give them.
+    /// Pressures in front of the open pieces from a lattice \[Pa\]; none if the mouths give the pressures.
     fronts: Option<Vec<Option<f64>>>,
 }
 
 impl Mouths {
-    /// Returns the mouths of a network at the start of a run. `weight`: that of the water per volume [N/m³].
+    /// Returns the mouths of a network at the start of a run; `weight` is the weight of the water per volume [N/m³].
     #[must_use]
     pub fn new(list: Vec<MouthFront>, weight: Vector3<f64>, network: &Network) -> Self {
         let of = |middle: &Vector3<f64>| list.iter().position(|mouth| mouth.contains(middle));
@@ -112,9 +110,9 @@ impl Mouths {
         }
     }
 
-    /// Takes the open pieces of a network of blocks that have moved. Edges that the motion uncovers belong to the mouth
-    /// whose box is nearest.
-    fn follow(&mut self, network: &Network) {
+    /// Assigns mouths to the open pieces of a network of blocks that have moved. Edges that the motion uncovers belong
+    /// to the mouth whose box is nearest.
+    fn reassign_mouths(&mut self, network: &Network) {
         self.middles = network.open.iter().map(|piece| piece.middle).collect();
         let mouth = |piece: &joints::edges::Piece| {
             let found = self
@@ -154,12 +152,12 @@ impl Drive for Mouths {
 /// Smallest cosine between the directions of an edge before and after a motion.
 const SAME_EDGE: f64 = 0.9;
 
-/// A block of a network.
+/// Block of a network.
 #[derive(Clone, Debug)]
 pub struct NetworkBlock {
     /// Shape and position.
     pub solid: PlacedPolyhedron,
-    /// Density [kg/m³]; none if it never moves.
+    /// Density [kg/m³]; none if the block never moves.
     pub density: Option<f64>,
     /// Velocity [m/s].
     pub velocity: Vector3<f64>,
@@ -172,7 +170,7 @@ pub struct Balance {
     pub initial: f64,
     /// Volume of water that entered through the mouths since the beginning, minus that which left \[m³\].
     pub entered: f64,
-    /// Water of overlaps that are gone since the beginning, less that of new ones \[m³\].
+    /// Volume of water in overlaps of joints that have vanished since the beginning, minus that in new overlaps \[m³\].
     pub released: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
@@ -186,12 +184,12 @@ const BALANCE: usize = 5;
 pub struct JointWater {
     flow: JointFlow,
     mouths: Mouths,
-    /// Blocks where they are.
+    /// Blocks in their present positions.
     solids: Vec<PlacedPolyhedron>,
     moving: Option<Box<Moving>>,
-    /// Force and torque of a lattice on each block; empty without one.
+    /// Force and torque of a lattice on each block; empty without a lattice.
     of_lattice: Vec<[Vector3<f64>; 2]>,
-    /// Water that goes back to the lattice: mouth, and volume of the last step \[m³\].
+    /// Water that returns to the lattice: index of the mouth, and volume of the last step \[m³\].
     returned: Vec<(usize, f64)>,
     /// Acceleration of gravity on the blocks [m/s²].
     gravity: Vector3<f64>,
@@ -230,10 +228,11 @@ impl JointWater {
         )
     }
 
-    /// Returns the water in joints under a lattice, at the pressure 0. The pressures of `settings` are those of the
-    /// lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²].
+    /// Returns the water in joints under a lattice, initially at pressure 0. The pressures of `settings` are those of
+    /// the lattice, with the gravity that acts there; `gravity` is that on the blocks [m/s²].
     ///
     /// # Errors
+    ///
     /// If there is no steady flow.
     pub fn under_lattice(
         network: Network,
@@ -257,7 +256,7 @@ impl JointWater {
         let moving = Moving::new(blocks, &mouths, &network);
         let movers = moving.as_ref().map_or_else(Vec::new, |m| m.movers(blocks));
         let mut flow = JointFlow::with_movers(network, settings, movers);
-        let settled = flow.settle(&mouths, 0.0);
+        let settled = flow.solve_steady(&mouths, 0.0);
         settled.map_err(|error| Error::Numerical(error.to_string()))?;
         let mut water = Self {
             loads: Vec::new(),
@@ -283,7 +282,7 @@ impl JointWater {
         Ok(water)
     }
 
-    /// Computes loads and extremes from the present pressures.
+    /// Computes loads and extreme values from the present pressures.
     fn measure(&mut self) {
         let pressures = self.flow.pressures();
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
@@ -325,8 +324,8 @@ impl JointWater {
         &self.report
     }
 
-    /// Returns the water that follows from no discharge through a mouth since the beginning, over the largest of the
-    /// water in the network now and at the beginning and of what passed.
+    /// Returns the error of the water balance: the volume in the network that no discharge through a mouth explains,
+    /// divided by the largest of the present volume, the initial volume and the volume that passed.
     #[must_use]
     pub fn mass_error(&self) -> f64 {
         let stored = self.flow.stored();
@@ -408,7 +407,8 @@ impl JointWater {
     }
 }
 
-/// Returns the length of the state in a checkpoint for a network of these counts whose blocks are fixed.
+/// Returns the length of the state in a checkpoint for a network with these numbers of nodes and links whose blocks are
+/// fixed.
 #[must_use]
 pub fn numbers(nodes: usize, links: usize, inertia: bool) -> usize {
     let modes = if inertia { joints::slot::MODES } else { 0 };
@@ -447,7 +447,7 @@ impl JointWater {
         Ok(())
     }
 
-    /// Gives the owned blocks the loads of the water.
+    /// Sets the loads of the water on the owned blocks.
     fn set_loads<S: Space>(&self, particles: &mut Particles<S>) {
         particles.allocate_fluid_loads();
         for k in 0..particles.owned() {
@@ -471,7 +471,7 @@ impl JointWater {
     }
 }
 
-/// Returns blocks as the network reads them.
+/// Returns the blocks in the form that the network reads.
 fn rocks(solids: &[PlacedPolyhedron]) -> Vec<Rock<'_>> {
     fn rock(solid: &PlacedPolyhedron) -> Rock<'_> {
         Rock {

@@ -2,12 +2,12 @@
 //!
 //! The network meets the lattice at its mouths: open pieces of edges whose joint ends in front of a cell of water. In a
 //! step the lattice moves first. The pressures of the cells at the mouths then drive the network, implicitly, as
-//! constants of the step. What left each mouth enters its cell at the end of the step, without velocity, so that the
-//! sum of both waters is kept to rounding; the momentum of the jet out of a joint is left out.
+//! constants of the step. The water that left a mouth enters its cell at the end of the step, without velocity, so that
+//! the total mass of water is conserved to rounding; the momentum of the jet out of a joint is neglected.
 //!
-//! Both act on a block. The lattice presses where links cross its surface, which are those between its cells and cells
-//! of water: none lies in a joint, because no cell has its centre there. The network presses on faces in joints. No
-//! part of a surface has both.
+//! Both waters load a block. The lattice loads its surface at the links between its cells and cells of water; no such
+//! link lies in a joint, because no cell has its centre there. The network loads the faces in joints. No part of a
+//! surface has both loads.
 //!
 //! **Stability.** The discharge that a pressure makes in a step is bounded by the inertia of the water between the
 //! mouth and the first cell of the joint. With an aperture `a` and half a cell of the joint `l` it changes the density
@@ -28,12 +28,12 @@ use dem::space::Space;
 use lbm::lanes::Stored;
 use nalgebra::Vector3;
 
-/// Bytes of a pressure that ranks exchange: number of the mouth, side of the joint, pressure.
+/// Bytes of a pressure that ranks exchange: index of the mouth, side of the joint, pressure.
 const ROW: usize = 24;
-/// Distance of the two points on both sides of a joint where its mouth is searched for water, in cells.
-const BESIDE: f64 = 0.25;
+/// Distance from a mouth of the two points, one on each side of its joint, where water is searched \[cells\].
+const MOUTH_DISTANCE: f64 = 0.25;
 
-/// A lattice with bodies, and the water in the joints between them.
+/// Lattice with bodies, and the water in the joints between them.
 pub struct Jointed<Sp: Space, S: Stored> {
     lattice: BounceBack<Sp, S>,
     joints: JointWater,
@@ -42,7 +42,7 @@ pub struct Jointed<Sp: Space, S: Stored> {
 }
 
 impl<Sp: Space, S: Stored> Jointed<Sp, S> {
-    /// Joins a lattice and the water of joints.
+    /// Combines a lattice and the water in joints.
     #[must_use]
     pub fn new(lattice: BounceBack<Sp, S>, joints: JointWater) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         &mut self.joints
     }
 
-    /// Returns the cell of the domain at a point \[m\]; none outside.
+    /// Returns the cell of the domain that contains a point \[m\]; none outside the domain.
     fn cell_of_domain(&self, point: &Vector3<f64>) -> Option<[usize; 3]> {
         let fluid = LatticeFlow::fluid(&self.lattice);
         let (all, periodic) = (fluid.domain_cells(), fluid.periodic());
@@ -94,7 +94,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         Some(cell)
     }
 
-    /// Returns the cell of the slab that is this one of the domain, if it is here.
+    /// Returns the coordinates in the slab of a cell of the domain, if the slab contains it.
     fn cell_of_slab(&self, cell: [usize; 3]) -> Option<[usize; 3]> {
         let (start, cells) = (self.lattice.start(), self.lattice.cells());
         let mut local = [0; 3];
@@ -107,15 +107,16 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         Some(local)
     }
 
-    /// Returns the two cells in front of a mouth, of which the first with water counts: a joint may lie between them.
+    /// Returns the two cells in front of a mouth, on both sides of its joint. The first of them that contains water
+    /// counts.
     fn cells_before(&self, mouth: &MouthAt) -> [Option<[usize; 3]>; 2] {
         let spacing = self.lattice.units().spacing;
         let point = mouth.middle + mouth.outward * (0.5 * spacing);
-        let beside = mouth.normal * (BESIDE * spacing);
+        let beside = mouth.normal * (MOUTH_DISTANCE * spacing);
         [point + beside, point - beside].map(|point| self.cell_of_domain(&point))
     }
 
-    /// Finds the cell of water in front of each mouth; returns its pressure \[Pa\], none where there is no water.
+    /// Finds the cell of water in front of each mouth and returns its pressure \[Pa\]; none if there is no water.
     /// Collective.
     fn fronts(&mut self, domain: &Domain) -> Vec<Option<f64>> {
         let units = self.lattice.units();
@@ -160,8 +161,8 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         found.iter().map(|front| Some((*front)?.1)).collect()
     }
 
-    /// Gives the cells in front of the mouths the water that left the joints in the last step.
-    fn give_back(&mut self) {
+    /// Adds the water that left the joints in the last step to the cells in front of the mouths.
+    fn return_water(&mut self) {
         let part = self.joints.density_ratio() / self.lattice.units().spacing.powi(3);
         for &(mouth, volume) in self.joints.returned() {
             let cell = self.cells.get(mouth).copied().flatten();
@@ -193,7 +194,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for Jointed<Sp, S> {
         particles: &mut Particles<Sp>,
         domain: &Domain,
     ) -> Result<(), Error> {
-        self.give_back();
+        self.return_water();
         self.lattice.update_bodies(particles, domain)
     }
 }

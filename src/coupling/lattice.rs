@@ -24,14 +24,14 @@ pub struct Balanced<'a> {
 }
 
 impl Balanced<'_> {
-    /// Returns `true` if a cell of the slab is included.
+    /// Returns `true` if the balance includes a cell of the slab.
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
         self.bodies.is_none_or(|map| map.body_at(cell).is_none())
             && self.structures.is_none_or(|map| !map.holds(cell))
     }
 
-    /// Returns `true` if all cells of the slab are included.
+    /// Returns `true` if the balance includes all cells of the slab.
     #[must_use]
     pub fn holds_all(&self) -> bool {
         self.structures.is_none() && self.bodies.is_none_or(BodyMap::is_empty)
@@ -65,9 +65,10 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Returns the fluid for changes of its state.
     fn fluid_mut(&mut self) -> &mut Fluid<S>;
 
-    /// Copies the state of the fluid from a GPU, if it is there ([`Fluid::fetch`]).
+    /// Copies the state of the fluid from the GPU, if the GPU holds it ([`Fluid::fetch`]).
     ///
     /// # Errors
+    ///
     /// If the GPU fails.
     fn fetch(&mut self) -> Result<(), Error> {
         self.fluid_mut().fetch().map_err(Error::Internal)

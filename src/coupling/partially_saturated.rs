@@ -407,7 +407,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
         self.structures.as_deref()
     }
 
-    /// Always returns `false`, never `true`: cells that bodies fill in part exchange populations with all their
+    /// Returns `false` for every cell, never `true`: cells that bodies fill in part exchange populations with all their
     /// neighbours.
     fn enclosed(&self, _: [usize; 3]) -> bool {
         false

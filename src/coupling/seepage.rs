@@ -8,11 +8,9 @@
 //! F = sum over cells of w { -V grad p + b [q - eps v*] }      w: the part of the grain in the cell
 //! ```
 //!
-//! `q` is the superficial velocity of the water in the cell and `eps v*` that of the grain, so that `U = q -
-//! eps v` is the superficial slip. The
-//! coefficient `b(|U|)` of the drag law is taken at the slip of each grain. With the pressure of the whole
-//! water `-V grad p` contains
-//! buoyancy.
+//! `q` is the superficial velocity of the water in the cell and `eps v*` that of the grain, so that `U = q - eps v` is
+//! the superficial slip. The coefficient `b(|U|)` of the drag law is taken at the slip of each grain. The pressure
+//! includes the hydrostatic part, so that `-V grad p` contains buoyancy.
 //!
 //! **Resistance is the reaction.** The water of a cell of volume `V_c` loses the momentum that its grains gain, and
 //! the momentum that stationary walls and solids absorb:
@@ -21,15 +19,12 @@
 //! -eps V_c grad phi = c sum of w b_r [q - eps v*] + eps V_c R q
 //! ```
 //!
-//! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux
-//! `R_bed(|U|)` of the law of resistance, in
-//! dilute water the drag of a grain alone ([`darcy::permeability::PermeabilityFormula::dilute`]), and between them
-//! one passes over into the other
-//! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is
-//! that of the
-//! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like one, however small its cell. `R`
-//! is the resistance of open
-//! water ([`darcy::open_water`]) and of zones without grains.
+//! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux `R_bed(|U|)` of
+//! the law of resistance, in dilute water the drag of a grain alone
+//! ([`darcy::permeability::PermeabilityFormula::dilute`]), and between them a weighted mean
+//! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
+//! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like an isolated sphere, however small its cell. `R` is
+//! the resistance of open water ([`darcy::open_water`]) and of zones without grains.
 //!
 //! **Dilute water.** A few grains do not move the water around them, which is held by its inertia and the walls.
 //! The factor `c` falls from 1 at a solid fraction of 0.05 to 0 at 0.02; the rest of the reaction is counted as
@@ -87,7 +82,7 @@ use base::error::Error;
 use base::thread_pool;
 use bed::Sums;
 use darcy::pressure;
-use darcy::zones::Conduct;
+use darcy::zones::ZonePermeability;
 use darcy::{
     DragLaw, Equations, Liquid, Openness, Permeability, Pores, Pressure, SeepageGrid,
     SolutionReport, Zones,
@@ -101,7 +96,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use water::Water;
 
-/// Closure of momentum above which a run warns.
+/// Closure of momentum, the relative residual of its balance, above which a run warns.
 const OPEN: f64 = 0.1;
 /// Maximum Reynolds number for Darcy's law.
 const DARCY: f64 = 1.0;
@@ -117,12 +112,12 @@ pub struct SeepageSettings {
     pub permeability: Permeability,
     /// The drag law.
     pub drag: DragLaw,
-    /// Form of the equations.
+    /// Law of the drag.
     pub equations: Equations,
     /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
     pub transient: bool,
-    /// `true` if the drag on a grain that it stops within the interval is taken at the end of the interval.
+    /// `true` if the drag on a grain is taken at the end of the interval if it stops the grain within the interval.
     pub semi_implicit: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
@@ -166,7 +161,7 @@ pub struct Seepage<Sp: Space> {
     /// `true` if the porosity of the previous coupling is known.
     has_before: bool,
     /// Permeabilities by zone.
-    zones: Option<(Arc<Zones>, Conduct)>,
+    zones: Option<(Arc<Zones>, ZonePermeability)>,
     report: SolutionReport,
     balance: Balance,
     extremes: Option<Extremes>,
@@ -222,7 +217,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// Adds permeabilities and porosities by zone.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
-        let room = Conduct::new(&zones, self.grid().count());
+        let room = ZonePermeability::new(&zones, self.grid().count());
         self.zones = Some((zones, room));
         self
     }
@@ -437,7 +432,7 @@ impl<Sp: Space> Seepage<Sp> {
             particles.keep_last_velocity();
         }
         let grains = particles.view();
-        self.seep(&grains)?;
+        self.solve_pressure(&grains)?;
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (water, weight) = (&self.water, self.pressure.weight());
         thread_pool::each_item(&mut shares, 1, |_, share| {

@@ -174,7 +174,7 @@ impl StructureMap {
             cut.extend([(near, forth), (far, back)]);
         }
         if let Some(surface) = fluid.surface_mut() {
-            surface.stand_in(solid.into_iter());
+            surface.make_solid(solid.into_iter());
             for (cell, direction) in cut {
                 surface.cut(cell, direction);
             }

@@ -20,12 +20,12 @@ const ROUNDING: f64 = 1e-9;
 
 /// Part of a cell that structures leave to the water.
 #[derive(Clone, Debug)]
-enum Left {
-    /// All of it.
+enum OpenPart {
+    /// Whole cell.
     Water,
-    /// Nothing.
+    /// No part of the cell.
     Solid,
-    /// The sub-cells of its water, x fastest.
+    /// Sub-cells of the water in the cell, x fastest.
     Part(Vec<bool>),
 }
 
@@ -34,21 +34,21 @@ struct Division<'a> {
     grid: &'a SeepageGrid,
     solids: &'a [Arc<Images>],
     /// Number of sub-cells along each axis: 1 along z in 2-D.
-    by: [usize; 3],
+    sub_cells: [usize; 3],
 }
 
 impl Division<'_> {
     fn count(&self) -> usize {
-        self.by.iter().product()
+        self.sub_cells.iter().product()
     }
 
     fn index(&self, sub: [usize; 3]) -> usize {
-        (sub[2] * self.by[1] + sub[1]) * self.by[0] + sub[0]
+        (sub[2] * self.sub_cells[1] + sub[1]) * self.sub_cells[0] + sub[0]
     }
 
     /// Returns the edge of a sub-cell \[m\].
     fn edge(&self, axis: usize) -> f64 {
-        self.grid.spacing[axis] / real(self.by[axis])
+        self.grid.spacing[axis] / real(self.sub_cells[axis])
     }
 
     fn centre(&self, cell: [usize; 3], sub: [usize; 3]) -> [f64; 3] {
@@ -64,13 +64,13 @@ impl Division<'_> {
 
     /// Returns the sub-cells of a layer normal to an axis.
     fn layer(&self, axis: usize, level: usize) -> impl Iterator<Item = [usize; 3]> + '_ {
-        let count = self.count() / self.by[axis];
+        let count = self.count() / self.sub_cells[axis];
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         (0..count).map(move |n| {
             let mut sub = [0; 3];
             sub[axis] = level;
-            sub[a] = n % self.by[a];
-            sub[b] = n / self.by[a];
+            sub[a] = n % self.sub_cells[a];
+            sub[b] = n / self.sub_cells[a];
             sub
         })
     }
@@ -90,7 +90,7 @@ impl Division<'_> {
     }
 
     /// Returns the part of a cell that structures leave to the water.
-    fn left(&self, cell: [usize; 3]) -> Left {
+    fn open_part(&self, cell: [usize; 3]) -> OpenPart {
         let centre = self.grid.centre(cell);
         let dimension = self.grid.dimension;
         let reach = 0.5001
@@ -101,10 +101,10 @@ impl Division<'_> {
         let distances = self.solids.iter().map(|solid| solid.distance(centre));
         let nearest = distances.fold(f64::INFINITY, f64::min);
         if nearest > reach {
-            return Left::Water;
+            return OpenPart::Water;
         }
         if nearest < -reach {
-            return Left::Solid;
+            return OpenPart::Solid;
         }
         // Marks of sub-cells: 1 for solid; 2, 4, 8 for separated from the next sub-cell along an axis.
         let mut marks = vec![0_u8; self.count()];
@@ -112,7 +112,7 @@ impl Division<'_> {
         for axis in 0..dimension {
             let edge = self.edge(axis);
             let near = ROUNDING * edge;
-            let steps = self.by[axis] - 1;
+            let steps = self.sub_cells[axis] - 1;
             for first in self.layer(axis, 0) {
                 self.solid_parts(
                     self.centre(cell, first),
@@ -148,7 +148,7 @@ impl Division<'_> {
     }
 
     /// Returns the largest connected part; among equal ones the first.
-    fn largest(&self, marks: &[u8]) -> Left {
+    fn largest(&self, marks: &[u8]) -> OpenPart {
         let mut part = vec![0_u32; marks.len()];
         let (mut parts, mut best) = (0_u32, (0, 0));
         let mut stack = Vec::new();
@@ -163,13 +163,13 @@ impl Division<'_> {
             while let Some(at) = stack.pop() {
                 size += 1;
                 let sub = [
-                    at % self.by[0],
-                    at / self.by[0] % self.by[1],
-                    at / (self.by[0] * self.by[1]),
+                    at % self.sub_cells[0],
+                    at / self.sub_cells[0] % self.sub_cells[1],
+                    at / (self.sub_cells[0] * self.sub_cells[1]),
                 ];
                 for axis in 0..self.grid.dimension {
-                    let stride: usize = self.by[..axis].iter().product();
-                    let up = (sub[axis] + 1 < self.by[axis]).then(|| (at, at + stride));
+                    let stride: usize = self.sub_cells[..axis].iter().product();
+                    let up = (sub[axis] + 1 < self.sub_cells[axis]).then(|| (at, at + stride));
                     let down = (sub[axis] > 0).then(|| (at - stride, at - stride));
                     for (lower, next) in up.into_iter().chain(down) {
                         if marks[lower] & (2 << axis) == 0
@@ -187,9 +187,9 @@ impl Division<'_> {
             }
         }
         match best {
-            (0, _) => Left::Solid,
-            (size, _) if size == marks.len() => Left::Water,
-            (_, name) => Left::Part(part.iter().map(|p| *p == name).collect()),
+            (0, _) => OpenPart::Solid,
+            (size, _) if size == marks.len() => OpenPart::Water,
+            (_, name) => OpenPart::Part(part.iter().map(|p| *p == name).collect()),
         }
     }
 
@@ -199,21 +199,21 @@ impl Division<'_> {
         &self,
         axis: usize,
         upper: [usize; 3],
-        of: impl Fn([usize; 3]) -> Option<&'a Left>,
+        of: impl Fn([usize; 3]) -> Option<&'a OpenPart>,
     ) -> f64 {
         let mut lower = upper;
         lower[axis] = upper[axis].wrapping_sub(1);
         let [below, above] = [lower, upper].map(of);
-        let whole = |left: Option<&Left>| matches!(left, None | Some(Left::Water));
+        let whole = |left: Option<&OpenPart>| matches!(left, None | Some(OpenPart::Water));
         if [below, above]
             .iter()
-            .any(|left| matches!(left, Some(Left::Solid)))
+            .any(|left| matches!(left, Some(OpenPart::Solid)))
         {
             return 0.0;
         }
         // A sheet may lie between two cells without solids.
-        let wet = |left: Option<&Left>, sub: [usize; 3]| match left {
-            Some(Left::Part(part)) => part[self.index(sub)],
+        let wet = |left: Option<&OpenPart>, sub: [usize; 3]| match left {
+            Some(OpenPart::Part(part)) => part[self.index(sub)],
             other => whole(other),
         };
         let edge = self.edge(axis);
@@ -222,7 +222,7 @@ impl Division<'_> {
         for first in self.layer(axis, 0) {
             all += 1;
             let mut last = first;
-            last[axis] = self.by[axis] - 1;
+            last[axis] = self.sub_cells[axis] - 1;
             if !wet(below, last) || !wet(above, first) {
                 continue;
             }
@@ -251,7 +251,7 @@ impl<'a> Division<'a> {
         Self {
             grid,
             solids,
-            by: std::array::from_fn(|a| if a < grid.dimension { n } else { 1 }),
+            sub_cells: std::array::from_fn(|a| if a < grid.dimension { n } else { 1 }),
         }
     }
 }
@@ -264,17 +264,17 @@ pub fn centre_of_water(
     cell: [usize; 3],
 ) -> Option<[f64; 3]> {
     let division = Division::new(grid, solids);
-    match division.left(cell) {
-        Left::Water => Some(grid.centre(cell)),
-        Left::Solid => None,
-        Left::Part(wet) => {
+    match division.open_part(cell) {
+        OpenPart::Water => Some(grid.centre(cell)),
+        OpenPart::Solid => None,
+        OpenPart::Part(wet) => {
             let (mut sum, mut count) = ([0.0; 3], 0_usize);
             for (place, _) in wet.iter().enumerate().filter(|(_, wet)| **wet) {
-                let by = division.by;
+                let sub_cells = division.sub_cells;
                 let sub = [
-                    place % by[0],
-                    place / by[0] % by[1],
-                    place / (by[0] * by[1]),
+                    place % sub_cells[0],
+                    place / sub_cells[0] % sub_cells[1],
+                    place / (sub_cells[0] * sub_cells[1]),
                 ];
                 let centre = division.centre(cell, sub);
                 sum = std::array::from_fn(|a| sum[a] + centre[a]);
@@ -295,12 +295,12 @@ impl Openness {
         let grid = self.grid;
         let division = Division::new(&grid, solids);
         let cells = 0..grid.count();
-        let left: Vec<Left> = cells.map(|k| division.left(grid.cell(k))).collect();
+        let left: Vec<OpenPart> = cells.map(|k| division.open_part(grid.cell(k))).collect();
         for (fraction, left) in self.inside.iter_mut().zip(&left) {
             *fraction *= match left {
-                Left::Water => 1.0,
-                Left::Solid => 0.0,
-                Left::Part(part) => {
+                OpenPart::Water => 1.0,
+                OpenPart::Solid => 0.0,
+                OpenPart::Part(part) => {
                     real(part.iter().filter(|wet| **wet).count()) / real(part.len())
                 }
             };
@@ -419,8 +419,8 @@ mod tests {
         seen[grid.count() - 1]
     }
 
-    /// Checks that no sheet leaks: with a thickness of a thousandth of a cell, upright, between cells or within
-    /// them, and oblique. A sheet that ends leaves a path.
+    /// Checks that no sheet leaks: with a thickness of a thousandth of a cell, upright, between cells or within them,
+    /// and oblique. A sheet that ends in the ground leaves a path.
     #[test]
     fn no_sheet_leaks_however_it_stands() {
         for (text, through) in [

@@ -12,8 +12,8 @@ use super::enclosure::{DrainFace, Openness, with_one_more};
 pub struct DrainCells {
     /// First cell along each axis.
     pub from: [usize; 3],
-    /// One past the last cell; equal to the first along the normal of a plane, which is the lower face of these
-    /// cells.
+    /// Upper bound of the cells, one past the last; equal to the first along the normal of a plane, which is the lower
+    /// face of these cells.
     pub to: [usize; 3],
     /// `true` for a well whose discharge is a source of its cells, which stay in the ground.
     pub stays: bool,

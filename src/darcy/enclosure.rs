@@ -13,7 +13,7 @@ type Point = [f64; 3];
 /// Region that the water may fill.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Enclosure {
-    /// The whole grid.
+    /// Whole grid.
     Everything,
     /// Points with n·x ≤ d for every (n, d), n of unit length: a convex region, cut exactly.
     HalfSpaces(Vec<(Point, f64)>),
@@ -58,7 +58,7 @@ pub struct Openness {
     pub faces: [Vec<f64>; 3],
     /// Faces between the ground and drains, in ascending order of the positions of their cells.
     pub drain_faces: Vec<DrainFace>,
-    /// The grid.
+    /// Grid of cells.
     pub grid: SeepageGrid,
 }
 
@@ -306,7 +306,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
             .filter(|face| face.len() > 2)
             .collect();
         if cut.len() > 2 {
-            faces.push(around(cut, plane.0));
+            faces.push(sorted_around(cut, plane.0));
         }
     }
     if !touched {
@@ -321,7 +321,7 @@ fn clipped_volume(lower: Point, upper: Point, planes: &[(Point, f64)]) -> f64 {
 }
 
 /// Returns points of a plane sorted around their mean, counter-clockwise about the normal.
-fn around(points: Vec<Point>, normal: Point) -> Vec<Point> {
+fn sorted_around(points: Vec<Point>, normal: Point) -> Vec<Point> {
     let n = real(points.len());
     let mean: Point = std::array::from_fn(|a| points.iter().map(|x| x[a]).sum::<f64>() / n);
     let axis = (0..3)

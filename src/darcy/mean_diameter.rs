@@ -18,9 +18,9 @@ pub enum MeanDiameter {
     /// Sauter mean: sum of cubes over sum of squares.
     #[default]
     Sauter,
-    /// Arithmetic mean.
+    /// Arithmetic mean of the diameters.
     Number,
-    /// Mass-weighted mean.
+    /// Mean weighted with the mass.
     Mass,
 }
 

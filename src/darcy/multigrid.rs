@@ -350,7 +350,7 @@ impl Multigrid {
     }
 
     /// Returns the result of [`Self::cycle`] within the part.
-    pub(super) fn result(&self) -> &[f32] {
+    pub(super) fn solution(&self) -> &[f32] {
         &self.levels[0].x
     }
 

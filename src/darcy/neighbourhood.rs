@@ -18,8 +18,8 @@ use base::number::{real, whole};
 const WIDTH: f64 = 6.0;
 /// Maximum number of cells on each side of the middle one.
 const FARTHEST: f64 = 3.0;
-/// Solid fraction of the neighbourhood up to which it is used, then that from which the solid fraction of the cell
-/// is used.
+/// Solid fraction up to which the solid fraction of the neighbourhood is used; above the next one that of the cell is
+/// used.
 const DILUTE: f64 = 0.1;
 const DENSE: f64 = 0.2;
 

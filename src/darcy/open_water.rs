@@ -43,16 +43,16 @@ use super::enclosure::Openness;
 use super::grid::SeepageGrid;
 use std::f64::consts::PI;
 
-/// Solid fraction up to which a cell is open water, then that from which it is soil.
+/// Solid fraction up to which a cell is open water; above the next one it is soil.
 const OPEN: f64 = 0.05;
 const SOIL: f64 = 0.2;
 /// Maximum ratio of roughness height to hydraulic diameter: the friction of a duct filled by its roughness is not
 /// known.
 const ROUGHEST: f64 = 0.2;
 
-/// Coefficient of the inertial loss over a void, length times C: between two imposed faces, then with a closed end.
-const THROUGH: f64 = 0.5;
-const CLOSED: f64 = 1.5;
+/// Coefficient of the inertial loss over a void between two imposed faces, multiplied by C and the length of the void.
+const OPEN_LOSS: f64 = 0.5;
+const CLOSED_LOSS: f64 = 1.5;
 
 /// Boundary of open water at a face of a boundary cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -156,7 +156,7 @@ impl Duct {
     }
 }
 
-/// The channels of all cells.
+/// Channels of all cells.
 #[derive(Clone, Debug)]
 pub struct OpenWater {
     grid: SeepageGrid,
@@ -325,7 +325,7 @@ impl OpenWater {
                     let stream = to(0, Face::Stream) * to(1, Face::Stream);
                     let endless = unstated.max(both);
                     self.lengths[at][axis] = length * (1.0 + mirrored) / (1.0 - endless);
-                    let inertia = (CLOSED + (THROUGH - CLOSED) * both) / length;
+                    let inertia = (CLOSED_LOSS + (OPEN_LOSS - CLOSED_LOSS) * both) / length;
                     self.losses[at][axis] = (inertia, stream);
                 }
             }

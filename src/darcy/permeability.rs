@@ -62,7 +62,7 @@ pub trait PermeabilityFormula: Sync {
     }
 
     /// Returns `true` if the law may be used with these equations.
-    fn goes_with(&self, _equations: Equations) -> bool {
+    fn supports_equations(&self, _equations: Equations) -> bool {
         true
     }
 
@@ -108,7 +108,7 @@ pub fn larger(a: f64, b: f64) -> f64 {
 /// Quantities on which the permeability of every cell depends.
 #[derive(Clone, Copy, Debug)]
 pub struct BedOfCells<'a> {
-    /// Porosity, within its limits.
+    /// Porosity of each cell, within its limits.
     pub porosity: &'a [f64],
     /// Mean diameter of the grains \[m\].
     pub diameter: &'a [f64],
@@ -139,9 +139,9 @@ pub struct Permeability {
     pub law: Resistance,
     /// Mean diameter used by the law.
     pub diameter: MeanDiameter,
-    /// Maximum porosity: larger values count as this one.
+    /// Maximum porosity, which replaces larger values.
     pub porosity_cap: f64,
-    /// Minimum porosity: smaller values, of overlapping grains, count as this one.
+    /// Minimum porosity, which replaces smaller values, as those of overlapping grains.
     pub least_porosity: f64,
 }
 

@@ -85,7 +85,7 @@ pub struct PressurePatch {
     pub from: [usize; 3],
     /// One past the last cell along each axis; without effect along the normal.
     pub to: [usize; 3],
-    /// The condition.
+    /// Condition on the patch.
     pub condition: Condition,
     /// `true` for a drain: its faces are those of [`crate::Openness::drain_faces`], in the order of the drains;
     /// axis, end and cells have no effect.
@@ -162,7 +162,7 @@ struct Directions {
     conductivity: [Vec<f64>; 3],
 }
 
-/// Cells of a rank, and its exchange with others.
+/// Cells of a rank, and their exchange with other ranks.
 struct Slab {
     grid: SeepageGrid,
     layout: Layout,
@@ -407,8 +407,8 @@ impl Pressure {
         patch.filter(|_| on_face).map(|p| p.condition)
     }
 
-    /// Sets the ratios of the conductivity of every cell along each axis to that passed to [`Self::solve`]; 1 until
-    /// then.
+    /// Sets the ratios of the conductivity of every cell along each axis to that passed to [`Self::solve`]. Initially
+    /// they are 1.
     pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
         let n = self.slab.layout.len();
         let directions = self.conduction.directions.get_or_insert_with(|| {
@@ -682,7 +682,7 @@ impl Pressure {
         0.5 * self.conduction.factor[axis][at] * self.slab.grid.spacing[axis]
     }
 
-    /// Returns the flux carried through the face below a cell \[m/s\]: that of the two cells, weighted by their
+    /// Returns the flux carried through the face below a cell \[m/s\]: the mean of both cells, weighted by their
     /// resistances; 0 at a closed face.
     fn face_velocity(&self, axis: usize, at: usize) -> f64 {
         let below = at - self.slab.layout.stride[axis];

@@ -52,7 +52,7 @@ pub struct SoilState {
     pub capacity: f64,
     /// Natural logarithm of the relative permeability.
     pub log_permeability: f64,
-    /// Derivative of this logarithm with respect to the pressure head \[1/m\].
+    /// Derivative of the logarithm of the relative permeability with respect to the pressure head \[1/m\].
     pub slope: f64,
 }
 
@@ -86,7 +86,7 @@ pub trait RetentionLaw: Sync {
         (self.state(head).content - residual) / (self.state(0.0).content - residual)
     }
 
-    /// Returns the integral of the relative permeability to a power over the pressure head, up to this one \[m\]
+    /// Returns the integral of a power of the relative permeability over the pressure head, up to `head` \[m\]
     /// (Kirchhoff's potential); none without a closed form.
     fn potential(&self, _head: f64, _power: f64) -> Option<f64> {
         None
@@ -112,7 +112,7 @@ pub struct Fault {
     pub path: &'static str,
     /// Reason, with the allowed range.
     pub reason: String,
-    /// Remedy.
+    /// Remedy for the parameter.
     pub remedy: String,
 }
 
@@ -132,7 +132,7 @@ pub struct Side {
     pub head: f64,
     /// Natural logarithm of the relative permeability.
     pub log_permeability: f64,
-    /// Derivative of this logarithm with respect to the pressure head \[1/m\].
+    /// Derivative of the logarithm of the relative permeability with respect to the pressure head \[1/m\].
     pub slope: f64,
     /// Kirchhoff's potential \[m\]; none if the model has no closed form.
     pub potential: Option<f64>,

@@ -42,7 +42,8 @@ pub enum Rule {
 pub struct Raster {
     /// Coordinates of the nodes along each axis, ascending \[m\]; one along z in 2-D.
     pub nodes: [Vec<f64>; 3],
-    /// Permeability of each node \[m²\] or its factor, x fastest; empty if the raster has none.
+    /// Permeability of each node \[m²\], or the factor by which it is multiplied, x fastest; empty if the raster has
+    /// none.
     pub permeability: Vec<Rule>,
     /// Porosity of each node, x fastest; empty if the raster has none.
     pub porosity: Vec<f64>,
@@ -85,9 +86,9 @@ pub struct SoilZone {
     pub to: [f64; 3],
     /// Corners of a polygon that bounds the zone in 2-D \[m\]; empty if the zone is the box.
     pub polygon: Vec<[f64; 2]>,
-    /// Permeability; none if that of the grains applies.
+    /// Permeability; none if that of the grains is used.
     pub permeability: Option<Rule>,
-    /// Porosity; none if that of the grains applies.
+    /// Porosity; none if that of the grains is used.
     pub porosity: Option<f64>,
     /// Values that vary within the zone.
     pub raster: Option<Raster>,
@@ -118,7 +119,7 @@ impl SoilZone {
     }
 }
 
-/// Values that zones state at a point; each with `true` if it applies without grains.
+/// Values that zones state at a point, each with a flag that is `true` if the value applies without grains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     permeability: Option<(Rule, bool)>,
@@ -152,13 +153,13 @@ impl Medium {
     }
 
     /// Returns `true` if the zone applies without grains.
-    fn stands(&self) -> bool {
+    fn applies_without_grains(&self) -> bool {
         self.permeability.is_some_and(|(_, without)| without)
             || self.porosity.is_some_and(|(_, without)| without)
     }
 
     /// Returns the permeability \[m²\] of a bed with this porosity (unless the zone states one) and mean diameter
-    /// \[m\], under a gradient \[Pa/m\]; `law` is that outside zones; `grains` is `true` if there are grains.
+    /// \[m\], under a gradient \[Pa/m\]; `law` is the law outside zones; `grains` is `true` if there are grains.
     #[must_use]
     pub fn permeability(
         &self,
@@ -209,7 +210,8 @@ pub struct Zones {
 }
 
 impl Zones {
-    /// Returns the zones with the cells of a grid divided. A later zone takes precedence in its stated values.
+    /// Returns the zones with the cells of a grid divided at their boundaries. A later zone takes precedence in its
+    /// stated values.
     #[must_use]
     pub fn new(grid: &SeepageGrid, zones: &[SoilZone]) -> Self {
         let mut all = Self {
@@ -231,7 +233,10 @@ impl Zones {
             for (a, edges) in edges.iter_mut().enumerate() {
                 divide(grid, a, cell[a], &planes[a], edges);
             }
-            if zones.iter().any(|zone| passes(&zone.polygon, grid, cell)) {
+            if zones
+                .iter()
+                .any(|zone| edge_crosses(&zone.polygon, grid, cell))
+            {
                 edges[..2].iter_mut().for_each(subdivide);
             }
             let counts: [usize; 3] = std::array::from_fn(|a| edges[a].len() - 1);
@@ -466,7 +471,7 @@ pub fn is_inside(polygon: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
 }
 
 /// Returns `true` if an edge of a polygon passes through a cell.
-fn passes(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
+fn edge_crosses(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> bool {
     let low = grid.corner(cell);
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).any(|(from, to)| {
@@ -518,7 +523,7 @@ const LARGEST_CROSS: f64 = 0.999;
 
 /// Permeabilities of cells with zones, in buffers that are reused in each iteration.
 #[derive(Clone, Debug)]
-pub struct Conduct {
+pub struct ZonePermeability {
     /// Porosity from the grains, in the cells within zones.
     porosity: Vec<f64>,
     /// `true` for cells that contain grains.
@@ -539,7 +544,7 @@ pub struct Conduct {
     next_ratios: Vec<[f64; 3]>,
 }
 
-impl Conduct {
+impl ZonePermeability {
     /// Allocates buffers for the zones of a grid with `cells` cells.
     #[must_use]
     pub fn new(zones: &Zones, cells: usize) -> Self {
@@ -558,7 +563,7 @@ impl Conduct {
         }
     }
 
-    /// Replaces the porosity of the cells by that of the zones: its mean over the volume of a cut cell. `grains`
+    /// Replaces the porosity of the cells by that of the zones; a cut cell has its mean over the volume. `grains`
     /// returns `true` for a cell with grains.
     pub fn replace_porosity(
         &mut self,
@@ -570,10 +575,10 @@ impl Conduct {
             let cell = divided.cell;
             (self.porosity[n], self.grains[n]) = (porosity[cell], grains(cell));
             let (_, here) = zones.boxes(divided);
-            let stands = |medium: &u32| zones.media[*medium as usize].stands();
+            let stands = |medium: &u32| zones.media[*medium as usize].applies_without_grains();
             self.bodies[cell] = !self.grains[n] && here.iter().any(stands);
             self.ground[cell] = self.grains[n];
-            self.free[cell] = 1.0 - zones.part(divided, Medium::stands);
+            self.free[cell] = 1.0 - zones.part(divided, Medium::applies_without_grains);
             let own = |medium: u32| {
                 let stated = zones.media[medium as usize].porosity(self.grains[n]);
                 stated.unwrap_or(self.porosity[n])
@@ -653,7 +658,7 @@ impl Conduct {
                 if !self.grains[n] {
                     // Boxes in which no zone applies are open water.
                     for (own, medium) in self.boxes.iter_mut().zip(media) {
-                        if !zones.media[*medium as usize].stands() {
+                        if !zones.media[*medium as usize].applies_without_grains() {
                             *own = open[cell][axis];
                         }
                     }

@@ -91,7 +91,7 @@ pub(super) fn in_space<C: Components>(spin: &C) -> Vector3<f64> {
     Vector3::from_fn(|k, _| if k < C::COUNT { spin.get(k) } else { 0.0 })
 }
 
-/// Converts a vector in space back; a type with fewer components takes the first ones.
+/// Converts a vector in space into a vector with fewer or equally many components; missing components are dropped.
 #[inline(always)]
 pub(super) fn out_of_space<C: Components>(vector: &Vector3<f64>) -> C {
     let mut spin = C::default();

@@ -9,21 +9,21 @@ use std::ops::Range;
 
 /// Items to sort into buckets.
 pub(super) trait Items: Sync {
-    /// Calls `put` with bucket and number of all items whose bucket is in a range, in the order of the items.
+    /// Calls `put` with the bucket and the index of every item whose bucket is in a range, in the order of the items.
     fn each(&self, buckets: &Range<usize>, put: impl FnMut(usize, u32));
 }
 
 /// Numbers sorted by buckets.
 #[derive(Debug, Default)]
 pub(super) struct Buckets {
-    /// Index of the first number of each bucket, and the end.
+    /// Start of each bucket in the sorted list, and the end of the last one.
     start: Vec<u32>,
     numbers: Vec<u32>,
 }
 
 impl Buckets {
-    /// Sorts the items into `count` buckets by `threads` threads, each of which has the buckets from `bound` of its
-    /// number to that of the next.
+    /// Sorts the items into `count` buckets on `threads` threads; thread t sorts the buckets from `bound(t)` to
+    /// `bound(t + 1)`.
     pub(super) fn fill(
         &mut self,
         count: usize,
@@ -97,12 +97,12 @@ impl Buckets {
         &self.numbers[self.start[bucket] as usize..self.start[bucket + 1] as usize]
     }
 
-    /// Returns the total count of numbers in all buckets.
+    /// Returns the number of sorted items.
     pub(super) fn len(&self) -> usize {
         self.numbers.len()
     }
 
-    /// Returns the count of numbers in the buckets before a bucket.
+    /// Returns the number of items in the buckets before a bucket.
     pub(super) fn before(&self, bucket: usize) -> usize {
         self.start[bucket] as usize
     }

@@ -6,7 +6,7 @@ use super::space::Space;
 use base::error::Error;
 use decomposition::{Domain, exchange};
 
-/// Counts and radii of the grains of a rank, which all ranks know when lists are built.
+/// Counts and radii of the grains of all ranks, exchanged when lists are built.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Census {
     pub(super) owned: u64,

@@ -60,7 +60,7 @@ use super::space::{Components, Space};
 /// Properties of a pair from which a law may compute its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairProperties {
-    /// Both materials.
+    /// Indices of the materials of both bodies.
     pub materials: [u32; 2],
     /// Mean diameter \[m\] of two grains, or the diameter of a grain at a wall.
     pub diameter: f64,
@@ -90,7 +90,7 @@ pub struct ContactKinematics<S: Space> {
     /// Time step \[s\] over which the history advances.
     pub time_step: f64,
     /// Degree of saturation, and volume of water per volume of grains \[1\], as means of both bodies; at a wall those
-    /// of the grain. 0 unless the law uses them: [`ContactLaw::WETS`].
+    /// of the grain. 0 unless the law uses them: [`ContactLaw::NEEDS_MOISTURE`].
     pub moisture: [f64; 2],
 }
 
@@ -111,7 +111,7 @@ pub struct ContactForce<S: Space> {
     pub normal: f64,
     /// Tangential component \[N\].
     pub tangent: S::Tangent,
-    /// Rolling moment \[N m\]; used only if the law has one: [`ContactLaw::ROLLS`].
+    /// Rolling moment \[N m\]; used only if the law has one: [`ContactLaw::HAS_ROLLING`].
     pub moment: S::Spin,
     /// Mode in which the bond failed in this step; none if it did not.
     pub failure: Option<Failure>,
@@ -124,15 +124,15 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     /// Values computed once per pair of bodies because they need roots or divisions; as small as possible, since
     /// every listed pair stores them.
     type Scale: Copy + Debug + Send + Sync;
-    /// Values from which the force of a pair is computed.
+    /// Constants from which the force of a pair is computed.
     type Constants: Copy + Debug + Send + Sync;
     /// History of a contact; its default is that of a new contact.
     type History: Copy + Debug + Default + PartialEq + Send + Sync;
 
     /// `true` if the force has a rolling moment.
-    const ROLLS: bool = false;
+    const HAS_ROLLING: bool = false;
     /// `true` if the force depends on the moisture of the ground.
-    const WETS: bool = false;
+    const NEEDS_MOISTURE: bool = false;
     /// Number of values of a history.
     const NUMBERS: usize;
 
@@ -188,7 +188,7 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
     /// Removes the bond.
     fn unbond(_: &mut Self::History) {}
-    /// Returns the largest gap \[m\] over which a bonded pair still acts, for mean diameters \[m\] between the two.
+    /// Returns the largest gap \[m\] over which a bonded pair still acts, for a range of mean diameters \[m\] of pairs.
     fn widest_opening(&self, _diameters: [f64; 2]) -> f64 {
         0.0
     }

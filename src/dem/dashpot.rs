@@ -93,14 +93,14 @@ pub(super) struct Pulling {
 
 impl Pulling {
     /// Overlap in units of the path of a step, above which the contact does not end within two steps.
-    const AWAY: f64 = 2.0;
+    const LARGE_OVERLAP: f64 = 2.0;
 
     /// Returns the force \[N\], negative in tension, at an `overlap` \[m\] and a separation `rate` [m/s].
     pub(super) fn force(&self, overlap: f64, rate: f64, time_step: f64) -> f64 {
         let path = rate.abs() * time_step;
         let spring = self.spring * overlap;
         let within = spring - over_step(self.dashpot, time_step, 1.0, self.mass) * rate;
-        if overlap >= Self::AWAY * path {
+        if overlap >= Self::LARGE_OVERLAP * path {
             return within;
         }
         let (x, y) = (
@@ -110,7 +110,9 @@ impl Pulling {
         let ways = overlap / path;
         let scale = self.mass * rate.abs() / time_step;
         if rate > 0.0 {
-            scale * Self::leaving(x, y, ways).max(Self::parting(x, y, ways).min(within / scale))
+            scale
+                * Self::force_of_separation_now(x, y, ways)
+                    .max(Self::force_of_separation_next(x, y, ways).min(within / scale))
         } else if ways < 1.0 {
             let dashpot = x / (1.0 + 0.25 * x) * (0.5 + ways) * (1.0 + 0.15 * x);
             spring + scale * (dashpot + 0.5 * y * (ways - 0.5) * (ways - 0.5))
@@ -127,13 +129,13 @@ impl Pulling {
     }
 
     /// Returns the force over `m v/dt` with which the surfaces separate in the same step.
-    fn leaving(x: f64, y: f64, ways: f64) -> f64 {
+    fn force_of_separation_now(x: f64, y: f64, ways: f64) -> f64 {
         let border = Self::border(x, y);
         -ways * (1.0 - border) / border
     }
 
     /// Returns the force over `m v/dt` with which the surfaces separate in the next step.
-    fn parting(x: f64, y: f64, ways: f64) -> f64 {
+    fn force_of_separation_next(x: f64, y: f64, ways: f64) -> f64 {
         let border = Self::border(x, y);
         let t = ways + 0.5;
         let energy = (1.0 + y * ways * (1.0 + ways)) / (1.0 - 0.25 * y.min(2.0));

@@ -7,7 +7,7 @@
 
 use super::polyhedron::Polyhedron;
 
-/// Deepest contact so far.
+/// Deepest contact of a run so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deepest {
     /// Overlap divided by the smaller radius; 0 before the first contact.
@@ -15,18 +15,18 @@ pub struct Deepest {
     /// Id of the body.
     pub body: u64,
     /// Other body or wall of the contact.
-    pub with: With,
+    pub with: OtherSide,
 }
 
 /// Other side of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum With {
-    /// None so far, or unknown since a restart.
+pub enum OtherSide {
+    /// No contact so far, or unknown since a restart.
     #[default]
     Unknown,
-    /// Body with this id.
+    /// Body, by its id.
     Body(u64),
-    /// Wall with this index.
+    /// Wall, by its index.
     Wall(u32),
 }
 
@@ -36,17 +36,17 @@ pub(super) struct Record {
     /// Value slightly below `part`, so that rounding hides no contact.
     pub(super) filter: f64,
     part: f64,
-    at: Option<(u32, Other)>,
+    at: Option<(u32, Partner)>,
 }
 
 /// Other side of a contact, as an entry or a wall.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Other {
+pub(super) enum Partner {
     Entry(u32),
     Wall(u32),
 }
 
-/// Fraction of the largest quotient above which a contact is evaluated further.
+/// Fraction of the largest quotient of overlap and radius above which a contact is compared exactly.
 const NEAR: f64 = 1.0 - 1e-12;
 
 impl Record {
@@ -59,9 +59,9 @@ impl Record {
         }
     }
 
-    /// Records a contact of entry `first` whose smaller radius is `smaller` \[m\].
+    /// Records the overlap \[m\] of a contact of entry `first`; `smaller` is the radius of the smaller body \[m\].
     #[inline(always)]
-    pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Other) {
+    pub(super) fn note(&mut self, overlap: f64, smaller: f64, first: u32, other: Partner) {
         if overlap > self.filter * smaller {
             self.keep(overlap / smaller, first, other);
         }
@@ -69,7 +69,7 @@ impl Record {
 
     #[cold]
     #[inline(never)]
-    fn keep(&mut self, part: f64, first: u32, other: Other) {
+    fn keep(&mut self, part: f64, first: u32, other: Partner) {
         if part > self.part {
             *self = Self {
                 filter: NEAR * part,
@@ -93,8 +93,8 @@ impl Record {
     pub(super) fn named(&self, id: impl Fn(u32) -> u64) -> Option<Deepest> {
         let (first, other) = self.at?;
         let with = match other {
-            Other::Entry(entry) => With::Body(id(entry)),
-            Other::Wall(wall) => With::Wall(wall),
+            Partner::Entry(entry) => OtherSide::Body(id(entry)),
+            Partner::Wall(wall) => OtherSide::Wall(wall),
         };
         Some(Deepest {
             part: self.part,
@@ -128,18 +128,21 @@ mod tests {
             let mut record = Record::beyond(0.0);
             for n in order {
                 let (overlap, smaller) = contacts[n];
-                record.note(overlap, smaller, to_u32(n), Other::Wall(4));
+                record.note(overlap, smaller, to_u32(n), Partner::Wall(4));
             }
             record.named(|entry| 10 + u64::from(entry)).unwrap()
         };
         let (up, down) = (of(&mut (0..5)), of(&mut (0..5).rev()));
         assert_eq!(up.part.to_bits(), down.part.to_bits());
         let largest = contacts[4].0 / contacts[4].1;
-        assert_eq!((up.part, up.body, up.with), (largest, 14, With::Wall(4)));
+        assert_eq!(
+            (up.part, up.body, up.with),
+            (largest, 14, OtherSide::Wall(4))
+        );
         let halves = [0..2, 2..5].map(|half| {
             let mut record = Record::beyond(0.0);
             for n in half {
-                record.note(contacts[n].0, contacts[n].1, 0, Other::Entry(1));
+                record.note(contacts[n].0, contacts[n].1, 0, Partner::Entry(1));
             }
             record
         });

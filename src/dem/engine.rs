@@ -38,7 +38,7 @@ mod report;
 
 use super::census::{agree, census};
 use super::contact::{ContactKinematics, ContactLaw, Failure, PairProperties, PairTable};
-use super::deepest::{Deepest, Other, Record, inner_radius};
+use super::deepest::{Deepest, Partner, Record, inner_radius};
 use super::ghosts;
 use super::integrate::{self, Fastest, Kick, Phase};
 use super::message::{Reader, Writer};
@@ -102,8 +102,8 @@ struct Lists<S: Space, L: Bodies<S>> {
     active: Vec<u32>,
     /// Active pairs found by each thread.
     chosen: Vec<Vec<u32>>,
-    /// Offsets that periodic axes add to separations \[m\]: zero first, then each one that occurs, with its number
-    /// of periods.
+    /// Offsets of the periodic axes for separations \[m\]: zero first, then each offset that occurs, with its number of
+    /// periods.
     offsets: Vec<S::Vector>,
     offset_shifts: Vec<[i32; 3]>,
     /// Id and shift of each entry when the lists were built, and the number of owned entries.
@@ -126,16 +126,16 @@ struct SolidLists<S: Space, L: Bodies<S>> {
 /// Range in which the lists are valid.
 #[derive(Debug, Default)]
 pub(super) struct Validity {
-    /// `true` if the lists are those of the present grains.
+    /// `true` if the lists belong to the present grains.
     listed: bool,
     /// Longest path of any grain or wall since the lists were built \[m\].
     path: f64,
-    /// Path up to which the active pairs are complete \[m\], and the step since which they are.
+    /// Path up to which the active pairs are complete \[m\], and the step at which they were determined.
     activated: f64,
     activated_at: u64,
     /// Path of a grain between two checks of all gaps \[m\].
-    look: f64,
-    total: Option<u64>,
+    check_path: f64,
+    grain_count: Option<u64>,
     pub(super) rebuilds: u64,
     pub(super) tested: u64,
 }
@@ -147,7 +147,7 @@ pub(super) struct Events<S: Space> {
     actions: Vec<Action<S>>,
     failures: Vec<(u32, Failure)>,
     wall_failures: Vec<WallFailure<S>>,
-    /// Deepest contact of this step, if it is deeper than all before.
+    /// Deepest contact of this step, if it is deeper than all earlier ones.
     record: Record,
     pub(super) deepest: Deepest,
 }
@@ -172,7 +172,7 @@ pub(super) struct Engine<S: Space, L: Bodies<S>> {
 }
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Deactivates the walls of these indices, or activates them again; contacts with other walls stay.
+    /// Deactivates walls, given by their indices, or activates them again; contacts with other walls are kept.
     pub(super) fn set_walls_open(&mut self, walls: &[usize], open: bool) {
         for &wall in walls {
             if let Some(wall) = self.walls.get_mut(wall) {
@@ -207,7 +207,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 space: PhantomData,
             },
             validity: Validity {
-                look: settings.skin / 64.0,
+                check_path: settings.skin / 64.0,
                 ..Validity::default()
             },
             events: Events {
@@ -334,7 +334,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
         let census = census(particles, domain)?;
         let total: u64 = census.iter().map(|one| one.owned).sum();
-        if let Some(before) = self.validity.total {
+        if let Some(before) = self.validity.grain_count {
             let added: u64 = census.iter().map(|one| one.added).sum();
             let removed: u64 = census.iter().map(|one| one.removed).sum();
             if before + added != total + removed {
@@ -344,7 +344,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 )));
             }
         }
-        self.validity.total = Some(total);
+        self.validity.grain_count = Some(total);
         particles.added = 0;
         particles.removed = 0;
         let smallest = census

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-/// Grain that left, and the face.
+/// Grain that left the domain, and the face through which it left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Escape {
     /// Id of the grain.

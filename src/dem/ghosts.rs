@@ -152,7 +152,7 @@ fn whole(value: f64) -> i32 {
 }
 
 impl<S: Space> Particles<S> {
-    /// Sends the present motion of owned grains to their ghosts. The ghosts are those of the last step. Collective.
+    /// Sends the present motion of owned grains to their ghosts, which must be those of the last step. Collective.
     ///
     /// # Errors
     /// If a message fails.

@@ -87,7 +87,7 @@ pub(super) enum Phase {
     Last,
 }
 
-/// Loads and mobilities of some grains.
+/// Loads and mobilities of a range of grains.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loads<'a, S: Space> {
     pub(super) contact: &'a [Load<S>],

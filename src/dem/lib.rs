@@ -104,7 +104,7 @@ pub fn alone() -> Domain {
 /// Parameters of the step and of the lists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DemSettings<S: Space> {
-    /// Box, and planes along which ranks divide it.
+    /// Box of the grains, and planes along which ranks divide it.
     pub region: GrainDomain<S>,
     /// Solid time step \[s\].
     pub time_step: f64,
@@ -193,7 +193,7 @@ pub struct Statistics {
     pub active: u64,
     /// Number of contacts, including those with walls.
     pub contacts: u64,
-    /// Number of bonded contacts among them.
+    /// Number of contacts with a bond.
     pub bonds: u64,
     /// Largest overlap divided by the smaller diameter.
     pub largest_overlap: f64,
@@ -289,8 +289,9 @@ impl<S: Space> Dem<S> {
         self.engine.advance(particles, domain, steps)
     }
 
-    /// Sets the contact loads of a step in which another program moves the bodies together with its water: those half a
-    /// step ahead, constant over the step. Histories of contacts advance by the step; no body moves. Collective.
+    /// Computes the contact loads of a step in which the caller moves the bodies together with the water in joints: the
+    /// loads half a step ahead, constant over the step. Histories of contacts advance by the step; no body moves.
+    /// Collective.
     ///
     /// # Errors
     /// Those of [`Self::advance`].
@@ -302,7 +303,7 @@ impl<S: Space> Dem<S> {
         self.engine.loads_ahead(particles, domain)
     }
 
-    /// Ends a step in which another program moved the bodies, on this rank by at most `path` \[m\]. Collective.
+    /// Ends a step in which the caller moved the bodies, on this rank by at most `path` \[m\]. Collective.
     ///
     /// # Errors
     /// Those of [`Self::advance`].
@@ -315,8 +316,9 @@ impl<S: Space> Dem<S> {
         self.engine.carried(particles, domain, path)
     }
 
-    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads that
-    /// are not known yet. Every step begins with it; call it if ghosts are needed before the next step. Collective.
+    /// Updates migration, ghosts and lists for grains that were added, removed or changed, and contact loads that are
+    /// not known yet. Every step begins with this; callers that need ghosts before the next step call it themselves.
+    /// Collective.
     ///
     /// # Errors
     /// If [`Self::advance`] fails.
@@ -407,22 +409,24 @@ impl<S: Space> Dem<S> {
         self.engine.walls()
     }
 
-    /// Deactivates the walls of these indices with their contacts and bonds. Call it equally on all ranks.
+    /// Deactivates walls, given by their indices, with their contacts and bonds. Must be called with the same walls on
+    /// all ranks.
     pub fn open_walls(&mut self, walls: &[usize]) {
         self.engine.open_walls(walls);
     }
 
-    /// Activates the walls of these indices again, without contacts. Call it equally on all ranks.
+    /// Activates walls, given by their indices, without contacts. Must be called with the same walls on all ranks.
     pub fn close_walls(&mut self, walls: &[usize]) {
         self.engine.close_walls(walls);
     }
 
-    /// Gives walls controls; none for no wall. The same on all ranks.
+    /// Sets the controls of the servo walls, the same on all ranks; an empty list removes them.
     pub fn set_servos(&mut self, servos: Vec<Servo<S>>) {
         *self.engine.servos_mut() = servos;
     }
 
-    /// Changes the stress \[Pa\] that a control, by its place in the list, aims at. The same on all ranks.
+    /// Sets the stress \[Pa\] that a control must reach, the same on all ranks; `place` is the index of the control in
+    /// the list.
     pub fn set_servo_stress(&mut self, place: usize, stress: f64) {
         if let Some(servo) = self.engine.servos_mut().get_mut(place) {
             servo.stress = stress;

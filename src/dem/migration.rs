@@ -37,8 +37,8 @@ pub(super) fn wrap<S: Space>(
             let found = shift_of::<S>(&particles.motion[k], particles.shift[k], &lengths, region);
             match found {
                 Ok(_) => {}
-                Err(Astray::Lost) => return Err(lost(particles, k, "is lost")),
-                Err(Astray::Out { axis, upper }) => {
+                Err(StrayReason::Lost) => return Err(lost(particles, k, "is lost")),
+                Err(StrayReason::Out { axis, upper }) => {
                     let grain = particles.body[k].id;
                     let escape = Escape { grain, axis, upper };
                     return Err(named(particles, k, &escape.to_string()));
@@ -53,7 +53,7 @@ pub(super) fn wrap<S: Space>(
 const PER_THREAD: usize = 1000;
 
 /// Reason why a grain is outside the box.
-enum Astray {
+enum StrayReason {
     /// Position very far away or not finite.
     Lost,
     /// Position beyond the box by more than its length.
@@ -66,19 +66,19 @@ fn shift_of<S: Space>(
     mut shift: [i32; 3],
     lengths: &[f64; 3],
     region: &GrainDomain<S>,
-) -> Result<[i32; 3], Astray> {
+) -> Result<[i32; 3], StrayReason> {
     let place = image_position(motion, shift, lengths);
     for axis in 0..S::DIMENSION {
         let at = place.get(axis);
         let (lower, length) = (region.lower.get(axis), region.length(axis));
         if !at.is_finite() || (at - lower).abs() > 1e6 * length {
-            return Err(Astray::Lost);
+            return Err(StrayReason::Lost);
         }
         if region.periodic[axis] {
             shift[axis] = wraps(motion.position.get(axis), lower, length);
         } else if !(lower - length..=lower + 2.0 * length).contains(&at) {
             let upper = at > lower;
-            return Err(Astray::Out { axis, upper });
+            return Err(StrayReason::Out { axis, upper });
         }
     }
     Ok(shift)

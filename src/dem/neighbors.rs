@@ -34,7 +34,7 @@ pub struct Search {
     grid: Overlaps,
     /// Position and radius of each entry.
     points: Vec<[f64; 4]>,
-    /// Large bodies, and the cell of each in the grid of its class.
+    /// Large bodies, and the cell of each body in the grid of its class.
     large: Vec<u32>,
     cell_of: Vec<u32>,
     /// Pairs found by each thread.
@@ -70,7 +70,7 @@ const CLASSES: usize = 24;
 const WIDTH: f64 = 3.4;
 /// Maximum width of a cell divided by the mean diameter of these bodies: wider cells would contain too many of
 /// them.
-const WIDEST: f64 = 8.0;
+const MAX_CELL_WIDTH: f64 = 8.0;
 
 /// Grid with all small bodies whose box overlaps each cell.
 #[derive(Debug, Default)]
@@ -87,7 +87,7 @@ struct Overlaps {
 type Span = [[u32; 2]; 3];
 
 /// Span without a cell.
-const NOWHERE: Span = [[1, 0]; 3];
+const EMPTY_SPAN: Span = [[1, 0]; 3];
 
 /// Minimum number of bodies per thread.
 const PER_THREAD: usize = 1000;
@@ -190,7 +190,7 @@ impl Overlaps {
         let mut spans = std::mem::take(&mut self.spans);
         spans.clear();
         spans.reserve_exact(points.len());
-        spans.resize(points.len(), NOWHERE);
+        spans.resize(points.len(), EMPTY_SPAN);
         let threads = threads_for(points.len());
         thread_pool::each_item(&mut spans, PER_THREAD, |k, span| {
             if is_small(k) {
@@ -220,8 +220,8 @@ impl Overlaps {
         bound.min(across * deep)
     }
 
-    /// Calls `visit` with every two bodies whose boxes overlap, and some others, each in one cell, for the cells in
-    /// a range of rows.
+    /// Calls `visit` with every two bodies whose boxes overlap, and some others, each pair in one cell, for the cells
+    /// in a range of rows.
     #[inline]
     fn pairs(&self, rows: Range<usize>, mut visit: impl FnMut(usize, usize)) {
         let [along, across, _] = self.counts;
@@ -281,7 +281,7 @@ impl Search {
         Candidates::in_order(std::mem::take(&mut self.found), particles)
     }
 
-    /// Returns the number of pairs that the engine's search finds, without sorting them. For measurements.
+    /// Returns the number of pairs that the engine's search finds, without sorting them. Intended for measurements.
     pub fn find_pairs<S: Space>(&mut self, particles: &Particles<S>, gap: f64) -> usize {
         self.sort_into_classes(particles, gap);
         self.find(particles, gap);
@@ -410,7 +410,7 @@ impl Search {
         }
     }
 
-    /// Returns the first class of the small bodies: with a giant among them their cells would be too wide.
+    /// Returns the first class of the small bodies, without giants, whose cells would be too wide.
     fn first_small(&self, gap: f64) -> usize {
         let mut sums = [[0.0_f64; 3]; CLASSES];
         for (class, point) in self.class_of.iter().zip(&self.points) {
@@ -423,7 +423,7 @@ impl Search {
         let fits = |first: &usize| {
             let total = |k: usize| sums[*first..].iter().map(|sum| sum[k]).sum::<f64>();
             let count = f64::max(total(0), 1.0);
-            WIDTH * (total(2) / count).cbrt() <= WIDEST * 2.0 * total(1) / count
+            WIDTH * (total(2) / count).cbrt() <= MAX_CELL_WIDTH * 2.0 * total(1) / count
         };
         (0..CLASSES).find(fits).unwrap_or(CLASSES)
     }

@@ -29,7 +29,7 @@ pub enum Kind {
     /// Motion under forces.
     #[default]
     Free,
-    /// No motion.
+    /// Body without motion.
     Fixed,
     /// Prescribed velocity and spin.
     Driven,
@@ -216,7 +216,7 @@ grain_arrays! {
             /// Inverse mass [1/kg] and inverse moment of inertia [1/[kg m²]].
             pub(super) mobility: Mobility, |new| Mobility::new(&new.body);
         }
-        /// Number of owned entries, which are `0..owned`.
+        /// Number of owned entries: they are the first entries.
         pub(super) owned: usize,
         /// Table of shapes of the scene, the same on every rank.
         pub(super) shapes: Arc<[Polyhedron]>,
@@ -421,8 +421,7 @@ impl<S: Space> Particles<S> {
         taken
     }
 
-    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps the velocity it has: see
-    /// [`Self::drive`].
+    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps its velocity: see [`Self::drive`].
     ///
     /// The next step builds new lists and updates every rank that has the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
@@ -492,8 +491,8 @@ impl<S: Space> Particles<S> {
         self.save_columns(true, &mut Columns(&mut |name, values| take(&name, &values)));
     }
 
-    /// Returns grains from rows of [`Self::table`]: any rows on any rank, but each on one rank only. The next lists
-    /// set the lengths of the box. If there are blocks, call [`Self::set_shapes`] next.
+    /// Returns grains from rows of [`Self::table`]: each row must be on exactly one rank, whichever it is. The next
+    /// lists set the lengths of the box. If there are blocks, call [`Self::set_shapes`] next.
     ///
     /// # Errors
     /// If a column is missing, short or of another type.

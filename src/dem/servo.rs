@@ -23,7 +23,7 @@ use super::walls::area::PlaneArea;
 /// Quantum of the sums of forces \[N\] and stiffnesses [N/m]: 2^-70. Sums up to 1e17 fit into 128 bits.
 pub const QUANTUM: f64 = 8.470_329_472_543_003e-22;
 
-/// Returns a number in quanta, cut towards zero; those that do not fit become the largest that do.
+/// Returns a number in quanta, truncated towards zero; numbers beyond the range become the largest in the range.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a cast of a float saturates"
@@ -49,7 +49,7 @@ pub struct Servo<S: Space> {
     pub gain: f64,
     /// Largest velocity along the normal [m/s].
     pub velocity_limit: f64,
-    /// Velocity along the face [m/s], which the control leaves as it is.
+    /// Velocity along the face [m/s], which the control does not change.
     pub sliding: S::Vector,
 }
 
@@ -69,7 +69,7 @@ impl<S: Space> Servo<S> {
     }
 }
 
-/// The servo walls of an engine.
+/// Servo walls of an engine.
 #[derive(Clone, Debug)]
 pub(super) struct Servos<S: Space> {
     /// Controls.
@@ -97,7 +97,7 @@ mod tests {
     use approx::assert_relative_eq;
     use nalgebra::Vector2;
 
-    /// Forces of grains of micrometres and of rocks keep twelve digits, and sums that cancel are zero.
+    /// Checks that forces of grains of micrometres and of rocks keep twelve digits, and that sums that cancel are zero.
     #[test]
     fn quanta_hold_small_and_large_forces() {
         for force in [1e-9, 0.3, 7e4, 2e12] {
@@ -109,8 +109,8 @@ mod tests {
         assert_eq!(QUANTUM.log2(), -70.0);
     }
 
-    /// A wall on springs that stand still: the error falls by `1 - gain` in each step, and by the velocity limit where
-    /// that is less.
+    /// Checks a wall on stationary springs: the error decreases by the fraction `gain` in each step, or by the amount
+    /// of the velocity limit if that is smaller.
     #[test]
     fn the_error_falls_by_the_gain() {
         let (stiffness, area, dt) = (2e6, 0.5, 1e-4);

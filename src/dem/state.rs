@@ -30,7 +30,7 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Adapts the contacts to other walls: `origins` has for each wall the index of the saved wall that it was.
+    /// Adapts the contacts to other walls: `origins` has for each wall the index of the same wall in the saved state.
     /// Contacts with removed walls are dropped.
     ///
     /// # Errors

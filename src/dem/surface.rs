@@ -74,7 +74,7 @@ enum Feature {
 /// Contact of a sphere with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// Facet index.
+    /// Index of the facet.
     pub facet: u32,
     /// Distance of the centre \[m\].
     pub distance: f64,
@@ -92,26 +92,28 @@ impl Nearest {
     /// Returns `true` if a plane with this normal, at this `distance` \[m\] from the centre, lies in the same
     /// direction and at most as far away.
     pub(super) fn yields_to(&self, normal: &Vector3<f64>, distance: f64) -> bool {
-        distance <= self.distance * (1.0 + RIM) && self.normal.dot(normal) > SAME
+        distance <= self.distance * (1.0 + ON_RIM) && self.normal.dot(normal) > SAME_CONTACT_COSINE
     }
 
     /// Returns `true` if this contact replaces one with another wall. `first` breaks ties; `on` returns `true` if
     /// the contact point of the other one lies on a facet of this wall.
     pub(super) fn replaces(&self, other: &Self, first: bool, on: impl FnOnce() -> bool) -> bool {
-        let nearer = self.distance < other.distance * (1.0 - RIM)
-            || self.distance <= other.distance * (1.0 + RIM) && first;
-        nearer && (self.normal.dot(&other.normal) > SAME || other.feature != Feature::Face && on())
+        let nearer = self.distance < other.distance * (1.0 - ON_RIM)
+            || self.distance <= other.distance * (1.0 + ON_RIM) && first;
+        nearer
+            && (self.normal.dot(&other.normal) > SAME_CONTACT_COSINE
+                || other.feature != Feature::Face && on())
     }
 }
 
 /// Number of facets in a group.
 const GROUP: usize = 16;
 /// Maximum distance of a closest point from the rim of a facet, in facet sizes, at which it lies on the rim.
-const RIM: f64 = 1e-9;
+const ON_RIM: f64 = 1e-9;
 /// Maximum distance of a point from a facet, in facet sizes, at which it lies on the facet.
-const ON: f64 = 1e-6;
+const ON_FACET: f64 = 1e-6;
 /// Cosine of the angle between normals above which two minima are one contact.
-const SAME: f64 = 0.984_807_753_012_208;
+const SAME_CONTACT_COSINE: f64 = 0.984_807_753_012_208;
 
 impl FacetSurface {
     /// Returns a surface of facets with at least three corners each, given by indices of `vertices` \[m\].
@@ -219,7 +221,7 @@ impl FacetSurface {
     pub(super) fn may_reach(&self, facet: usize, point: &Vector3<f64>, reach: f64) -> bool {
         let Facet { first, size, .. } = self.facets[facet];
         let corner = self.vertices[self.corners[first as usize] as usize];
-        let farthest = (1.0 + RIM) * (reach + size);
+        let farthest = (1.0 + ON_RIM) * (reach + size);
         (point - corner).norm_squared() <= farthest * farthest
     }
 
@@ -344,7 +346,7 @@ impl FacetSurface {
     /// Returns `true` if a point lies on one of these facets.
     pub(super) fn stands_on(&self, near: &[u32], point: &Vector3<f64>) -> bool {
         near.iter().map(|facet| *facet as usize).any(|facet| {
-            let reach = ON * self.facets[facet].size;
+            let reach = ON_FACET * self.facets[facet].size;
             self.nearest(facet, point, reach).is_some()
         })
     }
@@ -379,7 +381,7 @@ impl FacetSurface {
             let (a, b) = (vertex(k), vertex(next));
             let edge = b - a;
             // Signed distance outside the edge, times the length of the edge.
-            if edge.cross(&normal).dot(&(point - a)) > -RIM * size * edge.norm() {
+            if edge.cross(&normal).dot(&(point - a)) > -ON_RIM * size * edge.norm() {
                 inside = false;
                 // The bits do not depend on the direction of the edge.
                 let low = numbers[k].min(numbers[next]);
@@ -387,9 +389,9 @@ impl FacetSurface {
                 let (from, to) = (self.vertices[low as usize], self.vertices[high as usize]);
                 let edge = to - from;
                 let along = edge.dot(&(point - from)) / edge.norm_squared();
-                let (feature, foot) = if along <= RIM {
+                let (feature, foot) = if along <= ON_RIM {
                     (Feature::Vertex(low), from)
-                } else if along >= 1.0 - RIM {
+                } else if along >= 1.0 - ON_RIM {
                     (Feature::Vertex(high), to)
                 } else {
                     (Feature::Edge(low, high), from + edge * along)
@@ -451,7 +453,7 @@ impl FacetSurface {
             let one = found[k];
             let known = found[..kept]
                 .iter()
-                .any(|other| other.normal.dot(&one.normal) > SAME);
+                .any(|other| other.normal.dot(&one.normal) > SAME_CONTACT_COSINE);
             let minimum = || match one.feature {
                 Feature::Face => true,
                 Feature::Edge(a, b) => self.is_minimum(near, &one, centre, &[a, b]),
@@ -483,9 +485,9 @@ impl FacetSurface {
                 closest(centre).is_some_and(|other| other.feature == one.feature)
             } else {
                 let size = self.facets[facet as usize].size;
-                closest(&foot).is_none_or(|at| at.distance > ON * size)
+                closest(&foot).is_none_or(|at| at.distance > ON_FACET * size)
                     || closest(centre)
-                        .is_none_or(|other| other.distance >= one.distance * (1.0 - RIM))
+                        .is_none_or(|other| other.distance >= one.distance * (1.0 - ON_RIM))
             }
         })
     }
@@ -541,8 +543,8 @@ mod tests {
         }
     }
 
-    /// Checks that groups omit no facet: on a wavy mesh whose facets are numbered at random, alone and repeated in
-    /// a periodic domain.
+    /// Checks that groups omit no facet, on a wavy mesh whose facets are numbered at random, alone and repeated in a
+    /// periodic domain.
     #[test]
     fn what_is_within_reach_is_what_the_clearance_says() {
         let n = 12_u32;

@@ -16,11 +16,11 @@ pub struct Wall<S: Space> {
     pub point: S::Vector,
     /// Unit normal of the plane, pointing into the grains; zero for a surface.
     pub normal: S::Vector,
-    /// Velocity [m/s]: its tangential part only drags, its normal part moves the wall.
+    /// Velocity [m/s]: its tangential part only drags grains, its normal part moves the wall.
     pub velocity: S::Vector,
     /// Index in the table of contact parameters.
     pub material: u32,
-    /// The facets; none for a plane.
+    /// Facets of the wall; none for a plane.
     pub surface: Option<Arc<FacetSurface>>,
     /// `true` if grains pass through the wall.
     pub open: bool,
@@ -63,7 +63,7 @@ impl<S: Space> Wall<S> {
         }
     }
 
-    /// Returns a point \[m\] relative to the facets; in a periodic domain wrapped into it.
+    /// Returns a point \[m\] relative to the facets; in a periodic domain it is wrapped into the domain.
     #[inline]
     pub(super) fn local(&self, point: &S::Vector) -> Vector3<f64> {
         let at = S::to_volume(&(*point - self.point));

@@ -495,7 +495,8 @@ mod tests {
         }
     }
 
-    /// Grains that the cut left without bonds leave at any cohesion; without a broken bond there is no erosion.
+    /// Checks that grains without bonds after the cut do not count as erosion at any cohesion, and that there is no
+    /// erosion without a broken bond.
     #[test]
     fn loose_grains_are_no_erosion() {
         let root = tempfile::tempdir().unwrap();

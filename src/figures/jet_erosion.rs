@@ -24,35 +24,35 @@ use std::path::{Path, PathBuf};
 const COLUMNS: [Column; 2] = [
     Column {
         name: "time",
-        others: &[("t", 1.0), ("elapsed_time", 1.0)],
+        aliases: &[("t", 1.0), ("elapsed_time", 1.0)],
         unit: Unit::Time,
-        needed: true,
+        required: true,
     },
     Column {
         name: "distance",
-        others: &[("j", 1.0), ("nozzle_distance", 1.0)],
+        aliases: &[("j", 1.0), ("nozzle_distance", 1.0)],
         unit: Unit::Length,
-        needed: true,
+        required: true,
     },
 ];
 /// Cubic centimetres in a cubic metre: the coefficient is also stated in cm3/(N s).
 const CUBIC_CENTIMETRES: f64 = 1e6;
 
-/// A specimen with its law.
+/// Specimen with its law.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Specimen {
     /// Table of the record.
     pub table: PathBuf,
-    /// Readings.
+    /// Readings of the test.
     pub readings: Vec<JetReading>,
-    /// The law.
+    /// Law, or the reason why there is none.
     pub outcome: JetOutcome,
 }
 
 /// The laws of all specimens, in SI units.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct JetReport {
-    /// The apparatus.
+    /// Apparatus of the test.
     pub apparatus: JetApparatus,
     /// Bulk density of the dry soil [kg/m3], if it is stated.
     pub bulk_density: Option<f64>,
@@ -60,7 +60,7 @@ pub struct JetReport {
     pub specimens: Vec<Specimen>,
     /// Means over the specimens with a law, for at least two.
     pub means: Option<JetMeans>,
-    /// Files written.
+    /// Paths of the files written.
     pub files: Vec<PathBuf>,
 }
 
@@ -370,7 +370,7 @@ mod tests {
         }
     }
 
-    /// Writes a record of a soil, in minutes and millimetres as a laboratory has it.
+    /// Writes a record of a soil in minutes and millimetres, the usual units of a laboratory.
     fn write(folder: &Path, name: &str, law: JetLaw) -> PathBuf {
         let mut text = String::from("time [min],distance [mm]\n");
         for n in 0..14 {

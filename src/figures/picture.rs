@@ -172,10 +172,10 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         ));
     }
     let structures = open("structures")
-        .map(|series| Faces::read(&series.heavy(0), "structure"))
+        .map(|series| Faces::read(&series.data_path(0), "structure"))
         .transpose()?
         .map(Rc::new);
-    let walls = open("walls").map(|series| series.heavy(0));
+    let walls = open("walls").map(|series| series.data_path(0));
     let Some(clock) = grains.as_ref().or(blocks.as_ref()).or(fluid.as_ref()) else {
         return Err(failed(
             run,
@@ -196,7 +196,7 @@ pub fn picture(run: &Path, request: &PictureOptions) -> Result<String, Error> {
         let file = |series: &Option<Series>| {
             let series = series.as_ref()?;
             let known = series.moments().any(|m| m.step == moment.step);
-            known.then(|| series.heavy(moment.step))
+            known.then(|| series.data_path(moment.step))
         };
         let colour = request.colour.as_deref();
         let faces = file(&blocks)
@@ -700,7 +700,7 @@ impl Panel {
                 |[x, y]| raster.pixel_of(frame, [x, y, 0.0]),
             )
         });
-        let over = over(scene, scales, frame, &raster) + &net.unwrap_or_default();
+        let over = overlay_svg(scene, scales, frame, &raster) + &net.unwrap_or_default();
         Self {
             time: scene.time,
             raster,
@@ -718,7 +718,7 @@ impl Panel {
              href=\"data:image/png;base64,{data}\"/>\n\
              <rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#444\"/>",
             y - 6,
-            short(self.time, 4)
+            significant_digits(self.time, 4)
         );
         let lines = &self.lines;
         if !lines.is_empty() {
@@ -732,7 +732,7 @@ impl Panel {
 }
 
 /// Returns the arrows and contacts of a panel as SVG.
-fn over(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> String {
+fn overlay_svg(scene: &Scene, scales: &Scales, frame: &Frame, raster: &Raster) -> String {
     let mut text = String::new();
     if let Some(cuts) = &scene.cuts {
         text += &cuts.draw(frame, raster);
@@ -753,12 +753,18 @@ fn key(scenes: &[Scene], scales: &Scales, drops: u16) -> String {
     let mut parts = Vec::new();
     let arrows = |s: &'_ Scene| -> Option<String> {
         let arrows = s.grains.as_ref()?.arrows.as_ref()?;
-        let (name, length) = (arrows.quantity.replace('_', " "), short(scales.longest, 3));
+        let (name, length) = (
+            arrows.quantity.replace('_', " "),
+            significant_digits(scales.longest, 3),
+        );
         Some(format!("longest arrow: {name} {length} {}", arrows.units))
     };
     let network = |s: &'_ Scene| -> Option<String> {
         let units = &s.contacts.as_ref()?.units;
-        Some(format!("widest line: {} {units}", short(scales.largest, 3)))
+        Some(format!(
+            "widest line: {} {units}",
+            significant_digits(scales.largest, 3)
+        ))
     };
     parts.extend(scenes.iter().find_map(arrows));
     parts.extend(scenes.iter().find_map(network));
@@ -801,7 +807,7 @@ fn bar(
             y + 5,
             y + 16,
             // Rounding errors are shown as zero.
-            short(
+            significant_digits(
                 if value.abs() < 1e-9 * largest {
                     0.0
                 } else {
@@ -820,7 +826,7 @@ fn bar(
 }
 
 /// Returns a number with this many significant digits, without trailing zeros.
-fn short(value: f64, digits: usize) -> String {
+fn significant_digits(value: f64, digits: usize) -> String {
     let scientific = format!("{value:.*e}", digits - 1);
     let (mantissa, power) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let power: i32 = power.parse().unwrap_or(0);

@@ -82,7 +82,7 @@ impl PlotAxis {
 
     /// Returns the axis with a fixed range.
     #[must_use]
-    pub fn over(self, low: f64, high: f64) -> Self {
+    pub fn with_range(self, low: f64, high: f64) -> Self {
         Self {
             range: Some((low, high)),
             ..self
@@ -121,13 +121,13 @@ impl Mark {
 pub enum Style {
     /// Filled disc.
     Filled,
-    /// A white disc with a rim.
+    /// White disc with a rim.
     Hollow,
     /// Wide ring, through which underlying points are visible.
     Ring,
     /// Filled square: a point of a map.
     Square,
-    /// A white square with a rim.
+    /// White square with a rim.
     OpenSquare,
 }
 
@@ -138,7 +138,7 @@ pub enum Shape {
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
         points: Vec<(f64, f64)>,
-        /// `true` if it is dashed.
+        /// `true` if the line is dashed.
         dashed: bool,
     },
     /// Area between two lines.
@@ -148,13 +148,13 @@ pub enum Shape {
     },
     /// Points with error bars.
     Marks {
-        /// The points.
+        /// Points with their error bars.
         marks: Vec<Mark>,
         /// Mark of the points.
         style: Style,
     },
     /// Texts to the upper right of points `(x, y, text)`.
-    Words {
+    Texts {
         /// Points with their texts.
         words: Vec<(f64, f64, String)>,
     },
@@ -212,7 +212,7 @@ pub struct Panel {
     pub y: PlotAxis,
     /// Layers in the order of drawing.
     pub layers: Vec<Layer>,
-    /// Place of the legend.
+    /// Position of the legend.
     pub legend: Legend,
     /// Title above the entries of the legend.
     pub legend_title: String,
@@ -299,12 +299,12 @@ impl Pen {
     fn words(&mut self, x: f64, y: f64, anchor: &str, extra: &str, text: &str) {
         self.put(format_args!(
             "<text x=\"{x:.2}\" y=\"{y:.2}\" text-anchor=\"{anchor}\"{extra}>{}</text>",
-            rich(text)
+            with_subscripts(text)
         ));
     }
 }
 
-/// The range of an axis, its ticks, and how values map to the unit interval.
+/// Range of an axis, its ticks, and the map of values to the unit interval.
 struct Mapping {
     scale: AxisScale,
     low: f64,
@@ -465,7 +465,7 @@ fn minus(value: i32) -> String {
 }
 
 /// Escapes text and converts `_{..}` and `^{..}` to subscripts and superscripts.
-fn rich(text: &str) -> String {
+fn with_subscripts(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
     // Vertical shift that returns the text after a superscript or subscript to its line.
@@ -530,7 +530,7 @@ fn legend_height(panel: &Panel) -> f64 {
     real(rows) * LINE + 10.0
 }
 
-/// A panel being drawn.
+/// Panel that is being drawn.
 struct Drawing<'a> {
     panel: &'a Panel,
     left: f64,
@@ -681,7 +681,7 @@ impl<'a> Drawing<'a> {
                     dot(pen, place, colour, *style);
                 }
             }
-            Shape::Words { words } => {
+            Shape::Texts { words } => {
                 for (x, y, text) in words {
                     if let Some((x, y)) = self.position(*x, *y) {
                         pen.words(x + 6.0, y - 7.0, "start", "", text);
@@ -783,7 +783,7 @@ impl<'a> Drawing<'a> {
                 Shape::Marks { style, .. } => {
                     dot(pen, (0.5 * (from + to), y), colour, *style);
                 }
-                Shape::Words { .. } => {}
+                Shape::Texts { .. } => {}
                 Shape::LowerBounds { .. } => arrow(pen, (0.5 * (from + to), y + 7.0), colour),
             }
             pen.words(to + 8.0, y + 4.5, "start", "", &layer.label);
@@ -837,7 +837,7 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
             xs.extend(points.iter().map(|p| p.0));
             ys.extend(points.iter().map(|p| p.1));
         }
-        Shape::Words { words } => {
+        Shape::Texts { words } => {
             xs.extend(words.iter().map(|w| w.0));
             ys.extend(words.iter().map(|w| w.1));
         }
@@ -917,12 +917,12 @@ mod tests {
 
     #[test]
     fn text_is_escaped_and_marks_become_spans() {
-        assert_eq!(rich("a < b & c"), "a &lt; b &amp; c");
+        assert_eq!(with_subscripts("a < b & c"), "a &lt; b &amp; c");
         assert_eq!(
-            rich("τ_{h} x"),
+            with_subscripts("τ_{h} x"),
             "τ<tspan dy=\"3.5\" font-size=\"10\">h</tspan><tspan dy=\"-3.5\"> x</tspan>"
         );
-        assert_eq!(rich("open_{"), "open_{");
+        assert_eq!(with_subscripts("open_{"), "open_{");
     }
 
     #[test]
@@ -961,8 +961,8 @@ mod tests {
     fn points_land_where_the_axes_say() {
         let panel = Panel {
             title: String::new(),
-            x: PlotAxis::linear("x", "").over(0.0, 10.0),
-            y: PlotAxis::log("y", "").over(1.0, 100.0),
+            x: PlotAxis::linear("x", "").with_range(0.0, 10.0),
+            y: PlotAxis::log("y", "").with_range(1.0, 100.0),
             layers: vec![],
             legend: Legend::None,
             legend_title: String::new(),

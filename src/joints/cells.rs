@@ -12,18 +12,18 @@ use nalgebra::Vector2;
 /// Distance from the edges of the overlap, divided by the spacing, below which a point of the grid is omitted.
 const NEAR_EDGE: f64 = 0.25;
 /// Maximum number of cells along an axis of a joint.
-const MOST: usize = 1000;
+const MAX_CELLS: usize = 1000;
 
 /// Neighbour of a cell across one of its edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// An edge of the overlap, by its number.
+    /// Edge of the overlap, by its index.
     Edge(usize),
-    /// Another cell of the joint, by its number in the joint.
+    /// Another cell of the joint, by its index in the joint.
     Cell(usize),
 }
 
-/// A cell of a joint.
+/// Cell of a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
     /// Point of the cell's pressure, in the plane of the joint \[m\].
@@ -51,7 +51,7 @@ impl Grid {
     fn new(overlap: &Polygon<usize>, size: f64) -> Self {
         let [low, high] = overlap.bounds();
         let extent = high - low;
-        let count = |length: f64| whole((length / size - 1e-9).ceil()).clamp(1, MOST);
+        let count = |length: f64| whole((length / size - 1e-9).ceil()).clamp(1, MAX_CELLS);
         let counts = [count(extent.x), count(extent.y)];
         let spacing = Vector2::new(extent.x / real(counts[0]), extent.y / real(counts[1]));
         let mut grid = Self {
@@ -103,7 +103,7 @@ impl Grid {
     }
 }
 
-/// Returns the cells of a joint, of at most about this size \[m\].
+/// Returns the cells of a joint, with edges of at most about this size \[m\].
 #[must_use]
 pub fn divide(joint: &Joint, size: f64) -> Vec<Cell> {
     let grid = Grid::new(&joint.overlap, size);

@@ -64,7 +64,8 @@ struct Edge {
     /// Apertures at both ends \[m\].
     apertures: [f64; 2],
     outward: Vector2<f64>,
-    /// Pieces of the edge: cell, start and end along the edge \[m\], and distance of the cell's point \[m\].
+    /// Pieces of the edge: cell, start and end along the edge \[m\], and distance of the point of the cell from the
+    /// edge \[m\].
     parts: Vec<(usize, [f64; 2], f64)>,
 }
 
@@ -85,8 +86,8 @@ impl Edge {
     }
 
     /// Returns the distance \[m\] of another edge that runs along this one within the apertures of both; none if it
-    /// does not. Of an aperture wider than a limit \[m\] half counts: the edge of a joint lies in the middle between
-    /// its faces, and the other end of a neighbour may be as near as its whole aperture.
+    /// does not. Half of an aperture counts if it is wider than a limit \[m\]: the edge of a joint lies in the middle
+    /// between its faces, and the opposite edge of a neighbour may be only its aperture away.
     fn meets(&self, other: &Self, parallel: f64, limit: f64) -> Option<f64> {
         if self.direction.dot(&other.direction).abs() < parallel {
             return None;
@@ -137,7 +138,7 @@ impl Edge {
 }
 
 /// Finds junctions and open pieces of the edges of all joints. `cells` are the cells of the joints one after the other,
-/// with the first cell of each joint in `firsts`; `residual`: smallest aperture \[m\].
+/// `firsts` the index of the first cell of each joint, and `residual` the smallest aperture \[m\].
 #[must_use]
 pub fn ends(
     joints: &[Joint],

@@ -32,7 +32,7 @@
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::{Factors, Singular};
-use crate::motion::{FREEDOMS, Mover, Touch, movers_of, opening, touches};
+use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, opening, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
 use crate::pairs::{Rock, moved};
@@ -46,26 +46,26 @@ mod memory;
 mod renewal;
 
 /// Pairs of rotational degrees of freedom of a block.
-const TURNS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
+const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Maximum number of Newton iterations.
-const MOST: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// Change of the pressures, relative to the largest, at which Newton's method ends.
-const CHANGE: f64 = 1e-12;
+const NEWTON_TOLERANCE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
 /// line search.
 const ROUNDING: f64 = 1e-8;
 /// Change of the pressures, relative to the largest, at which an iteration with kept factors has converged: the
-/// remaining error is a part of this change, not its square, and where there is vapour a small pressure holds much
-/// water.
+/// remaining error is a fraction of this change, not its square, and near vapour a small pressure difference stores
+/// much water.
 const KEPT_CHANGE: f64 = 1e-14;
-/// Largest change of the pressures over the last one with which Newton's method keeps its factors.
-const KEPT: f64 = 0.03;
+/// Largest ratio of the change of the pressures to the previous change at which Newton's method keeps its factors.
+const FACTOR_REUSE: f64 = 0.03;
 /// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
-const STILL: f64 = 1e-14;
+const STATIONARY: f64 = 1e-14;
 /// Largest system whose unknowns are eliminated in the order of their degree.
-const SMALL: usize = 4000;
+const SMALL_SYSTEM: usize = 4000;
 /// Maximum number of halvings of a Newton step.
 const HALVINGS: usize = 12;
 
@@ -119,7 +119,7 @@ struct Channel {
 
 /// Linear response of a link in a stage.
 #[derive(Clone, Copy, Debug, Default)]
-struct Answer {
+struct LinkResponse {
     /// Discharge at zero driving pressure \[m³/s\].
     free: f64,
     /// Derivative of the laminar discharge with respect to the driving pressure \[m³/(Pa s)\].
@@ -159,7 +159,8 @@ pub struct JointFlow {
     gaps: Vec<LinearField>,
     /// Volumes that store by compression \[m³\].
     volumes: Vec<f64>,
-    /// Volumes that follow the walls without the displacements of the blocks, and what these add \[m³\].
+    /// Volumes that follow the walls without the displacements of the blocks, and the change of these volumes by the
+    /// displacements \[m³\].
     fills: Vec<f64>,
     opened: Vec<f64>,
     /// Water of the nodes in excess of their volumes and pressures, after blocks were placed \[m³\].
@@ -176,12 +177,12 @@ pub struct JointFlow {
     /// `true` if the factors are those of an iterate of the present step.
     factored: bool,
     work: Work,
-    /// Moving blocks, and the cells next to them.
+    /// Moving blocks, each with the adjacent cells.
     movers: Vec<Mover>,
-    touches: Vec<Touch>,
+    touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
-    /// Gaps without the displacements of the blocks, and what these add \[m\].
+    /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
 }
@@ -189,7 +190,7 @@ pub struct JointFlow {
 /// Returns the analysis of the system of a network and its blocks with nonzero entries at `pairs`.
 fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors {
     let unknowns = network.nodes() + FREEDOMS * movers.len();
-    if unknowns <= SMALL {
+    if unknowns <= SMALL_SYSTEM {
         return Factors::new(unknowns, pairs);
     }
     let centroids = movers.iter().flat_map(|mover| [mover.centroid; FREEDOMS]);
@@ -200,7 +201,7 @@ fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors
 /// Buffers of a stage.
 #[derive(Clone, Debug, Default)]
 struct Work {
-    answers: Vec<Answer>,
+    answers: Vec<LinkResponse>,
     fronts: Vec<Option<f64>>,
     base: Vec<f64>,
     /// Volumes that follow the walls, at the start of the step \[m³\].
@@ -217,13 +218,13 @@ struct Work {
 }
 
 impl JointFlow {
-    /// Returns the water of a network at zero pressure and at rest.
+    /// Returns the stationary water of a network at zero pressure.
     #[must_use]
     pub fn new(network: Network, settings: FlowSettings) -> Self {
         Self::with_movers(network, settings, Vec::new())
     }
 
-    /// Returns the water of a network with moving blocks ([`crate::motion`]), at zero pressure and at rest.
+    /// Returns the stationary water of a network with moving blocks ([`crate::motion`]), at zero pressure.
     #[must_use]
     pub fn with_movers(network: Network, settings: FlowSettings, movers: Vec<Mover>) -> Self {
         let (nodes, links) = (network.nodes(), network.links.len());
@@ -244,7 +245,7 @@ impl JointFlow {
         }
         for mover in 0..movers.len() {
             let first = nodes + FREEDOMS * mover;
-            pairs.extend(TURNS.map(|[a, b]| [first + a, first + b]));
+            pairs.extend(ROTATION_PAIRS.map(|[a, b]| [first + a, first + b]));
         }
         let modes = if settings.inertia { links * MODES } else { 0 };
         let mut flow = Self {
@@ -266,7 +267,7 @@ impl JointFlow {
             factors: factors(&network, &movers, &pairs),
             factored: false,
             work: Work {
-                answers: vec![Answer::default(); links],
+                answers: vec![LinkResponse::default(); links],
                 fronts: vec![None; network.open.len()],
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
@@ -346,7 +347,7 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\]; where blocks move then the water of the nodes beyond that of their volumes \[m³\].
+    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\].
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let surplus = if self.movers.is_empty() {
@@ -471,7 +472,7 @@ impl JointFlow {
         self.add_water(-1.0);
     }
 
-    /// Adds the water of the nodes, times a factor, to their surplus.
+    /// Adds the water of the nodes, multiplied by a factor, to their surplus.
     fn add_water(&mut self, factor: f64) {
         for (number, surplus) in self.surplus.iter_mut().enumerate() {
             let (more, _) = self.settings.water.compression(self.pressure[number]);
@@ -481,8 +482,7 @@ impl JointFlow {
         }
     }
 
-    /// Takes the positions of the blocks as they are, and with them volumes and channels. Displacements count from
-    /// here.
+    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
     pub fn set_positions(&mut self, rocks: &[Rock]) {
         for (number, base) in self.base_gaps.iter_mut().enumerate() {
             let joint = &mut self.network.joints[number];
@@ -523,8 +523,8 @@ impl JointFlow {
         self.prepare_answers(interval);
     }
 
-    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair`: index of the first
-    /// pair of the blocks.
+    /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair` is the index of the
+    /// first pair of the blocks.
     fn balance_blocks(&self, unknowns: &[f64], interval: f64, pair: usize, to: [&mut [f64]; 3]) {
         let nodes = self.volumes.len();
         let [imbalance, diagonal, pairs] = to;
@@ -550,7 +550,7 @@ impl JointFlow {
             }
         }
         for mover in &self.movers {
-            for [a, b] in TURNS {
+            for [a, b] in ROTATION_PAIRS {
                 pairs[pair] = -mover.inertia[(a - 3, b - 3)];
                 pair += 1;
             }
@@ -660,7 +660,7 @@ impl JointFlow {
     ) -> Result<usize, FlowError> {
         let mut change = f64::INFINITY;
         let mut sum = self.imbalance(pressure, interval, stores);
-        for step in 1..=MOST {
+        for step in 1..=MAX_ITERATIONS {
             let fresh = !self.factored;
             if fresh {
                 let factors = (self.factors).factorise(&self.work.diagonal, &self.work.pairs);
@@ -700,17 +700,17 @@ impl JointFlow {
             if !(new.is_finite() && full.is_finite()) {
                 return Err(FlowError::NotFinite);
             }
-            self.factored = part >= 1.0 && full <= KEPT * change;
+            self.factored = part >= 1.0 && full <= FACTOR_REUSE * change;
             change = part * full;
             let stagnant = fresh && change <= ROUNDING * size && new >= 0.25 * sum;
-            let enough = if fresh { CHANGE } else { KEPT_CHANGE };
+            let enough = if fresh { NEWTON_TOLERANCE } else { KEPT_CHANGE };
             if (change <= enough * size || stagnant) && slow {
                 return Ok(step);
             }
             sum = new;
         }
         Err(FlowError::NotConverged {
-            steps: MOST,
+            steps: MAX_ITERATIONS,
             change,
         })
     }
@@ -718,7 +718,7 @@ impl JointFlow {
     /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
     fn small_change(&self, interval: f64) -> f64 {
         let gaps = self.gaps.iter().map(|gap| gap.constant);
-        STILL * gaps.fold(self.network.settings.residual, f64::max) / interval
+        STATIONARY * gaps.fold(self.network.settings.residual, f64::max) / interval
     }
 
     /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.
@@ -744,13 +744,13 @@ impl JointFlow {
     ///
     /// # Errors
     /// If there is no solution.
-    pub fn settle(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
+    pub fn solve_steady(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
         self.factored = false;
         self.follow(drive, time);
         self.find_held();
         self.work.base.fill(0.0);
         for (answer, channel) in self.work.answers.iter_mut().zip(&self.channels) {
-            *answer = Answer {
+            *answer = LinkResponse {
                 free: 0.0,
                 slope: 1.0 / channel.resistance,
             };
@@ -781,7 +781,7 @@ impl JointFlow {
     /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
     fn prepare_answers(&mut self, interval: f64) {
         for (link, channel) in self.channels.iter().enumerate() {
-            let mut answer = Answer {
+            let mut answer = LinkResponse {
                 free: 0.0,
                 slope: 1.0 / channel.resistance,
             };
@@ -848,7 +848,7 @@ impl JointFlow {
         outflows
     }
 
-    /// Adds what leaves through open pieces in a time \[s\].
+    /// Adds the water that leaves through open pieces during a time \[s\].
     fn add_passed(&mut self, time: f64) {
         for (link, discharge) in self.network.links.iter().zip(&self.discharge) {
             if let End::Open(piece) = link.to {

@@ -75,8 +75,8 @@ impl Turbulence {
         (more, power * fall / discharge - resistance)
     }
 
-    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative with respect to
-    /// `laminar`. `answer`: derivative of the discharge with respect to the pressure \[m³/(Pa s)\].
+    /// Returns the discharge `Q` with `Q + answer excess(Q) = laminar`, and its derivative with respect to `laminar`;
+    /// `answer` is the derivative of the discharge with respect to the pressure \[m³/(Pa s)\].
     #[must_use]
     pub fn discharge(&self, laminar: f64, answer: f64, resistance: f64) -> (f64, f64) {
         let target = laminar.abs();

@@ -14,7 +14,7 @@ pub struct RockLoad {
     pub force: Vector3<f64>,
     /// Moment about the centroid of the block \[N m\].
     pub moment: Vector3<f64>,
-    /// Area of its faces in joints \[m²\].
+    /// Area of the faces of the block in joints \[m²\].
     pub area: f64,
     /// Smallest and largest gauge pressure on the block \[Pa\]; infinite without adjacent joints.
     pub pressure: [f64; 2],

@@ -52,7 +52,7 @@ pub struct Mover {
     pub centroid: Vector3<f64>,
     /// External force \[N\] and moment \[N m\], constant during a step.
     pub load: Vector6<f64>,
-    /// Displacement \[m\] and rotation \[rad\] since the network was made.
+    /// Displacement \[m\] and rotation \[rad\] since the network was built.
     pub displacement: Vector6<f64>,
     /// Velocity [m/s] and rotation rate [rad/s].
     pub velocity: Vector6<f64>,
@@ -86,7 +86,7 @@ impl Mover {
 
 /// Cell next to a moving block, with the load of its pressure on the block.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Touch {
+pub(crate) struct LoadedCell {
     pub(crate) cell: usize,
     pub(crate) mover: usize,
     /// Force and moment per unit of pressure \[m²\], \[m³\].
@@ -98,7 +98,7 @@ pub(crate) fn touches(
     network: &Network,
     movers: &[Mover],
     of_rock: &[Option<usize>],
-) -> Vec<Touch> {
+) -> Vec<LoadedCell> {
     let mut all = Vec::new();
     for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
         let joint = &network.joints[joint];
@@ -109,7 +109,7 @@ pub(crate) fn touches(
             };
             let force = -tilt * cell.area;
             let moment = (centre - movers[mover].centroid).cross(&force);
-            all.push(Touch {
+            all.push(LoadedCell {
                 cell: number,
                 mover,
                 arm: Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z),

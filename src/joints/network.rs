@@ -14,7 +14,7 @@ use nalgebra::{Vector2, Vector3};
 pub struct NetworkSettings {
     /// Limits within which faces form a joint.
     pub limits: PairLimits,
-    /// Minimum aperture for the conductivity and storage of a joint \[m\], which its roughness keeps open.
+    /// Minimum aperture for the conductivity and storage of a joint \[m\], which the roughness of its walls keeps open.
     pub residual: f64,
     /// Maximum size of a cell \[m\].
     pub cell: f64,
@@ -23,9 +23,9 @@ pub struct NetworkSettings {
 /// End of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// A node, by its number.
+    /// Node, by its index.
     Node(usize),
-    /// An open piece of an edge, by its number.
+    /// Open piece of an edge, by its index.
     Open(usize),
 }
 
@@ -57,13 +57,13 @@ pub struct Network {
     pub cells: Vec<Cell>,
     /// Joint of each cell.
     pub joint_of: Vec<usize>,
-    /// Number of the first cell of each joint, and number of all cells at the end.
+    /// Index of the first cell of each joint, and the number of all cells at the end.
     pub firsts: Vec<usize>,
     /// Junctions; their nodes follow the nodes of the cells.
     pub junctions: Vec<Junction>,
     /// Open pieces of edges.
     pub open: Vec<Piece>,
-    /// Links.
+    /// Links of the network.
     pub links: Vec<Link>,
     /// Positions of the nodes \[m\].
     pub positions: Vec<Vector3<f64>>,
@@ -76,9 +76,9 @@ impl Network {
         Self::of_joints(joints(rocks, &settings.limits), settings)
     }
 
-    /// Returns the network of blocks that have moved: the known joints stay as long as their faces overlap
-    /// ([`joints_after`]). One that is wider than the limit and meets no other joint has opened into the water outside,
-    /// and is no joint any more.
+    /// Returns the network of blocks that have moved: the known joints are kept as long as their faces overlap
+    /// ([`joints_after`]). A joint that is wider than the limit and meets no other joint has opened into the water
+    /// outside and is removed.
     #[must_use]
     pub fn after(&self, rocks: &[Rock]) -> Self {
         let joints = joints_after(rocks, &self.settings.limits, &self.pairs());
@@ -169,7 +169,7 @@ impl Network {
         self.positions.len()
     }
 
-    /// Returns the connected part of the network that contains each node, as the number of its first node.
+    /// Returns the connected part of the network that contains each node, identified by the index of its first node.
     #[must_use]
     pub fn parts(&self) -> Vec<usize> {
         let mut parents: Vec<usize> = (0..self.nodes()).collect();

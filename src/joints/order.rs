@@ -46,7 +46,7 @@ impl Graph {
 struct Dissection<'a> {
     graph: Graph,
     positions: &'a [Vector3<f64>],
-    /// Set of each unknown; those that are in the order belong to none.
+    /// Set of each unknown; unknowns that are already in the order belong to no set.
     set: Vec<usize>,
     sets: usize,
     order: Vec<usize>,

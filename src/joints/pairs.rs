@@ -30,7 +30,7 @@ const THIN: f64 = 1e-6;
 pub struct Rock<'a> {
     /// Shape in the block's own frame.
     pub shape: &'a Polyhedron,
-    /// Position of its centroid \[m\].
+    /// Position of the centroid of the block \[m\].
     pub position: Vector3<f64>,
     /// Rotation from the block's own frame.
     pub orientation: UnitQuaternion<f64>,
@@ -45,7 +45,7 @@ pub struct PairLimits {
     pub angle: f64,
 }
 
-/// Face of a block, given by the numbers of the block and of its face.
+/// Face of a block, given by the indices of the block and of the face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RockFace {
     /// Number of the block.
@@ -65,7 +65,7 @@ pub struct Joint {
     pub axes: [Vector3<f64>; 2],
     /// Unit normal of the plane, from the first face to the second.
     pub normal: Vector3<f64>,
-    /// Overlap in the plane; the tag of an edge is its number.
+    /// Overlap in the plane; the tag of an edge is its index.
     pub overlap: Polygon<usize>,
     /// Distance of the faces \[m\], negative for overlapping blocks.
     pub gap: LinearField,
@@ -149,10 +149,10 @@ impl Standing {
     }
 }
 
-/// Faces of all blocks where they stand, in the order of blocks and faces.
+/// Faces of all blocks in their present positions, in the order of blocks and faces.
 struct Faces {
     list: Vec<(RockFace, Standing)>,
-    /// Number of the first face of each block.
+    /// Index of the first face of each block.
     firsts: Vec<usize>,
 }
 
@@ -168,8 +168,8 @@ impl Faces {
         Self { list, firsts }
     }
 
-    /// Returns the joint of two faces, if they overlap, are closer than a distance \[m\], and are not turned by more
-    /// than [`WIDEST`].
+    /// Returns the joint of two faces, if they overlap, are closer than a distance \[m\], and enclose an angle of at
+    /// most [`WIDEST`].
     fn joint(&self, [a, b]: [usize; 2], distance: f64) -> Option<Joint> {
         let ((first, one), (second, other)) = (&self.list[a], &self.list[b]);
         let faces = one.normal.dot(&other.normal) <= -WIDEST.cos();
@@ -188,7 +188,7 @@ pub fn joints(rocks: &[Rock], limits: &PairLimits) -> Vec<Joint> {
     joints_after(rocks, limits, &[])
 }
 
-/// Returns the joints of these pairs of faces, as far as they still overlap, in the order of the pairs.
+/// Returns the joints of these pairs of faces that still overlap, in the order of the pairs.
 #[must_use]
 pub fn joints_of(rocks: &[Rock], pairs: &[[RockFace; 2]]) -> Vec<Joint> {
     let faces = Faces::new(rocks);

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 /// Length of an edge, divided by the size of the polygon, below which it is omitted.
 const SHORT: f64 = 1e-10;
 
-/// A convex polygon, corners counter-clockwise; each edge has a tag of its own. Lengths in m.
+/// Convex polygon with its corners counter-clockwise; each edge has a tag of its own. Lengths are in m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Polygon<T> {
     /// Corners \[m\] with the tag of the edge that begins at each.
@@ -45,7 +45,7 @@ impl<T: Copy> Polygon<T> {
         (high - low).amax()
     }
 
-    /// Returns the lower and the upper corner \[m\] of its bounding box; zeros for an empty polygon.
+    /// Returns the lower and the upper corner \[m\] of the bounding box; zeros for an empty polygon.
     #[must_use]
     pub fn bounds(&self) -> [Vector2<f64>; 2] {
         let mut corners = self.corners.iter().map(|(corner, _)| *corner);
@@ -156,7 +156,7 @@ impl<T: Copy> Polygon<T> {
 pub struct LinearField {
     /// Value at the origin.
     pub constant: f64,
-    /// Gradient.
+    /// Gradient of the field.
     pub slope: Vector2<f64>,
 }
 

@@ -20,7 +20,7 @@ pub(crate) struct Line {
     pub(crate) stride: u32,
     /// Row of the first item.
     row: u32,
-    /// `true` if there is one item in each row; otherwise all items are in one row.
+    /// `true` if there is one item in each row; `false` if all items are in one row.
     down: bool,
 }
 

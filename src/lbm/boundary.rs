@@ -151,7 +151,7 @@ boundaries! {
     outfall Outfall,
 }
 
-/// Value that changes linearly from `start` to `end` during `steps`, and then is constant.
+/// Value that changes linearly from `start` to `end` during `steps`, and is constant afterwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     /// Value at step 0.
@@ -184,13 +184,13 @@ impl Ramp {
     }
 }
 
-/// A named part of one face.
+/// Named part of one face.
 pub struct Patch<S: Stored = f64> {
     /// Name in outputs.
     pub name: String,
     /// Axis of the face normal.
     pub axis: usize,
-    /// `true` if it is at the upper end of the axis.
+    /// `true` if the face is at the upper end of the axis.
     pub upper: bool,
     /// Corners of the part in cells (the components along the axis are not used). Later patches take precedence.
     pub range: [[f64; 2]; 3],
@@ -230,7 +230,7 @@ pub fn patch_at<S: Stored>(
 
 /// Returns points of a face around the point at which a link crosses the face: an oblique link crosses between
 /// cells, where patches may meet.
-fn around(
+fn surrounding_points(
     frame: &Frame,
     c: [i8; 3],
     outside: [bool; 3],
@@ -264,9 +264,9 @@ fn around(
 /// Returns the patch of a link that crosses a face between the cells `beside` with the given centres, and the
 /// fraction of these cells that imposes a velocity.
 ///
-/// Both links that cross at a point belong to one patch, so that a population that leaves along one may enter along
-/// the other. At a border a velocity is imposed in part: the flow through the face is then that of the cells of the
-/// patch, equal at both of its ends. Between other patches the stronger one takes the border.
+/// Both links that cross at a point belong to one patch, so that a population that leaves along one may enter along the
+/// other. At the border of a patch a velocity is imposed in part: the flow through the face is then that of the cells
+/// of the patch, equal at both of its ends. Links at the border of two other patches belong to the stronger one.
 fn on_border<S: Stored>(
     patches: &[Patch<S>],
     middle: [f64; 3],
@@ -333,7 +333,7 @@ fn crossed<S: Stored>(
         .map(|axis| {
             let upper = c[axis] > 0;
             let default = defaults + 2 * axis + usize::from(upper);
-            let beside = around(frame, c, outside, middle);
+            let beside = surrounding_points(frame, c, outside, middle);
             let beside = beside.map(|point| {
                 let holder = patch_at(&patches[..defaults], axis, upper, point);
                 (holder.unwrap_or(default), point)
@@ -461,7 +461,7 @@ impl<S: Stored> Boundaries<S> {
             .map(move |wall| wall.link.far as usize - first(wall.direction))
     }
 
-    /// Returns the factor of the velocity of a patch at a step, given by its ramp.
+    /// Returns the factor of the velocity of a patch at a step, which follows from its ramp.
     #[must_use]
     pub fn velocity_factor(&self, patch: usize, step: f64) -> f64 {
         self.patches[patch].rule.factor(step)
@@ -554,7 +554,7 @@ impl<S: Stored> Boundaries<S> {
         self.patches.iter().all(|patch| patch.rule.is_wall())
     }
 
-    /// Sets the populations that return from the walls in some cells, ahead of [`Self::apply`].
+    /// Sets the populations that return from the walls in a range of cells, ahead of [`Self::apply`].
     ///
     /// # Safety
     /// `numbers` must be those of the slab, in the order of `parity`, and no other thread may access these cells or
@@ -616,7 +616,7 @@ impl<S: Stored> Boundaries<S> {
         communicator.all_reduce_sum_u128s(&mut self.sums);
         for (&patch, sums) in self.summed.iter().zip(self.sums.chunks_exact(count)) {
             let sums = std::array::from_fn(|n| sums[n].cast_signed());
-            self.patches[patch].rule.hear(sums, &moment);
+            self.patches[patch].rule.receive_sums(sums, &moment);
         }
     }
 

@@ -156,8 +156,8 @@ pub trait CollisionModel {
 pub trait Kernels: Copy + Send + Sync + 'static {
     /// Kernel for uniform viscosity and open cells, with a body force if `FORCED`.
     type Uniform<const FORCED: bool>: Collision + 'static;
-    /// Kernel for cells with different viscosities. The force may be zero: this avoids another kernel to compile,
-    /// and a kernel without force would save little compared with the cost of the velocity gradients.
+    /// Kernel for cells with different viscosities. The force may be zero: without a separate kernel for zero force
+    /// there is one kernel fewer to compile, and it would save little compared with the cost of the velocity gradients.
     type Local: Collision + 'static;
     /// Kernel for cells that solids may cover; viscosity and force as for [`Kernels::Local`].
     type Covered: Collision + 'static;

@@ -38,28 +38,28 @@ use std::ops::Range;
 pub struct Setup<S: Stored = f64> {
     /// Velocity set.
     pub set: VelocitySet,
-    /// Collision operator.
+    /// Operator of the collisions.
     pub operator: Operator,
     /// Relaxation time τ of the fluid without eddy viscosity, above ½.
     pub relaxation_time: f64,
     /// Eddy viscosity; none if all scales are resolved.
     pub turbulence: Option<EddyViscosity>,
-    /// Body force.
+    /// Body force on the fluid.
     pub force: Force,
     /// Number of cells of the whole domain along x, y, z.
     pub cells: [usize; 3],
     /// Periodic axes.
     pub periodic: [bool; 3],
-    /// Patches of the faces; faces without one are no-slip walls.
+    /// Patches of the faces; a face without a patch is a no-slip wall.
     pub patches: Vec<Patch<S>>,
     /// Method for cells covered by solids; none if no cell can be covered.
     pub saturation: Option<SaturationMethod>,
     /// `true` if cells collide in f32, for populations in f32 and open cells without eddy viscosity.
     pub single: bool,
-    /// Device on which the fluid runs.
+    /// Device that computes the fluid.
     pub device: Device,
     /// Additional terms of the step.
-    pub terms: Vec<term::Make<S>>,
+    pub terms: Vec<term::TermBuilder<S>>,
 }
 
 impl<S: Stored> Setup<S> {
@@ -140,7 +140,7 @@ fn planes_of(planes: &Range<usize>, threads: usize, t: usize) -> Range<usize> {
     begin(t)..begin(t + 1)
 }
 
-/// Returns the planes of a thread whose both neighbours belong to the same thread.
+/// Returns the planes of a thread both of whose neighbours belong to the same thread.
 fn inner(share: &Range<usize>) -> Range<usize> {
     let first = share.start + 1;
     first..(share.end - 1).max(first)
@@ -168,7 +168,7 @@ fn between(planes: usize) -> Range<usize> {
 
 /// One slab of fluid.
 pub struct Fluid<S: Stored> {
-    /// GPU that makes the steps, if there is one. It uses the memory of the populations and is therefore dropped
+    /// GPU that computes the steps, if there is one. It uses the memory of the populations and is therefore dropped
     /// first.
     gpu: Option<Gpu>,
     populations: Populations<S>,
@@ -200,7 +200,7 @@ pub struct Fluid<S: Stored> {
 }
 
 impl<S: Stored> Fluid<S> {
-    /// Returns fluid at rest in the slab of this rank.
+    /// Returns stationary fluid in the slab of this rank.
     ///
     /// # Errors
     /// If the memory cannot be allocated, collisions in f32 are requested that this fluid does not have, or a GPU that
@@ -496,7 +496,7 @@ impl<S: Stored> Fluid<S> {
             .close_covered(fraction, &mut self.populations);
     }
 
-    /// Fills the ghosts of the velocities that depend on the cells of some planes.
+    /// Fills the ghosts of the velocities that depend on the cells of a range of planes.
     fn complete_velocities(&mut self, planes: impl Iterator<Item = Range<usize>>) {
         #[expect(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
         let time = self.step as f64;
@@ -506,7 +506,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Sets the velocities for the next eddy viscosity to the present ones of the cells. Collective.
+    /// Sets the velocities for the next eddy viscosity to the present velocities of the cells. Collective.
     pub fn renew_velocities(&mut self) {
         let planes = self.populations.cells()[self.populations.order()[0]];
         if self.field.is_none() || planes == 0 {
@@ -571,12 +571,12 @@ impl<S: Stored> Fluid<S> {
             .map_or(0.0, |model| model.viscosity(&field.gradient(cell)))
     }
 
-    /// Returns the number of threads for some planes.
+    /// Returns the number of threads for a range of planes.
     fn workers(&self, planes: &Range<usize>) -> usize {
         self.threads.min(planes.len())
     }
 
-    /// Collides and streams some planes, divided among threads.
+    /// Collides and streams a range of planes, divided among threads.
     fn run(&self, shared: &Shared<S>, force: [f64; 3], planes: Range<usize>) {
         let threads = self.workers(&planes);
         if threads <= 1 {

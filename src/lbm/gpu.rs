@@ -67,15 +67,15 @@ use std::io::Read;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
-/// Device on which the fluid runs.
+/// Device that computes the fluid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum Device {
-    /// The cores of the processor.
+    /// Cores of the processor.
     #[default]
     Cpu,
-    /// A GPU of NVIDIA.
+    /// GPU of NVIDIA.
     Gpu,
     /// A GPU if there is one and it can run the scene; otherwise the processor.
     Auto,
@@ -125,7 +125,7 @@ impl Kernel {
         format!("{kind}{}_{}_{stored}", self.operator, self.set)
     }
 
-    /// Returns `true` if it was made for a storage: kernels are added when they have run on a GPU.
+    /// Returns `true` if the kernel was compiled for a storage: kernels are added when they have run on a GPU.
     #[must_use]
     pub fn exists(&self, stored: &str) -> bool {
         let kind = if self.covered { "mixed_" } else { "" };
@@ -177,7 +177,7 @@ unsafe impl Send for Pinned {}
 unsafe impl Sync for Pinned {}
 
 impl Pinned {
-    /// Pins the memory of some numbers; returns `None` if the system does not allow it.
+    /// Pins the memory of a list of numbers; returns `None` if the system does not allow it.
     ///
     /// # Safety
     /// The memory must stay until this is dropped.
@@ -627,7 +627,7 @@ impl Drop for Gpu {
     }
 }
 
-/// Returns the shape of a launch with this number of blocks.
+/// Returns the launch configuration with this number of blocks.
 fn launch_of(count: u32) -> LaunchConfig {
     LaunchConfig {
         grid_dim: (count, 1, 1),

@@ -13,7 +13,7 @@ const TAG: u8 = 1;
 /// Exchange of one slab along the split axis.
 pub struct Halo {
     exchange: HaloExchange,
-    /// Directions that point to lower planes, and to higher ones.
+    /// Directions that point to lower planes; the next field has those that point to higher planes.
     down: Vec<usize>,
     up: Vec<usize>,
     /// Positions in a plane, including ghosts, relative to its cell (0, 0).

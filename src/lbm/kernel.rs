@@ -40,9 +40,9 @@ const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
 /// Update of a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<C, T> {
-    /// The operator.
+    /// Operator of the collisions.
     pub collision: C,
-    /// Eddy viscosity.
+    /// Model of the eddy viscosity.
     pub eddies: T,
     /// Viscosity of the fluid without eddy viscosity, in lattice units.
     pub viscosity: f64,
@@ -50,7 +50,7 @@ pub struct Update<C, T> {
     pub worker: usize,
 }
 
-/// Pass over some cells of a slab, selected once at the start for lattice, operator, eddy viscosity, solids,
+/// Pass over a block of cells of a slab, selected once at the start for lattice, operator, eddy viscosity, solids,
 /// storage and processor.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &RowBlock);
 
@@ -120,7 +120,7 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Returns the block of some whole planes.
+    /// Returns the block of a range of whole planes.
     pub(crate) fn planes(&self, planes: Range<usize>) -> RowBlock {
         RowBlock {
             planes,
@@ -348,7 +348,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         unsafe { <S as Memory<N>>::load(self.address(L::OPPOSITE[i])) }
     }
 
-    /// Prefetches the numbers that are needed some vectors later.
+    /// Prefetches the numbers that are needed several vectors later.
     #[inline(always)]
     fn prefetch(&self, i: usize) {
         prefetch(

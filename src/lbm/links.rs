@@ -39,7 +39,7 @@ pub struct BodyLink {
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// `true` if the outer cell is fluid of this slab, so that the link counts in the load.
+    /// `true` if the outer cell is a fluid cell of this slab, so that the link contributes to the load.
     pub loads: bool,
     /// `true` if the wall velocity is used (not in narrow gaps).
     pub moves: bool,

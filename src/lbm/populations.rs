@@ -514,8 +514,8 @@ impl<S: Stored> Populations<S> {
         totals
     }
 
-    /// Calls `each` with the first cell of every row, on as many threads as `gathered` has entries, each with its
-    /// own entry.
+    /// Calls `each` with the first cell of every row and an entry of `gathered`, on as many threads as there are
+    /// entries; each thread has its own entry.
     pub fn by_rows<T: Send>(&self, gathered: &mut [T], each: impl Fn([usize; 3], &mut T) + Sync) {
         let [slow, middle, _] = self.order;
         let rows = self.cells[slow] * self.cells[middle];

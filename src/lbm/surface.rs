@@ -81,7 +81,7 @@ pub use ghosts::Ends;
 use momentum::Left;
 pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
-pub use opening::{Outside, Passed, Up};
+pub use opening::{Outside, Passed, UpAxis};
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
@@ -113,7 +113,7 @@ pub struct SlabSurface {
     bodies: Option<Box<Bodies>>,
     /// `true` after a restart, until bodies are known.
     restored: bool,
-    /// `true` between the step and the update of the bodies, which change cells as well: lists and fill levels are
+    /// `true` between the step and the update of the bodies, which also changes cells: lists and fill levels are then
     /// those before the step.
     unsettled: bool,
     /// Carried ghost cells of a step; a reusable buffer.
@@ -122,10 +122,10 @@ pub struct SlabSurface {
     lost: i128,
     openings: Vec<Opening>,
     /// Dry cells of a step next to water outside an opening; a reusable buffer.
-    fed: Vec<conversion::Fed>,
+    fed: Vec<conversion::FedCell>,
     /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
     shore: Vec<(usize, [f32; 3])>,
-    /// Momentum of the step; none where no balance is due.
+    /// Momentum of the step; none if no balance is due.
     balance: Option<StepMomentum>,
 }
 
@@ -160,7 +160,7 @@ impl SlabSurface {
     }
 
     /// Makes cells solid, given by position, including ghost cells.
-    pub fn stand_in(&mut self, solid: impl Iterator<Item = usize>) {
+    pub fn make_solid(&mut self, solid: impl Iterator<Item = usize>) {
         for cell in solid {
             self.cells.kind[cell] = SOLID;
         }
@@ -246,8 +246,8 @@ impl SlabSurface {
         [f64::from(kind), mass, self.cells.share[cell]]
     }
 
-    /// Returns the mass on this rank that could not be distributed so far, in quanta: positive for mass that left
-    /// the water.
+    /// Returns the mass on this rank that could not be distributed so far, in quanta: positive for mass that left the
+    /// water.
     #[must_use]
     pub fn lost(&self) -> i128 {
         self.lost
@@ -517,7 +517,7 @@ impl SlabSurface {
         }
     }
 
-    /// Shares excess mass. Collective.
+    /// Distributes excess mass. Collective.
     fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);

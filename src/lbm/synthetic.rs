@@ -221,7 +221,7 @@ fn across(k: [f64; 3], v: [f64; 3], dimension: usize) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// Spatial averages of one field: the intensity is exact for every seed.
+    /// Checks spatial averages of one field: the intensity is exact for every seed.
     #[test]
     fn every_component_has_unit_mean_square() {
         for dimension in [2, 3] {
@@ -240,8 +240,8 @@ mod tests {
         }
     }
 
-    /// Correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), normal to r that plus r/(D - 1)
-    /// times its derivative (Batchelor 1953). Spatial averages of a sum of waves are sums over waves.
+    /// Checks the correlation over an ensemble of fields: along r it is exp(-pi r²/(4 L²)), normal to r that plus r/(D
+    /// - 1) times its derivative (Batchelor 1953). Spatial averages of a sum of waves are sums over waves.
     #[test]
     fn correlations_are_those_of_the_length() {
         let length = 3.0;

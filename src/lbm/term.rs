@@ -30,7 +30,7 @@ use super::surface::SlabSurface;
 use super::turbulence::EddyViscosity;
 
 /// Function that makes a term for the slab of these populations, whose first cell is given in cells of the domain.
-pub type Make<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
+pub type TermBuilder<S> = Box<dyn Fn(&Populations<S>, [usize; 3]) -> Box<dyn Term<S>>>;
 
 /// Operation on the fluid in a step.
 pub trait Term<S: Stored> {

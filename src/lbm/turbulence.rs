@@ -100,7 +100,7 @@ pub trait TurbulenceModel {
 }
 
 /// Reason for the choice of a model in `plan`.
-const ASKED: &str = "requested; computed from the velocity gradient of the previous step";
+const REASON: &str = "requested; computed from the velocity gradient of the previous step";
 
 /// Eddy viscosity of a pass.
 pub trait Eddies: Copy + Send + Sync + 'static {

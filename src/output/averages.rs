@@ -91,8 +91,8 @@ impl Averages {
         Some((first, plan.clock.every(written.sample_every)))
     }
 
-    /// Compares the sampling schedule of a plan with that of the run that it continues at `step`. Returns `true` if
-    /// the sums so far continue, `false` if the averages begin anew.
+    /// Compares the sampling schedule of a plan with that of the run that it continues at `step`. Returns `true` if the
+    /// sums so far continue, `false` if the averages restart.
     ///
     /// If samples before `step` would be included that the plan does not request, or with another weight; the error
     /// is the field that changed.
@@ -160,7 +160,7 @@ impl Averages {
     }
 }
 
-/// Returns the means of some sums in SI: velocity, pressure, products; NaN without samples.
+/// Returns the means of the summed quantities in SI: velocity, pressure, products; NaN without samples.
 fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
     let n = sums[0];
     let u: [f64; 3] = std::array::from_fn(|a| sums[2 + a] / n);

@@ -18,7 +18,7 @@ use dem::particles::Particles;
 use dem::space::Space;
 use dem::state::{Contacts, NamedColumns, Values};
 use io::checkpoint::{Array, Reader};
-use io::{Maker, Numbers};
+use io::{FunctionSource, Numbers};
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::populations::Populations;
@@ -54,11 +54,11 @@ fn each_cell_of<S: Stored>(
 
 /// Returns the incoming populations of a slab in the order `[z][y][x][i]`, generated while they are written: a copy
 /// would double the memory of a run.
-fn gather<S: SavedNumber>(fluid: &Fluid<S>) -> impl io::Make + '_ {
+fn gather<S: SavedNumber>(fluid: &Fluid<S>) -> impl io::NumberSource + '_ {
     let populations = fluid.populations();
     let q = populations.velocities().q();
     let count = populations.cells().iter().product::<usize>() * q;
-    Maker::new(count, move |range, all: &mut Vec<S>| {
+    FunctionSource::new(count, move |range, all: &mut Vec<S>| {
         each_cell_of(populations, q, &range, |cell, which| {
             all.extend(which.map(|i| fluid.saved_number(cell, i)));
         });
@@ -89,33 +89,39 @@ fn cells_of<S: Stored>(fluid: &Fluid<S>) -> impl Iterator<Item = ([usize; 3], us
 
 /// Returns the velocities of a slab from which the next eddy viscosity is computed, in the order
 /// `[z][y][x][component]`; none without turbulence.
-fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
+fn gather_velocities<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::NumberSource + '_> {
     let field = fluid.velocities()?;
     let populations = fluid.populations();
     let count = populations.cells().iter().product::<usize>() * 3;
-    Some(Maker::new(count, move |range, all: &mut Vec<f32>| {
-        each_cell_of(populations, 3, &range, |cell, which| {
-            let velocity = if fluid.holds_water(cell) {
-                field.velocity(cell)
-            } else {
-                [0.0; 3]
-            };
-            all.extend_from_slice(&velocity[which]);
-        });
-    }))
+    Some(FunctionSource::new(
+        count,
+        move |range, all: &mut Vec<f32>| {
+            each_cell_of(populations, 3, &range, |cell, which| {
+                let velocity = if fluid.holds_water(cell) {
+                    field.velocity(cell)
+                } else {
+                    [0.0; 3]
+                };
+                all.extend_from_slice(&velocity[which]);
+            });
+        },
+    ))
 }
 
 /// Returns the kind, mass and unshared excess mass of the cells of a slab below a free surface, in the order
 /// `[z][y][x][number]`; none without a free surface.
-fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::Make + '_> {
+fn gather_surface<S: Stored>(fluid: &Fluid<S>) -> Option<impl io::NumberSource + '_> {
     let surface = fluid.surface()?;
     let populations = fluid.populations();
     let count = populations.cells().iter().product::<usize>() * SURFACE_NUMBERS;
-    Some(Maker::new(count, move |range, all: &mut Vec<f64>| {
-        each_cell_of(populations, SURFACE_NUMBERS, &range, |cell, which| {
-            all.extend_from_slice(&surface.saved(cell)[which]);
-        });
-    }))
+    Some(FunctionSource::new(
+        count,
+        move |range, all: &mut Vec<f64>| {
+            each_cell_of(populations, SURFACE_NUMBERS, &range, |cell, which| {
+                all.extend_from_slice(&surface.saved(cell)[which]);
+            });
+        },
+    ))
 }
 
 /// Returns the box of a slab in an array of `q` numbers per cell: shape, start and count.
@@ -254,11 +260,11 @@ impl<Sp: Space, S: SavedNumber> RunState<'_, Sp, S> {
         if let Some(fluid) = self.fluid {
             let q = fluid.populations().velocities().q();
             let slab = |name, q, data| slab(fluid, name, q, data);
-            let made = populations.as_ref().map(|made| Numbers::Made(made));
+            let made = populations.as_ref().map(|made| Numbers::Generated(made));
             arrays.extend(made.map(|made| slab("populations", q, made)));
-            let made = velocities.as_ref().map(|made| Numbers::Made(made));
+            let made = velocities.as_ref().map(|made| Numbers::Generated(made));
             arrays.extend(made.map(|made| slab("velocities", 3, made)));
-            let made = surface.as_ref().map(|made| Numbers::Made(made));
+            let made = surface.as_ref().map(|made| Numbers::Generated(made));
             arrays.extend(made.map(|made| slab(SURFACE, SURFACE_NUMBERS, made)));
             let averages = self.averages.map(|averages| averages.sums().into());
             arrays.extend(averages.map(|sums| slab("averages", SUMS, sums)));
@@ -625,7 +631,7 @@ pub fn cells_in_order<S: Stored>(fluid: &Fluid<S>) -> Vec<usize> {
     cells_of(fluid).map(|(_, cell)| cell).collect()
 }
 
-/// Reads the time averages of a slab from a checkpoint; they remain empty if it contains none.
+/// Reads the time averages of a slab from a checkpoint; they remain empty if the checkpoint contains none.
 ///
 /// # Errors
 /// If they cannot be read.
@@ -645,7 +651,7 @@ pub fn read_averages<S: SavedNumber>(
     Ok(())
 }
 
-/// Returns the state of the seepage in a checkpoint, on every rank; empty if it contains none.
+/// Returns the state of the seepage in a checkpoint, on every rank; empty if the checkpoint contains none.
 ///
 /// # Errors
 /// If they cannot be read.
@@ -660,8 +666,8 @@ pub fn read_seepage(reader: &Reader) -> Result<Vec<f64>, Error> {
     }
 }
 
-/// Returns grains and contacts of a checkpoint. Every rank reads all contacts; the first rank reads the grains,
-/// which later go to their owners.
+/// Returns grains and contacts of a checkpoint. Every rank reads all contacts; the first rank reads the grains, which
+/// are later sent to their owners.
 ///
 /// # Errors
 /// If a column is missing or malformed.

@@ -44,7 +44,7 @@ impl Group for RankGroup<'_> {
 }
 
 impl RankGroup<'_> {
-    /// Runs `work` on rank 0 and gives its result to every rank. Collective.
+    /// Runs `work` on rank 0 and returns its result on every rank. Collective.
     ///
     /// # Errors
     /// If the work on rank 0 fails; its error is returned on every rank.

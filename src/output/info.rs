@@ -190,7 +190,7 @@ fn series(path: &Path) -> Result<Value, Error> {
                 json!({
                     "step": moment.step,
                     "time": moment.time,
-                    "file": name(&series.heavy(moment.step)),
+                    "file": name(&series.data_path(moment.step)),
                 }),
             );
         }

@@ -194,7 +194,7 @@ impl Outputs {
         );
     }
 
-    /// Writes the outputs due at the step of the view. Call it before the first step, also after a restart, and
+    /// Writes the outputs due at the step of the view. Must be called before the first step, also after a restart, and
     /// after every step before the checkpoint of that step. Collective: every rank calls it at the same steps.
     ///
     /// # Errors
@@ -239,8 +239,8 @@ impl Outputs {
         Ok(())
     }
 
-    /// Drops the outputs of `step` that were written only because a run ended there. Call it when a run resumed at
-    /// `step` is about to continue, so that its files equal those of a run that did not end there. Collective.
+    /// Drops the outputs of `step` that were written only because a run ended there. Must be called before a run
+    /// resumed at `step` continues, so that its files equal those of a run that did not end there. Collective.
     ///
     /// # Errors
     /// If a file cannot be written, [`Error::Io`]; the error is the same on all ranks.
@@ -487,7 +487,8 @@ impl AverageFields {
 }
 
 impl<T> Output<T> {
-    /// Drops the output of `step` if its schedule has none there; returns `true` if it did. Collective.
+    /// Drops the output of `step` if the schedule has no output at this step; returns `true` if it was dropped.
+    /// Collective.
     fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<bool, Error> {
         if self.schedule.falls_on(step) {
             return Ok(false);

@@ -89,7 +89,7 @@ pub(crate) struct Probe {
     rows: Vec<Vec<f64>>,
 }
 
-/// A column and its unit.
+/// Name of a column and its unit.
 type Heading = (&'static str, &'static str);
 
 const VELOCITY: [Heading; 3] = [
@@ -99,7 +99,7 @@ const VELOCITY: [Heading; 3] = [
 ];
 const POSITION: [Heading; 3] = [("x", "m"), ("y", "m"), ("z", "m")];
 
-/// The run of which a probe is a part.
+/// Run of which a probe is a part.
 struct Run<'a> {
     plan: &'a Plan,
     folder: &'a Path,
@@ -156,7 +156,7 @@ impl Probe {
             .collect()
     }
 
-    /// Samples and writes the rows of this step. Collective.
+    /// Samples the quantity and writes the rows of this step. Collective.
     pub(crate) fn write<S: Space>(&mut self, view: &StateView<S>) -> Result<(), Error> {
         let width = self.headings.len();
         let time = (view.time - self.quantity.delay() * view.plan.clock.time_step).max(0.0);
@@ -178,7 +178,7 @@ impl Probe {
         })
     }
 
-    /// Drops the sample of `step` if its schedule has none there. Collective.
+    /// Drops the sample of `step` if the schedule has no sample at this step. Collective.
     pub(crate) fn drop_end(&mut self, step: u64, group: &RankGroup) -> Result<(), Error> {
         if self.last != Some(step) || self.schedule.falls_on(step) {
             return Ok(());

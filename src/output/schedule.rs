@@ -31,12 +31,12 @@ impl Schedule {
         schedule
     }
 
-    /// Returns `true` if the output is due at `step`. A missed step is not made up for.
+    /// Returns `true` if the output is due at `step`. A missed step is not repeated.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         step >= self.next && self.falls_on(step)
     }
 
-    /// Continues past `step`: outputs due up to there were written or missed.
+    /// Advances the schedule past `step`: outputs due up to this step were written or missed.
     pub(crate) fn pass(&mut self, step: u64) {
         if step >= self.next {
             self.next = self.next_from(step + 1);
@@ -48,7 +48,8 @@ impl Schedule {
         self.next
     }
 
-    /// Returns `true` if the schedule has an output at `step`, so that it was not written only because a run ended.
+    /// Returns `true` if the schedule has an output at `step`. An output at another step was written only because a run
+    /// ended there.
     pub(crate) fn falls_on(&self, step: u64) -> bool {
         self.every.is_some_and(|every| every.falls_on(step))
     }

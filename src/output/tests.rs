@@ -89,7 +89,8 @@ fn plan() -> Plan {
     Plan::prepare(document).unwrap_or_else(|problems| panic!("{problems:#?}"))
 }
 
-/// Returns the ball (id 0) and two grains in contact through nothing but their overlap; grain 2 also touches the floor.
+/// Returns the ball (id 0) and two grains whose only contacts are overlaps with each other; grain 2 also touches the
+/// floor.
 fn solids() -> (Particles<PlaneSpace>, Dem<PlaneSpace>) {
     let law = Law::Linear(Linear {
         parameters: PairTable::uniform(

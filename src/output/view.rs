@@ -14,19 +14,19 @@ use plan::Plan;
 /// follow.
 #[derive(Clone, Copy)]
 pub struct StateView<'a, S: Space> {
-    /// The plan of the run.
+    /// Plan of the run.
     pub plan: &'a Plan,
     /// Ranks and slabs.
     pub domain: &'a Domain,
     /// Slab of fluid of this rank, if the scene has one.
     pub fluid: Option<&'a dyn FluidView>,
-    /// The seepage, if the scene has one; the same on every rank.
+    /// Seepage, if the scene has one; the same on every rank.
     pub seepage: Option<&'a Seepage<S>>,
-    /// The water in the joints, if it is the fluid; the same on every rank.
+    /// Water in the joints, if it is the fluid; the same on every rank.
     pub joints: Option<&'a JointWater>,
     /// Time averages of the slab of this rank, if the scene has averages.
     pub averages: Option<&'a Averages>,
-    /// Grains and bodies of this rank, with up-to-date ghosts.
+    /// Grains and bodies of this rank, with current ghosts.
     pub particles: &'a Particles<S>,
     /// Solver of contacts and motion, if anything moves.
     pub dem: Option<&'a Dem<S>>,

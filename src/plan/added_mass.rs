@@ -43,7 +43,7 @@ use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
 use lbm::saturation::{DensityRatios, LightBody};
 
-/// Values of s R above which bodies with links are stable, by relaxation time: discs, spheres.
+/// Values of s R above which bodies with links are stable, by relaxation time: a table for discs and one for spheres.
 const LINKS: [&[(f64, f64)]; 2] = [
     &[
         (0.5, 1.0),
@@ -66,7 +66,7 @@ const LINKS: [&[(f64, f64)]; 2] = [
 ];
 
 /// Values of s above which bodies in saturated cells are stable without compensation of the internal fluid, by
-/// relaxation time: discs, spheres.
+/// relaxation time: a table for discs and one for spheres.
 const WITH_INNER_FLUID: [&[(f64, f64)]; 2] = [
     &[
         (0.5, 0.41),
@@ -151,11 +151,11 @@ struct Kind {
     material: usize,
     /// Effective hydrodynamic radius in cells.
     radius: f64,
-    /// `true` if it is surrounded by others of its kind.
+    /// `true` if the body is surrounded by others of its kind.
     packed: bool,
 }
 
-fn kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
+fn body_kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
     let h = scene.grid.spacing;
     let mut kinds = Vec::new();
     let free = scene.bodies.iter().filter(|b| b.mobility == Mobility::Free);
@@ -194,7 +194,7 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let (Some(flow), Some(coupling)) = (&scene.flow, &scene.coupling) else {
         return;
     };
-    let judged = kinds(scene, coupling).into_iter().map(|kind| {
+    let judged = body_kinds(scene, coupling).into_iter().map(|kind| {
         let ratio = scene.density(kind.material) / flow.density;
         let operator = match coupling {
             Coupling::PartiallySaturated(written) => Some(flow.solid_operator(written)),

@@ -13,7 +13,7 @@ use case::coupling::Coupling;
 use case::fluid::{Device, Precision};
 use lbm::fluid::collides_in_single;
 
-/// Part of the promised error that rounding may have.
+/// Fraction of the promised error that rounding may reach.
 const PART: f64 = 0.1;
 
 /// Smallest error of the measured runs from which promises are made.
@@ -40,13 +40,14 @@ fn obstacles(scene: &Scene, flow: &Flow) -> Vec<String> {
     all
 }
 
-/// Returns the change of velocities by rounding that is negligible next to the errors of a scene.
+/// Returns the largest change of velocities by rounding that is negligible compared with the errors of a scene.
 fn negligible(scene: &Scene) -> f64 {
     let promised = scene.chosen.promised;
     promised.map_or(SMALLEST, |promised| PART * promised)
 }
 
-/// Returns the reason of the populations for the plan: where the arithmetic is, and if f32 would do.
+/// Returns the reason that the plan prints for the storage of the populations: the precision of the arithmetic, and
+/// whether f32 would suffice.
 pub(super) fn describe(scene: &Scene, flow: &Flow) -> String {
     let percent = || number(100.0 * rounding::of_single(scene, flow));
     let one_array = "streamed in place: one array";
@@ -71,7 +72,7 @@ pub(super) fn describe(scene: &Scene, flow: &Flow) -> String {
     }
 }
 
-/// Refuses collisions in f32 where there are none, and warns where rounding counts.
+/// Refuses collisions in f32 for a scene that has no kernel for them, and warns if rounding is not negligible.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let Some(flow) = scene.flow.as_ref() else {
         return;
@@ -196,7 +197,8 @@ mod tests {
         assert!(memory(&[IN_F32]) < memory(&[]));
     }
 
-    /// The number of roundings grows as the square of the cells between walls over the viscosity.
+    /// Checks the warning about rounding: the number of roundings grows with the square of the number of cells between
+    /// walls and with the inverse of the viscosity.
     #[test]
     fn rounding_that_counts_is_a_warning() {
         let warned = |set: &[&str]| {

@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 pub struct Publication {
     /// Key, unique in the bibliography.
     pub key: String,
-    /// Kind, in the words of BibTeX.
+    /// Type of the entry in BibTeX.
     pub kind: PublicationKind,
     /// Authors, given names as initials before the family name.
     pub authors: Vec<String>,

@@ -65,7 +65,7 @@ fn diameters(
                     "the smallest diameter in the fluid is {} cells; at least {FEWEST_CELLS} are required",
                     number(cells)
                 ),
-                finer(
+                propose_spacing(
                     scene,
                     diameter / FEWEST_CELLS,
                     format!(
@@ -86,7 +86,7 @@ fn diameters(
 
 /// Proposes the coarsest spacing of at most `finest` that divides the present spacing, so that it divides all
 /// lengths that the present one divides; none if the present spacing is more than eight times as large.
-pub(super) fn finer(scene: &Scene, finest: f64, text: String) -> Remedy {
+pub(super) fn propose_spacing(scene: &Scene, finest: f64, text: String) -> Remedy {
     let h = scene.grid.spacing;
     let parts = (h / finest * (1.0 - 1e-9)).ceil();
     let remedy = Remedy::from(text);
@@ -105,7 +105,7 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
     let of_blocks = thinnest.map(|thinnest| (String::from("blocks.initial"), thinnest));
     for (path, thickness) in of_bodies.chain(of_blocks) {
         let cells = thickness / scene.grid.spacing;
-        let remedy = finer(
+        let remedy = propose_spacing(
             scene,
             thickness / SOLID,
             format!(

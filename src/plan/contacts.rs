@@ -49,12 +49,12 @@ fn limit(stiffness: f64, dashpot: f64) -> f64 {
 }
 
 /// Returns m r²/I of a disc or sphere.
-fn turning(dimension: usize) -> f64 {
+fn mass_over_inertia(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }
 
 /// Returns the limit of the densest packing of one kind of grain, each with at most `partners` neighbours.
-fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
+fn densest_limit(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
     let dimension = scene.grid.dimension;
@@ -66,7 +66,7 @@ fn of_densest(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partner
     let round = 2.0 * partners.min(kissing);
     let factors = [
         lattice[0].min(round),
-        lattice[1].min(round * (1.0 + turning(dimension))),
+        lattice[1].min(round * (1.0 + mass_over_inertia(dimension))),
     ];
     let mut shortest = f64::INFINITY;
     for other in 0..law.materials() {
@@ -93,7 +93,7 @@ fn bonds(scene: &Scene, law: &dyn ContactModel) -> bool {
 }
 
 /// Returns the maximum number of bodies that a grain can touch: all other bodies and the walls.
-fn others(scene: &Scene) -> f64 {
+fn max_partners(scene: &Scene) -> f64 {
     let grains = scene.grains.as_ref().map_or(0, |grains| grains.expected);
     let appear = usize::from(!scene.regions.is_empty()) * 12;
     let all = grains + scene.bodies.len() + scene.walls.len() + appear;
@@ -102,10 +102,10 @@ fn others(scene: &Scene) -> f64 {
 
 /// Returns the limit of the densest packing of the grains divided by their critical step; infinite if nothing
 /// moves.
-pub fn of_packing(scene: &Scene) -> f64 {
+pub fn packing_limit(scene: &Scene) -> f64 {
     match (&scene.contact, critical_solid_time_step(scene)) {
         (Some(contact), Some(critical)) if contact.model().blocks().is_none() => {
-            of_spheres(scene, contact.model(), 0.0).packing / critical.time_step
+            sphere_limit(scene, contact.model(), 0.0).packing / critical.time_step
         }
         _ => f64::INFINITY,
     }
@@ -124,14 +124,14 @@ pub(super) fn check(
     let (law, dt) = (contact.model(), clock.solid_time_step);
     openings(scene, law, findings);
     if bonds(scene, law) {
-        bonds::none(scene, law, findings);
+        bonds::warn_without_bonds(scene, law, findings);
     }
     let limits = match law.blocks() {
         Some(law) => {
             blocks::energy(scene, law, findings);
             blocks::limits(scene, law)
         }
-        None => of_spheres(scene, law, dt),
+        None => sphere_limit(scene, law, dt),
     };
     let (sure, worst) = (limits.slipping, limits.sticking.min(limits.packing));
     let path = path(scene);
@@ -180,7 +180,7 @@ pub(super) fn check(
 }
 
 /// Returns the longest solid step \[s\] of at most `step` that [`check`] accepts, which is the automatic one.
-pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
+pub(super) fn longest_accepted_step(scene: &Scene, step: f64) -> f64 {
     /// Maximum number of iterations: the stiffness of compressed contacts depends slightly on the step.
     const ROUNDS: usize = 4;
     let Some(contact) = &scene.contact else {
@@ -191,9 +191,9 @@ pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
     for _ in 0..ROUNDS {
         let limits = match law.blocks() {
             Some(law) => blocks::limits(scene, law),
-            None => of_spheres(scene, law, step),
+            None => sphere_limit(scene, law, step),
         };
-        let Some(longest) = limits.refuse(step) else {
+        let Some(longest) = limits.exceeded_limit(step) else {
             break;
         };
         step = 0.99 * longest;
@@ -203,7 +203,7 @@ pub(super) fn accepted(scene: &Scene, step: f64) -> f64 {
 
 impl Limits {
     /// Returns the limit \[s\] that a step exceeds, if the step is refused.
-    fn refuse(&self, step: f64) -> Option<f64> {
+    fn exceeded_limit(&self, step: f64) -> Option<f64> {
         let worst = self.sticking.min(self.packing);
         let unstable = step > worst && (step > self.sticking || !self.held);
         let limit = if unstable {
@@ -231,7 +231,7 @@ struct Limits {
 const A_GRAIN_BETWEEN: f64 = 1.0;
 /// Opening of a bond, in diameters of the smallest grain, above which the bond is longer than the contact that it
 /// represents.
-const LONG: f64 = 0.1;
+const LONG_BOND: f64 = 0.1;
 
 /// Checks the opening at which a bond breaks, which is the range of the neighbour lists. A spring too soft for the
 /// strength gives bonds across other grains, and very long lists.
@@ -278,21 +278,21 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
             number(smallest)
         );
         findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
-    } else if opening > LONG * smallest {
+    } else if opening > LONG_BOND * smallest {
         let than = format!(
             "a large part of the size of the smallest grain, {} m",
             number(smallest)
         );
-        findings.warn(path, reason(than), remedy(LONG));
+        findings.warn(path, reason(than), remedy(LONG_BOND));
     }
 }
 
 /// Fraction of the limit of the densest packing above which the initial contacts are evaluated: they can be stiffer
 /// by the inverse of this factor if compressed or between unequal grains.
-const LOOK: f64 = 0.25;
+const EVALUATION_THRESHOLD: f64 = 0.25;
 
-fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
-    let partners = others(scene);
+fn sphere_limit(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
+    let partners = max_partners(scene);
     let mut kinds = moving(scene);
     kinds.retain(|(material, _)| *material < scene.materials.len());
     kinds.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -300,9 +300,9 @@ fn of_spheres(scene: &Scene, law: &dyn ContactModel, dt: f64) -> Limits {
     kinds.dedup_by_key(|(material, _)| *material);
     let limits = kinds
         .into_iter()
-        .map(|kind| of_densest(scene, law, kind, partners));
+        .map(|kind| densest_limit(scene, law, kind, partners));
     let packing = limits.fold(f64::INFINITY, f64::min);
-    if dt < LOOK * packing {
+    if dt < EVALUATION_THRESHOLD * packing {
         return Limits {
             slipping: f64::INFINITY,
             sticking: f64::INFINITY,

@@ -22,7 +22,7 @@
 
 use super::Clock;
 use super::critical_step::moving;
-use super::explicit_drag::{beds, porosity, stopping_times};
+use super::explicit_drag::{bed_properties, porosity, stopping_times};
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
@@ -35,14 +35,14 @@ use dem::contact::{Depth, StaticContact};
 use std::f64::consts::PI;
 
 /// Factors of the formulas of this module.
-const OF_CONTACT: f64 = 0.7;
-const OF_DRAG: f64 = 0.5;
-const OF_DAMPING: f64 = 40.0;
-const OF_BED: f64 = 0.35;
+const CONTACT_FACTOR: f64 = 0.7;
+const DRAG_FACTOR: f64 = 0.5;
+const DAMPING_FACTOR: f64 = 40.0;
+const BED_FACTOR: f64 = 0.35;
 /// Porosity of a bed in which listed grains may settle.
-const PACKED: f64 = 0.4;
+const PACKED_POROSITY: f64 = 0.4;
 /// Porosity of prepared beds: random close packing of spheres; in 2-D of discs.
-const CLOSE: [f64; 2] = [0.16, 0.36];
+const CLOSE_POROSITY: [f64; 2] = [0.16, 0.36];
 const PATH: &str = "fluid.darcy.coupling_interval";
 
 /// Limits of the interval \[s\].
@@ -90,9 +90,9 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let law = scene.contact.as_ref()?.model();
     let packed = match scene.grains.as_ref().map(|grains| &grains.source) {
         Some(GrainSource::List(_) | GrainSource::File { .. }) => {
-            porosity(scene, seepage).min(PACKED)
+            porosity(scene, seepage).min(PACKED_POROSITY)
         }
-        _ => CLOSE[dimension - 2],
+        _ => CLOSE_POROSITY[dimension - 2],
     };
     // Exceeded limits are reported separately.
     let eps = packed
@@ -115,7 +115,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
         );
         let period = 0.5 * law.time_limits(to_u32(material), radius, mass).spring;
         let grain = GrainSize::new(dimension, radius);
-        let of_beds = beds(seepage, (eps, diameter), liquid, 0.0).into_iter();
+        let of_beds = bed_properties(seepage, (eps, diameter), liquid, 0.0).into_iter();
         let stops = of_beds
             .map(|(_, k)| density * (1.0 - eps) * k / written.viscosity)
             .chain(stopping_times(
@@ -127,8 +127,8 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
             .fold(f64::INFINITY, f64::min);
         let slowest = 2.0 * height * period / (PI * diameter);
         let consolidation = slowest * slowest / stops;
-        let contact = OF_CONTACT * period;
-        let drag = OF_DRAG * stops;
+        let contact = CONTACT_FACTOR * period;
+        let drag = DRAG_FACTOR * stops;
         let found = Limits {
             // Drag evaluated at the start of the interval is stable only up to the stopping time of a grain.
             contact: if written.semi_implicit_drag {
@@ -137,8 +137,8 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
                 contact.min(drag)
             },
             drag,
-            damping: (OF_DAMPING * damping(scene, material, radius) * stops * period).sqrt(),
-            bed: OF_BED * slowest.max(consolidation),
+            damping: (DAMPING_FACTOR * damping(scene, material, radius) * stops * period).sqrt(),
+            bed: BED_FACTOR * slowest.max(consolidation),
         };
         all = Some(all.map_or(found, |known| Limits {
             contact: known.contact.min(found.contact),

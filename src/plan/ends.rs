@@ -22,9 +22,9 @@ use case::geometry::{Axis, Region};
 use darcy::Condition;
 
 /// Relative loss of discharge above which the plan warns.
-const LOSS: f64 = 0.02;
+const WARNED_LOSS: f64 = 0.02;
 /// Distance of an end from the last edge, in leakage lengths, beyond which its effect is negligible.
-const FAR: f64 = 3.0;
+const NEGLIGIBLE_DISTANCE: f64 = 3.0;
 
 /// Warns of closed ends that are too close to the heads.
 pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
@@ -39,7 +39,7 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             continue;
         };
         let loss = ends.loss(length);
-        if loss < LOSS {
+        if loss < WARNED_LOSS {
             continue;
         }
         let name = ["x", "y", "z"][axis];
@@ -57,7 +57,7 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
             format!(
                 "place the ends at least {} m (three leakage lengths) from the heads, or impose at the ends the \
                  heads or fluxes of the ground beyond",
-                number(FAR * length)
+                number(NEGLIGIBLE_DISTANCE * length)
             ),
         );
     }
@@ -66,12 +66,12 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
 /// Closed ends of a seepage and the distance to which an estimate moves them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FarEnds {
-    /// Axis on which they lie.
+    /// Axis along which the ends close the model.
     pub axis: usize,
     /// Distance of the lower and the upper end from the nearest edge of an imposed head \[m\]; none for an open
     /// end.
     pub distances: [Option<f64>; 2],
-    /// Distance beyond which they reduce the discharge by less than 1 % \[m\]; 0 if the leakage length is not
+    /// Distance beyond which the ends reduce the discharge by less than 1 % \[m\]; 0 if the leakage length is not
     /// known.
     pub enough: f64,
 }
@@ -89,7 +89,7 @@ impl FarEnds {
             Some(Self {
                 axis,
                 distances: ends.distances,
-                enough: FAR * length,
+                enough: NEGLIGIBLE_DISTANCE * length,
             })
         })
     }
@@ -256,7 +256,7 @@ mod tests {
         plan.warnings
     }
 
-    /// T = 4e-3 m2/s under D/k = 2/4e-6 s: a leakage length of 44.7 m.
+    /// Checks a layer with T = 4e-3 m2/s under a cover with D/k = 2/4e-6 s: a leakage length of 44.7 m.
     #[test]
     fn the_plan_names_the_leakage_length_of_a_dam() {
         let near = warnings(40.0);

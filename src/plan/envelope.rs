@@ -250,12 +250,12 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     };
     let total = density::total(causes, dt, h, flow.density);
     margins.push(margin(
-        &format!("density change: most of it by {}", cause.what),
+        &format!("density change, mainly by {}", cause.what),
         total,
         most,
         &cause.path,
     ));
-    if density::least(causes, dt, h, flow.density) <= most {
+    if density::smallest_change(causes, dt, h, flow.density) <= most {
         return;
     }
     let bound = (0.5 * most, h, flow.density);

@@ -95,7 +95,7 @@ pub struct CostQuantities {
     seepage_cells: f64,
     /// Number of links in a network of joints.
     joint_links: f64,
-    /// Memory of the water in joints on every rank \[bytes\], and its numbers in a checkpoint.
+    /// Memory of the water in joints on every rank, and size of its data in a checkpoint \[bytes\].
     joint_bytes: f64,
     joint_numbers: f64,
     /// Number of grains after cutting.
@@ -282,7 +282,7 @@ impl Estimate {
                 number(grid.spacing),
                 size(available)
             );
-            if let Some(why) = scene.chosen.why("spacing") {
+            if let Some(why) = scene.chosen.reason_of("spacing") {
                 reason.push_str("; the spacing was chosen for ");
                 reason.push_str(why);
             }

@@ -103,7 +103,7 @@ pub(super) fn stopping_times(
         density: written.density,
         viscosity: written.viscosity,
     };
-    let beds = beds(seepage, (porosity, grain.diameter), liquid, 0.0);
+    let beds = bed_properties(seepage, (porosity, grain.diameter), liquid, 0.0);
     beds.into_iter().map(move |(bed_porosity, permeability)| {
         let bed = BedConditions {
             density: written.density,
@@ -123,7 +123,7 @@ pub(super) fn stopping_times(
 
 /// Returns the porosity and permeability \[m²\] of a bed of this porosity and mean diameter \[m\] under a gradient
 /// \[Pa/m\]: in each medium of the zones, and outside the zones.
-pub(super) fn beds(
+pub(super) fn bed_properties(
     seepage: &Seepage,
     (porosity, diameter): (f64, f64),
     liquid: Liquid,

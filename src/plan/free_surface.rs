@@ -21,8 +21,8 @@ use base::error::Remedy;
 use lbm::collision::Operator;
 use serde_json::json;
 
-/// Factor by which a value written with few digits may pass its bound.
-const SLACK: f64 = 1.0 + 1e-6;
+/// Factor by which a value written with few digits may exceed its bound.
+const BOUND_SLACK: f64 = 1.0 + 1e-6;
 
 /// Limits of the cell Reynolds number: the largest value up to which all runs of a map were stable, and the
 /// smallest at which one failed. Operators with which no run failed have no limits.
@@ -40,7 +40,7 @@ fn limits(
     eddies: bool,
     lattice_velocity: f64,
 ) -> Option<Limits> {
-    let slow = lattice_velocity <= 0.05 * SLACK;
+    let slow = lattice_velocity <= 0.05 * BOUND_SLACK;
     let (holds, fails) = match (operator, dimension, eddies) {
         (Operator::Bgk(_) | Operator::Trt(_), 2, false) if slow => (50.0, 100.0),
         (Operator::Bgk(_) | Operator::Trt(_), _, false) => (30.0, 50.0),
@@ -54,7 +54,7 @@ fn limits(
 
 /// Returns the limits of an operator in a stream with a free surface, as [`limits`] does for a fall.
 fn limits_of_streams(operator: &Operator, eddies: bool, lattice_velocity: f64) -> Option<Limits> {
-    let slow = lattice_velocity <= 0.02 * SLACK;
+    let slow = lattice_velocity <= 0.02 * BOUND_SLACK;
     let (holds, fails) = match (operator, eddies) {
         (Operator::Bgk(_), false) if slow => (50.0, 100.0),
         (Operator::Bgk(_), false) | (Operator::Trt(_), true) => (30.0, 50.0),
@@ -82,11 +82,11 @@ pub(super) fn check(
         margin: "cell Reynolds number U h/nu: the fall of the water".to_owned(),
         what: format!("water that falls {} m", number(surface.drop())),
     };
-    judge(scene, flow, &fall, margins, findings);
-    let bodies = (0..scene.bodies.len()).map(|n| enters(scene, surface, n));
+    add_margin(scene, flow, &fall, margins, findings);
+    let bodies = (0..scene.bodies.len()).map(|n| body_entry_cause(scene, surface, n));
     let fastest = bodies.max_by(|a, b| a.speed.total_cmp(&b.speed));
     if let Some(body) = fastest.filter(|body| body.speed > fall.speed) {
-        judge(scene, flow, &body, margins, findings);
+        add_margin(scene, flow, &body, margins, findings);
     }
     let streams = speed::imposed_on_fluid(flow).into_iter();
     if let Some(stream) = streams.max_by(|a, b| a.value.total_cmp(&b.value)) {
@@ -97,7 +97,7 @@ pub(super) fn check(
             margin: format!("cell Reynolds number U h/nu: {}", stream.what),
             what: format!("{} with a free surface", stream.what),
         };
-        judge(scene, flow, &stream, margins, findings);
+        add_margin(scene, flow, &stream, margins, findings);
     }
 }
 
@@ -120,7 +120,7 @@ struct Cause {
 }
 
 /// Returns the speed with which a body enters the water at its highest level.
-fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
+fn body_entry_cause(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
     let body = &scene.bodies[n];
     let squares = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
     let falls = if body.mobility == Mobility::Free {
@@ -139,7 +139,7 @@ fn enters(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
 }
 
 /// Adds the margin for a cause, and a finding if similar runs failed.
-fn judge(
+fn add_margin(
     scene: &Scene,
     flow: &Flow,
     cause: &Cause,
@@ -162,7 +162,7 @@ fn judge(
         return;
     };
     margins.push(margin(&cause.margin, cell, limits.holds, path));
-    if cell <= limits.holds * SLACK {
+    if cell <= limits.holds * BOUND_SLACK {
         return;
     }
     let found = format!(
@@ -253,7 +253,7 @@ mod tests {
         assert!(found(&held).is_empty());
     }
 
-    /// Rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
+    /// Checks rows of `benches/stability/stream-10/map.csv`: a stream of 2 m/s on cells of 2.8575 mm.
     #[test]
     fn a_stream_is_judged_by_a_map_of_streams() {
         let unstable = |cell: f64, operator: &str, eddies: bool| {

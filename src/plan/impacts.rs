@@ -41,9 +41,9 @@ use std::ops::ControlFlow;
 /// Overlap in radii above which a contact is no longer small.
 const LARGE: f64 = 0.1;
 /// Overlap in radii above which a body passes through.
-const THROUGH: f64 = 1.0;
+const PENETRATION: f64 = 1.0;
 /// Gap in radii below which a body is supported by its neighbour instead of falling onto it.
-const BESIDE: f64 = 0.05;
+const SUPPORT_GAP: f64 = 0.05;
 
 /// Body that moves under forces.
 struct Moving {
@@ -57,7 +57,7 @@ struct Moving {
     velocity: [f64; 3],
     at: [f64; 3],
     /// `true` if the body may fall from its initial position.
-    falls: bool,
+    may_fall: bool,
 }
 
 impl Moving {
@@ -71,7 +71,7 @@ impl Moving {
             reach: radius,
             velocity: [0.0; 3],
             at: [0.0; 3],
-            falls: false,
+            may_fall: false,
         }
     }
 
@@ -80,7 +80,7 @@ impl Moving {
         Self {
             velocity: grain.velocity,
             at: grain.position,
-            falls: true,
+            may_fall: true,
             ..Self::ball(scene, path, grain.material, grain.radius)
         }
     }
@@ -88,16 +88,16 @@ impl Moving {
 
 /// Bodies, blocks, grains and walls of a scene, as partners of impacts.
 #[derive(Default)]
-struct Things {
+struct ImpactPartners {
     /// All bodies that move under forces.
     moving: Vec<Moving>,
     /// Velocities of bodies that are stationary or driven.
-    others: Vec<[f64; 3]>,
+    fixed_velocities: Vec<[f64; 3]>,
     /// Balls around bodies that are stationary or driven.
     standing: Vec<Ball>,
 }
 
-impl Things {
+impl ImpactPartners {
     fn new(scene: &Scene) -> Self {
         let mut all = Self::default();
         all.add_bodies(scene);
@@ -106,7 +106,7 @@ impl Things {
             all.add_grains(scene, grains);
         }
         all.add_generated(scene);
-        all.others
+        all.fixed_velocities
             .extend(scene.walls.iter().map(SceneWall::largest_velocity));
         all.drop_wrong(scene);
         all
@@ -141,14 +141,14 @@ impl Things {
                     radius: body.thickness().map_or(body.radius, |wide| 0.5 * wide),
                     velocity: body.velocity,
                     at: body.position,
-                    falls: true,
+                    may_fall: true,
                     ..ball
                 });
             } else {
-                self.others.push(body.velocity);
+                self.fixed_velocities.push(body.velocity);
                 self.standing.push(Ball {
                     at: body.position,
-                    reach: (1.0 + BESIDE) * body.radius,
+                    reach: (1.0 + SUPPORT_GAP) * body.radius,
                 });
             }
         }
@@ -158,7 +158,7 @@ impl Things {
         for block in scene.blocks.iter().flat_map(|blocks| &blocks.list) {
             let solid = &block.solid;
             if block.fixed {
-                self.others.push([0.0; 3]);
+                self.fixed_velocities.push([0.0; 3]);
             } else {
                 let faces = solid.shape.half_spaces().iter();
                 self.moving.push(Moving {
@@ -170,7 +170,7 @@ impl Things {
                     velocity: block.velocity,
                     at: solid.position.into(),
                     // A block of a rock mass is supported by others.
-                    falls: false,
+                    may_fall: false,
                 });
             }
         }
@@ -236,7 +236,7 @@ impl Things {
                     self.moving.push(Moving {
                         velocity: *velocity,
                         at: highest,
-                        falls: true,
+                        may_fall: true,
                         ..Moving::ball(scene, path, *material, radius)
                     });
                 }
@@ -246,12 +246,12 @@ impl Things {
 }
 
 /// Marks bodies that touch another at the start as not falling.
-fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
+fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
     let mut balls: Vec<Ball> = moving
         .iter()
         .map(|one| Ball {
             at: one.at,
-            reach: (1.0 + BESIDE) * one.reach,
+            reach: (1.0 + SUPPORT_GAP) * one.reach,
         })
         .collect();
     balls.extend_from_slice(standing);
@@ -265,7 +265,7 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
         // A wall that is removed during the run is no lasting support.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
         let beside_wall = lasting.any(|wall| {
-            let beside = (1.0 + BESIDE) * one.reach;
+            let beside = (1.0 + SUPPORT_GAP) * one.reach;
             wall.surface.as_ref().map_or_else(
                 || {
                     let away: f64 = (0..3)
@@ -276,7 +276,7 @@ fn at_rest(scene: &Scene, moving: &mut [Moving], standing: &[Ball]) {
                 |surface| surface.is_within(&Vector3::from(one.at), beside),
             )
         });
-        one.falls &= !touches && !beside_wall;
+        one.may_fall &= !touches && !beside_wall;
     }
 }
 
@@ -312,7 +312,7 @@ fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), spee
 struct Impact<'a> {
     one: &'a Moving,
     speed: f64,
-    /// Part of the speed that comes from a fall.
+    /// Part of the speed gained in a fall [m/s].
     fall: f64,
     /// Overlap divided by the radius.
     part: f64,
@@ -345,8 +345,10 @@ const DIVISIONS: f64 = 8.0;
 ///
 /// A light, fast grain and a stationary boulder are in two classes, so that no pair combines the speed of one with
 /// the mass of the other.
-fn classes(moving: &[Moving], others: &[[f64; 3]]) -> Vec<Class> {
-    let driven = others.iter().map(|velocity| (*velocity, f64::INFINITY));
+fn classes(moving: &[Moving], fixed_velocities: &[[f64; 3]]) -> Vec<Class> {
+    let driven = fixed_velocities
+        .iter()
+        .map(|velocity| (*velocity, f64::INFINITY));
     let free = moving.iter().map(|one| (one.velocity, one.mass));
     let all: Vec<([f64; 3], f64)> = free.chain(driven).collect();
     let mut low = [f64::INFINITY; 3];
@@ -412,10 +414,10 @@ fn deepest<'a>(
     scene: &Scene,
     law: &dyn ContactModel,
     moving: &'a [Moving],
-    others: &[[f64; 3]],
+    fixed_velocities: &[[f64; 3]],
 ) -> Option<Impact<'a>> {
     let settling = settling_speed(scene);
-    let classes = classes(moving, others);
+    let classes = classes(moving, fixed_velocities);
     let mut met: Vec<usize> = scene.walls.iter().map(|wall| wall.material).collect();
     met.extend(scene.bodies.iter().map(|body| body.material));
     met.extend(moving.iter().map(|one| one.material));
@@ -423,7 +425,7 @@ fn deepest<'a>(
     met.dedup();
     let mut deepest: Option<Impact<'_>> = None;
     for one in moving {
-        let fall = if one.falls {
+        let fall = if one.may_fall {
             fall_speed(scene, one, settling)
         } else {
             0.0
@@ -464,13 +466,13 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     let Some(contact) = &scene.contact else {
         return;
     };
-    let Things {
+    let ImpactPartners {
         mut moving,
-        others,
+        fixed_velocities,
         standing,
-    } = Things::new(scene);
-    at_rest(scene, &mut moving, &standing);
-    let Some(impact) = deepest(scene, contact.model(), &moving, &others) else {
+    } = ImpactPartners::new(scene);
+    mark_supported_bodies(scene, &mut moving, &standing);
+    let Some(impact) = deepest(scene, contact.model(), &moving, &fixed_velocities) else {
         return;
     };
     margins.push(margin(
@@ -506,10 +508,10 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
         number(at_least(harder))
     ));
     let guard = scene.guards.max_overlap;
-    if impact.part >= THROUGH {
+    if impact.part >= PENETRATION {
         findings.unstable(
             "contact",
-            format!("{reason}; at {THROUGH} and above bodies pass through thin walls and through each other"),
+            format!("{reason}; at {PENETRATION} and above bodies pass through thin walls and through each other"),
             remedy,
         );
     } else if impact.part >= guard {

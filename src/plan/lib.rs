@@ -81,7 +81,7 @@ pub struct Plan {
     pub warnings: Vec<Problem>,
     /// Sources of values, by JSON path.
     pub sources: BTreeMap<String, Source>,
-    /// The case as compact JSON: keys sorted, annotations gone, `--set` applied.
+    /// The case as compact JSON, with sorted keys, without annotations and with `--set` applied.
     #[serde(skip)]
     pub case_text: String,
     /// blake3 of [`Plan::case_text`], in hexadecimal.
@@ -130,7 +130,7 @@ impl Plan {
     /// # Errors
     /// If the case has errors; all findings are returned, warnings included.
     pub fn prepare(document: Document) -> Result<Self, Vec<Problem>> {
-        Self::made(document, None)
+        Self::planned_from(document, None)
     }
 
     /// Plans a case that continues from the state of another: choices that both cases leave out are those of the
@@ -139,7 +139,7 @@ impl Plan {
     /// # Errors
     /// If [`Self::prepare`] fails.
     pub fn prepare_like(document: Document, like: &Self) -> Result<Self, Vec<Problem>> {
-        Self::made(document, Some(like))
+        Self::planned_from(document, Some(like))
     }
 
     /// Warns if the pilot of the case was run for another case.
@@ -162,7 +162,7 @@ impl Plan {
         }
     }
 
-    fn made(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
+    fn planned_from(document: Document, like: Option<&Self>) -> Result<Self, Vec<Problem>> {
         let Document {
             case,
             problems: mut all,
@@ -171,7 +171,7 @@ impl Plan {
         } = document;
         let refused_fields = all.iter().filter(|p| p.severity == Severity::Error);
         let wrong: Vec<String> = refused_fields.map(|p| p.path.clone()).collect();
-        let (plan, found) = Self::attempt(&case, like, &wrong);
+        let (plan, found) = Self::try_plan(&case, like, &wrong);
         // A field with an error does not get a second finding.
         let new: Vec<Problem> = found
             .into_iter()
@@ -248,8 +248,13 @@ impl Plan {
         })
     }
 
-    fn attempt(case: &Case, like: Option<&Self>, wrong: &[String]) -> (Option<Self>, Vec<Problem>) {
-        let (scene, mut findings) = Scene::attempt(case, like.map(|plan| &plan.scene), wrong);
+    fn try_plan(
+        case: &Case,
+        like: Option<&Self>,
+        wrong: &[String],
+    ) -> (Option<Self>, Vec<Problem>) {
+        let (scene, mut findings) =
+            Scene::resolve_findings(case, like.map(|plan| &plan.scene), wrong);
         // Limits computed from wrong fields would be wrong as well.
         let sound = scene.filter(|_| !findings.stop_plan());
         let plan = sound.and_then(|scene| {
@@ -308,7 +313,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     let chosen = time.solid_time_step_safety <= USUAL_SAFETY;
     let automatic = allowed.map(|step| {
         if chosen {
-            contacts::accepted(scene, step)
+            contacts::longest_accepted_step(scene, step)
         } else {
             step
         }
@@ -475,8 +480,8 @@ fn solid_steps_in_flow(
     })
 }
 
-/// Returns the time step without a fluid of its own step, and the solid steps in it: those between two solutions of a
-/// seepage.
+/// Returns the time step of a scene without a lattice, and the number of solid steps in it: in seepage, those between
+/// two solutions.
 fn dry_step(
     scene: &Scene,
     allowed: Option<f64>,

@@ -17,10 +17,10 @@ use base::error::Remedy;
 use serde_json::json;
 
 /// Maximum G without a finding.
-const QUIET: f64 = 7.0;
+const QUIET_GAIN: f64 = 7.0;
 /// Gain per step above which runs failed: with the rates of Suga runs were stable at tau = 0.65 (2.2 %) and failed
 /// at 0.7 (3.3 %) under a lid; with q = 1.99 and XX = 1.2 they failed at 2.5 %.
-const FAILS: f64 = 0.024;
+const FAILING_GAIN: f64 = 0.024;
 
 /// Reports a wave that grows too much over the run.
 pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
@@ -29,7 +29,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     let gain = wave.factor - 1.0;
     #[allow(clippy::cast_precision_loss, reason = "steps are far below 2^53")]
     let growth = gain * clock.steps as f64;
-    if growth < QUIET && gain < FAILS {
+    if growth < QUIET_GAIN && gain < FAILING_GAIN {
         return;
     }
     let family = format!("{PATH}.collision");
@@ -42,7 +42,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     );
     let remedy = Remedy::from("use mrt, with which no waves grow in water at rest")
         .set(family, json!({"mrt": {}}));
-    if gain < FAILS {
+    if gain < FAILING_GAIN {
         let steps = clock.steps;
         let long = format!(
             "{reason}, by a factor of e^{growth:.0} in {steps} steps unless eddy viscosity damps them"
@@ -51,7 +51,7 @@ pub(super) fn check(flow: &Flow, clock: &Clock, findings: &mut Findings) {
     } else {
         let failed = format!(
             "{reason}, and runs failed at a growth of {} % and above",
-            number(100.0 * FAILS)
+            number(100.0 * FAILING_GAIN)
         );
         findings.unstable(path, failed, remedy);
     }
@@ -63,7 +63,7 @@ mod tests {
     use case::Document;
 
     /// Returns the finding about waves in a closed box of water with an operator and relaxation time over some steps.
-    fn said(collision: &str, tau: f64, steps: u32) -> Option<String> {
+    fn finding_about(collision: &str, tau: f64, steps: u32) -> Option<String> {
         let step = (tau - 0.5) / 3.0 * 1e-2;
         let end = step * f64::from(steps);
         let text = format!(
@@ -85,22 +85,22 @@ mod tests {
     #[test]
     fn a_long_run_with_the_published_matrix_close_to_one_half_is_warned_of() {
         let suga = r#"{"suga": {}}"#;
-        assert_eq!(said(suga, 0.5001, 4000), None);
-        let words = said(suga, 0.5001, 37_500).unwrap();
+        assert_eq!(finding_about(suga, 0.5001, 4000), None);
+        let words = finding_about(suga, 0.5001, 37_500).unwrap();
         assert!(
             words.contains("grow by 0.07536 % per step") && words.contains("by a factor of e^28"),
             "{words}"
         );
-        assert_eq!(said(suga, 0.502, 1_000_000), None);
+        assert_eq!(finding_about(suga, 0.502, 1_000_000), None);
         for held in [r#"{"cumulant": {}}"#, r#"{"mrt": {}}"#] {
-            assert_eq!(said(held, 0.5001, 37_500), None);
+            assert_eq!(finding_about(held, 0.5001, 37_500), None);
         }
     }
 
     /// Checks rates with which a run failed at once.
     #[test]
     fn rates_that_overshoot_are_called_unstable() {
-        let words = said(r#"{"suga": {"q": 1.99, "xx": 1.2}}"#, 0.6, 10).unwrap();
+        let words = finding_about(r#"{"suga": {"q": 1.99, "xx": 1.2}}"#, 0.6, 10).unwrap();
         assert!(
             words.contains("runs failed at a growth of 2.4 % and above"),
             "{words}"

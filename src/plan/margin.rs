@@ -1,4 +1,4 @@
-//! Limit of the method and the margin of a case to it.
+//! Limits of the method, and the margin of a case to each.
 
 use crate::scene::findings::at_most;
 use crate::scene::flow::{Flow, PATH};
@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Usual upper bound of the lattice velocity, stated as "typically lower than" by Sibille, Lominé and Marot (2012).
 pub const USUAL_LATTICE_VELOCITY: f64 = 0.1;
 
-/// Limit and the value of the case.
+/// Limit, and the value of the case for it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Margin {
     /// Name of the limit.

@@ -87,7 +87,7 @@ struct Choices<'a> {
 impl Choices<'_> {
     /// Adds a choice; an automatic choice has its own reason instead of `reason`.
     fn add(&mut self, what: &str, model: impl Into<String>, reason: impl Into<String>) {
-        let own = self.scene.chosen.why(what);
+        let own = self.scene.chosen.reason_of(what);
         self.list.push(Choice {
             what: what.into(),
             model: model.into(),
@@ -111,12 +111,12 @@ impl Choices<'_> {
                 "no measured row covers these cells",
             );
         }
-        if chosen.why("spacing").is_some() {
+        if chosen.reason_of("spacing").is_some() {
             let cells = grid.cell_count();
             let spacing = format!("{} m, {cells} cells", number(grid.spacing));
             self.add("spacing", spacing, "");
         }
-        if chosen.why("time step").is_some() {
+        if chosen.reason_of("time step").is_some() {
             self.add(
                 "time step",
                 format!("{} s", number(self.clock.time_step)),

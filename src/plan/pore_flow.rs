@@ -20,7 +20,7 @@ use serde_json::json;
 /// Reynolds number above which inertial losses matter.
 const DARCY: f64 = 1.0;
 /// Porosity of equal spheres in random packing.
-const PACKED: f64 = 0.4;
+const PACKED_POROSITY: f64 = 0.4;
 const PATH: &str = "fluid.darcy.resistance";
 
 /// Returns the Reynolds number of the pores; none without seepage, grains or drive.
@@ -37,9 +37,9 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     let gradient = seepage.pressure_drop(scene.gravity) / height;
     // The permeability does not cover looser ground than its maximum porosity.
     let porosity = explicit_drag::porosity(scene, seepage)
-        .max(PACKED)
-        .min(written.porosity_cap().max(PACKED));
-    let beds = explicit_drag::beds(seepage, (porosity, diameter), liquid, gradient);
+        .max(PACKED_POROSITY)
+        .min(written.porosity_cap().max(PACKED_POROSITY));
+    let beds = explicit_drag::bed_properties(seepage, (porosity, diameter), liquid, gradient);
     let permeability = beds.into_iter().fold(0.0, |most, (_, k)| k.max(most));
     let driven = permeability * gradient / liquid.viscosity;
     let imposed = seepage.patches.iter();

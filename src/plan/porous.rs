@@ -8,7 +8,7 @@ use crate::scene::porous;
 use crate::scene::speed::speeds;
 
 /// Fraction of the limit that a remedy proposes.
-const PROPOSED: f64 = 0.9;
+const PROPOSED_FRACTION: f64 = 0.9;
 
 /// Adds the margin, and findings if the limit is exceeded.
 pub(super) fn check(
@@ -35,7 +35,7 @@ pub(super) fn check(
         slower_clock(
             flow,
             scene.grid.spacing,
-            PROPOSED * longest / flow.time_step,
+            PROPOSED_FRACTION * longest / flow.time_step,
             text,
         )
     };
@@ -53,7 +53,7 @@ pub(super) fn check(
                 limit.stable,
                 format!(
                     "use a time step of at most {} s; for slow flow through soil use `fluid.darcy`",
-                    number(PROPOSED * limit.stable)
+                    number(PROPOSED_FRACTION * limit.stable)
                 ),
             ),
         );
@@ -67,7 +67,7 @@ pub(super) fn check(
             ),
             slower(
                 limit.beside_eddies,
-                format!("use a time step of at most {} s", number(PROPOSED * limit.beside_eddies)),
+                format!("use a time step of at most {} s", number(PROPOSED_FRACTION * limit.beside_eddies)),
             ),
         );
     }

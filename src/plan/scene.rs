@@ -113,7 +113,7 @@ pub struct Scene {
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
-    /// Name.
+    /// Name of the material.
     pub name: String,
     /// Density [kg/m3]; required for free motion.
     pub density: Option<f64>,
@@ -198,7 +198,7 @@ impl Scene {
     /// # Errors
     /// If the case has errors; all findings are returned, warnings included.
     pub fn resolve(case: &Case) -> Result<(Self, Vec<Problem>), Vec<Problem>> {
-        match Self::attempt(case, None, &[]) {
+        match Self::resolve_findings(case, None, &[]) {
             (Some(scene), findings) if !findings.refused() => Ok((scene, findings.problems)),
             (_, findings) => Err(findings.problems),
         }
@@ -207,14 +207,14 @@ impl Scene {
     /// Returns the scene as far as it can be resolved, with all findings. If the case continues the state of
     /// another scene `like`, fields that both leave out are chosen as in that scene. `wrong` has the paths of
     /// fields that the schema refuses.
-    pub(crate) fn attempt<'a>(
+    pub(crate) fn resolve_findings<'a>(
         case: &'a Case,
         like: Option<&Self>,
         wrong: &[String],
     ) -> (Option<Self>, Findings<'a>) {
         let mut findings = Findings::with_wrong(case, wrong);
         if let Some(like) = like {
-            let spacing = auto::spacing::Spacing::like(like);
+            let spacing = auto::spacing::Spacing::of_scene(like);
             return Self::resolve_at(case, &spacing, Some(like), findings);
         }
         // A spacing chosen from wrong fields would cause further findings.
@@ -230,7 +230,7 @@ impl Scene {
         }
         // Shapes are known before velocities: a fast flow may require finer cells than the shapes.
         let finer = scene.as_ref();
-        match finer.and_then(|scene| auto::spacing::finer(case, scene)) {
+        match finer.and_then(|scene| auto::spacing::finer_spacing(case, scene)) {
             Some(finer) => Self::resolve_at(case, &finer, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }
@@ -246,10 +246,10 @@ impl Scene {
         let mut chosen = auto::Chosen::default();
         spacing.note(&mut chosen);
         spacing.warn_of_rounding(written, &mut findings);
-        let case = &*auto::filled(written, spacing, &mut chosen);
+        let case = &*auto::with_choices(written, spacing, &mut chosen);
         // A restarted run has no initial state to check.
         let starts = like.is_none();
-        let Some(mut scene) = Self::filled(case, starts, &mut findings) else {
+        let Some(mut scene) = Self::with_spacing(case, starts, &mut findings) else {
             return (None, findings);
         };
         scene.chosen = chosen;
@@ -260,10 +260,10 @@ impl Scene {
         }
         match like {
             Some(like) => {
-                auto::keep(&mut scene, written, like);
+                auto::keep_choices(&mut scene, written, like);
                 scene.forget_sample();
             }
-            None => auto::settle(&mut scene, case, written, &mut findings),
+            None => auto::choose_remaining(&mut scene, case, written, &mut findings),
         }
         log::debug!(
             "scene: cells {:?} of {} m, {} materials, {} bodies, \
@@ -282,7 +282,7 @@ impl Scene {
     }
 
     /// Resolves a case with a given spacing, before the program chooses the fields that the case leaves out.
-    fn filled(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
+    fn with_spacing(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
         let grid = grid::Grid::resolve(&case.domain, findings)?;
         let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
             block::AlignedBox::vector(&grid, g, "gravity", findings)
@@ -333,7 +333,7 @@ impl Scene {
         let ground_collapse = collapse::resolve(case, &grid, gravity, &regions, findings);
         let solid = has_solids(case);
         observe::outputs(case, solid, findings);
-        agree(case, findings);
+        check_agreement(case, findings);
         saved::names(case, findings);
         findings.drop_consequences();
         if findings.refused()
@@ -462,7 +462,7 @@ fn has_solids(case: &Case) -> bool {
 }
 
 /// Checks that the parts of a case fit each other.
-fn agree(case: &Case, findings: &mut Findings) {
+fn check_agreement(case: &Case, findings: &mut Findings) {
     let solid = has_solids(case);
     let fluid = case.fluid.is_some();
     if !solid && !fluid {
@@ -486,9 +486,9 @@ fn agree(case: &Case, findings: &mut Findings) {
         );
     }
     let polyhedra = has_polyhedra(case);
-    of_covered_cells(case, findings);
+    check_covered_cells(case, findings);
     if polyhedra {
-        of_polyhedra(case, findings);
+        check_polyhedra(case, findings);
     } else if case.output.blocks.is_some() && solid {
         findings.error(
             "output.blocks",
@@ -496,8 +496,8 @@ fn agree(case: &Case, findings: &mut Findings) {
             Remedy::take_out("remove this output", "output.blocks"),
         );
     }
-    of_contacts(case, findings);
-    of_times(case, findings);
+    check_contact_law(case, findings);
+    check_times(case, findings);
     for name in case.materials.keys().filter(|name| name.is_empty()) {
         findings.error(
             &format!("materials.{name}"),
@@ -508,7 +508,7 @@ fn agree(case: &Case, findings: &mut Findings) {
 }
 
 /// Checks that there is a contact law if and only if bodies can move.
-fn of_contacts(case: &Case, findings: &mut Findings) {
+fn check_contact_law(case: &Case, findings: &mut Findings) {
     let moving = case.grains.is_some()
         || case.blocks.is_some()
         || case
@@ -543,7 +543,7 @@ fn of_contacts(case: &Case, findings: &mut Findings) {
 }
 
 /// Checks the times that depend on the kind of fluid.
-fn of_times(case: &Case, findings: &mut Findings) {
+fn check_times(case: &Case, findings: &mut Findings) {
     let fluid = case.fluid.is_some();
     let lattice = matches!(case.fluid, Some(Fluid::LatticeBoltzmann(_)));
     if lattice && case.time.solid_time_step.is_some() {
@@ -581,7 +581,7 @@ fn of_times(case: &Case, findings: &mut Findings) {
 }
 
 /// Reports a solid operator that scales two rates of the fluid, with a collision operator that has one.
-fn of_covered_cells(case: &Case, findings: &mut Findings) {
+fn check_covered_cells(case: &Case, findings: &mut Findings) {
     if let (Some(Coupling::PartiallySaturated(cells)), Some(Fluid::LatticeBoltzmann(fluid))) =
         (&case.coupling, &case.fluid)
         && let Some(operator) = cells.solid_operator
@@ -606,7 +606,7 @@ fn of_covered_cells(case: &Case, findings: &mut Findings) {
 }
 
 /// Rejects features that polyhedra do not support.
-fn of_polyhedra(case: &Case, findings: &mut Findings) {
+fn check_polyhedra(case: &Case, findings: &mut Findings) {
     if matches!(case.fluid, Some(Fluid::Darcy(_))) {
         findings.error(
             "fluid",

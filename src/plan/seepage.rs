@@ -17,7 +17,7 @@ use case::darcy::ZonePermeability;
 use darcy::{Condition, Openness};
 
 /// Fraction of the largest head difference above which the heads of neighbours count as different.
-const DIFFERENT: f64 = 0.1;
+const HEAD_DIFFERENCE: f64 = 0.1;
 /// Permeability of coarse gravel \[m²\] (J. Bear, Dynamics of Fluids in Porous Media, 1972, table 5.5.1: up to
 /// 1e-7).
 const GRAVEL: f64 = 1e-6;
@@ -108,7 +108,7 @@ fn units(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     }
 }
 
-/// Reports heads relative to another level than the origin, and gravity with the wrong sign.
+/// Reports heads relative to a level other than the origin, and gravity with the wrong sign.
 fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let (gravity, dimension) = (scene.gravity, scene.grid.dimension);
     let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -219,7 +219,9 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
     let mut warn = |one: Held, other: Held, at: [f64; 3]| {
         let pair = [one.patch.min(other.patch), one.patch.max(other.patch)];
         let same = one.patch == other.patch;
-        if same || (one.reduced - other.reduced).abs() < DIFFERENT * drop || warned.contains(&pair)
+        if same
+            || (one.reduced - other.reduced).abs() < HEAD_DIFFERENCE * drop
+            || warned.contains(&pair)
         {
             return;
         }

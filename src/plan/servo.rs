@@ -20,23 +20,28 @@ use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::{ContactModel, Depth, StaticContact};
 
-/// Part of the radius from which on an overlap is no longer small.
+/// Fraction of the radius above which an overlap is no longer small.
 const LARGE: f64 = 0.1;
 
 /// A contact of two equal grains under a force.
-struct Pressed {
+struct PressedContact {
     /// Overlap \[m\].
     overlap: f64,
-    /// Normal stiffness there [N/m].
+    /// Normal stiffness at this overlap [N/m].
     stiffness: f64,
-    /// Stiffness that the law expects [N/m].
+    /// Stiffness for which the contact law was set up [N/m].
     expected: f64,
-    /// Speed of the impact that presses as deep [m/s]; none for springs that do not harden.
+    /// Speed of the impact that causes this overlap [m/s]; none for springs that do not harden.
     speed: Option<f64>,
 }
 
 /// Returns the contact of two equal grains under a force \[N\].
-fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f64) -> Pressed {
+fn contact_under_force(
+    scene: &Scene,
+    law: &dyn ContactModel,
+    grain: (usize, f64),
+    force: f64,
+) -> PressedContact {
     let (material, radius) = grain;
     let mass = 0.5 * scene.mass(material, radius);
     let contact = |overlap, depth| StaticContact {
@@ -51,7 +56,7 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     let stiffness = |overlap, depth| law.springs(&contact(overlap, depth)).stiffness[0];
     let expected = stiffness(None, Depth::Expected);
     if law.impact_speed().is_none() {
-        return Pressed {
+        return PressedContact {
             overlap: force / expected,
             stiffness: expected,
             expected,
@@ -63,7 +68,7 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     let overlap = (force / factor).powf(2.0 / 3.0);
     // An impact stores its energy: m v²/2 = 2/5 c delta^(5/2).
     let speed = (0.8 * factor * overlap.powf(2.5) / mass).sqrt();
-    Pressed {
+    PressedContact {
         overlap,
         stiffness: 1.5 * factor * overlap.sqrt(),
         expected,
@@ -71,7 +76,8 @@ fn pressed(scene: &Scene, law: &dyn ContactModel, grain: (usize, f64), force: f6
     }
 }
 
-/// Compares the contacts under servo walls with what contacts and solid step allow.
+/// Compares the contacts under servo walls with the overlap that the contact law allows and with the stiffness for
+/// which the solid step was chosen.
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let Some(contact) = &scene.contact else {
         return;
@@ -91,9 +97,12 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                     side * side
                 }
         };
-        let all = grains
-            .iter()
-            .map(|grain| (grain.1, pressed(scene, law, *grain, force(grain.1))));
+        let all = grains.iter().map(|grain| {
+            (
+                grain.1,
+                contact_under_force(scene, law, *grain, force(grain.1)),
+            )
+        });
         let deepest = all.max_by(|a, b| (a.1.overlap / a.0).total_cmp(&(b.1.overlap / b.0)));
         let Some((radius, deepest)) = deepest else {
             continue;

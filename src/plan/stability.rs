@@ -53,7 +53,7 @@ fn finer_cells(scene: &Scene, flow: &Flow, finest: f64) -> Remedy {
     if flow.fixed_by == "time_step" {
         text.into()
     } else {
-        super::bodies::finer(scene, finest, text)
+        super::bodies::propose_spacing(scene, finest, text)
     }
 }
 
@@ -136,12 +136,12 @@ pub(super) fn check(
     };
     let of_surroundings = fastest(speeds).zip(model.border(&situation));
     for (speed, border) in of_surroundings.into_iter().chain(of_moving) {
-        judge(scene, flow, &speed, &border, margins, findings);
+        add_speed_margin(scene, flow, &speed, &border, margins, findings);
     }
 }
 
 /// Adds the margin of a speed to the stability limit, and reports a speed beyond it.
-fn judge(
+fn add_speed_margin(
     scene: &Scene,
     flow: &Flow,
     speed: &Speed,
@@ -240,7 +240,7 @@ mod tests {
     use case::Document;
 
     /// Returns `true` if the plan warns of a cavity at this relaxation time and Mach number U/C of the lid.
-    fn warned(collision: &str, tau: f64, mach: f64) -> bool {
+    fn cavity_warned(collision: &str, tau: f64, mach: f64) -> bool {
         let found = planned(collision, 2, tau, mach).unwrap().warnings;
         let words = |w: &base::error::Problem| w.to_string().contains("cell Reynolds number");
         found.iter().any(words)
@@ -312,7 +312,7 @@ mod tests {
             ("trt", 0.6, 0.2, false),
         ] {
             assert_eq!(
-                warned(collision, tau, mach),
+                cavity_warned(collision, tau, mach),
                 fails,
                 "{collision} {tau} {mach}"
             );

@@ -11,7 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::numbering::curve_order;
-use super::room::Room;
+use super::room::FreeSpace;
 use super::supervision::{SavedSample, Supervision};
 use base::error::Error;
 use base::number::{floor_i64, whole};
@@ -47,11 +47,11 @@ pub struct Deposition<S: Space> {
     pub clouds: Vec<Cloud<S>>,
     /// Box that the grains may not leave.
     pub region: GrainDomain<S>,
-    /// Walls.
+    /// Walls onto which the grains fall.
     pub walls: Vec<Wall<S>>,
     /// Space outside the structures.
-    pub room: Room,
-    /// Seed of sizes and places.
+    pub room: FreeSpace,
+    /// Seed of sizes and positions.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
     pub laws: Vec<Law>,
@@ -109,7 +109,7 @@ pub struct DepositionReport {
 }
 
 const PLACES: u32 = 12;
-/// Local damping of grains that have landed, and limit of both measures below which they count as landed.
+/// Local damping of grains that have landed.
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
 /// Steps between checks.
@@ -149,17 +149,17 @@ impl<S: Space> Deposition<S> {
                     )));
                 }
                 if grains.len() == before {
-                    return Ok(self.result(&grains, falling.progress.report, axis, up));
+                    return Ok(self.finished_sample(&grains, falling.progress.report, axis, up));
                 }
             } else {
-                return Ok(self.result(&grains, falling.progress.report, axis, up));
+                return Ok(self.finished_sample(&grains, falling.progress.report, axis, up));
             }
             falling.start(grains)?;
         }
     }
 
     /// Returns the grains in the order of the curve, and the report.
-    fn result(
+    fn finished_sample(
         &self,
         grains: &[Placed<S>],
         mut report: DepositionReport,
@@ -258,7 +258,7 @@ impl<S: Space> Deposition<S> {
                 });
                 let point = S::to_volume(&at).into();
                 let clear = clear_of_walls
-                    && self.room.has(point, radius)
+                    && self.room.has_space_for(point, radius)
                     && (0..levels).all(|level| {
                         let reach = radius + 0.5 * size(level);
                         let (low, high) = (cell(&at, -reach, level), cell(&at, reach, level));
@@ -292,7 +292,7 @@ impl<S: Space> Deposition<S> {
         Ok(places)
     }
 
-    /// Returns the settings of a relaxation under a contact law: the time step is that of the stiffest contacts.
+    /// Returns the settings of a relaxation under a contact law, with the time step of the stiffest contacts.
     fn dem(&self, law: &Law, bodies: &[Body], landed: bool) -> Result<Dem<S>, Error> {
         let smallest = bodies
             .iter()
@@ -555,7 +555,7 @@ mod tests {
             clouds: vec![cloud(800, classes())],
             region,
             walls: Wall::of_box(Vector3::zeros(), corner, [true; 3], 0),
-            room: Room::default(),
+            room: FreeSpace::default(),
             seed: 3,
             laws: vec![linear(1e3), linear(1e4)],
             materials: 1,
@@ -577,7 +577,7 @@ mod tests {
         };
         assert!(
             crowded
-                .run(&Supervision::none())
+                .run(&Supervision::without_requests())
                 .unwrap_err()
                 .to_string()
                 .contains("no free position")
@@ -598,7 +598,7 @@ mod tests {
             trim_above: Some(5e-3),
             ..small()
         };
-        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
+        let (grains, report) = deposition.run(&Supervision::without_requests()).unwrap();
         assert!(report.grains < report.fallen, "{report:?}");
         let ((again, other), stops) = interrupted(|supervision| deposition.run(supervision));
         assert!(stops > 10, "{stops}");
@@ -631,7 +631,7 @@ mod tests {
             trim_above: None,
             ..small()
         };
-        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
+        let (grains, report) = deposition.run(&Supervision::without_requests()).unwrap();
         assert_eq!((report.fallen, grains.len()), (350, 350));
         let heights = |material: u32| {
             let own = grains.iter().filter(move |grain| grain.2 == material);
@@ -651,11 +651,11 @@ mod tests {
         assert!(sizes);
     }
 
-    /// The sample settles, is trimmed, and carries its weight: the floor bears the sum of m g.
+    /// Checks that the sample settles, is trimmed, and carries its weight: the floor bears the sum of m g.
     #[test]
     fn a_deposition_settles_and_is_trimmed() {
         let deposition = small();
-        let (grains, report) = deposition.run(&Supervision::none()).unwrap();
+        let (grains, report) = deposition.run(&Supervision::without_requests()).unwrap();
         assert!(report.settled, "{:?}", report.convergence.last());
         assert!(
             report.grains > 300 && report.grains < report.fallen,
@@ -706,7 +706,8 @@ mod tests {
         );
     }
 
-    /// The number of steps is at most the limit, even if that is smaller than the interval between two checks.
+    /// Checks that the number of steps is at most the limit, even if the limit is smaller than the interval between two
+    /// checks.
     #[test]
     fn steps_are_at_most_those_allowed() {
         for limit in [50, 500, 620] {

@@ -46,13 +46,12 @@ pub enum Sizes {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Stop {
-    /// At the requested sizes, for any overlaps: the total volume of the grains divided by the box is this solid
-    /// fraction.
+    /// Solid fraction at the requested sizes, for any overlaps: the total volume of the grains divided by that of the
+    /// box.
     SolidFraction(f64),
-    /// At this mean number of contacts per grain in contact; the overlap is then adjusted to
-    /// [`PackingSettings::overlap`].
+    /// Mean number of contacts per grain in contact; the overlap is then adjusted to [`PackingSettings::overlap`].
     Coordination(f64),
-    /// At this mean overlap of the relaxed packing, divided by the mean diameter.
+    /// Mean overlap of the relaxed packing, divided by the mean diameter.
     Overlap(f64),
 }
 
@@ -67,11 +66,11 @@ pub struct PackingSettings<S: Space> {
     pub periodic: [bool; 3],
     /// Diameters of the grains.
     pub sizes: Sizes,
-    /// Solid fraction from which the number of grains follows; [`Stop::SolidFraction`] replaces it.
+    /// Solid fraction that determines the number of grains; [`Stop::SolidFraction`] replaces it.
     pub solid_fraction: f64,
     /// Condition that ends the growth.
     pub stop: Stop,
-    /// Seed of sizes and places.
+    /// Seed of sizes and positions.
     pub seed: u64,
     /// Density of the grains (kg/m³).
     pub density: f64,
@@ -79,7 +78,7 @@ pub struct PackingSettings<S: Space> {
     pub stiffness_per_diameter: f64,
     /// Friction between grains during packing; zero gives the densest packing.
     pub friction: f64,
-    /// Mean overlap divided by the mean diameter of the finished packing, unless `stop` gives one.
+    /// Mean overlap divided by the mean diameter of the finished packing, unless `stop` states it.
     pub overlap: f64,
     /// Maximum final ratio of the largest resultant to the largest contact force.
     pub unbalanced: f64,
@@ -209,7 +208,7 @@ impl<S: Space> PackingSettings<S> {
 /// Progress of a packing: the state, in addition to grains and contacts, that the next steps depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Progress {
-    /// Current sizes divided by the requested ones.
+    /// Current sizes divided by the requested sizes.
     factor: f64,
     /// Relative growth at the next loss of contacts of a packing.
     growth: f64,
@@ -229,11 +228,10 @@ enum Stage {
     Rest {
         /// Purpose of the relaxation.
         purpose: Purpose,
-        /// Number of rounds before this one, and number of successive rounds that found the packing without
-        /// contacts.
+        /// Number of rounds before this one, and number of successive rounds in which the packing had no contacts.
         rounds: u32,
         apart: u32,
-        /// Number of steps of this round, and its maximum.
+        /// Number of steps of this round, and its maximum number of steps.
         taken: u64,
         limit: u64,
     },
@@ -711,12 +709,12 @@ mod tests {
         }
     }
 
-    /// The packing is jammed and stationary at the requested overlap; bonded and cut it remains stationary, and no
-    /// bond breaks.
+    /// Checks that a packing is jammed and stationary at the requested overlap, and that it remains stationary when
+    /// bonded and cut, without a broken bond.
     #[test]
     fn a_packing_stands_still_when_bonded_and_cut() {
         let settings = small();
-        let mut packing = settings.pack(&Supervision::none()).unwrap();
+        let mut packing = settings.pack(&Supervision::without_requests()).unwrap();
         let report = packing.report;
         assert!((0.80..0.87).contains(&report.solid_fraction), "{report:?}");
         assert!((3.2..4.6).contains(&report.coordination), "{report:?}");
@@ -793,7 +791,7 @@ mod tests {
             friction: 0.3,
             ..small()
         };
-        let straight = settings.pack(&Supervision::none()).unwrap();
+        let straight = settings.pack(&Supervision::without_requests()).unwrap();
         let (packing, stops) = interrupted(|supervision| settings.pack(supervision));
         assert!(stops > 10, "{stops}");
         assert_eq!(packing, straight);
@@ -802,7 +800,10 @@ mod tests {
             ..settings
         };
         let (packing, _) = interrupted(|supervision| given.pack(supervision));
-        assert_eq!(packing, given.pack(&Supervision::none()).unwrap());
+        assert_eq!(
+            packing,
+            given.pack(&Supervision::without_requests()).unwrap()
+        );
     }
 
     #[test]
@@ -812,7 +813,7 @@ mod tests {
             periodic: [true, false, false],
             ..small()
         };
-        let packing = settings.pack(&Supervision::none()).unwrap();
+        let packing = settings.pack(&Supervision::without_requests()).unwrap();
         let report = packing.report;
         assert!((report.size_factor - 1.0).abs() < f64::EPSILON);
         assert!((report.solid_fraction - 0.845).abs() < 2e-3, "{report:?}");
@@ -827,7 +828,7 @@ mod tests {
         assert_eq!(asked, found);
         assert_eq!(
             packing,
-            settings.pack(&Supervision::none()).unwrap(),
+            settings.pack(&Supervision::without_requests()).unwrap(),
             "the same seed gives the same bits"
         );
         assert!(
@@ -836,7 +837,7 @@ mod tests {
                     seed: 12,
                     ..settings
                 }
-                .pack(&Supervision::none())
+                .pack(&Supervision::without_requests())
                 .unwrap()
         );
     }
@@ -861,7 +862,10 @@ mod tests {
             unbalanced: 2e-2,
             limit: 1_000_000,
         };
-        let report = settings.pack(&Supervision::none()).unwrap().report;
+        let report = settings
+            .pack(&Supervision::without_requests())
+            .unwrap()
+            .report;
         assert!((0.57..0.68).contains(&report.solid_fraction), "{report:?}");
         assert!((4.0..7.5).contains(&report.coordination), "{report:?}");
     }

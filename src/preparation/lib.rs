@@ -53,7 +53,7 @@ use plan::scene::sample;
 use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
-use room::Room;
+use room::FreeSpace;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
@@ -259,7 +259,7 @@ fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> ListedG
     }
 }
 
-/// Saves the blocks if the case requests it; returns a line about them.
+/// Saves the blocks if the case requests this; returns a line about them.
 fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<String, Error> {
     if let Some(path) = &blocks.save {
         let text = list::write(blocks.list.iter().map(|block| {
@@ -277,7 +277,7 @@ fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<Stri
     ))
 }
 
-/// Returns three components; missing ones are zero.
+/// Returns three components; components that the vector does not have are zero.
 fn components<C: Components>(vector: &C) -> [f64; 3] {
     std::array::from_fn(|a| if a < C::COUNT { vector.get(a) } else { 0.0 })
 }
@@ -330,7 +330,7 @@ fn deposition_of<S: Space>(
     let smallest = clouds.iter().map(|cloud| cloud.grading.bounds().0);
     let smallest = smallest.fold(f64::INFINITY, f64::min);
     Deposition {
-        room: Room::new(&scene.structures, &bounds, smallest),
+        room: FreeSpace::new(&scene.structures, &bounds, smallest),
         clouds: (clouds.iter())
             .map(|cloud| deposition::Cloud {
                 lower: vector::<S>(cloud.block.from),
@@ -358,7 +358,7 @@ fn deposition_of<S: Space>(
         kinetic_energy: written.stop.kinetic_energy,
         unbalanced: written.stop.unbalanced_force,
         limit: u64::from(written.stop.at_most_steps),
-        step_ratio: STEP_RATIO.min(MORE_CONTACTS * contacts::of_packing(scene)),
+        step_ratio: STEP_RATIO.min(MORE_CONTACTS * contacts::packing_limit(scene)),
     }
 }
 
@@ -430,7 +430,7 @@ fn packing_of<S: Space>(
     }
 }
 
-/// Returns an index of a material or a count of materials as the engine stores it.
+/// Returns an index of a material, or a number of materials, in the integer type of the engine.
 fn index(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }

@@ -56,7 +56,7 @@ fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f6
     }
 }
 
-/// The state of a [`Rest`] in a checkpoint.
+/// State of a [`BondRelaxation`] in a checkpoint.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
 pub struct SavedRest {
     bonds: u64,
@@ -68,7 +68,7 @@ pub struct SavedRest {
 
 /// Relaxation of bonded grains without the fluid.
 #[derive(Clone, Debug)]
-pub struct Rest {
+pub struct BondRelaxation {
     bonds: u64,
     /// Number of bonds broken during the relaxation.
     broken: u64,
@@ -78,7 +78,7 @@ pub struct Rest {
     velocities: Velocities,
 }
 
-impl Rest {
+impl BondRelaxation {
     /// Bonds the contacts and stops all bodies; returns `None` if the case has no bonds. Collective.
     ///
     /// # Errors
@@ -214,9 +214,9 @@ mod tests {
     use nalgebra::Vector3;
 
     /// Supervisor without requests.
-    struct Quiet;
+    struct NoRequests;
 
-    impl Requests for Quiet {
+    impl Requests for NoRequests {
         fn steps(&self) -> u64 {
             30
         }
@@ -226,7 +226,7 @@ mod tests {
         }
     }
 
-    /// A piston that moves in the run is stationary during the relaxation, and moves afterwards.
+    /// Checks that a piston that moves in the run is stationary during the relaxation, and moves afterwards.
     #[test]
     fn walls_stand_still() {
         let corner = Vector3::repeat(0.01);
@@ -259,15 +259,18 @@ mod tests {
             ..Motion::default()
         };
         particles.insert(Body::uniform::<Volume>(1, 1e-3, 2600.0, 0), motion);
-        let rest = Rest {
+        let rest = BondRelaxation {
             bonds: 1,
             broken: 0,
             steps: 0,
             velocities: Velocities::new(),
         };
-        let keep =
-            |_: &Rest, _: &Particles<Volume>, _: &Dem<Volume>, _: &mut Quiet, _: Request| Ok(());
-        rest.run(&mut dem, &mut particles, &domain, &mut Quiet, keep)
+        let keep = |_: &BondRelaxation,
+                    _: &Particles<Volume>,
+                    _: &Dem<Volume>,
+                    _: &mut NoRequests,
+                    _: Request| Ok(());
+        rest.run(&mut dem, &mut particles, &domain, &mut NoRequests, keep)
             .unwrap();
         assert_eq!(dem.walls()[0].point, Vector3::zeros());
         assert_eq!(dem.walls()[0].velocity, up);

@@ -15,7 +15,7 @@ const MOST_CELLS: f64 = 2e6;
 
 /// Free space outside the structures.
 #[derive(Clone, Debug, Default)]
-pub struct Room {
+pub struct FreeSpace {
     /// Structures that stop grains.
     structures: Vec<Structure>,
     dimension: usize,
@@ -39,11 +39,11 @@ pub struct Boundaries<'a> {
     pub periodic: [bool; 3],
     /// Corners of each cloud \[m\].
     pub clouds: &'a [[[f64; 3]; 2]],
-    /// The axis against gravity, and whether up is its positive direction.
+    /// Axis against gravity, and `true` if its positive direction is upwards.
     pub up: (usize, bool),
 }
 
-impl Room {
+impl FreeSpace {
     /// Computes the space for grains of a smallest radius \[m\].
     #[must_use]
     pub fn new(structures: &[Structure], bounds: &Boundaries<'_>, smallest: f64) -> Self {
@@ -83,8 +83,8 @@ impl Room {
         room
     }
 
-    /// Fills the cells with their centre at least this distance \[m\] from all structures, from the top of the
-    /// region, or from that of the clouds.
+    /// Fills the cells whose centres are at least this distance \[m\] from all structures, from the top of the region,
+    /// or from the top of the clouds.
     fn fill(&mut self, bounds: &Boundaries<'_>, clearance: f64) {
         let count = self.cells.iter().product();
         let free: Vec<bool> = (0..count)
@@ -105,12 +105,12 @@ impl Room {
         };
         let top = if positive { self.cells[axis] - 1 } else { 0 };
         let from_top = (0..count).filter(|&n| free[n] && level(n) == top);
-        let mut reached = self.spread(&free, from_top.collect(), bounds.periodic);
+        let mut reached = self.connected_cells(&free, from_top.collect(), bounds.periodic);
         if !in_clouds.iter().any(|n| reached[*n]) {
             // A closed vessel contains the clouds.
             let top = highest(&mut in_clouds.iter().map(|n| level(*n)));
             let from_clouds = in_clouds.iter().copied().filter(|n| Some(level(*n)) == top);
-            reached = self.spread(&free, from_clouds.collect(), bounds.periodic);
+            reached = self.connected_cells(&free, from_clouds.collect(), bounds.periodic);
         }
         let closed = in_clouds.iter().filter(|n| !reached[**n]).count();
         let one: f64 = (0..self.dimension).map(|_| self.width).product();
@@ -119,7 +119,12 @@ impl Room {
     }
 
     /// Returns the free cells that are connected through faces with the cells `next`.
-    fn spread(&self, free: &[bool], mut next: Vec<usize>, periodic: [bool; 3]) -> Vec<bool> {
+    fn connected_cells(
+        &self,
+        free: &[bool],
+        mut next: Vec<usize>,
+        periodic: [bool; 3],
+    ) -> Vec<bool> {
         let mut reached = vec![false; free.len()];
         for &n in &next {
             reached[n] = true;
@@ -154,7 +159,7 @@ impl Room {
 
     /// Returns `true` if a grain of this radius can be placed at this position.
     #[must_use]
-    pub fn has(&self, at: [f64; 3], radius: f64) -> bool {
+    pub fn has_space_for(&self, at: [f64; 3], radius: f64) -> bool {
         self.distance(at) >= radius && self.is_open(at)
     }
 
@@ -181,12 +186,13 @@ impl Room {
                 let last = i64::try_from(self.cells[a]).unwrap_or(i64::MAX) - 1;
                 place[a] = usize::try_from(chosen.clamp(0, last)).unwrap_or(0);
             }
-            self.reached[self.number(place)] && self.sees(at, self.centre(self.number(place)))
+            self.reached[self.number(place)]
+                && self.has_line_of_sight(at, self.centre(self.number(place)))
         })
     }
 
     /// Returns `true` if no structure intersects the straight line between two points.
-    fn sees(&self, from: [f64; 3], to: [f64; 3]) -> bool {
+    fn has_line_of_sight(&self, from: [f64; 3], to: [f64; 3]) -> bool {
         let along = std::array::from_fn(|a| to[a] - from[a]);
         let mut chords = Vec::new();
         self.structures.iter().all(|structure| {
@@ -278,7 +284,13 @@ mod tests {
             region: GrainDomain::closed(Vector2::zeros(), corner, 0.005),
             walls,
         };
-        prepare(plan, Path::new("."), &engine, &Supervision::none()).unwrap()
+        prepare(
+            plan,
+            Path::new("."),
+            &engine,
+            &Supervision::without_requests(),
+        )
+        .unwrap()
     }
 
     const FALLING: &str = r#"{"deposition": {
@@ -338,19 +350,19 @@ mod tests {
                 clouds: &clouds,
                 up: (1, true),
             };
-            Room::new(&plan.scene.structures, &bounds, 1e-3)
+            FreeSpace::new(&plan.scene.structures, &bounds, 1e-3)
         };
         let hollow = bounds([0.052, 0.012, 0.0], [0.078, 0.03, 0.0]);
-        assert!(hollow.has([0.065, 0.02, 0.0], 1e-3));
+        assert!(hollow.has_space_for([0.065, 0.02, 0.0], 1e-3));
         assert_eq!(hollow.closed, 0.0);
         let all = bounds([0.0; 3], [0.1, 0.08, 0.0]);
-        assert!(!all.has([0.065, 0.02, 0.0], 1e-3));
+        assert!(!all.has_space_for([0.065, 0.02, 0.0], 1e-3));
         let area = 0.024 * 0.016;
         assert!((all.closed / area - 1.0).abs() < 0.15, "{}", all.closed);
         // Positions next to the weir, in it, and too close to it.
-        assert!(all.has([0.005, 0.01, 0.0], 1e-3));
-        assert!(!all.has([0.02, 0.01, 0.0], 1e-3));
-        assert!(!all.has([0.02, 0.0305, 0.0], 1e-3));
+        assert!(all.has_space_for([0.005, 0.01, 0.0], 1e-3));
+        assert!(!all.has_space_for([0.02, 0.01, 0.0], 1e-3));
+        assert!(!all.has_space_for([0.02, 0.0305, 0.0], 1e-3));
     }
 
     #[test]

@@ -15,10 +15,10 @@ const REPORT_EVERY: Duration = Duration::from_secs(30);
 /// Interval between requests for instructions from the supervisor.
 const ASK_EVERY: Duration = Duration::from_millis(500);
 
-/// A request to a running operation.
+/// Request to a running operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Request {
-    /// Continue.
+    /// No request: the operation continues.
     None,
     /// Write a checkpoint and continue.
     Checkpoint,
@@ -38,7 +38,7 @@ pub trait Requests {
 /// State of an unfinished sample.
 #[derive(Debug)]
 pub struct SavedSample<S: Space> {
-    /// The grains.
+    /// Grains in their present state.
     pub particles: Particles<S>,
     /// Contacts of the grains, and the number of solid steps done.
     pub contacts: Contacts,
@@ -93,10 +93,10 @@ pub struct Supervision<'a, S: Space> {
     supervisor: &'a dyn Supervisor<S>,
     saved: RefCell<Option<SavedSample<S>>>,
     reported: Cell<Instant>,
-    /// Time of the last request; none before the first, which follows the first batch, so that an early stop is
-    /// noticed immediately.
-    asked: Cell<Option<Instant>>,
-    /// Number of steps of a batch, whose duration is shorter than the interval between two requests.
+    /// Time of the last check for requests; none before the first check, which follows the first batch, so that an
+    /// early stop is noticed immediately.
+    last_request_check: Cell<Option<Instant>>,
+    /// Number of steps of a batch, whose duration is shorter than the interval between two checks.
     batch: Cell<u64>,
 }
 
@@ -108,18 +108,18 @@ impl<'a, S: Space> Supervision<'a, S> {
             supervisor,
             saved: RefCell::new(saved),
             reported: Cell::new(Instant::now()),
-            asked: Cell::new(None),
+            last_request_check: Cell::new(None),
             batch: Cell::new(1),
         }
     }
 
     /// Returns a supervisor that does nothing.
     #[must_use]
-    pub fn none() -> Self {
+    pub fn without_requests() -> Self {
         Self::new(&Unsupervised, None)
     }
 
-    /// Takes the saved state of an earlier attempt; `None` at the second call.
+    /// Returns the saved state of an earlier attempt; `None` at later calls.
     pub fn take_saved(&self) -> Option<SavedSample<S>> {
         self.saved.borrow_mut().take()
     }
@@ -132,7 +132,7 @@ impl<'a, S: Space> Supervision<'a, S> {
         }
     }
 
-    /// Runs a batch of the `left` steps, and subtracts its length from `left`.
+    /// Runs a batch of the `left` remaining steps, and subtracts its length from `left`.
     ///
     /// # Errors
     /// If [`Dem::advance_many`] fails.
@@ -167,9 +167,9 @@ impl<'a, S: Space> Supervision<'a, S> {
     ) -> Result<(), Error> {
         let interval = self.supervisor.interval();
         if self
-            .asked
+            .last_request_check
             .get()
-            .is_some_and(|asked| asked.elapsed() < interval)
+            .is_some_and(|last_request_check| last_request_check.elapsed() < interval)
         {
             return Ok(());
         }
@@ -178,7 +178,7 @@ impl<'a, S: Space> Supervision<'a, S> {
             self.supervisor
                 .save(particles, dem, &progress()?, request)?;
         }
-        self.asked.set(Some(Instant::now()));
+        self.last_request_check.set(Some(Instant::now()));
         if request == Request::Stop {
             return Err(Error::Stopped(format!(
                 "preparation of the sample: {} solid steps",
@@ -194,12 +194,12 @@ pub(super) mod tests {
     use super::*;
 
     /// Supervisor that stops the work after a number of requests.
-    struct Impatient<S: Space> {
+    struct StopAfterRequests<S: Space> {
         questions: Cell<u32>,
         file: RefCell<Option<SavedSample<S>>>,
     }
 
-    impl<S: Space> Supervisor<S> for Impatient<S> {
+    impl<S: Space> Supervisor<S> for StopAfterRequests<S> {
         fn report(&self, _: &str) {}
 
         fn interval(&self) -> Duration {
@@ -238,7 +238,7 @@ pub(super) mod tests {
     ) -> (T, u32) {
         let mut saved = None;
         for stops in 0.. {
-            let supervisor = Impatient {
+            let supervisor = StopAfterRequests {
                 questions: Cell::new(9 + stops % 5),
                 file: RefCell::new(None),
             };

@@ -13,15 +13,14 @@ use std::env::var;
 pub(super) enum Cores {
     /// The rank has as many cores as threads.
     Enough,
-    /// The rank has enough cores now; it had this number before.
-    Widened(usize),
+    /// The rank has enough cores now; the number is that before the change.
+    MoreCores(usize),
     /// The rank has only this number of cores.
     TooFew(usize),
 }
 
-/// Binds this process to at least as many cores as it will have threads; call it before threads are
-/// started.
-pub(super) fn provide(threads: usize) -> Cores {
+/// Binds this process to at least as many cores as it will have threads; must be called before threads are started.
+pub(super) fn bind_cores(threads: usize) -> Cores {
     let Ok(before) = sched_getaffinity(None) else {
         return Cores::Enough;
     };
@@ -33,7 +32,7 @@ pub(super) fn provide(threads: usize) -> Cores {
     // The system removes from the mask the cores that a job may not use.
     let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
     if widened.is_ok_and(|now| count(&now) >= threads) {
-        return Cores::Widened(had);
+        return Cores::MoreCores(had);
     }
     let _ = sched_setaffinity(None, &before);
     Cores::TooFew(had)
@@ -135,22 +134,22 @@ mod tests {
         assert!((1..=online()).contains(&allowed()));
     }
 
-    /// On a thread of its own, since threads inherit cores.
+    /// Runs on a thread of its own, since threads inherit the cores of their parent.
     #[test]
     fn a_process_on_one_core_gets_the_cores_of_its_threads_or_says_that_it_does_not() {
         let test = || {
             let before = sched_getaffinity(None).unwrap();
-            assert_eq!(provide(1), Cores::Enough);
+            assert_eq!(bind_cores(1), Cores::Enough);
             let first = (0..CpuSet::MAX_CPU)
                 .find(|core| before.is_set(*core))
                 .unwrap();
             let mut one = CpuSet::new();
             one.set(first);
             sched_setaffinity(None, &one).unwrap();
-            let got = provide(2);
+            let got = bind_cores(2);
             let now = count(&sched_getaffinity(None).unwrap());
             match got {
-                Cores::Widened(1) => assert!(now >= 2, "{now}"),
+                Cores::MoreCores(1) => assert!(now >= 2, "{now}"),
                 Cores::TooFew(1) => assert_eq!(now, 1),
                 other => panic!("{other:?}"),
             }

@@ -19,14 +19,14 @@ use plan::scene::Scene;
 
 /// Maximum computing time of the busiest rank relative to the mean with slabs of equal thickness; above
 /// it slabs are cut by cost.
-const UNEVEN: f64 = 1.05;
+const IMBALANCE_LIMIT: f64 = 1.05;
 /// Minimum fraction of the busiest rank's time that other slabs must save before a run changes to them.
-const WORTH: f64 = 0.1;
+const LEAST_SAVING: f64 = 0.1;
 /// Minimum cost of a step of all ranks together \[ps\] for which slabs are balanced: below it messages
 /// dominate.
-const LEAST: i64 = 20_000_000;
+const LEAST_STEP_COST: i64 = 20_000_000;
 /// Minimum estimated time of a run on one core \[s\] for which the speed of the machine is measured.
-const LONG: f64 = 10.0;
+const LONG_RUN: f64 = 10.0;
 /// Picoseconds in a second.
 const PICOSECONDS: f64 = 1e12;
 
@@ -203,8 +203,8 @@ pub(super) fn depends_on_the_machine(
     let equal = equal(&plan.scene, planes.len(), communicator.size());
     communicator.size() > 1
         && plan.scene.flow.is_some()
-        && plan.estimate.seconds_on_one_core > LONG
-        && imbalance(&equal, planes) > 1.0 + 0.5 * (UNEVEN - 1.0)
+        && plan.estimate.seconds_on_one_core > LONG_RUN
+        && imbalance(&equal, planes) > 1.0 + 0.5 * (IMBALANCE_LIMIT - 1.0)
 }
 
 /// Returns the measured speed of a core in its part of the lattice divided by that of the plan: the
@@ -219,7 +219,7 @@ pub(super) fn speed(plan: &Plan, communicator: &Communicator) -> f64 {
     if mean > 0.0 { mean } else { 1.0 }
 }
 
-/// Slabs of equal thickness.
+/// Returns slabs of equal thickness.
 #[must_use]
 pub(super) fn equal(scene: &Scene, planes: usize, ranks: usize) -> Slabs {
     let axis = scene.grid.split_axis;
@@ -246,7 +246,7 @@ pub(super) fn line(slabs: &Slabs, before: &Slabs, planes: &[i64]) -> String {
 #[must_use]
 pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
     let equal = equal(scene, planes.len(), ranks);
-    if planes.len() <= ranks || imbalance(&equal, planes) <= UNEVEN {
+    if planes.len() <= ranks || imbalance(&equal, planes) <= IMBALANCE_LIMIT {
         return equal;
     }
     let bounds = bounds(planes, ranks);
@@ -256,8 +256,8 @@ pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
 /// Returns `true` if changing from the slabs `now` to `other` is worth its cost.
 #[must_use]
 pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
-    planes.iter().sum::<i64>() >= LEAST
-        && imbalance(other, planes) < (1.0 - WORTH) * imbalance(now, planes)
+    planes.iter().sum::<i64>() >= LEAST_STEP_COST
+        && imbalance(other, planes) < (1.0 - LEAST_SAVING) * imbalance(now, planes)
 }
 
 /// Returns the bounds of slabs of at least one plane each with the smallest possible maximum cost.
@@ -330,13 +330,13 @@ mod tests {
     use proptest::prelude::*;
     use std::path::Path;
 
-    fn dearest(planes: &[i64], bounds: &[usize]) -> i64 {
+    fn highest_cost(planes: &[i64], bounds: &[usize]) -> i64 {
         let cost = |pair: &[usize]| planes[pair[0]..pair[1]].iter().sum();
         bounds.windows(2).map(cost).max().unwrap()
     }
 
     /// Returns the smallest possible maximum cost of a slab, found by trying all cuts.
-    fn best(planes: &[i64], ranks: usize) -> i64 {
+    fn smallest_cost(planes: &[i64], ranks: usize) -> i64 {
         if ranks == 1 {
             return planes.iter().sum();
         }
@@ -345,7 +345,7 @@ mod tests {
                 planes[..n]
                     .iter()
                     .sum::<i64>()
-                    .max(best(&planes[n..], ranks - 1))
+                    .max(smallest_cost(&planes[n..], ranks - 1))
             })
             .min()
             .unwrap()
@@ -361,11 +361,11 @@ mod tests {
             prop_assert_eq!(bounds.len(), ranks + 1);
             prop_assert_eq!((bounds[0], bounds[ranks]), (0, planes.len()));
             prop_assert!(bounds.windows(2).all(|pair| pair[0] < pair[1]));
-            prop_assert_eq!(dearest(&planes, &bounds), best(&planes, ranks));
+            prop_assert_eq!(highest_cost(&planes, &bounds), smallest_cost(&planes, ranks));
         }
     }
 
-    /// A long block costs what it covers, which is a small part of the sphere about it.
+    /// Checks that the cost of a long block is that of the cells that it covers, a small part of its enclosing sphere.
     #[test]
     fn a_block_costs_its_own_volume_and_surface() {
         let text = r#"{"title": "block", "domain": {"size": [0.4, 0.1, 0.1], "spacing": 0.005, "split": "x"},

@@ -91,11 +91,11 @@ fn sphere() -> Result<f64, Error> {
     Ok(fastest / (real(BATCH) * real(particles.owned())))
 }
 
-/// Spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: in contact if
-/// `packed`, otherwise apart and falling.
-/// The bench `dem` measures the same.
+/// Returns spheres of 2 mm with linear springs and friction on a cubic lattice in a periodic box: in contact if
+/// `packed`, otherwise apart and falling. The bench `dem` measures the same.
 ///
 /// # Errors
+///
 /// If the engine of the grains cannot be made.
 pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
     let side = real(count).cbrt().ceil();

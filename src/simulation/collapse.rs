@@ -9,13 +9,13 @@
 mod gathered;
 
 use super::agreement::agree;
-use super::removal::Departed;
+use super::removal::DepartedGrain;
 use super::table::{Table, append};
 use super::view::StateView;
 use analysis::erosion_law::{RecordRow, read_rows};
 use analysis::ground_collapse::clusters::{clusters, histogram, sizes_of_left};
 use analysis::ground_collapse::measure::{
-    Above, Cells, Ground, Limits, MeasuredGrain, Point, Sample,
+    Cells, InitialGround, Limits, MeasuredGrain, Point, PointMeasures, Sample,
 };
 use analysis::ground_collapse::record::{
     ClusterKind, ClusterRecord, CollapseRecord, CollapseSummary, PointRecord, PointSummary,
@@ -47,17 +47,17 @@ struct Start {
 
 /// Number and mass of the grains that left through one seepage point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Left {
+struct OutflowCount {
     grains: u64,
     mass: f64,
 }
 
-/// The state of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
+/// State of the recorder in a checkpoint. On ranks other than 0 only `start` and `points` are current.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CollapseState {
     start: Option<Start>,
-    ground: Option<Ground>,
-    points: Vec<Left>,
+    ground: Option<InitialGround>,
+    points: Vec<OutflowCount>,
     stages: Stages,
     /// Time \[s\] and extension \[m\] of the last row.
     extension: Option<[f64; 2]>,
@@ -68,7 +68,7 @@ pub struct CollapseState {
     last_row: Option<u64>,
 }
 
-/// The tables of rank 0.
+/// Tables that rank 0 writes.
 #[derive(Debug, Default)]
 struct Tables {
     rows: Option<Table>,
@@ -80,12 +80,12 @@ struct Tables {
 /// Writes the tables of a collapse: see the module. Methods with a view or a domain are collective.
 #[derive(Debug)]
 pub struct CollapseRecorder {
-    asked: Option<GroundCollapse>,
+    settings: Option<GroundCollapse>,
     interval: Option<Interval>,
     first_grain: u64,
     state: CollapseState,
     tables: Tables,
-    news: Vec<String>,
+    messages: Vec<String>,
 }
 
 impl CollapseRecorder {
@@ -100,19 +100,21 @@ impl CollapseRecorder {
         domain: &Domain,
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
-        let asked = plan.scene.ground_collapse.clone();
+        let settings = plan.scene.ground_collapse.clone();
         let mut recorder = Self {
-            interval: asked.as_ref().map(|asked| plan.clock.every(asked.every)),
+            interval: settings
+                .as_ref()
+                .map(|settings| plan.clock.every(settings.every)),
             first_grain: plan.scene.first_grain(),
             state: CollapseState::default(),
             tables: Tables::default(),
-            news: Vec::new(),
-            asked,
+            messages: Vec::new(),
+            settings,
         };
-        let Some(asked) = &recorder.asked else {
+        let Some(settings) = &recorder.settings else {
             return Ok(recorder);
         };
-        recorder.state.points = vec![Left::default(); asked.points.len()];
+        recorder.state.points = vec![OutflowCount::default(); settings.points.len()];
         let opened = if domain.rank() == 0 {
             let open = |name: &str, header: String| {
                 Table::open(folder.join(name), &header, resumed_at).map(Some)
@@ -132,10 +134,10 @@ impl CollapseRecorder {
         Ok(recorder)
     }
 
-    /// Returns `true` if there is anything to measure; the measurement reads up-to-date ghosts.
+    /// Returns `true` if there is anything to measure; the measurement needs current ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
-        self.asked.is_some()
+        self.settings.is_some()
     }
 
     /// Records a step: the grains that left, and the state of the ground if a row is due. Call it after
@@ -146,14 +148,14 @@ impl CollapseRecorder {
     pub fn record_due<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
-        removed: &[Departed],
+        removed: &[DepartedGrain],
     ) -> Result<(), Error> {
-        let Some(asked) = &self.asked else {
+        let Some(settings) = &self.settings else {
             return Ok(());
         };
         for departed in removed {
             // A grain leaves through one point: the first that contains it.
-            let through = asked.points.iter().position(|point| match point.region {
+            let through = settings.points.iter().position(|point| match point.region {
                 Some(region) => region == departed.region,
                 None => point.block.contains(departed.at),
             });
@@ -181,7 +183,7 @@ impl CollapseRecorder {
     /// # Errors
     /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn record_end<S: Space>(&mut self, view: &StateView<'_, S>) -> Result<(), Error> {
-        if self.asked.is_none() {
+        if self.settings.is_none() {
             return Ok(());
         }
         if self.state.last_row != Some(view.step) {
@@ -216,7 +218,7 @@ impl CollapseRecorder {
 
     /// Returns one line for each stage that began since the last call; on rank 0 only.
     pub fn take_events(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.news)
+        std::mem::take(&mut self.messages)
     }
 
     /// Draws `collapse.svg` and `settlement.svg` from the tables. Call it at the end of a run.
@@ -224,7 +226,7 @@ impl CollapseRecorder {
     /// # Errors
     /// If a table cannot be read or a figure not written, [`Error::Io`] on every rank.
     pub fn draw(&self, folder: &Path, domain: &Domain) -> Result<(), Error> {
-        if self.asked.is_none() {
+        if self.settings.is_none() {
             return Ok(());
         }
         let drawn = (|| {
@@ -255,7 +257,7 @@ impl CollapseRecorder {
     /// # Errors
     /// If a table cannot be written, [`Error::Io`] on every rank.
     pub fn state(&self, domain: &Domain) -> Result<Option<CollapseState>, Error> {
-        if self.asked.is_none() {
+        if self.settings.is_none() {
             return Ok(None);
         }
         let tables = &self.tables;
@@ -281,7 +283,7 @@ impl CollapseRecorder {
     /// # Errors
     /// If the state is missing or does not fit the case, [`Error::Io`].
     pub fn restore(&mut self, state: Option<CollapseState>) -> Result<(), Error> {
-        let Some(asked) = &self.asked else {
+        let Some(settings) = &self.settings else {
             return Ok(());
         };
         let Some(state) = state else {
@@ -291,11 +293,11 @@ impl CollapseRecorder {
                     .into(),
             ));
         };
-        if state.points.len() != asked.points.len() {
+        if state.points.len() != settings.points.len() {
             return Err(Error::Io(format!(
                 "the checkpoint has {} seepage points, but the case has {}",
                 state.points.len(),
-                asked.points.len()
+                settings.points.len()
             )));
         }
         if let Some(ground) = &state.ground {
@@ -321,12 +323,12 @@ impl CollapseRecorder {
     /// # Errors
     /// If the summary cannot be written as JSON.
     pub fn summary(&self) -> Result<Option<Value>, Error> {
-        let (Some(asked), Some(start), Some(ground)) =
-            (&self.asked, &self.state.start, &self.state.ground)
+        let (Some(settings), Some(start), Some(ground)) =
+            (&self.settings, &self.state.start, &self.state.ground)
         else {
             return Ok(None);
         };
-        let points = asked.points.iter().zip(&self.state.points);
+        let points = settings.points.iter().zip(&self.state.points);
         let summary = CollapseSummary {
             stages: self.times(),
             points: points
@@ -376,15 +378,15 @@ impl CollapseRecorder {
     }
 
     fn write_row<S: Space>(&mut self, view: &StateView<'_, S>) -> Result<(), Error> {
-        let (Some(asked), Some(start)) = (self.asked.clone(), self.state.start) else {
+        let (Some(settings), Some(start)) = (self.settings.clone(), self.state.start) else {
             return Ok(());
         };
         self.state.last_row = Some(view.step);
-        let loose = asked.loose_diameters * start.diameter;
-        let gathered = gather(view, &asked, loose);
+        let loose = settings.loose_diameters * start.diameter;
+        let gathered = gather(view, &settings, loose);
         // Only rank 0 detects a corrupt message.
         let written = gathered.and_then(|gathered| match gathered {
-            Some(all) => self.analyse(view, &asked, start, &all.grains, &all.bonds),
+            Some(all) => self.analyse(view, &settings, start, &all.grains, &all.bonds),
             None => Ok(()),
         });
         self.state.left.clear();
@@ -395,7 +397,7 @@ impl CollapseRecorder {
     fn analyse<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
-        asked: &GroundCollapse,
+        settings: &GroundCollapse,
         start: Start,
         grains: &[MeasuredGrain],
         bonds: &[[u64; 2]],
@@ -403,31 +405,31 @@ impl CollapseRecorder {
         let (step, time) = (view.step, view.time);
         let domain = view.plan.scene.grid.size;
         let ground = self.state.ground.get_or_insert_with(|| {
-            let size = asked.cell_size.unwrap_or(2.0 * start.diameter);
+            let size = settings.cell_size.unwrap_or(2.0 * start.diameter);
             let cells = Cells::new(
-                asked.axes.map(|axis| domain[axis]),
-                asked.cells(domain, size),
+                settings.axes.map(|axis| domain[axis]),
+                settings.cells(domain, size),
             );
-            Ground::new(cells, grains, start.diameter, sphere_box)
+            InitialGround::new(cells, grains, start.diameter, sphere_box)
         });
         let limits = Limits {
-            void_below: asked.void_below,
-            moving: asked.stages.moving_diameters * start.diameter,
-            settled: asked.stages.sinkhole_diameters * start.diameter,
-            percentile: asked.settlement_percentile,
+            void_below: settings.void_below,
+            moving: settings.stages.moving_diameters * start.diameter,
+            settled: settings.stages.sinkhole_diameters * start.diameter,
+            percentile: settings.settlement_percentile,
         };
-        let points: Vec<Point> = asked
+        let points: Vec<Point> = settings
             .points
             .iter()
-            .map(|p| in_frame(asked, domain, p))
+            .map(|p| in_frame(settings, domain, p))
             .collect();
         let seen = ground.measure(grains, &points, &limits, sphere_box);
-        let thresholds = thresholds(asked, start, ground);
+        let thresholds = thresholds(settings, start, ground);
         let cells = ground.cells;
         let evidence = self.evidence(&seen, &thresholds);
         for stage in self.state.stages.note(time, &evidence, &thresholds) {
             let began = self.state.stages.times[stage].unwrap_or(time);
-            self.news.push(format!(
+            self.messages.push(format!(
                 "stage t{} ({}) began at {began:.6} s: {} grains lost through a seepage point, void {:.2e} m3, \
                  {:.0} % of the cover above a void moving (shape {:.2}), settlement {:.2e} m, depression {:.2e} \
                  m long",
@@ -466,7 +468,7 @@ impl CollapseRecorder {
         self.write_clusters(
             step,
             time,
-            asked.loose_diameters * start.diameter,
+            settings.loose_diameters * start.diameter,
             grains,
             bonds,
         )
@@ -513,7 +515,8 @@ impl CollapseRecorder {
             over.max_by(|a, b| a.front.total_cmp(&b.front))
         };
         let arched = farthest(from.arch_void);
-        let most = |value: fn(&Above) -> f64| seen.points.iter().map(value).fold(0.0, f64::max);
+        let most =
+            |value: fn(&PointMeasures) -> f64| seen.points.iter().map(value).fold(0.0, f64::max);
         Evidence {
             eroded_grains: self
                 .state
@@ -568,13 +571,13 @@ impl CollapseRecorder {
                 _ => 0.0,
             },
             inward: seen.inward,
-            stages: self.state.stages.begun() as u64,
+            stages: self.state.stages.stages_begun() as u64,
         }
     }
 }
 
-fn thresholds(asked: &GroundCollapse, start: Start, ground: &Ground) -> Thresholds {
-    let stages = &asked.stages;
+fn thresholds(settings: &GroundCollapse, start: Start, ground: &InitialGround) -> Thresholds {
+    let stages = &settings.stages;
     Thresholds {
         samples: stages.samples,
         eroded_grains: u64::from(stages.hole_grains),

@@ -18,8 +18,7 @@ use plan::Plan;
 use std::sync::Arc;
 use structure::Images;
 
-/// Returns the hydrostatic buoyancy per volume of a solid \[N/m³\] that is missing in the pressure of
-/// the lattice.
+/// Returns the hydrostatic buoyancy per volume of a solid \[N/m³\] that the pressure of the lattice does not contain.
 fn buoyancy(plan: &Plan) -> [f64; 3] {
     let Some(flow) = &plan.scene.flow else {
         return [0.0; 3];

@@ -12,10 +12,10 @@ use plan::scene::observe::Probe;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Axes as columns name them.
+/// Names of the axes in column names.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// TestResults of a test in the order of the case; none where the records hold none.
+/// Results of a test in the order of the case; none for a quantity that the records do not contain.
 pub(super) struct TestResults(Vec<(TestAnswer, Option<TestResult>)>);
 
 impl TestResults {
@@ -30,7 +30,7 @@ impl TestResults {
             }
         };
         let answers = test.answers.iter();
-        let answers = answers.map(|asked| (asked.clone(), answer(&record, asked.quantity)));
+        let answers = answers.map(|asked| (asked.clone(), compute_answer(&record, asked.quantity)));
         Some(Self(answers.collect()))
     }
 
@@ -93,7 +93,7 @@ impl TestResults {
 }
 
 /// Returns the answer of a quantity.
-fn answer(record: &TestRecord, quantity: TestQuantity) -> Option<TestResult> {
+fn compute_answer(record: &TestRecord, quantity: TestQuantity) -> Option<TestResult> {
     match quantity {
         TestQuantity::AxialStress => record.axial_stress(),
         TestQuantity::AxialStrain => record.axial_strain(),
@@ -106,7 +106,7 @@ fn answer(record: &TestRecord, quantity: TestQuantity) -> Option<TestResult> {
     }
 }
 
-/// The table of a probe, with the rows of the steps that all probes have.
+/// Table of a probe, with the rows of the steps that all probes have.
 struct Sampled {
     rows: Rows,
     kept: Vec<usize>,
@@ -120,7 +120,7 @@ impl Sampled {
     }
 }
 
-/// Reads the probes of a test, joined by their steps, from the time of the test on.
+/// Reads the probes of a test from its start time on, joined by their steps.
 fn read(plan: &Plan, test: &ElementTest, folder: &Path) -> Result<Vec<(usize, Sampled)>, String> {
     let inside = test.inside.map(|(probe, _)| probe);
     let named = test.axial.iter().chain(&test.lateral).copied();
@@ -199,7 +199,7 @@ fn record(plan: &Plan, test: &ElementTest, folder: &Path) -> Result<TestRecord, 
     Ok(record)
 }
 
-/// Returns the quotients of two series.
+/// Returns the quotients of two series, value by value.
 fn quotients(above: &[f64], below: &[f64]) -> Vec<f64> {
     above.iter().zip(below).map(|(a, b)| a / b).collect()
 }

@@ -6,7 +6,7 @@ use dem::space::{Components, Space};
 
 /// Returns the kinetic energy of translation and rotation \[J; in 2-D J/m\]. The sum is exact, so that
 /// it does not depend on the ranks. Collective.
-pub fn of_motion<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
+pub fn kinetic_energy<S: Space>(particles: &Particles<S>, communicator: &Communicator) -> f64 {
     let mut sum = ExactSum::new();
     for k in 0..particles.owned() {
         let (body, motion) = (&particles.body[k], &particles.motion[k]);

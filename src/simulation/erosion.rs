@@ -14,11 +14,11 @@
 //!   therefore independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any
 //!   case the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole
 //!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole:
-//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`BEHIND`] mean
-//!   diameters behind a face or `hole::BEFORE` in front of it. The shear stress decays within less than a diameter, so
-//!   that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the two ends of
-//!   that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains next to the
-//!   hole at the first row.
+//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`DEPTH_BEHIND`] mean
+//!   diameters behind a face or `hole::DISTANCE_BEFORE` in front of it. The shear stress decays within less than a
+//!   diameter, so that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the
+//!   two ends of that layer, in the planes of cells just outside the hole box; phi is measured once, from the
+//!   grains next to the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
 //!   inside. Before the first row the faces are those of the box in the case.
@@ -36,7 +36,7 @@ mod imposed;
 mod mechanism;
 
 use super::agreement::agree;
-use super::removal::{Departed, boxed, rows};
+use super::removal::{DepartedGrain, boxed, rows};
 use super::table::{Table, append};
 use super::view::StateView;
 use analysis::erosion_law::{
@@ -48,7 +48,7 @@ use base::number::real;
 use decomposition::{Domain, ExactSum};
 use dem::space::{Components, Space};
 use dem::{BondBreak, Failure};
-use hole::{BEHIND, Hole, Sums, cell_sums, excess_force, profile};
+use hole::{DEPTH_BEHIND, Hole, Sums, cell_sums, excess_force, profile};
 use imposed::{cohesion_per_diameter, pressure_difference, pressures, spread};
 use mechanism::{Mechanism, bulk_displacement, contacts_per_grain};
 use plan::Plan;
@@ -71,12 +71,12 @@ struct Start {
     diameter: f64,
     /// Solid fraction of the grains next to the hole, from the radii of the grains.
     packing: f64,
-    /// Mean contacts and bonds per grain.
+    /// Mean numbers of contacts and bonds per grain.
     #[serde(default)]
     contacts: Option<[f64; 2]>,
 }
 
-/// The state of the recorder in a checkpoint.
+/// State of the recorder in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErosionState {
     start: Option<Start>,
@@ -97,7 +97,7 @@ pub struct ErosionState {
 
 /// Broken bond that is yet to be sent to rank 0.
 #[derive(Clone, Copy, Debug)]
-struct Pending {
+struct PendingBreak {
     step: u64,
     time: f64,
     solid_step: u64,
@@ -117,11 +117,11 @@ pub struct ErosionRecorder {
     first_grain: u64,
     state: ErosionState,
     /// Bonds broken on this rank since the last flush.
-    pending: Vec<Pending>,
+    pending: Vec<PendingBreak>,
     removed: Option<Table>,
     bonds: Option<Table>,
     rows: Option<Table>,
-    /// Largest speed over C in the last row; none once it was taken.
+    /// Largest speed over C in the last row; none after [`Self::take_speed`].
     speed: Option<f64>,
 }
 
@@ -194,7 +194,7 @@ impl ErosionRecorder {
         }
     }
 
-    /// Numbers of bonds broken inside and at the wall of the hole, as of the last flush.
+    /// Returns the numbers of bonds broken inside and at the wall of the hole, as of the last flush.
     fn broken(&self) -> [u64; 2] {
         [self.state.bonds_inside, self.state.bonds_at_wall]
     }
@@ -205,7 +205,7 @@ impl ErosionRecorder {
         self.interval.is_some_and(|every| every.falls_on(step))
     }
 
-    /// Returns `true` if there may be anything to measure; the measurement reads up-to-date ghosts.
+    /// Returns `true` if there may be anything to measure; the measurement needs current ghosts.
     #[must_use]
     pub const fn measures(&self) -> bool {
         self.law.is_some() || self.interval.is_some()
@@ -222,7 +222,7 @@ impl ErosionRecorder {
     pub fn record_due<S: Space>(
         &mut self,
         view: &StateView<'_, S>,
-        removed: &[Departed],
+        removed: &[DepartedGrain],
         breaks: Vec<BondBreak<S>>,
         mass_error: f64,
     ) -> Result<(), Error> {
@@ -262,7 +262,7 @@ impl ErosionRecorder {
     pub fn note_breaks<S: Space>(&mut self, view: &StateView<'_, S>, breaks: Vec<BondBreak<S>>) {
         for broken in breaks {
             let at_wall = self.at_wall(&broken.position, view.plan);
-            self.pending.push(Pending {
+            self.pending.push(PendingBreak {
                 step: view.step,
                 time: view.time,
                 solid_step: broken.step,
@@ -426,7 +426,7 @@ impl ErosionRecorder {
             .map_err(|error| Error::Internal(error.to_string()))
     }
 
-    fn measure_start<S: Space>(&self, view: &StateView<'_, S>, removed: &[Departed]) -> Start {
+    fn measure_start<S: Space>(&self, view: &StateView<'_, S>, removed: &[DepartedGrain]) -> Start {
         let grid = &view.plan.scene.grid;
         let (mut mass, mut diameter, mut beside) =
             (ExactSum::new(), ExactSum::new(), ExactSum::new());
@@ -523,7 +523,7 @@ impl ErosionRecorder {
         let viscosity = flow.density * flow.kinematic_viscosity;
         let gradient = of_faces(&|faces| sums.shear(units, faces, viscosity));
         let traction = of_faces(&|faces| {
-            let ends = sums.end_pressures(units, faces, BEHIND * start.diameter);
+            let ends = sums.end_pressures(units, faces, DEPTH_BEHIND * start.diameter);
             let gradient = (ends[0] - ends[1]) / length;
             shear_by_traction(excess_force(view, &hole, &start, faces, gradient), length)
         });

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 /// Returns an error of a step that began at `time` \[s\], with a remedy if the error reports a grain
 /// that left the box.
-pub(super) fn explained(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
+pub(super) fn with_remedy(error: Error, plan: &Plan, step: u64, time: f64) -> Error {
     let Error::Numerical(text) = &error else {
         return error;
     };

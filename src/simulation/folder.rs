@@ -72,28 +72,28 @@ pub fn is_of_a_run(name: &str) -> bool {
 pub enum Entry {
     /// New run.
     Fresh {
-        /// `true` if an earlier run there is replaced.
+        /// `true` if the run replaces an earlier run in the folder.
         overwrite: bool,
-        /// The file that the case was read from.
+        /// File from which the case was read.
         case: Option<PathBuf>,
     },
-    /// Continuation of the run that is there.
+    /// Continuation of the run in the folder.
     Resume,
 }
 
 /// Process that holds the lock of a folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Holder {
+struct LockHolder {
     host: String,
     process: u32,
-    /// Seconds since 1970.
+    /// Start time \[s\], as seconds since 1970.
     started: u64,
     /// Batch job and attempt number.
     #[serde(default)]
     job: Option<[String; 2]>,
 }
 
-impl Holder {
+impl LockHolder {
     fn me() -> Self {
         Self {
             host: fs::read_to_string("/proc/sys/kernel/hostname")
@@ -122,8 +122,8 @@ impl Holder {
         )
     }
 
-    /// Returns `true` if this is an earlier attempt of the same job: batch systems end one attempt before they
-    /// start the next.
+    /// Returns `true` if this process is an earlier attempt of the same batch job: batch systems end one attempt before
+    /// they start the next.
     fn was_requeued_as(&self, me: &Self) -> bool {
         match (&self.job, &me.job) {
             (Some([mine, attempt]), Some([theirs, next])) => mine == theirs && attempt != next,
@@ -153,7 +153,7 @@ pub struct RunFolder {
     path: PathBuf,
     /// Open lock file; on the first rank.
     lock: Option<File>,
-    beaten: Instant,
+    last_touch: Instant,
 }
 
 impl RunFolder {
@@ -172,14 +172,14 @@ impl RunFolder {
                 keep_case(path, case)?;
             }
             fs::create_dir_all(path.join(CHECKPOINTS)).map_err(|e| failed(path, &e))?;
-            let lock = take(&path.join(LOCK))?;
+            let lock = lock_file(&path.join(LOCK))?;
             if let Entry::Fresh { overwrite, .. } = entry
                 && let Some(found) = Found::in_folder(path)?
             {
                 if !overwrite {
                     // A refused folder keeps its contents: the lock file of this process is removed.
                     drop(Release(path.join(LOCK), &lock));
-                    if !found.began {
+                    if !found.can_continue {
                         return Err(Error::Usage(format!(
                             "{} contains files of a run that ended before its first step ({}); replace it with \
                              --overwrite, or choose another --output",
@@ -201,7 +201,7 @@ impl RunFolder {
         Ok(Self {
             path: path.to_owned(),
             lock,
-            beaten: Instant::now(),
+            last_touch: Instant::now(),
         })
     }
 
@@ -232,11 +232,11 @@ impl RunFolder {
     }
 
     /// Touches the lock at intervals of [`BEAT_EVERY`], so that other hosts see that this run is alive.
-    pub fn beat(&mut self) {
+    pub fn touch_lock(&mut self) {
         if let Some(lock) = &self.lock
-            && self.beaten.elapsed() >= BEAT_EVERY
+            && self.last_touch.elapsed() >= BEAT_EVERY
         {
-            self.beaten = Instant::now();
+            self.last_touch = Instant::now();
             // A deleted folder is detected at the next write.
             let _ = lock.set_modified(SystemTime::now());
         }
@@ -267,7 +267,7 @@ fn failed(path: &Path, error: &std::io::Error) -> Error {
     Error::Io(format!("{}: {error}", path.display()))
 }
 
-/// Returns `true` if an open file is the file at this path.
+/// Returns `true` if an open file is still the file at this path.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => open.dev() == named.dev() && open.ino() == named.ino(),
@@ -294,7 +294,7 @@ fn keep_case(folder: &Path, case: &Path) -> Result<(), Error> {
 }
 
 /// Locks the file of this name, or returns an error that names the process that holds it.
-fn take(path: &Path) -> Result<File, Error> {
+fn lock_file(path: &Path) -> Result<File, Error> {
     // If the holder ends between opening and locking, the file has been unlinked: try again.
     for _ in 0..100 {
         let mut file = OpenOptions::new()
@@ -322,9 +322,9 @@ fn take(path: &Path) -> Result<File, Error> {
         if !is_at(&file, path) {
             continue;
         }
-        let me = Holder::me();
+        let me = LockHolder::me();
         if let Some(holder) = read(&mut file)
-            && lives(&holder, &me, locks, &file)
+            && may_still_run(&holder, &me, locks, &file)
         {
             return Err(in_use(path, Some(&holder)));
         }
@@ -338,7 +338,7 @@ fn take(path: &Path) -> Result<File, Error> {
     Err(in_use(path, None))
 }
 
-fn read(file: &mut File) -> Option<Holder> {
+fn read(file: &mut File) -> Option<LockHolder> {
     let mut text = String::new();
     file.seek(SeekFrom::Start(0)).ok()?;
     file.take(LOCK_BYTES).read_to_string(&mut text).ok()?;
@@ -346,7 +346,7 @@ fn read(file: &mut File) -> Option<Holder> {
 }
 
 /// Returns `true` if the process named in a lock may still run although its lock could be taken.
-fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
+fn may_still_run(holder: &LockHolder, me: &LockHolder, locks: bool, file: &File) -> bool {
     if holder.host == me.host {
         // The lock of the system decides; on a file system without locks, the process.
         return !locks
@@ -361,11 +361,11 @@ fn lives(holder: &Holder, me: &Holder, locks: bool, file: &File) -> bool {
     !holder.was_requeued_as(me) && touched.is_none_or(|since| since < STALE_AFTER)
 }
 
-fn in_use(path: &Path, holder: Option<&Holder>) -> Error {
+fn in_use(path: &Path, holder: Option<&LockHolder>) -> Error {
     let folder = path.parent().unwrap_or(path).display();
     let who = holder.map_or_else(
         || "another process is running in it".to_owned(),
-        Holder::describe,
+        LockHolder::describe,
     );
     Error::Usage(format!(
         "{folder} is in use: {who}; wait for its end, stop it (`touch {folder}/STOP`), or choose another --output; if \
@@ -380,8 +380,8 @@ struct Found {
     files: Vec<PathBuf>,
     checkpoints: usize,
     outcome: Option<String>,
-    /// `true` if there is a case with which the run can be continued.
-    began: bool,
+    /// `true` if the folder contains a case with which the run can be continued.
+    can_continue: bool,
 }
 
 impl Found {
@@ -424,12 +424,12 @@ impl Found {
                 files.extend(plain.map(|name| folder.join(name)).filter(|p| p.is_file()));
             }
         }
-        let began = folder.join("case.json").is_file() || checkpoints > 0;
+        let can_continue = folder.join("case.json").is_file() || checkpoints > 0;
         Ok(Some(Self {
             files,
             checkpoints,
             outcome,
-            began,
+            can_continue,
         }))
     }
 
@@ -519,14 +519,14 @@ mod tests {
     fn a_lock_of_a_process_that_is_gone_is_taken_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(LOCK);
-        let me = Holder::me();
-        let holder = |host: &str, job: Option<[&str; 2]>| Holder {
+        let me = LockHolder::me();
+        let holder = |host: &str, job: Option<[&str; 2]>| LockHolder {
             host: host.into(),
             process: 4_000_000,
             started: me.started,
             job: job.map(|job| job.map(str::to_owned)),
         };
-        let write = |holder: &Holder| {
+        let write = |holder: &LockHolder| {
             fs::write(&path, serde_json::to_string(holder).unwrap()).unwrap();
         };
         write(&holder(&me.host, None));

@@ -12,20 +12,20 @@ use plan::Plan;
 
 /// Insertion or removal of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Change {
+struct WallChange {
     step: u64,
     wall: usize,
-    comes: bool,
+    inserted: bool,
 }
 
 /// Walls that are inserted or removed during the run.
 #[derive(Debug, Default)]
 pub(super) struct Gates {
     /// Changes in ascending order of steps.
-    changes: Vec<Change>,
+    changes: Vec<WallChange>,
     /// Number of changes made.
-    made: usize,
-    news: Vec<String>,
+    changes_made: usize,
+    messages: Vec<String>,
 }
 
 impl Gates {
@@ -33,12 +33,16 @@ impl Gates {
         let mut changes = Vec::new();
         for (wall, written) in plan.scene.walls.iter().enumerate() {
             let times = [(written.from, true), (written.until, false)];
-            changes.extend(times.into_iter().filter_map(|(time, comes)| {
+            changes.extend(times.into_iter().filter_map(|(time, inserted)| {
                 let step = plan.clock.interval_to_steps(time?);
-                Some(Change { step, wall, comes })
+                Some(WallChange {
+                    step,
+                    wall,
+                    inserted,
+                })
             }));
         }
-        changes.sort_by_key(|change| (change.step, change.wall, !change.comes));
+        changes.sort_by_key(|change| (change.step, change.wall, !change.inserted));
         Self {
             changes,
             ..Self::default()
@@ -47,19 +51,19 @@ impl Gates {
 
     /// Sets the walls to their state after this many steps. A wall that is inserted later is open from the start.
     pub(super) fn restore<S: Space>(&mut self, step: u64, dem: &mut Dem<S>) {
-        self.made = self.changes.partition_point(|change| change.step <= step);
-        for change in &self.changes[..self.made] {
+        self.changes_made = self.changes.partition_point(|change| change.step <= step);
+        for change in &self.changes[..self.changes_made] {
             move_wall(*change, dem);
         }
     }
 
     /// Returns `true` if a wall is absent after this many steps.
-    pub(super) fn absent(&self, step: u64, wall: usize) -> bool {
+    pub(super) fn wall_is_absent(&self, step: u64, wall: usize) -> bool {
         let of_wall = || self.changes.iter().filter(|change| change.wall == wall);
         let last = of_wall().rfind(|change| change.step <= step);
         match last {
-            Some(change) => !change.comes,
-            None => of_wall().next().is_some_and(|change| change.comes),
+            Some(change) => !change.inserted,
+            None => of_wall().next().is_some_and(|change| change.inserted),
         }
     }
 
@@ -68,39 +72,48 @@ impl Gates {
     /// # Errors
     /// If a wall is inserted where a grain is; the same on all ranks.
     #[inline]
-    pub(super) fn act<S: Space>(
+    pub(super) fn apply_changes<S: Space>(
         &mut self,
         (step, plan): (u64, &Plan),
         dem: &mut Dem<S>,
         particles: &mut Particles<S>,
         domain: &Domain,
     ) -> Result<bool, Error> {
-        let before = self.made;
-        while let Some(change) = self.changes.get(self.made).filter(|c| c.step <= step) {
+        let before = self.changes_made;
+        while let Some(change) = self
+            .changes
+            .get(self.changes_made)
+            .filter(|c| c.step <= step)
+        {
             let change = *change;
-            self.made += 1;
+            self.changes_made += 1;
             let name = &plan.scene.walls[change.wall].name;
-            if change.comes {
-                clear_of(plan, [change.wall], particles, domain).map_err(Error::Numerical)?;
+            if change.inserted {
+                check_clearance(plan, [change.wall], particles, domain)
+                    .map_err(Error::Numerical)?;
             }
             move_wall(change, dem);
             particles.forget_loads();
-            let verb = if change.comes { "inserted" } else { "removed" };
+            let verb = if change.inserted {
+                "inserted"
+            } else {
+                "removed"
+            };
             let time = base::number::real(step) * plan.clock.time_step;
-            self.news
+            self.messages
                 .push(format!("wall `{name}` {verb} at {time:.6e} s, step {step}"));
         }
-        Ok(self.made > before)
+        Ok(self.changes_made > before)
     }
 
     /// Returns the events since the last call, one line each.
     pub(super) fn take_events(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.news)
+        std::mem::take(&mut self.messages)
     }
 }
 
-fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
-    if change.comes {
+fn move_wall<S: Space>(change: WallChange, dem: &mut Dem<S>) {
+    if change.inserted {
         dem.close_walls(&[change.wall]);
     } else {
         dem.open_walls(&[change.wall]);
@@ -111,7 +124,7 @@ fn move_wall<S: Space>(change: Change, dem: &mut Dem<S>) {
 ///
 /// # Errors
 /// If a wall cuts into a grain; the text names both and is the same on all ranks.
-pub(super) fn clear_of<S: Space>(
+pub(super) fn check_clearance<S: Space>(
     plan: &Plan,
     new: impl IntoIterator<Item = usize>,
     particles: &Particles<S>,

@@ -30,7 +30,7 @@ use case::fluid::Precision;
 use coupling::lattice::LatticeFlow;
 use coupling::structure_map::StructureMap;
 use decomposition::{Communicator, Domain};
-use dem::deepest::{Deepest, With};
+use dem::deepest::{Deepest, OtherSide};
 use dem::escape::Escape;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
@@ -40,7 +40,7 @@ use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
 use lbm::surface::SlabSurface;
-use look::{Extreme, Order, Seen, StateCheck};
+use look::{CheckResult, Extreme, LatticeOrder, StateCheck};
 use openings::Openings;
 use plan::Plan;
 use plan::margin::USUAL_LATTICE_VELOCITY;
@@ -49,11 +49,11 @@ use std::fmt;
 
 /// Steps between two balances; each balance costs about as much as a fluid step.
 const BALANCE_EVERY: u64 = 1000;
-/// Minimum force per cell, in lattice units, to which an error of the momentum balance is related; for populations
-/// in f64 and in f32, and for collisions in f32. These change the momentum of a cell, up to 0.1, by up to 2^-23 of it
-/// in a step: a thousandth of this force.
+/// Minimum force per cell, in lattice units, by which an error of the momentum balance is divided: for populations in
+/// f64, for populations in f32, and for collisions in f32. Such collisions change the momentum of a cell, up to 0.1, by
+/// up to 2^-23 of it in a step: a thousandth of this force.
 const SMALLEST_FORCE: [f64; 3] = [1e-11, 1e-7, 1e-5];
-/// Maximum errors of the mass balance of a step that rounding explains, with populations in f64 and in f32.
+/// Maximum errors of the mass balance of a step that are attributed to rounding, with populations in f64 and in f32.
 const MASS_ERROR: [f64; 2] = [1e-6, 1e-6];
 const MOMENTUM_ERROR: [f64; 2] = [1e-6, 1e-3];
 
@@ -73,11 +73,11 @@ pub struct GuardState {
     overlap: Option<f64>,
 }
 
-/// The guards of a run.
+/// Guards of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Guards {
     every: u64,
-    /// Minimum force per cell to which an error of the momentum balance is related.
+    /// Minimum force per cell by which an error of the momentum balance is divided.
     smallest_force: f64,
     before: Option<[i128; 4]>,
     mass_error: Option<f64>,
@@ -87,22 +87,22 @@ pub struct Guards {
     /// Density deviation of the largest magnitude and the position of its cell: latest value, and maximum over the
     /// run.
     squeezed: [Option<Extreme>; 2],
-    /// `true` if a step was taken since the start: before it, no mass has crossed a face.
+    /// `true` if a step was taken since the start; before the first step no mass has crossed a face.
     stepped: bool,
-    /// `true` if the last check found a failure whose description needs the populations.
+    /// `true` if the last check found a failure whose description needs populations that are still on the GPU.
     unfetched: bool,
     /// `true` if buffers are preallocated.
     ready: bool,
     /// Step of the last check.
-    looked: Option<u64>,
+    last_check: Option<u64>,
     openings: Openings,
     /// Largest overlap of any contact so far, divided by the smaller radius; reduced over all ranks at checks.
     overlap: Option<f64>,
-    /// `true` for the compression, and for the openings, if a warning was given.
+    /// Flags of warnings given, `true` after the warning: about the compression, and about the openings.
     warned: [bool; 2],
     /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
-    news: Vec<String>,
+    messages: Vec<String>,
     look: StateCheck,
     /// Sums over rows in buffers that are reused between checks.
     rows: Vec<RowSums>,
@@ -124,7 +124,7 @@ impl Guards {
         }
     }
 
-    /// Returns the values for a checkpoint, so that tables continue after a restart as if there had been none.
+    /// Returns the values for a checkpoint, so that a restart does not change later tables.
     #[must_use]
     pub fn state(&self) -> GuardState {
         GuardState {
@@ -194,24 +194,26 @@ impl Guards {
     ) -> Option<Deepest> {
         let mine = deepest?;
         let part = communicator.all_reduce_max_f64(mine.part);
-        self.overlap = larger(self.overlap, Some(part));
+        self.overlap = larger_measured(self.overlap, Some(part));
         // Among equally deep contacts, the smallest id counts, then the smallest number of its partner: bodies
         // before walls.
         const WALLS: u64 = 1 << 62;
-        let holds = mine.part >= part && mine.with != With::Unknown;
+        let holds = mine.part >= part && mine.with != OtherSide::Unknown;
         let body = if holds { mine.body } else { u64::MAX };
         let first = communicator.all_reduce_min_u64(body);
         let other = match mine.with {
             _ if body != first => u64::MAX,
-            With::Body(id) => id,
-            With::Wall(wall) => WALLS + u64::from(wall),
-            With::Unknown => u64::MAX,
+            OtherSide::Body(id) => id,
+            OtherSide::Wall(wall) => WALLS + u64::from(wall),
+            OtherSide::Unknown => u64::MAX,
         };
         let other = communicator.all_reduce_min_u64(other);
         let with = match other {
-            u64::MAX => With::Unknown,
-            wall if wall >= WALLS => With::Wall(u32::try_from(wall - WALLS).unwrap_or(u32::MAX)),
-            id => With::Body(id),
+            u64::MAX => OtherSide::Unknown,
+            wall if wall >= WALLS => {
+                OtherSide::Wall(u32::try_from(wall - WALLS).unwrap_or(u32::MAX))
+            }
+            id => OtherSide::Body(id),
         };
         Some(Deepest {
             part,
@@ -220,16 +222,16 @@ impl Guards {
         })
     }
 
-    /// Includes the largest speed relative to C that another recorder measured, so that its values never exceed the
+    /// Includes the largest speed relative to C that a recorder measured, so that no recorded value exceeds the
     /// reported maximum.
     pub fn include_speed(&mut self, speed: Option<f64>) {
-        self.speed[1] = larger(self.speed[1], speed);
+        self.speed[1] = larger_measured(self.speed[1], speed);
     }
 
     /// Returns the inflow and outflow [m3/s; m2/s per metre of depth in 2-D], means over the window of [`openings`];
     /// none without openings.
     #[must_use]
-    pub fn through(&self, plan: &Plan) -> Option<[f64; 2]> {
+    pub fn inflow_and_outflow(&self, plan: &Plan) -> Option<[f64; 2]> {
         let mean = self.openings.mean()?.to_si(&plan.units?);
         Some([mean.inflow, mean.outflow])
     }
@@ -275,7 +277,7 @@ impl Guards {
 
     /// Returns the messages since the last call.
     pub fn take_events(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.news)
+        std::mem::take(&mut self.messages)
     }
 
     /// Returns the warnings at the end of a run.
@@ -330,10 +332,10 @@ impl Guards {
 
     /// Returns the inflow and outflow in words, and `true` if one of them is zero; none without openings.
     fn flows(&self, plan: &Plan) -> Option<(String, bool)> {
-        let [inflow, outflow] = self.through(plan)?;
+        let [inflow, outflow] = self.inflow_and_outflow(plan)?;
         let unit = openings::unit(plan.scene.grid.dimension);
         let text = format!("inflow {inflow:.3e}, outflow {outflow:.3e} {unit}");
-        let one_way = inflow.min(outflow) < openings::NOTHING * inflow.max(outflow);
+        let one_way = inflow.min(outflow) < openings::ZERO_FLOW_RATIO * inflow.max(outflow);
         Some((self.unbalanced(plan).unwrap_or(text), one_way))
     }
 
@@ -351,7 +353,7 @@ impl Guards {
             rates.inflow, rates.outflow
         );
         let (less, more) = (mean.inflow.min(mean.outflow), mean.inflow.max(mean.outflow));
-        Some(if less < openings::NOTHING * more {
+        Some(if less < openings::ZERO_FLOW_RATIO * more {
             let (verb, none) = if mean.inflow > mean.outflow {
                 ("fills", "leaves")
             } else {
@@ -456,7 +458,7 @@ impl Guards {
             .iter()
             .map(|&n| base::number::real(n))
             .product();
-        self.mass_error = larger(self.mass_error, Some(residual(0).abs() / cells));
+        self.mass_error = larger_measured(self.mass_error, Some(residual(0).abs() / cells));
         let (force, largest) = flow.fluid_force_total(communicator);
         let smallest = self.smallest_force;
         // The largest force of all axes: across the flow there may be only rounding errors.
@@ -467,7 +469,7 @@ impl Guards {
         }
         for (a, force) in force.into_iter().enumerate() {
             let error = (residual(a + 1) - force).abs() / size;
-            self.momentum_error = larger(self.momentum_error, Some(error));
+            self.momentum_error = larger_measured(self.momentum_error, Some(error));
         }
     }
 
@@ -507,7 +509,7 @@ impl Guards {
                 step.change[a] + step.left[a] + loads[a] - step.weight[a]
             ));
             let error = (gone - force[a]).abs() / size;
-            self.momentum_error = larger(self.momentum_error, Some(error));
+            self.momentum_error = larger_measured(self.momentum_error, Some(error));
         }
     }
 
@@ -530,10 +532,10 @@ impl Guards {
         }
     }
 
-    /// Checks the state after `step`, unless that has been done: the final state of a run is always checked.
-    /// Collective.
+    /// Checks the state after `step`, unless it was checked: the final state of a run is always checked. Collective.
     ///
     /// # Errors
+    ///
     /// If [`Self::check`] fails.
     pub fn finish<Sp: Space, S: Stored>(
         &mut self,
@@ -543,10 +545,10 @@ impl Guards {
         plan: &Plan,
         domain: &Domain,
     ) -> Result<(), Error> {
-        if self.looked == Some(step) {
+        if self.last_check == Some(step) {
             return Ok(());
         }
-        self.looked = Some(step);
+        self.last_check = Some(step);
         if let Some(flow) = flow
             && self.stepped
         {
@@ -566,7 +568,7 @@ impl Guards {
             && let Some(text) = self.unbalanced(plan)
         {
             self.warned[1] = true;
-            self.news.push(format!("step {step}: warning: {text}"));
+            self.messages.push(format!("step {step}: warning: {text}"));
         }
         Ok(())
     }
@@ -589,8 +591,7 @@ impl Guards {
         self.inspect(When::WarmUp(step), Some(flow), particles, plan, domain)
     }
 
-    /// Returns the failure of the water, if the water has failed too when the solids failed with `error`.
-    /// Collective.
+    /// Returns the failure of the water if the water failed as well when the solids failed with `error`. Collective.
     pub fn failed_water<Sp: Space, S: Stored>(
         &mut self,
         (step, error): (u64, &Error),
@@ -614,8 +615,8 @@ impl Guards {
         }
     }
 
-    /// Returns `true` if the last check found a failure in populations on a GPU: repeat the check after fetching
-    /// the populations, to describe the failure.
+    /// Returns `true` if the last check found a failure in populations on a GPU, and resets the flag: the check must be
+    /// repeated after fetching the populations, to describe the failure.
     pub fn take_unfetched(&mut self) -> bool {
         std::mem::take(&mut self.unfetched)
     }
@@ -649,7 +650,7 @@ impl Guards {
         }
         let text = match (failure, flow) {
             (Some(_), Some(flow)) if flow.fluid().is_away() => {
-                (self.unfetched, self.looked) = (true, None);
+                (self.unfetched, self.last_check) = (true, None);
                 return Ok(());
             }
             (Some(failure), Some(flow)) => {
@@ -663,11 +664,16 @@ impl Guards {
     }
 
     /// Records the largest speed and compression of all ranks; returns the one that exceeds its limit. Collective.
-    fn measure(&mut self, seen: Seen, plan: &Plan, communicator: &Communicator) -> Option<Failure> {
-        let fastest = agreed(seen.fastest, communicator);
-        let squeezed = agreed(seen.squeezed, communicator);
+    fn measure(
+        &mut self,
+        seen: CheckResult,
+        plan: &Plan,
+        communicator: &Communicator,
+    ) -> Option<Failure> {
+        let fastest = extreme_of_ranks(seen.fastest, communicator);
+        let squeezed = extreme_of_ranks(seen.squeezed, communicator);
         let speed = Some(fastest.value.sqrt());
-        self.speed = [speed, larger(self.speed[1], speed)];
+        self.speed = [speed, larger_measured(self.speed[1], speed)];
         let known = self.squeezed[1].filter(|at| at.value.abs() >= squeezed.value.abs());
         self.squeezed = [Some(squeezed), Some(known.unwrap_or(squeezed))];
         let limits = &plan.scene.guards;
@@ -696,8 +702,8 @@ impl Guards {
             && !self.warned[0]
         {
             self.warned[0] = true;
-            let cell = Order::from_flow(flow).cell(squeezed.cell);
-            self.news.push(format!(
+            let cell = LatticeOrder::from_flow(flow).cell(squeezed.cell);
+            self.messages.push(format!(
                 "{when}: warning: the density of cell {cell:?} at {} m is {}, above guards.warn_compression = \
                  {limit}: pressures have an error of this size, which is proportional to the square of the time \
                  step",
@@ -714,7 +720,7 @@ impl Guards {
             && !self.fast
         {
             self.fast = true;
-            self.news
+            self.messages
                 .push(format!("{when}: warning: {}", too_fast(speed)));
         }
     }
@@ -766,7 +772,7 @@ impl fmt::Display for When {
 }
 
 /// Returns the larger of two values, either of which may be unmeasured; NaN counts as the largest.
-fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+fn larger_measured(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(if a.is_nan() || a > b { a } else { b }),
         (a, b) => a.or(b),
@@ -774,7 +780,7 @@ fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 }
 
 /// Returns the value of the largest magnitude on all ranks, and the first cell that has it. Collective.
-fn agreed(mine: Extreme, communicator: &Communicator) -> Extreme {
+fn extreme_of_ranks(mine: Extreme, communicator: &Communicator) -> Extreme {
     let size = communicator.all_reduce_max_f64(mine.value.abs());
     // The sign is that of the value in the chosen cell.
     let place = if mine.value.abs() >= size && mine.cell != u64::MAX {
@@ -822,7 +828,7 @@ mod tests {
     use case::{Document, examples};
     use std::path::Path;
 
-    /// Checks that errors of a balance are reported only above the limits that rounding explains.
+    /// Checks that errors of a balance are reported only above the limits of rounding.
     #[test]
     fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
         let text = examples::find("poiseuille").unwrap().text;

@@ -86,7 +86,7 @@ use output::checkpoint::{RunState, SavedNumber};
 pub use output::view;
 use phases::{Phase, Phases};
 use plan::Plan;
-use removal::{Departed, Removal};
+use removal::{DepartedGrain, Removal};
 use schedule::Schedule;
 use servos::Servos;
 use view::StateView;
@@ -246,7 +246,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let now = &mut self.now;
         let time = now.time();
         if let Some(dem) = &mut now.dem {
-            self.servos.aim(time, dem);
+            self.servos.set_stresses(time, dem);
         }
         let carrier = now.flow.as_mut().and_then(Water::carrier);
         if let (Some(dem), Some(carrier)) = (&mut now.dem, carrier) {
@@ -269,17 +269,21 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     }
 
     /// Moves the gates, removes and generates grains, and returns the removed grains. Collective.
-    fn change_solids(&mut self, due: Schedule) -> Result<Vec<Departed>, Error> {
+    fn change_solids(&mut self, due: Schedule) -> Result<Vec<DepartedGrain>, Error> {
         let now = &mut self.now;
         let time = now.time();
         let mut changed = false;
         if let Some(dem) = &mut now.dem {
             let when = (now.step, &now.plan);
-            changed = self.gates.act(when, dem, &mut now.particles, &now.domain)?;
+            changed = self
+                .gates
+                .apply_changes(when, dem, &mut now.particles, &now.domain)?;
         }
         let (particles, plan, domain) = (&mut now.particles, &now.plan, &now.domain);
-        let removed = (self.removal).leaving(particles, plan, domain, now.step, time)?;
-        let appeared = self.removal.appearing(particles, plan, domain, time)?;
+        let removed = (self.removal).remove_grains(particles, plan, domain, now.step, time)?;
+        let appeared = self
+            .removal
+            .generate_grains(particles, plan, domain, time)?;
         changed |= !removed.is_empty() || appeared > 0;
         if let Some(dem) = &mut now.dem {
             // All ranks have the same value without a message.
@@ -295,7 +299,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     }
 
     /// Adds the state to the averages and the rows that are due to the records. Collective.
-    fn record(&mut self, removed: &[Departed]) -> Result<(), Error> {
+    fn record(&mut self, removed: &[DepartedGrain]) -> Result<(), Error> {
         let now = &mut self.now;
         let flow = now.flow.as_ref().and_then(Water::lattice);
         if let (Some(averages), Some(flow)) = (&mut now.averages, flow) {

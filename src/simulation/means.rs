@@ -10,7 +10,7 @@ use plan::scene::observe::ProbeAt;
 use serde::Serialize;
 use std::path::Path;
 
-/// The means of a probe.
+/// Means of the columns of a probe.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Means {
     /// Name of the probe.
@@ -27,12 +27,12 @@ pub(super) struct Means {
     pub(super) doubts: Vec<String>,
 }
 
-/// The mean of a column.
+/// Mean of a column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Mean {
     /// Name of the column.
     pub(super) quantity: String,
-    /// Unit.
+    /// Unit of the column.
     pub(super) unit: String,
     /// Mean over the samples that have a value; none if no sample has one.
     pub(super) mean: Option<f64>,
@@ -98,7 +98,7 @@ fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
 }
 
 /// Relative difference of the two shear stresses of a bed above which the stream over it is not considered steady.
-const ALIKE: f64 = 0.2;
+const STEADY_DIFFERENCE: f64 = 0.2;
 
 /// Returns the reasons why the computed shear stresses of a bed may differ from the stress that it bears.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
@@ -114,7 +114,7 @@ fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     match (balance, profile) {
         (Some(balance), Some(profile)) => {
             let apart = (balance - profile).abs() / balance.abs().max(profile.abs());
-            if apart > ALIKE {
+            if apart > STEADY_DIFFERENCE {
                 doubts.push(format!(
                     "the two shear stresses differ by {:.0} %: the stream is not steady, or other solids than \
                      the bed resist it",

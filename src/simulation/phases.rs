@@ -5,7 +5,7 @@ use decomposition::{Communicator, Traffic as Sent, Waited, traffic, waited};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Phase of a step.
+/// Phase of a step, for the table of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
@@ -69,10 +69,10 @@ pub struct Spread {
 
 /// Time of one phase.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Spent {
-    /// The phase.
+pub struct PhaseTime {
+    /// Phase to which the time belongs.
     pub phase: Phase,
-    /// Its time over the ranks.
+    /// Time of the phase over the ranks.
     #[serde(flatten)]
     pub seconds: Spread,
 }
@@ -101,10 +101,10 @@ pub struct Traffic {
 
 /// Times of a run over the ranks.
 #[derive(Clone, Debug)]
-pub struct Account {
+pub struct PhaseTimes {
     /// Times of the phases; their sum is the time of the steps.
-    pub phases: Vec<Spent>,
-    /// Waiting included in this time.
+    pub phases: Vec<PhaseTime>,
+    /// Waiting time included in the phases.
     pub waiting: Waiting,
     /// Messages between ranks.
     pub traffic: Traffic,
@@ -177,25 +177,25 @@ impl Phases {
 
     /// Returns the times reduced over the ranks. Collective.
     #[must_use]
-    pub fn reduce(&self, communicator: &Communicator) -> Account {
+    pub fn reduce(&self, communicator: &Communicator) -> PhaseTimes {
         let (waited, computed) = (self.waited(), self.computed());
         // Count the traffic before the reductions below, which are not part of the steps.
         let sent = traffic().since(&self.sent_before);
         let phases = PHASES
             .iter()
             .zip(self.spent)
-            .map(|(&phase, spent)| Spent {
+            .map(|(&phase, spent)| PhaseTime {
                 phase,
-                seconds: spread(spent, communicator),
+                seconds: spread_of_ranks(spent, communicator),
             })
             .collect();
-        let computing = spread(computed, communicator);
-        Account {
+        let computing = spread_of_ranks(computed, communicator);
+        PhaseTimes {
             phases,
             waiting: Waiting {
-                total: spread(waited.total(), communicator),
-                messages: spread(waited.messages, communicator),
-                collectives: spread(waited.collectives, communicator),
+                total: spread_of_ranks(waited.total(), communicator),
+                messages: spread_of_ranks(waited.messages, communicator),
+                collectives: spread_of_ranks(waited.collectives, communicator),
             },
             traffic: Traffic {
                 messages: communicator.all_reduce_sum_u64(sent.messages),
@@ -211,7 +211,7 @@ impl Phases {
     }
 }
 
-impl Account {
+impl PhaseTimes {
     /// Returns the time of the steps \[s\]: that of all phases, averaged over the ranks.
     #[must_use]
     pub fn looped(&self) -> f64 {
@@ -254,7 +254,7 @@ impl Account {
 }
 
 /// Returns the minimum, mean and maximum over the ranks. Collective.
-fn spread(mine: Duration, communicator: &Communicator) -> Spread {
+fn spread_of_ranks(mine: Duration, communicator: &Communicator) -> Spread {
     let ranks = f64::from(u32::try_from(communicator.size()).unwrap_or(1));
     let seconds = mine.as_secs_f64();
     let nanoseconds = u64::try_from(mine.as_nanos()).unwrap_or(u64::MAX);

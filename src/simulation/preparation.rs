@@ -82,7 +82,7 @@ impl<S: Space> Supervisor<S> for SampleSupervisor<'_> {
             Err(error) => return Err(Error::Io(error.to_string())),
         }
         let mut watch = self.watch.borrow_mut();
-        watch.wrote(begun.elapsed());
+        watch.record_checkpoint(begun.elapsed());
         if request == Request::Stop {
             watch.forget_file();
         }

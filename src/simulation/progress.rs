@@ -13,7 +13,7 @@ pub struct ProgressState {
     pub steps: u64,
     /// Physical time \[s\].
     pub time: f64,
-    /// Cells of the lattice.
+    /// Number of cells of the lattice.
     pub cells: u64,
     /// Number of grains of this rank.
     pub grains: u64,
@@ -41,9 +41,9 @@ const BAR_EVERY: Duration = Duration::from_millis(500);
 
 /// Returns the number of decimals with which times up to `end` have at least four significant digits.
 fn decimals_of(end: f64) -> usize {
-    const LEAST: i64 = 4;
+    const LEAST_STEPS: i64 = 4;
     let first = base::number::floor_i64(end.log10().clamp(-20.0, 20.0));
-    usize::try_from((LEAST - first).clamp(LEAST, 15)).unwrap_or(0)
+    usize::try_from((LEAST_STEPS - first).clamp(LEAST_STEPS, 15)).unwrap_or(0)
 }
 
 impl Progress {
@@ -63,7 +63,7 @@ impl Progress {
         }
     }
 
-    /// Returns `true` if a progress line is due (called every few steps).
+    /// Returns `true` if a progress line is due. Called every few steps.
     #[must_use]
     pub fn due(&self) -> bool {
         self.prints_messages && self.last.elapsed() >= self.every

@@ -29,18 +29,18 @@ use serde::{Deserialize, Serialize};
 
 /// A removed grain and the region that removed it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Departed {
+pub struct DepartedGrain {
     /// Index of the region in [`plan::scene::Scene::regions`].
     pub region: usize,
     /// Position of its centre, wrapped into the box \[m\].
     pub at: [f64; 3],
-    /// The row of `removed.csv`.
+    /// Row of `removed.csv`.
     pub grain: RemovedGrain,
 }
 
 /// Grains that a region has removed so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Taken {
+pub struct RemovedCount {
     /// Number of grains.
     pub grains: u64,
     /// Mass of the grains [kg; in 2-D kg/m].
@@ -49,7 +49,7 @@ pub struct Taken {
 
 /// Progress of a region that generates grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Made {
+struct GeneratorProgress {
     grains: u64,
     /// Batches of positions drawn without success for the next grain.
     batches: u32,
@@ -69,11 +69,11 @@ pub struct Feed {
 /// Counts of all regions in a checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RemovalState {
-    /// The next free id; none before ids are needed.
+    /// Next free id; none before ids are needed.
     next_id: Option<u64>,
     /// Removed grains, per region of the scene.
-    taken: Vec<Taken>,
-    made: Vec<Made>,
+    taken: Vec<RemovedCount>,
+    made: Vec<GeneratorProgress>,
 }
 
 /// Regions that remove and generate grains, with their counts: see the module. Every method with a domain is
@@ -84,7 +84,7 @@ pub struct Removal {
     first_grain: u64,
     removes: Vec<(usize, AlignedBox, When)>,
     generates: bool,
-    /// Time of the last step that generated \[s\].
+    /// Time of the last step in which the region generated grains \[s\].
     last: Option<f64>,
     state: RemovalState,
 }
@@ -115,15 +115,15 @@ impl Removal {
             last: None,
             state: RemovalState {
                 next_id: None,
-                taken: vec![Taken::default(); regions.len()],
-                made: vec![Made::default(); regions.len()],
+                taken: vec![RemovedCount::default(); regions.len()],
+                made: vec![GeneratorProgress::default(); regions.len()],
             },
         }
     }
 
     /// Returns the grains that each region of the scene has removed so far, all ranks together.
     #[must_use]
-    pub fn taken(&self) -> &[Taken] {
+    pub fn taken(&self) -> &[RemovedCount] {
         &self.state.taken
     }
 
@@ -135,13 +135,13 @@ impl Removal {
 
     /// Returns the numbers of grains due and generated of each generating region, up to the last step.
     #[must_use]
-    pub fn feeds(&self, plan: &Plan) -> Vec<Feed> {
+    pub fn feed_counts(&self, plan: &Plan) -> Vec<Feed> {
         let regions = plan.scene.regions.iter().zip(&self.state.made);
         let feeds = regions.filter_map(|(region, made)| {
             let RegionAction::Generate { rate, at_most, .. } = region.action else {
                 return None;
             };
-            let due = self.last.map_or(0, |time| owed(rate, time, at_most));
+            let due = self.last.map_or(0, |time| grains_due(rate, time, at_most));
             Some(Feed {
                 region: region.name.clone(),
                 due: due.max(made.grains),
@@ -157,14 +157,14 @@ impl Removal {
     ///
     /// # Errors
     /// If a message between ranks is corrupt.
-    pub fn leaving<S: Space>(
+    pub fn remove_grains<S: Space>(
         &mut self,
         particles: &mut Particles<S>,
         plan: &Plan,
         domain: &Domain,
         step: u64,
         time: f64,
-    ) -> Result<Vec<Departed>, Error> {
+    ) -> Result<Vec<DepartedGrain>, Error> {
         // A removed id may be the highest ever used: determine the next free id first.
         self.set_first_free_id(particles, domain);
         if self.removes.is_empty() {
@@ -211,7 +211,7 @@ impl Removal {
         let mut all = Vec::new();
         for bytes in communicator.all_gather_bytes(&bytes) {
             for [region, id, mass, radius, x, y, z] in rows::<7>(&bytes)? {
-                all.push(Departed {
+                all.push(DepartedGrain {
                     region: whole_index(region)?,
                     at: [x, y, z].map(f64::from_bits),
                     grain: RemovedGrain {
@@ -245,7 +245,7 @@ impl Removal {
     ///
     /// # Errors
     /// If the material of the region has no density.
-    pub fn appearing<S: Space>(
+    pub fn generate_grains<S: Space>(
         &mut self,
         particles: &mut Particles<S>,
         plan: &Plan,
@@ -280,7 +280,7 @@ impl Removal {
                         "regions[{n}]: the material of generated grains needs a density"
                     ))
                 })?;
-            let owed = owed(rate, time, at_most);
+            let owed = grains_due(rate, time, at_most);
             while self.state.made[n].grains < owed {
                 let made = self.state.made[n];
                 let ordinal = ((n as u64) << 48) | made.grains;
@@ -311,7 +311,7 @@ impl Removal {
                     particles.insert(Body::uniform::<S>(id, radius, density, material), motion);
                 }
                 self.state.next_id = Some(id + 1);
-                self.state.made[n] = Made {
+                self.state.made[n] = GeneratorProgress {
                     grains: made.grains + 1,
                     batches: 0,
                 };
@@ -327,10 +327,11 @@ impl Removal {
         self.state.clone()
     }
 
-    /// Restores the counts of [`Self::state`]; `origins` has for each region the index of the saved region that it
-    /// was, or none for a new region. It is not needed if the regions are the same.
+    /// Restores the counts of [`Self::state`]. `origins` has for each region of the scene the index of the same region
+    /// in the saved run, or none for a new region; it is not needed if the regions are unchanged.
     ///
     /// # Errors
+    ///
     /// If the number of saved regions differs, [`Error::Io`].
     pub fn restore(
         &mut self,
@@ -438,7 +439,7 @@ fn image(difference: f64, axis: usize, grid: &Grid) -> f64 {
 }
 
 /// Returns the number of grains that a region has to generate up to a time \[s\].
-fn owed(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
+fn grains_due(rate: f64, time: f64, at_most: Option<u32>) -> u64 {
     // A product that is below a whole number only by rounding counts as that number.
     let owed = whole((rate * time * (1.0 + 1e-12)).floor()) as u64;
     at_most.map_or(owed, |most| owed.min(u64::from(most)))
@@ -581,7 +582,7 @@ mod tests {
         }
         let mut removal = Removal::new(&plan);
         let gone = removal
-            .leaving(&mut particles, &plan, &serial(), 7, 0.5)
+            .remove_grains(&mut particles, &plan, &serial(), 7, 0.5)
             .unwrap();
         let ids: Vec<_> = gone.iter().map(|d| (d.grain.id, d.region)).collect();
         assert_eq!(ids, [(2, 1), (4, 0), (8, 1), (9, 1)]);
@@ -590,7 +591,7 @@ mod tests {
         assert_eq!(removal.taken()[1].grains, 3);
         approx::assert_relative_eq!(removal.taken()[1].mass, 3.0 * mass, max_relative = 1e-15);
         assert_eq!(particles.owned(), 3);
-        let again = removal.leaving(&mut particles, &plan, &serial(), 8, 0.6);
+        let again = removal.remove_grains(&mut particles, &plan, &serial(), 8, 0.6);
         assert!(again.unwrap().is_empty());
 
         let saved = removal.state();
@@ -648,7 +649,7 @@ mod tests {
             let time = f64::from(step) * 1e-3;
             born.push(
                 removal
-                    .appearing(&mut straight, &plan, &domain, time)
+                    .generate_grains(&mut straight, &plan, &domain, time)
                     .unwrap(),
             );
         }
@@ -660,7 +661,7 @@ mod tests {
             due,
             generated,
         };
-        assert_eq!(removal.feeds(&plan), [feed(12, 12)]);
+        assert_eq!(removal.feed_counts(&plan), [feed(12, 12)]);
         assert!(apart(&straight));
         let ids: Vec<_> = straight.body.iter().map(|body| body.id).collect();
         assert_eq!(ids, (41..=53).collect::<Vec<_>>());
@@ -674,14 +675,16 @@ mod tests {
         let mut first = Removal::new(&plan);
         for step in 0..6_u32 {
             let time = f64::from(step) * 1e-3;
-            first.appearing(&mut resumed, &plan, &domain, time).unwrap();
+            first
+                .generate_grains(&mut resumed, &plan, &domain, time)
+                .unwrap();
         }
         let mut second = Removal::new(&plan);
         second.restore(&first.state(), None).unwrap();
         for step in 6..20_u32 {
             let time = f64::from(step) * 1e-3;
             second
-                .appearing(&mut resumed, &plan, &domain, time)
+                .generate_grains(&mut resumed, &plan, &domain, time)
                 .unwrap();
         }
         assert_eq!(present(&resumed), present(&straight));
@@ -699,15 +702,15 @@ mod tests {
         particles.insert(last.0, last.1);
         let mut removal = Removal::new(&plan);
         let gone = removal
-            .leaving(&mut particles, &plan, &domain, 0, 0.0)
+            .remove_grains(&mut particles, &plan, &domain, 0, 0.0)
             .unwrap();
         assert_eq!(gone.len(), 1);
-        let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
+        let born = removal.generate_grains(&mut particles, &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 0);
-        let feeds = removal.feeds(&plan);
+        let feeds = removal.feed_counts(&plan);
         assert_eq!((feeds.len(), feeds[0].due, feeds[0].generated), (1, 2, 0));
         particles.remove(|particles, k| particles.body[k].id == 7);
-        let born = removal.appearing(&mut particles, &plan, &domain, 2e-3);
+        let born = removal.generate_grains(&mut particles, &plan, &domain, 2e-3);
         assert_eq!(born.unwrap(), 2);
         let ids: Vec<_> = particles.body.iter().map(|body| body.id).collect();
         assert_eq!(ids, [61, 62]);

@@ -6,7 +6,7 @@
 //! change the time step.
 
 use super::folder::RunFolder;
-use super::gates::{Gates, clear_of};
+use super::gates::{Gates, check_clearance};
 use super::setup;
 use base::error::{Error, Problem, Severity, Verdict};
 use base::number::{real, whole};
@@ -37,20 +37,20 @@ use std::path::Path;
 #[derive(Clone, Debug)]
 pub(super) struct Resumed {
     pub(super) found: Found,
-    /// `true` if the case in the folder must be written again.
+    /// `true` if the case in the folder must be written again, because it has changed.
     pub(super) changed: bool,
     /// Index of each wall among the walls of the saved run; none if they are the same.
     pub(super) walls: Option<Vec<Option<usize>>>,
     /// Index of each region among the regions of the saved run; none if they are the same.
     pub(super) regions: Option<Vec<Option<usize>>>,
-    /// `true` if the sums over time continue from those of the checkpoint.
-    pub(super) sums_go_on: bool,
+    /// `true` if the time averages continue from those of the checkpoint.
+    pub(super) averages_continue: bool,
 }
 
 /// Stage of a run when its checkpoint was written.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Stage {
-    /// The time loop, after the preparation.
+    /// Time loop, after the preparation.
     Run,
     /// Generation of a sample.
     Sample,
@@ -61,14 +61,14 @@ pub(super) enum Stage {
 }
 
 impl Resumed {
-    /// Returns a continued run with the unchanged case of the checkpoint.
+    /// Returns the continuation of a run with the unchanged case of the checkpoint.
     pub(super) fn unchanged(found: Found) -> Self {
         Self {
             found,
             changed: false,
             walls: None,
             regions: None,
-            sums_go_on: true,
+            averages_continue: true,
         }
     }
 
@@ -361,7 +361,7 @@ fn report_version(found: &Found) {
     }
 }
 
-/// Returns `true` if a folder contains an unfinished run of this very plan. First rank.
+/// Returns `true` if a folder contains an unfinished run of exactly this plan. First rank.
 pub(super) fn is_open(folder: &Path, plan: &Plan) -> bool {
     let case = io::plain::text(&folder.join("case.json"), io::plain::LONGEST_CASE);
     let saved = |name: &str| {
@@ -429,7 +429,7 @@ pub(super) fn plan(
             .filter(|_| changed.iter().any(|path| path.contains("walls")));
         resumed.regions = Some(region_origins(&old, &plan)?);
         let step = resumed.found.manifest.step;
-        resumed.sums_go_on = Averages::continues(&old, &plan, step).map_err(|path| {
+        resumed.averages_continue = Averages::continues(&old, &plan, step).map_err(|path| {
             let written = |plan: &Plan| {
                 let averages = plan.scene.output.averages.as_ref();
                 averages.map_or(String::new(), |averages| {
@@ -565,7 +565,7 @@ fn walls_that_differ(old: &Case, new: &Case) -> Vec<Problem> {
     problems
 }
 
-/// Returns for each new wall the corresponding old wall: that of the same name, or on the same face of the domain.
+/// Returns for each new wall the index of the old wall of the same name, or on the same face of the domain.
 fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
     new.iter()
         .map(|wall| {
@@ -575,7 +575,7 @@ fn wall_origins(old: &[SceneWall], new: &[SceneWall]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// Returns for each new region the corresponding old region: that of the same name.
+/// Returns for each new region the index of the old region of the same name.
 fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
     let generates = |plan: &Plan| {
         let regions = plan.scene.regions.iter();
@@ -602,7 +602,8 @@ fn region_origins(old: &Plan, new: &Plan) -> Result<Vec<Option<usize>>, Error> {
         .collect())
 }
 
-/// Sets the velocities of walls to those of the case: those of the checkpoint may be older. A servo wall keeps its own.
+/// Sets the velocities of walls to those of the case, which may be newer than those of the checkpoint. A servo wall
+/// keeps its own velocity.
 pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     let walls = setup::walls::<S>(plan);
     let walls = walls.iter().zip(&plan.scene.walls).zip(dem.walls());
@@ -623,8 +624,8 @@ pub(super) fn clear_of_new_walls<S: Space>(
     domain: &Domain,
 ) -> Result<(), Error> {
     let new = origins.iter().enumerate();
-    let new = new.filter(|(n, origin)| origin.is_none() && !gates.absent(step, *n));
-    clear_of(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
+    let new = new.filter(|(n, origin)| origin.is_none() && !gates.wall_is_absent(step, *n));
+    check_clearance(plan, new.map(|(n, _)| n), particles, domain).map_err(|reason| {
         Error::Case(vec![refusal(
             "walls",
             "new".into(),

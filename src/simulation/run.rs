@@ -47,7 +47,7 @@ pub struct RunOptions {
     pub overwrite: bool,
     /// `true` if the end of the run is saved as a checkpoint.
     pub final_checkpoint: bool,
-    /// Time at which the program started: the walltime counts from here.
+    /// Time at which the program started, from which the walltime counts.
     pub begun: Instant,
     /// Threads of each rank; none for the number of cores of the machine divided by its ranks.
     pub threads: Option<usize>,
@@ -177,9 +177,10 @@ pub fn trial(
     start_on(communicator, plan, start)
 }
 
-/// Returns `true` if a folder contains this very run, finished. Collective.
+/// Returns `true` if a folder contains exactly this run, finished. Collective.
 ///
 /// # Errors
+///
 /// None of its own.
 pub fn is_done(communicator: &Communicator, plan: &Plan, folder: &Path) -> Result<bool, Error> {
     let done = agreement::on_first(communicator, || {
@@ -226,13 +227,13 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
         (std::thread::available_parallelism().map_or(1, usize::from) / ranks).max(1)
     });
     let first = communicator.rank() == 0;
-    match affinity::provide(threads) {
+    match affinity::bind_cores(threads) {
         // A launcher gives the same number of cores to all its ranks, so that one message suffices.
         Cores::TooFew(had) if first => log::warn!(
             "the {threads} threads of a rank share {had} core(s), which is slower than {had} thread(s): use \
              `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
         ),
-        Cores::Widened(had) if first => log::info!(
+        Cores::MoreCores(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
         ),
         _ => {}
@@ -285,8 +286,8 @@ fn start_on(communicator: &Communicator, plan: Plan, start: Start) -> Result<(),
 
 /// Time at which a run ended with an error.
 enum Ended {
-    /// Error before the first step, or between this step and the next while the slabs changed: the summary does not
-    /// contain it yet.
+    /// Error before the first step, or between this step and the next one while the slabs changed; it is not in the
+    /// summary yet.
     BetweenSteps(Error, u64),
     /// Later error, which the run itself has reported.
     Later(Error),
@@ -302,10 +303,10 @@ fn choose(communicator: &Communicator, plan: Plan, start: Start) -> Result<(), E
         .as_ref()
         .map_or(Precision::F64, |flow| flow.storage);
     match (grid.dimension, storage) {
-        (2, Precision::F64) => Runner::<PlaneSpace, f64>::go(plan, communicator, start),
-        (2, Precision::F32) => Runner::<PlaneSpace, f32>::go(plan, communicator, start),
-        (_, Precision::F64) => Runner::<Volume, f64>::go(plan, communicator, start),
-        (_, Precision::F32) => Runner::<Volume, f32>::go(plan, communicator, start),
+        (2, Precision::F64) => Runner::<PlaneSpace, f64>::run_to_end(plan, communicator, start),
+        (2, Precision::F32) => Runner::<PlaneSpace, f32>::run_to_end(plan, communicator, start),
+        (_, Precision::F64) => Runner::<Volume, f64>::run_to_end(plan, communicator, start),
+        (_, Precision::F32) => Runner::<Volume, f32>::run_to_end(plan, communicator, start),
     }
 }
 

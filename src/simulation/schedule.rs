@@ -9,8 +9,8 @@ use output::checkpoint::SavedNumber;
 /// Events that are due after the next step, equal on every rank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
-    /// Number of fluid steps made at once ([`lbm::fluid::Fluid::at_once`]): one, or more of the fluid alone up to
-    /// the next event.
+    /// Number of fluid steps that are made at once ([`lbm::fluid::Fluid::at_once`]): more than one only without
+    /// grains, and then at most up to the next event.
     pub(super) steps: u64,
     /// `true` if the guards balance the step.
     pub(super) balance: bool,

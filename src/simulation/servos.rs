@@ -1,8 +1,6 @@
-//! Servo walls of a run: their controls, and the stress that each aims at in time.
-//!
-//! The stress of a step is that of the table at the beginning of the step. Nothing is saved but the position and the
-//! velocity of each wall, which are part of every checkpoint: what a control does next follows from these, the grains
-//! and the table.
+//! Servo walls of a run: their controls, and the required stress of each as a function of time. The stress of a step is
+//! that of the table at the beginning of the step. A checkpoint contains no state of a control except the position and
+//! the velocity of its wall: with these, the grains and the table, the control continues as without a restart.
 
 use base::history::TimeTable;
 use dem::space::{Space, vector};
@@ -37,9 +35,9 @@ impl Servos {
         Self(tables)
     }
 
-    /// Sets the stresses of the step that begins at `time` \[s\].
+    /// Sets the required stresses of the step that begins at `time` \[s\].
     #[inline]
-    pub(super) fn aim<S: Space>(&self, time: f64, dem: &mut Dem<S>) {
+    pub(super) fn set_stresses<S: Space>(&self, time: f64, dem: &mut Dem<S>) {
         for (place, table) in self.0.iter().enumerate() {
             dem.set_servo_stress(place, table.value(time));
         }

@@ -1,8 +1,8 @@
 //! Steadiness of the forces, fluxes and pressures of the probes at the end of a run.
 //!
-//! The means over the last tenth of the run and over the tenth before it are compared, and the oscillation in the
-//! last tenth is measured. If a probe has fewer than [`FEWEST`] samples in each, fifths and then thirds of the run
-//! are compared; with fewer samples still, the result is unknown. The samples are read from the files of the
+//! The means over the last tenth of the run and over the tenth before it are compared, and the oscillation in the last
+//! tenth is measured. If a probe has fewer than [`FEWEST`] samples in each tenth, fifths and then thirds of the run are
+//! compared; if even these have too few samples, the result is unknown. The samples are read from the files of the
 //! probes, which contain them exactly, for any number of ranks and across restarts.
 
 use base::number::real;
@@ -20,9 +20,9 @@ const SETTLED: f64 = 0.01;
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Minimum number of samples in a window.
 const FEWEST: usize = 2;
-/// Minimum magnitude to which a change is related, as a fraction of the largest value of its kind: a value much
-/// smaller than the others need not settle.
-const BESIDE_OTHERS: f64 = 1e-3;
+/// Minimum magnitude by which a change is divided, as a fraction of the largest value of its kind: a value much smaller
+/// than the others need not settle.
+const LEAST_MAGNITUDE: f64 = 1e-3;
 /// Magnitude in lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Maximum number of values reported at the end of a run.
@@ -33,9 +33,9 @@ const NAMED: usize = 5;
 pub(super) struct Settled {
     /// Name of the probe.
     pub(super) probe: String,
-    /// Quantity that it measures.
+    /// Name of the quantity.
     pub(super) quantity: &'static str,
-    /// Unit.
+    /// Unit of the quantity.
     pub(super) unit: String,
     /// Fraction of the run over which the means are taken: a tenth, or more for a probe with few samples.
     pub(super) window: f64,
@@ -57,7 +57,7 @@ pub(super) struct End {
     pub(super) unknown: Vec<String>,
 }
 
-/// A quantity of a probe: its name, the columns that hold it, and the size of one lattice unit.
+/// Quantity of a probe: its name, its columns, and the size of one lattice unit.
 type Quantity = (&'static str, &'static [&'static str], f64);
 
 /// Returns the quantities of a probe that should become steady.
@@ -127,18 +127,18 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
         }
     }
     End {
-        values: judge(all),
+        values: normalise(all),
         unknown,
     }
 }
 
 /// Mean and drift of a quantity at the end of a run.
-struct Seen {
+struct EndStatistics {
     unit: String,
     window: f64,
     /// Mean of each component over the last window.
     value: Vec<f64>,
-    /// Difference from the mean over the window before.
+    /// Difference from the mean over the window before the last one.
     drift: f64,
     swing: f64,
     period: Option<f64>,
@@ -148,16 +148,16 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
     vector.map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Returns the last two windows of a quantity before `end`, the shortest that have enough samples; none if no
-/// windows have.
-fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<Seen> {
+/// Returns the shortest last two windows of a quantity before `end` that have enough samples; none if no windows have
+/// enough.
+fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<EndStatistics> {
     let mut windows = WINDOWS.iter();
     windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
 }
 
-fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Option<Seen> {
+fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Option<EndStatistics> {
     let times = rows.column("time")?;
-    let mut seen = Seen {
+    let mut seen = EndStatistics {
         unit: String::new(),
         window,
         value: Vec::new(),
@@ -217,7 +217,7 @@ fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
 }
 
 /// Divides drifts and amplitudes by the magnitudes of the values.
-fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
+fn normalise(all: Vec<(String, Quantity, EndStatistics)>) -> Vec<Settled> {
     let kind = |columns: &[&str]| {
         (
             columns[0].contains("force"),
@@ -232,7 +232,7 @@ fn judge(all: Vec<(String, Quantity, Seen)>) -> Vec<Settled> {
         let alike = sizes.iter().filter(|(kind, _)| *kind == sizes[n].0);
         let largest = alike.map(|(_, size)| *size).fold(0.0, f64::max);
         let scale = (sizes[n].1)
-            .max(BESIDE_OTHERS * largest)
+            .max(LEAST_MAGNITUDE * largest)
             .max(ROUNDING * scale);
         Settled {
             probe,
@@ -345,10 +345,10 @@ mod tests {
 
     fn settled(of: impl Fn(f64) -> [f64; 2]) -> Settled {
         let seen = last_windows(&rows(of), &FORCE, 10.0).unwrap();
-        judge(vec![("p".into(), FORCE, seen)]).remove(0)
+        normalise(vec![("p".into(), FORCE, seen)]).remove(0)
     }
 
-    /// exp(-t/T): the means of two windows W differ by the factor exp(-W/T).
+    /// Checks an exponential decay exp(-t/T), for which the means of two windows W differ by the factor exp(-W/T).
     #[test]
     fn the_drift_of_a_decay_is_what_is_left_of_it() {
         let one = settled(|t| [3.0 + 40.0 * (-t / 2.0).exp(), 4.0]);
@@ -379,7 +379,7 @@ mod tests {
             few.steps = few.steps.into_iter().step_by(every).collect();
             let seen = last_windows(&few, &FORCE, 10.0).unwrap();
             approx::assert_relative_eq!(seen.window, window);
-            let one = judge(vec![("p".into(), FORCE, seen)]).remove(0);
+            let one = normalise(vec![("p".into(), FORCE, seen)]).remove(0);
             assert!(one.swing.max(one.drift) > SETTLED, "{every}: {one:?}");
         }
         let mut two = rows(|_| [5.0, 0.0]);
@@ -394,6 +394,6 @@ mod tests {
         let small = last_windows(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
         let large = last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
         let all = vec![("s".into(), FORCE, small), ("l".into(), FORCE, large)];
-        assert!(judge(all).iter().all(|one| one.drift < 1e-4));
+        assert!(normalise(all).iter().all(|one| one.drift < 1e-4));
     }
 }

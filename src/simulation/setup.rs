@@ -1,5 +1,5 @@
-//! Construction of the state from the plan: the fluid with its boundaries, walls, contact law, bodies. Blocks and
-//! the initial flow have files of their own.
+//! Construction of the state from the plan: the fluid with its boundaries, walls, contact law and bodies. Blocks and
+//! the initial flow are constructed in separate files.
 
 pub mod blocks;
 pub mod initial;
@@ -23,7 +23,7 @@ use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
-use lbm::term::Make;
+use lbm::term::TermBuilder;
 use lbm::term::porous::Porous;
 use plan::scene::bodies::Mobility;
 use plan::scene::boundaries;
@@ -72,8 +72,8 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
 }
 
 /// Returns the terms of the fluid step other than those of the fluid itself, one line for each.
-fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<Make<S>> {
-    let mut terms: Vec<Make<S>> = Vec::new();
+fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<TermBuilder<S>> {
+    let mut terms: Vec<TermBuilder<S>> = Vec::new();
     if !plan.scene.porous_zones.is_empty() {
         let (zones, grid) = (plan.scene.porous_zones.clone(), plan.scene.grid.clone());
         let time_step = flow.time_step;
@@ -151,7 +151,7 @@ fn patch<S: Stored>(
     })
 }
 
-/// Returns the spin in this number of dimensions from a rotation vector.
+/// Returns the rotation rate from a vector along the axes: the vector in 3-D, its component along z in 2-D.
 pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     let mut spin = S::Spin::default();
     if S::DIMENSION == 2 {

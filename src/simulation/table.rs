@@ -14,7 +14,7 @@ pub(super) fn append(table: &mut Option<Table>, lines: &str) -> Result<(), Error
     table.as_mut().map_or(Ok(()), |table| table.append(lines))
 }
 
-/// A CSV file that grows.
+/// CSV file that grows during a run.
 #[derive(Debug)]
 pub(super) struct Table {
     path: PathBuf,
@@ -46,7 +46,7 @@ impl Table {
         Self::replace(path, &text)
     }
 
-    /// Drops the rows from `step` on.
+    /// Removes the rows of step `step` and of later steps.
     pub(super) fn drop_from(&mut self, step: u64) -> Result<(), Error> {
         let old = fs::read_to_string(&self.path)
             .map_err(|error| Error::Io(format!("{}: {error}", self.path.display())))?;
@@ -60,7 +60,7 @@ impl Table {
         Ok(())
     }
 
-    /// Returns a table with this text, which replaces the previous contents of the file.
+    /// Returns a table whose file has this text in place of its previous contents.
     fn replace(path: PathBuf, text: &str) -> Result<Self, Error> {
         // After a crash the file has the old or the new contents.
         let made =

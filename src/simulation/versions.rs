@@ -6,7 +6,7 @@ use decomposition::{Communicator, mpi_library};
 use lbm::lanes::Level;
 use serde_json::{Value, json};
 
-/// Returns a line for each library and property of this program, without need of MPI.
+/// Returns a line for each library and property of this program. Does not need MPI.
 #[must_use]
 pub fn report() -> String {
     [

@@ -36,11 +36,11 @@ use std::time::{Duration, Instant};
 const MOST_STEPS: u64 = 10;
 /// Time between two checks \[ms\] above which the number of steps between them is halved, and below which it is
 /// doubled.
-const PACE: [u64; 2] = [1000, 250];
+const CHECK_INTERVALS: [u64; 2] = [1000, 250];
 /// Time between two searches for a STOP file.
 const BETWEEN_SEARCHES: Duration = Duration::from_millis(500);
 /// Code by which the first rank reports that the work that it does alone is finished.
-const DONE: u64 = 3;
+const WORK_DONE: u64 = 3;
 
 /// Processor time after which an unanswered stop before the first step ends the process.
 const PATIENCE: Duration = Duration::from_millis(1500);
@@ -83,12 +83,12 @@ impl Signals {
 /// Request to stop that is not answered yet.
 #[derive(Debug, Default)]
 struct Unanswered {
-    /// Processor time since which there was no check for requests, and the number of checks at that time.
+    /// Processor time at the last check for requests, and the number of checks at that time.
     since: Option<(Duration, u64)>,
 }
 
 impl Unanswered {
-    /// Returns `true` if there was no check for requests for [`PATIENCE`] after a request to stop.
+    /// Returns `true` if no check for requests has been made for [`PATIENCE`] after a request to stop.
     fn too_long(&mut self, stop: bool, checks: u64, now: Duration) -> bool {
         let known = self.since.filter(|(_, before)| stop && *before == checks);
         self.since = stop.then(|| known.unwrap_or((now, checks)));
@@ -104,7 +104,7 @@ fn processor_time() -> Duration {
 }
 
 /// Returns `true` if the process was started to ignore a signal.
-fn ignores(signal: i32) -> bool {
+fn started_ignoring(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
@@ -117,8 +117,9 @@ fn ignores(signal: i32) -> bool {
 /// Catches signals from now on; requests that arrive before the first step take effect at that step.
 ///
 /// # Errors
+///
 /// If signals cannot be caught.
-pub fn hear() -> Result<&'static Signals, Error> {
+pub fn catch_signals() -> Result<&'static Signals, Error> {
     use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
     static SIGNALS: OnceLock<Signals> = OnceLock::new();
     if let Some(signals) = SIGNALS.get() {
@@ -133,7 +134,7 @@ pub fn hear() -> Result<&'static Signals, Error> {
         (SIGUSR1, &signals.save),
         (SIGCONT, &signals.save),
     ] {
-        if signal == SIGHUP && ignores(signal) {
+        if signal == SIGHUP && started_ignoring(signal) {
             continue;
         }
         let caught = |e| Error::Internal(format!("signal {signal} cannot be caught: {e}"));
@@ -163,7 +164,7 @@ pub struct Watch {
     /// Longest time that a checkpoint took \[ms\].
     cost: Arc<AtomicU64>,
     /// Time of the last search for a STOP file; none before the first search.
-    looked: Option<Instant>,
+    last_search: Option<Instant>,
     asked: Instant,
     steps: u64,
 }
@@ -180,7 +181,7 @@ impl Watch {
         limit: Option<Duration>,
         every: Option<Duration>,
     ) -> Result<Self, Error> {
-        let signals = hear()?;
+        let signals = catch_signals()?;
         let now = Instant::now();
         Ok(Self {
             signals,
@@ -190,7 +191,7 @@ impl Watch {
             every,
             saved: now,
             cost: Arc::default(),
-            looked: None,
+            last_search: None,
             asked: now,
             steps: 1,
         })
@@ -201,21 +202,21 @@ impl Watch {
     pub fn answer_checks(&mut self, communicator: &Communicator) {
         loop {
             let mine = self.mine(communicator) as u64;
-            if communicator.all_reduce_max_u64(mine << 32) >> 32 == DONE {
+            if communicator.all_reduce_max_u64(mine << 32) >> 32 == WORK_DONE {
                 break;
             }
         }
-        self.begin_anew();
+        self.restart_interval();
     }
 
     /// Ends [`answer_checks`](Self::answer_checks) on the other ranks. Called on the first rank.
     pub fn finish(&mut self, communicator: &Communicator) {
-        let _ = communicator.all_reduce_max_u64(DONE << 32);
-        self.begin_anew();
+        let _ = communicator.all_reduce_max_u64(WORK_DONE << 32);
+        self.restart_interval();
     }
 
-    /// Resets the interval, so that it is equal on all ranks.
-    fn begin_anew(&mut self) {
+    /// Restarts the interval between checks, so that it is equal on all ranks.
+    fn restart_interval(&mut self) {
         self.steps = 1;
         self.asked = Instant::now();
     }
@@ -225,7 +226,7 @@ impl Watch {
         self.signals.answers.store(true, Ordering::Relaxed);
     }
 
-    /// Returns the request received by this rank.
+    /// Returns the request that this rank has received.
     fn mine(&mut self, communicator: &Communicator) -> Request {
         self.signals.checks.fetch_add(1, Ordering::Relaxed);
         let mut mine = Request::None;
@@ -246,10 +247,10 @@ impl Watch {
                 mine = Request::Stop;
             }
             if self
-                .looked
-                .is_none_or(|looked| looked.elapsed() >= BETWEEN_SEARCHES)
+                .last_search
+                .is_none_or(|last_search| last_search.elapsed() >= BETWEEN_SEARCHES)
             {
-                self.looked = Some(Instant::now());
+                self.last_search = Some(Instant::now());
                 if self.files.iter().any(|file| file.exists()) {
                     mine = Request::Stop;
                 }
@@ -290,7 +291,7 @@ impl Watch {
     }
 
     /// Records that a checkpoint was written and took `cost`.
-    pub fn wrote(&mut self, cost: Duration) {
+    pub fn record_checkpoint(&mut self, cost: Duration) {
         self.signals.save.store(false, Ordering::Relaxed);
         self.saved = Instant::now();
         let cost = u64::try_from(cost.as_millis()).unwrap_or(u64::MAX);
@@ -332,9 +333,9 @@ impl Requests for Watch {
         let all = communicator.all_reduce_max_u64((self.mine(communicator) as u64) << 32 | took);
         self.asked = Instant::now();
         let (request, took) = (all >> 32, all & u64::from(u32::MAX));
-        if took > PACE[0] {
+        if took > CHECK_INTERVALS[0] {
             self.steps = (self.steps / 2).max(1);
-        } else if took < PACE[1] {
+        } else if took < CHECK_INTERVALS[1] {
             self.steps = (2 * self.steps).min(MOST_STEPS);
         }
         match request {
@@ -371,7 +372,7 @@ mod tests {
 
     #[test]
     fn signals_that_are_not_ignored_are_known() {
-        assert!(!ignores(signal_hook::consts::SIGTERM));
-        assert!(!ignores(0));
+        assert!(!started_ignoring(signal_hook::consts::SIGTERM));
+        assert!(!started_ignoring(0));
     }
 }

@@ -93,7 +93,7 @@ impl Solid for Rod {
         }
         let flat = |v: Point, h: f64| minus(v, times(self.axis, h));
         let mut round = Vec::new();
-        super::sphere::through(
+        super::sphere::intersect_ball(
             flat(arm, height),
             flat(along, rise),
             self.radius,

@@ -30,7 +30,7 @@ impl Disc {
     ) -> Option<Arc<dyn Solid>> {
         only_in(2, frame, path, "cylinder or sphere", report).then(|| {
             let centre = self.centre.resolve(2, &format!("{path}.centre"), report);
-            let round: Arc<dyn Solid> = Arc::new(Round {
+            let round: Arc<dyn Solid> = Arc::new(RoundPlate {
                 centre,
                 radius: self.radius,
             });
@@ -40,7 +40,7 @@ impl Disc {
 }
 
 #[derive(Debug)]
-struct Round {
+struct RoundPlate {
     centre: Point,
     radius: f64,
 }
@@ -49,7 +49,7 @@ fn flat(at: Point) -> Point {
     [at[0], at[1], 0.0]
 }
 
-impl Solid for Round {
+impl Solid for RoundPlate {
     fn distance(&self, at: Point) -> f64 {
         (at[0] - self.centre[0]).hypot(at[1] - self.centre[1]) - self.radius
     }
@@ -64,7 +64,7 @@ impl Solid for Round {
     }
 
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
-        sphere::through(
+        sphere::intersect_ball(
             flat(super::minus(from, self.centre)),
             flat(along),
             self.radius,

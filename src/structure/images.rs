@@ -1,6 +1,6 @@
 //! Solid with its images in a periodic domain.
 
-use super::solid::join;
+use super::solid::merge_parts;
 use super::{Facets, Frame, Point, Solid, minus, plus};
 use std::sync::Arc;
 
@@ -89,7 +89,7 @@ impl Images {
             self.solid.chords(minus(from, *shift), along, &mut one);
             found.append(&mut one);
         }
-        join(found);
+        merge_parts(found);
     }
 
     /// Returns the bounding boxes of the images \[m\].

@@ -17,7 +17,7 @@ use shells::Shells;
 use std::collections::{HashMap, HashSet};
 
 /// Depth of the midpoint of a part of a line, relative to the length of the line, above which the part is inside.
-const DEEP: f64 = 1e-9;
+const INSIDE_DEPTH: f64 = 1e-9;
 
 /// Maximum number of triangles of a leaf of the tree.
 const LEAF: usize = 4;
@@ -112,7 +112,7 @@ impl TriangleMesh {
         if triangles.is_empty() {
             return Err("the file contains no triangle with an area above 0".into());
         }
-        once(&mut triangles);
+        remove_duplicates(&mut triangles);
         let shells = shells::wind(&mut triangles)?;
         if shells.open_edges == 0 {
             shells::turn_outward(&shells, &vertices, &mut triangles);
@@ -126,8 +126,8 @@ impl TriangleMesh {
             nodes: Vec::new(),
             open_edges: shells.open_edges,
         };
-        mesh.plant();
-        mesh.weigh();
+        mesh.build_tree();
+        mesh.compute_normals();
         Ok(mesh)
     }
 
@@ -232,7 +232,7 @@ impl TriangleMesh {
     pub fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
         let length = norm(along);
         let distance = self.distance(from);
-        if length <= 0.0 || distance.abs() > length * (1.0 + DEEP) {
+        if length <= 0.0 || distance.abs() > length * (1.0 + INSIDE_DEPTH) {
             if distance < 0.0 {
                 found.push([0.0, 1.0]);
             }
@@ -248,7 +248,7 @@ impl TriangleMesh {
         let mut entered = (winding > 0).then_some(0.0);
         let mut add = |first: f64, last: f64| {
             let middle = plus(from, times(along, 0.5 * (first + last)));
-            if last > first && self.distance(middle) < -DEEP * length {
+            if last > first && self.distance(middle) < -INSIDE_DEPTH * length {
                 found.push([first, last]);
             }
         };
@@ -272,8 +272,8 @@ impl TriangleMesh {
         }
     }
 
-    /// Sorts the triangles into a tree that halves boxes along their longest edge.
-    fn plant(&mut self) {
+    /// Sorts the triangles into a tree of boxes, each divided in half along its longest edge.
+    fn build_tree(&mut self) {
         let middle = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.vertices[v as usize]);
             plus(a, plus(b, c))
@@ -316,7 +316,7 @@ impl TriangleMesh {
 
     /// Computes the normals of faces, edges and vertices; those of vertices are weighted by the angles of their
     /// triangles.
-    fn weigh(&mut self) {
+    fn compute_normals(&mut self) {
         let mut edges: HashMap<(u32, u32), Point> = HashMap::new();
         let mut vertices = vec![[0.0; 3]; self.vertices.len()];
         let mut faces = Vec::with_capacity(self.triangles.len());
@@ -352,9 +352,9 @@ impl TriangleMesh {
     }
 }
 
-/// Keeps one of several equal triangles, and removes both of two triangles with opposite orientation, which separate
-/// two solids such as adjacent cubes.
-fn once(triangles: &mut Vec<[u32; 3]>) {
+/// Removes duplicates of equal triangles, and both of two triangles with opposite orientation, which separate two
+/// solids such as adjacent cubes.
+fn remove_duplicates(triangles: &mut Vec<[u32; 3]>) {
     let sorted = |t: &[u32; 3]| {
         let mut corners = *t;
         corners.sort_unstable();

@@ -1,7 +1,7 @@
 //! A prism over any simple polygon: a weir, a stepped spillway, a sheet pile that is not upright.
 
 use super::facets::{double_area, turn};
-use super::solid::{Frame, ReadMesh, Solid, between, join};
+use super::solid::{Frame, ReadMesh, Solid, between, merge_parts};
 use super::{Facets, Point};
 use base::error::Report;
 use base::geometry::Axis;
@@ -103,14 +103,14 @@ impl Polygon {
     }
 }
 
-type Flat = [f64; 2];
+type PlanePoint = [f64; 2];
 
-fn squared(a: Flat, b: Flat) -> f64 {
+fn squared(a: PlanePoint, b: PlanePoint) -> f64 {
     (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)
 }
 
 /// Returns the squared distance of a point from a line segment.
-fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
+fn to_edge(at: PlanePoint, a: PlanePoint, b: PlanePoint) -> f64 {
     let length = squared(a, b);
     let t = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / length;
     let t = if length > 0.0 { t.clamp(0.0, 1.0) } else { 0.0 };
@@ -118,7 +118,7 @@ fn to_edge(at: Flat, a: Flat, b: Flat) -> f64 {
 }
 
 /// Returns two edges that intersect other than as neighbours, by the indices of their first corners.
-fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
+fn crossing(points: &[PlanePoint]) -> Option<(usize, usize)> {
     let n = points.len();
     let edge = |k: usize| (points[k], points[(k + 1) % n]);
     for k in 0..n {
@@ -155,14 +155,14 @@ fn crossing(points: &[Flat]) -> Option<(usize, usize)> {
 /// Prism, infinite along z in 2-D.
 #[derive(Debug)]
 struct Prism {
-    points: Vec<Flat>,
+    points: Vec<PlanePoint>,
     axis: usize,
     from: f64,
     to: f64,
 }
 
 impl Prism {
-    fn flat(&self, at: Point) -> Flat {
+    fn flat(&self, at: Point) -> PlanePoint {
         match self.axis {
             0 => [at[1], at[2]],
             1 => [at[0], at[2]],
@@ -170,13 +170,13 @@ impl Prism {
         }
     }
 
-    fn edges(&self) -> impl Iterator<Item = (Flat, Flat)> + '_ {
+    fn edges(&self) -> impl Iterator<Item = (PlanePoint, PlanePoint)> + '_ {
         let next = self.points.iter().cycle().skip(1);
         self.points.iter().copied().zip(next.copied())
     }
 
     /// Returns `true` if a ray to the right crosses the boundary an odd number of times.
-    fn holds(&self, [x, y]: Flat) -> bool {
+    fn holds(&self, [x, y]: PlanePoint) -> bool {
         let crossed = self.edges().filter(|(a, b)| {
             (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
         });
@@ -240,10 +240,10 @@ impl Solid for Prism {
                 between(pair[0], pair[1], found);
             }
         }
-        join(found);
+        merge_parts(found);
     }
 
-    fn outline(&self, _: f64) -> Vec<Flat> {
+    fn outline(&self, _: f64) -> Vec<PlanePoint> {
         self.points.clone()
     }
 

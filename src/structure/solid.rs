@@ -63,11 +63,11 @@ const STEP: f64 = 1e-4;
 /// Number of consecutive minimum steps after which steps are doubled each time: the line grazes the surface, and
 /// its depth is less than such a step.
 const GRAZING: u32 = 16;
-/// Maximum length of such a step.
+/// Maximum length of a step along a line, as a fraction of the line.
 const LONGEST: f64 = 1e-2;
 
-/// Finds [`Solid::chords`] from the distance alone: the surface is no nearer than the distance, so that a step of
-/// this length misses nothing (J. C. Hart, The Visual Computer 12 (1996) 527).
+/// Finds [`Solid::chords`] from the distance alone: the surface is no nearer than the distance, so that a step of this
+/// length cannot pass it (J. C. Hart, The Visual Computer 12 (1996) 527).
 pub(super) fn trace<S: Solid + ?Sized>(
     solid: &S,
     from: Point,
@@ -106,7 +106,8 @@ pub(super) fn trace<S: Solid + ?Sized>(
     }
 }
 
-/// Returns the zero of a function that has opposite signs at two points: bisection with the secant tried first.
+/// Returns the zero of a function that has opposite signs at two points, by the secant method with bisection as the
+/// fallback.
 fn root(of: &impl Fn(f64) -> f64, low: [f64; 2], high: [f64; 2]) -> f64 {
     let ([mut a, mut fa], [mut b, mut fb]) = (low, high);
     for round in 0..64 {
@@ -129,7 +130,7 @@ fn root(of: &impl Fn(f64) -> f64, low: [f64; 2], high: [f64; 2]) -> f64 {
     0.5 * (a + b)
 }
 
-/// Adds the part of a line between two positions, as far as it lies between 0 and 1.
+/// Adds the part of a line between two positions, limited to the range from 0 to 1.
 pub(super) fn between(first: f64, last: f64, found: &mut Vec<[f64; 2]>) {
     let (first, last) = (first.max(0.0), last.min(1.0));
     if first < last {
@@ -138,7 +139,7 @@ pub(super) fn between(first: f64, last: f64, found: &mut Vec<[f64; 2]>) {
 }
 
 /// Sorts parts of a line and joins parts that touch.
-pub(super) fn join(parts: &mut Vec<[f64; 2]>) {
+pub(super) fn merge_parts(parts: &mut Vec<[f64; 2]>) {
     parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut kept = 0;
     for k in 0..parts.len() {

@@ -54,7 +54,7 @@ impl Ball {
 }
 
 /// Finds the part of a line inside a ball (or disc) about the origin.
-pub(super) fn through(from: Point, along: Point, radius: f64, found: &mut Vec<[f64; 2]>) {
+pub(super) fn intersect_ball(from: Point, along: Point, radius: f64, found: &mut Vec<[f64; 2]>) {
     let (aa, ab) = (dot(along, along), dot(along, from));
     let excess = dot(from, from) - radius * radius;
     let under = ab * ab - aa * excess;
@@ -82,7 +82,7 @@ impl Solid for Ball {
     }
 
     fn chords(&self, from: Point, along: Point, found: &mut Vec<[f64; 2]>) {
-        through(minus(from, self.centre), along, self.radius, found);
+        intersect_ball(minus(from, self.centre), along, self.radius, found);
     }
 
     fn outline(&self, _: f64) -> Vec<[f64; 2]> {

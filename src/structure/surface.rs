@@ -14,8 +14,8 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Surface {
-    /// The file. Triangles are wound consistently if they are not in the file; if shells intersect, the solid is
-    /// their union.
+    /// File with the surface. Triangles are wound consistently if they are not in the file; if shells intersect, the
+    /// solid is their union.
     pub mesh: Mesh,
     /// Thickness of the sheet, half on each side of the surface [m]. Default: the surface is closed and its inside is
     /// solid.

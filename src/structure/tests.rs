@@ -16,9 +16,9 @@ const FLAT: Frame = Frame {
 };
 
 #[derive(Default)]
-struct Heard(Vec<String>);
+struct Messages(Vec<String>);
 
-impl Report for Heard {
+impl Report for Messages {
     fn error(&mut self, path: &str, reason: String, _: Remedy) {
         self.0.push(format!("{path}: {reason}"));
     }
@@ -28,7 +28,7 @@ impl Report for Heard {
 
 fn made(text: &str, frame: &Frame, read: ReadMesh<'_>) -> Result<Arc<dyn Solid>, String> {
     let shape: Shape = serde_json::from_str(text).map_err(|e| e.to_string())?;
-    let mut heard = Heard::default();
+    let mut heard = Messages::default();
     let solid = shape.solid(frame, "shape", read, &mut heard);
     match (solid, heard.0.is_empty()) {
         (Some(solid), true) => Ok(solid),
@@ -42,7 +42,7 @@ fn none(_: &Mesh) -> Result<Vec<[Point; 3]>, String> {
 
 /// Returns an L-shaped prism, not convex, as triangles.
 fn ell() -> Vec<[Point; 3]> {
-    let solid = made(ELL, &SPACE, &none).unwrap();
+    let solid = made(L_SHAPE, &SPACE, &none).unwrap();
     let facets = solid.facets(0.0);
     let corner = |k: u32| facets.vertices[k as usize];
     facets
@@ -52,7 +52,7 @@ fn ell() -> Vec<[Point; 3]> {
         .collect()
 }
 
-const ELL: &str = r#"{"polygon": {"points": [[1, 0.5], [3, 0.5], [3, 1], [1.5, 1], [1.5, 1.8], [1, 1.8]],
+const L_SHAPE: &str = r#"{"polygon": {"points": [[1, 0.5], [3, 0.5], [3, 1], [1.5, 1], [1.5, 1.8], [1, 1.8]],
     "axis": "y", "from": 0.4, "to": 2.6}}"#;
 
 fn shapes() -> Vec<(Frame, &'static str)> {
@@ -65,7 +65,7 @@ fn shapes() -> Vec<(Frame, &'static str)> {
             SPACE,
             r#"{"box": {"from": [1, 0.5, 0.4], "to": [3, 2, 1.5]}}"#,
         ),
-        (SPACE, ELL),
+        (SPACE, L_SHAPE),
         (
             SPACE,
             r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
@@ -95,8 +95,8 @@ fn point(draw: &mut Stream, frame: &Frame) -> Point {
     at
 }
 
-/// The exact chords agree with those computed from the distance alone; the distance never exceeds that to a point
-/// of the other sign.
+/// Checks that the exact chords agree with those computed from the distance alone, and that the distance never exceeds
+/// that to a point of the other sign.
 #[test]
 fn distances_and_chords_agree_for_every_shape() {
     for (frame, text) in shapes() {
@@ -131,7 +131,7 @@ fn distances_and_chords_agree_for_every_shape() {
     }
 }
 
-/// Corners of facets lie on the surface, facets face outwards and close the volume.
+/// Checks that corners of facets lie on the surface, and that facets face outwards and close the volume.
 #[test]
 fn facets_close_the_volume_of_a_solid() {
     let volumes = [
@@ -140,7 +140,7 @@ fn facets_close_the_volume_of_a_solid() {
             2.0 * 1.5 * 1.1,
             1e-12,
         ),
-        (ELL, 2.2 * (2.0 * 0.5 + 0.5 * 0.8), 1e-12),
+        (L_SHAPE, 2.2 * (2.0 * 0.5 + 0.5 * 0.8), 1e-12),
         (
             r#"{"sphere": {"centre": [2, 1.5, 1], "radius": 0.8}}"#,
             4.0 / 3.0 * std::f64::consts::PI * 0.512,
@@ -176,8 +176,8 @@ fn facets_close_the_volume_of_a_solid() {
     assert_eq!(triangles.open_edges(), 0);
 }
 
-/// The middle of the largest facet of a round solid lies at the stated distance below its surface, also where the
-/// number of facets is at its limit.
+/// Checks that the middle of the largest facet of a round solid lies at the stated distance below its surface, also
+/// where the number of facets is at its limit.
 #[test]
 fn deviation_is_that_of_the_largest_facet() {
     for text in [
@@ -206,10 +206,10 @@ fn deviation_is_that_of_the_largest_facet() {
     }
 }
 
-/// The distance of the L of triangles is that of the L in closed form, near its edges and corners too.
+/// Checks that the distance of an L made of triangles is that of the L in closed form, also near its edges and corners.
 #[test]
 fn a_surface_of_triangles_has_the_distance_of_its_solid() {
-    let exact = made(ELL, &SPACE, &none).unwrap();
+    let exact = made(L_SHAPE, &SPACE, &none).unwrap();
     // Turned inside out it is the same solid.
     let reversed: Vec<[Point; 3]> = ell().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
     for triangles in [ell(), reversed] {
@@ -249,8 +249,8 @@ fn turned(triangles: &[[Point; 3]]) -> Vec<[Point; 3]> {
 /// Function that is `true` inside a part of space.
 type Holds<'a> = &'a dyn Fn(&Point) -> bool;
 
-/// The sign of the distance, and the length of lines along the axes inside several shells, are those of their
-/// union; a reversed shell inside another one is a cavity.
+/// Checks that the sign of the distance, and the length of lines along the axes inside several shells, are those of
+/// their union, and that a reversed shell inside another shell is a cavity.
 #[test]
 fn shells_that_cross_are_one_solid() {
     let one = boxed([0.5, 0.5, 0.5], [2.5, 2.0, 1.5]);
@@ -350,7 +350,7 @@ fn solids_that_are_none_are_refused_by_name() {
     assert!(made(sheet, &SPACE, &|_| Ok(open.clone())).is_ok());
 }
 
-/// A solid across a periodic face is whole.
+/// Checks that a solid across a periodic face is complete.
 #[test]
 fn images_join_across_periodic_faces() {
     let solid = made(

@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 /// Options of a search.
 #[derive(Clone, Debug)]
 pub struct Search {
-    /// The case file.
+    /// Case file.
     pub case: PathBuf,
     /// Changes of fields of the case.
     pub set: Vec<String>,
@@ -48,24 +48,24 @@ pub struct Search {
     pub output: PathBuf,
     /// Threads of each rank; none for the cores of the machine divided by its ranks.
     pub threads: Option<usize>,
-    /// Start of the program; the search stops after the wall time and can be continued.
+    /// Time at which the program started, from which the wall time counts; a stopped search can be continued.
     pub begun: Instant,
     /// Wall time after which the search stops.
     pub max_walltime: Option<Duration>,
-    /// `true` if an unstable case is run.
+    /// `true` if the search may run an unstable case.
     pub allow_unstable: bool,
 }
 
-/// A run of the search.
+/// Run of the search with one drive.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
     /// Drive, in the unit of the boundary's condition.
     pub drive: f64,
     /// Hydraulic gradient; none if inlet or outlet have no head.
     pub gradient: Option<f64>,
-    /// Number of grains that left in the first half.
+    /// Number of grains that left in the first half of the run.
     pub early: u64,
-    /// Number of grains that left in the second half.
+    /// Number of grains that left in the second half of the run.
     pub late: u64,
     /// Mean porosity of the cells with grains, at the end.
     pub porosity: f64,
@@ -76,7 +76,7 @@ pub struct Trial {
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Critical {
-    /// The driving boundary.
+    /// Name of the driving boundary.
     pub boundary: String,
     /// Quantity of the drive, with its unit.
     pub quantity: String,
@@ -108,7 +108,7 @@ pub fn command(search: &Search, json: bool) -> Result<String, Error> {
             inlet: &inlet,
             communicator,
             threads,
-            speaker: Progress::new(communicator.rank() == 0 && !json, 0),
+            progress: Progress::new(communicator.rank() == 0 && !json, 0),
             sample: None,
             trials: Vec::new(),
         }
@@ -172,7 +172,7 @@ struct Heads<'a> {
     seepage: &'a Seepage,
     gravity: [f64; 3],
     strength: f64,
-    /// Head per pressure \[m/Pa\]; without gravity, that of the earth is used.
+    /// Head per pressure \[m/Pa\]; a case without gravity uses the standard gravity of the earth.
     per_pascal: f64,
 }
 
@@ -338,7 +338,7 @@ struct Searching<'a> {
     inlet: &'a Inlet,
     communicator: &'a Communicator,
     threads: usize,
-    speaker: Progress,
+    progress: Progress,
     /// Sample prepared by the first run.
     sample: Option<PathBuf>,
     trials: Vec<Trial>,
@@ -387,7 +387,7 @@ impl Searching<'_> {
                     break;
                 }
                 // Both ends have been run, with different verdicts.
-                Round::Same(_) | Round::Undecided(_) => break,
+                Round::SameVerdict(_) | Round::Undecided(_) => break,
             }
         }
         let whole = self.trials.iter().rfind(|trial| !trial.erodes);
@@ -451,7 +451,7 @@ impl Searching<'_> {
         let (early, late) = (u64::from_le_bytes(early), u64::from_le_bytes(late));
         let erodes = early + late >= self.search.grains;
         let gradient = self.inlet.gradient(drive);
-        self.speaker.note(&format!(
+        self.progress.note(&format!(
             "{drive:.6e} {}{}: {early} grains were removed in the first half, {late} in the second: {}",
             self.inlet.quantity,
             gradient.map_or(String::new(), |i| format!(" (gradient {i:.4})")),
@@ -469,7 +469,7 @@ impl Searching<'_> {
     }
 }
 
-/// Returns the numbers of grains that left up to a step and after it, and the mean porosity at the end.
+/// Returns the numbers of grains that left up to step `half` and after it, and the mean porosity at the end.
 fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
     let removed = folder.join("removed.csv");
     let (mut early, mut late) = (0, 0);

@@ -32,7 +32,7 @@ impl Tolerance {
     }
 }
 
-/// An interval to search.
+/// Interval to be searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// Lower end.
@@ -59,21 +59,21 @@ pub struct Bracket {
 pub enum Round {
     /// Try these values.
     Try(Vec<f64>),
-    /// The interval is as narrow as wanted.
+    /// The interval is narrow enough.
     Found(Bracket),
     /// Both ends have this verdict.
-    Same(bool),
-    /// Too many values have no verdict; with the interval, if both ends have one.
+    SameVerdict(bool),
+    /// Too many values have no verdict. The interval is given if both ends have a verdict.
     Undecided(Option<Bracket>),
 }
 
-/// A value with its verdict; none if it could not be found.
-pub type Tried = (f64, Option<bool>);
+/// Value with its verdict; none if the value could not be judged.
+pub type TriedValue = (f64, Option<bool>);
 
 impl Section {
     /// Returns the next action after these values have been tried, in any order.
     #[must_use]
-    pub fn next(&self, tried: &[Tried]) -> Round {
+    pub fn next(&self, tried: &[TriedValue]) -> Round {
         let verdict = |end: f64| {
             tried
                 .iter()
@@ -89,7 +89,7 @@ impl Section {
             return Round::Undecided(None);
         };
         if low == high {
-            return Round::Same(low);
+            return Round::SameVerdict(low);
         }
         let all = sorted(tried);
         let mut decided = all
@@ -135,7 +135,7 @@ impl Section {
     fn inside(&self, [low, high]: [f64; 2]) -> Vec<f64> {
         let part = (high - low) / f64::from(self.parts);
         let mut values: Vec<f64> = (1..self.parts)
-            .map(|n| short(low + part * f64::from(n), part))
+            .map(|n| rounded_to_unit(low + part * f64::from(n), part))
             .filter(|value| low < *value && *value < high)
             .collect();
         values.dedup();
@@ -144,7 +144,7 @@ impl Section {
 }
 
 /// Returns a number rounded to a decimal place below a hundredth of `unit`.
-fn short(number: f64, unit: f64) -> f64 {
+fn rounded_to_unit(number: f64, unit: f64) -> f64 {
     let mut decimals = 0_usize;
     let mut scale = unit;
     while scale < 100.0 && decimals < 320 {
@@ -155,7 +155,7 @@ fn short(number: f64, unit: f64) -> f64 {
 }
 
 /// Returns the values in ascending order.
-fn sorted(tried: &[Tried]) -> Vec<Tried> {
+fn sorted(tried: &[TriedValue]) -> Vec<TriedValue> {
     let mut all = tried.to_vec();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     all
@@ -163,7 +163,7 @@ fn sorted(tried: &[Tried]) -> Vec<Tried> {
 
 /// Returns the number of changes of the verdict along the values; more than one contradicts a single threshold.
 #[must_use]
-pub fn changes(tried: &[Tried]) -> usize {
+pub fn changes(tried: &[TriedValue]) -> usize {
     let verdicts: Vec<bool> = sorted(tried).iter().filter_map(|(_, v)| *v).collect();
     verdicts
         .windows(2)
@@ -175,7 +175,10 @@ pub fn changes(tried: &[Tried]) -> usize {
 mod tests {
     use super::*;
 
-    fn search(section: &Section, condition: impl Fn(f64) -> Option<bool>) -> (Round, Vec<Tried>) {
+    fn search(
+        section: &Section,
+        condition: impl Fn(f64) -> Option<bool>,
+    ) -> (Round, Vec<TriedValue>) {
         let mut tried = Vec::new();
         loop {
             match section.next(&tried) {
@@ -235,7 +238,7 @@ mod tests {
     fn both_ends_alike_are_a_result() {
         for always in [true, false] {
             let (end, tried) = search(&UNIT, |_| Some(always));
-            assert_eq!((end, tried.len()), (Round::Same(always), 2));
+            assert_eq!((end, tried.len()), (Round::SameVerdict(always), 2));
         }
     }
 

@@ -40,7 +40,7 @@ use study::{Refused, Run, Study};
 /// Options of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
-    /// The study file.
+    /// Study file.
     pub study: PathBuf,
     /// Output folder; none for a folder next to the study, with the study's name.
     pub output: Option<PathBuf>,
@@ -251,7 +251,10 @@ fn collect(
     let table = table::SweepTable::collect(study, members, beside, output);
     let mut files = vec![
         ("members.csv", table.to_csv(study, members)),
-        ("sweep.svg", picture::front(study, members, &table).to_svg()),
+        (
+            "sweep.svg",
+            picture::cost_figure(study, members, &table).to_svg(),
+        ),
     ];
     if let Some(name) = &study.ensemble {
         let ensemble = ensemble::Ensemble::from_table(name, study, members, &table);

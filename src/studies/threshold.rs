@@ -12,7 +12,7 @@
 
 pub mod study;
 
-use crate::section::{self, Bracket, Round, Tried};
+use crate::section::{self, Bracket, Round, TriedValue};
 use crate::sweep::members::{Member, members};
 use crate::sweep::outputs::unknown;
 use crate::sweep::record::Outcome;
@@ -31,7 +31,7 @@ use study::ThresholdStudy;
 /// Options of a search.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Threshold {
-    /// The study file.
+    /// Study file.
     pub study: PathBuf,
     /// Output folder; none for a folder next to the study, with the study's name.
     pub output: Option<PathBuf>,
@@ -55,18 +55,18 @@ pub enum ThresholdResult {
 
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Found {
-    /// The searched field.
+pub struct SearchOutcome {
+    /// Path of the searched field.
     pub field: String,
-    /// The criterion.
+    /// Criterion, as a formula.
     pub criterion: String,
-    /// Kind of result.
+    /// Kind of the result.
     pub result: ThresholdResult,
     /// Value next to the threshold at which the criterion is false.
     pub false_at: Option<f64>,
     /// Value next to the threshold at which the criterion is true.
     pub true_at: Option<f64>,
-    /// Number of members.
+    /// Number of members of the search.
     pub members: usize,
     /// Number of members without a verdict.
     pub without_verdict: usize,
@@ -74,7 +74,7 @@ pub struct Found {
     pub changes: usize,
 }
 
-/// A member with its verdict.
+/// Member with its verdict.
 struct Trial {
     value: f64,
     member: Member,
@@ -87,7 +87,7 @@ struct Trial {
 /// # Errors
 /// If the study is invalid, with all problems before any member runs; if a signal ended the search,
 /// [`Error::Stopped`]; if members failed, [`Error::Io`]; if no result follows from the members, [`Error::Numerical`].
-pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<Found, Error> {
+pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<SearchOutcome, Error> {
     let (study, beside, output) = read(options)?;
     ends(&study, beside).map_err(Error::Case)?;
     enough_cores(&study.run)?;
@@ -101,8 +101,8 @@ pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<Found, Err
     };
     let section = study.section();
     let end = loop {
-        match section.next(&search.tried()) {
-            Round::Try(values) => search.round(&values, &runner, report)?,
+        match section.next(&search.tried_values()) {
+            Round::Try(values) => search.run_round(&values, &runner, report)?,
             end => break end,
         }
     };
@@ -136,8 +136,7 @@ fn read(options: &Threshold) -> Result<(ThresholdStudy, &Path, PathBuf), Error> 
 /// Returns the members at both ends of the interval, without running them; relative paths in the study start at
 /// `beside`.
 ///
-/// # Errors
-/// If a case of them or a name in the criterion is invalid, with all problems.
+/// # Errors If a case of these members or a name in the criterion is invalid, with all problems.
 pub fn ends(study: &ThresholdStudy, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
     let mut ends = members(&study.with_values(&[study.search.from]), beside)?;
     // After the first, so that a fault of both is reported once.
@@ -190,13 +189,13 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn tried(&self) -> Vec<Tried> {
+    fn tried_values(&self) -> Vec<TriedValue> {
         let tried = self.trials.iter().map(|trial| (trial.value, trial.verdict));
         tried.collect()
     }
 
     /// Runs the members of a round and adds them to the table.
-    fn round(
+    fn run_round(
         &mut self,
         values: &[f64],
         runner: &Runner<'_>,
@@ -278,11 +277,11 @@ impl Search<'_> {
         text
     }
 
-    fn found(&self, end: &Round) -> Found {
+    fn found(&self, end: &Round) -> SearchOutcome {
         let (result, bracket) = match end {
             Round::Found(bracket) => (ThresholdResult::Threshold, Some(*bracket)),
-            Round::Same(true) => (ThresholdResult::TrueAtBothEnds, None),
-            Round::Same(false) => (ThresholdResult::FalseAtBothEnds, None),
+            Round::SameVerdict(true) => (ThresholdResult::TrueAtBothEnds, None),
+            Round::SameVerdict(false) => (ThresholdResult::FalseAtBothEnds, None),
             Round::Undecided(bracket) => (ThresholdResult::Undecided, *bracket),
             Round::Try(_) => (ThresholdResult::Undecided, None),
         };
@@ -290,7 +289,7 @@ impl Search<'_> {
             bracket.map(|Bracket { ends, rises }| if rises == upper { ends[1] } else { ends[0] })
         };
         let without = self.trials.iter().filter(|trial| trial.verdict.is_none());
-        Found {
+        SearchOutcome {
             field: self.study.search.field.clone(),
             criterion: self.study.criterion.clone(),
             result,
@@ -298,7 +297,7 @@ impl Search<'_> {
             true_at: end(true),
             members: self.trials.len(),
             without_verdict: without.count(),
-            changes: section::changes(&self.tried()),
+            changes: section::changes(&self.tried_values()),
         }
     }
 
@@ -352,7 +351,7 @@ fn verdict(study: &ThresholdStudy, member: &Member, row: &mut MemberRow) -> Opti
     }
 }
 
-impl Found {
+impl SearchOutcome {
     /// Returns the lines that report the result.
     fn lines(&self, output: &Path) -> Vec<String> {
         let (field, criterion) = (&self.field, &self.criterion);

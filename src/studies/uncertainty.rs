@@ -66,7 +66,7 @@ pub struct Options {
     pub allow_unstable: bool,
 }
 
-/// The runs of an estimate.
+/// Runs of an estimate.
 #[derive(Clone, Debug)]
 pub struct Members {
     /// Runs with their cases; the first is the case itself.
@@ -92,7 +92,7 @@ impl Members {
         with_settings: bool,
         unstable: bool,
     ) -> Result<Self, Error> {
-        let stated = grids::stated(plan)?;
+        let stated = grids::with_choices_stated(plan)?;
         let seepage = grids::refinable_seepage(&plan.scene).is_some();
         let mut ratios = Vec::new();
         if plan.scene.flow.is_some() || seepage {
@@ -191,7 +191,7 @@ impl Members {
                 usable.push(*ratio);
             }
         }
-        let other = grids::another(&plan.scene, &usable, &lost);
+        let other = grids::replacement_grid(&plan.scene, &usable, &lost);
         if let Some(ratio) = other {
             self.push_grid(plan, stated, ratio, unstable);
         }
@@ -221,7 +221,7 @@ impl Members {
         all
     }
 
-    /// Returns the case on the grid on which settings are compared.
+    /// Returns the case on the grid that is used to compare settings.
     fn compared(&self, plan: &Plan, stated: &Value) -> Value {
         let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
         match beside {
@@ -251,7 +251,7 @@ impl Members {
     /// # Errors
     /// If the case has no such ends, [`Error::Usage`].
     pub fn add_ends(&mut self, plan: &Plan) -> Result<(), Error> {
-        let mut case = self.compared(plan, &grids::stated(plan)?);
+        let mut case = self.compared(plan, &grids::with_choices_stated(plan)?);
         let change = ends::move_ends(&mut case, plan).ok_or_else(|| {
             Error::Usage(
                 "--ends: the case has no ends that can be moved; they must be closed horizontal ends of seepage \
@@ -342,7 +342,8 @@ fn prepared(plan: &Plan) -> Prepared {
     }
 }
 
-/// Returns a run of a changed case on a machine of this speed; its input files already have absolute paths.
+/// Returns a run of a changed case; its time is estimated for a machine of this speed. The input files of the case
+/// already have absolute paths.
 fn member(name: String, case: Value, machine: Machine, unstable: bool) -> Member {
     let mut planned = Document::read(&case.to_string(), &[], Path::new("")).and_then(Plan::prepare);
     if let Ok(plan) = &mut planned {
@@ -400,7 +401,7 @@ pub fn command(
         let failed = failures(plan, &members, &options.output);
         let case_failed = failed.contains(&0);
         let usable = members.usable() - failed.len();
-        let stated = grids::stated(plan)?;
+        let stated = grids::with_choices_stated(plan)?;
         if case_failed || usable >= wanted || !members.add_grid(plan, &stated, unstable, &failed) {
             break;
         }

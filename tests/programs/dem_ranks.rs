@@ -87,7 +87,7 @@ fn scene(name: &str) -> Result<(Dem<PlaneSpace>, Grains), Error> {
     Ok((Dem::new(law, settings, walls)?, grains))
 }
 
-/// Returns boxes of many proportions above a block wider than a slab, restricted to those for which `mine` is true.
+/// Returns boxes of many proportions above a block wider than a slab, restricted to boxes for which `mine` is `true`.
 fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>), Error> {
     let upper = Vector3::new(0.24, 0.24, 0.4);
     let region = GrainDomain::<Volume>::closed(Vector3::zeros(), upper, 0.01);

@@ -54,7 +54,7 @@ fn every_choice_has_a_reason_and_keeps_all_limits() {
             ["spacing", "time step", "collision", "turbulence"]
         };
         for what in choices {
-            let why = plan.scene.chosen.why(what);
+            let why = plan.scene.chosen.reason_of(what);
             assert!(why.is_some(), "{}: {what}", folder.display());
         }
         for margin in &plan.margins {
@@ -93,7 +93,7 @@ fn examples_without_their_numerics_still_plan() {
         }
         let document = Document::read(text, &set, Path::new("")).unwrap();
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{name}: {p:#?}"));
-        assert!(plan.scene.chosen.why("spacing").is_some(), "{name}");
+        assert!(plan.scene.chosen.reason_of("spacing").is_some(), "{name}");
     }
     // The hole-erosion test of the paper has cells of 20 micrometres: eight per small grain.
     let text = solver::case::examples::find("piping").unwrap().text;
@@ -102,8 +102,8 @@ fn examples_without_their_numerics_still_plan() {
     assert!((1e-5..=2e-5).contains(&plan.scene.grid.spacing));
 }
 
-/// The hole-erosion test of Sibille, Lomine and Marot (2012) by its five physical parameters (viscosity, two
-/// stiffnesses, cohesion, friction), with geometry, grading, densities and pressure: no other input is needed.
+/// Runs the hole-erosion test of Sibille, Lomine and Marot (2012) with its five physical parameters (viscosity, two
+/// stiffnesses, cohesion, friction), geometry, grading, densities and pressure: no other input is needed.
 #[test]
 fn the_hole_erosion_test_needs_five_physical_parameters() {
     let text = r#"{
@@ -145,7 +145,8 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
     assert!(plan.margins.iter().all(|margin| margin.used < 1.0 + 1e-9));
 }
 
-/// A law that states friction and damping, but no stiffness, gets the stiffness that a case without a law gets.
+/// Checks that a law that states friction and damping, but no stiffness, gets the stiffness that a case without a law
+/// gets.
 #[test]
 fn a_linear_law_needs_no_stiffness() {
     let case = |contact: &str| {
@@ -180,10 +181,10 @@ fn a_linear_law_needs_no_stiffness() {
     let assumed =
         |plan: &Plan| format!("{:?}", plan.warnings).contains("the case has no contact law");
     assert!(assumed(&none) && !assumed(&open));
-    assert!(open.scene.chosen.why("contact law").is_some());
+    assert!(open.scene.chosen.reason_of("contact law").is_some());
     let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
     assert!((stiffness(&stated, 0.002) - 12345.0).abs() < 1e-9);
-    assert!(stated.scene.chosen.why("contact law").is_none());
+    assert!(stated.scene.chosen.reason_of("contact law").is_none());
     // A missing friction is reported once; a stated friction is not reported, even if it is zero.
     let silent = |law: &str| {
         let plan = case(&format!(r#""contact": {{{law}}},"#));
@@ -263,7 +264,7 @@ fn what_is_stated_is_taken() {
         "turbulence",
         "coupling",
     ] {
-        assert_eq!(stated.scene.chosen.why(what), None, "{what}");
+        assert_eq!(stated.scene.chosen.reason_of(what), None, "{what}");
     }
 }
 
@@ -346,7 +347,8 @@ fn edges_without_a_common_divisor_grow_to_whole_cells_with_a_warning() {
     assert!((agreed.scene.grid.size[0] - grid.size[0]).abs() < 1e-12);
 }
 
-/// A disc at a quarter of the box is at a position of symmetry if the number of cells along an edge is even.
+/// Checks that a disc at a quarter of the box is at a position of symmetry if the number of cells along an edge is
+/// even.
 #[test]
 fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
     for radius in ["0.002", "0.0021", "0.0022", "0.0024", "0.0025", "0.003"] {

@@ -12,7 +12,7 @@ const CELL: f64 = 1e-3;
 /// Height of the flat bed and depth of the water \[cells\].
 const BED: u32 = 10;
 const DEPTH: u32 = 12;
-/// A force per volume [N/m3].
+/// Force per volume [N/m3].
 const FORCE: f64 = 50.0;
 
 fn length(cells: u32) -> f64 {
@@ -100,8 +100,8 @@ fn means(study: &Study, run: &str) -> impl Fn(&str) -> f64 {
     }
 }
 
-/// A film down a slope (Nusselt), a sliding plate (Couette) and a stationary wall above (Poiseuille): with water of
-/// depth H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
+/// Checks a film down a slope (Nusselt), a sliding plate (Couette) and a stationary wall above (Poiseuille): with water
+/// of depth H and viscosity mu, the stress on the bed is rho g H sin(slope), mu U/H and f H/2.
 #[test]
 fn the_shear_stress_of_laminar_streams_is_exact() {
     let _beside = beside_others();
@@ -146,8 +146,8 @@ fn the_shear_stress_of_laminar_streams_is_exact() {
     }
 }
 
-/// A film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous Fluid
-/// Flow, 3-48). Side walls bear the rest of the force.
+/// Checks a film between side walls, the lower half of a duct: the mean stress on its floor is a series (White, Viscous
+/// Fluid Flow, 3-48). Side walls bear the rest of the force.
 #[test]
 fn side_walls_bear_their_part() {
     let _beside = beside_others();
@@ -189,7 +189,8 @@ fn side_walls_bear_their_part() {
     );
 }
 
-/// Discs of radii 2, 3 and 4 mm with their velocities in a box of 60 mm: the flux is the sum of V u over the length.
+/// Checks discs of radii 2, 3 and 4 mm with their velocities in a box of 60 mm: the flux is the sum of V u over the
+/// length.
 #[test]
 fn the_bedload_of_grains_of_known_velocity_is_exact() {
     let _beside = beside_others();
@@ -257,7 +258,7 @@ fn the_bedload_of_grains_of_known_velocity_is_exact() {
     assert!((first("run", "half", "scour_depth") - 0.004).abs() < 1e-15);
 }
 
-/// A pier in the bed that extends through the water does not raise the surface of the columns around it.
+/// Checks that a pier in the bed that extends through the water does not raise the surface of the columns around it.
 #[test]
 fn a_pier_is_no_bed() {
     let _beside = beside_others();
@@ -447,7 +448,7 @@ fn dry(size: [f64; 2], stiffness: f64, grains: Value, walls: &Value, end: f64) -
     })
 }
 
-/// Four discs on top of each other: the stress equals that of the weight above, m g R N^2/V, for all of them and
+/// Checks four discs on top of each other: the stress equals that of the weight above, m g R N^2/V, for all of them and
 /// for the upper two.
 #[test]
 fn the_stress_of_a_column_is_the_weight_above() {
@@ -490,7 +491,8 @@ fn the_stress_of_a_column_is_the_weight_above() {
     }
 }
 
-/// Square lattice of discs between four walls with equal overlaps: the stress equals the pressure on the walls.
+/// Checks a square lattice of discs between four walls with equal overlaps: the stress equals the pressure on the
+/// walls.
 #[test]
 fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     let _beside = beside_others();
@@ -526,7 +528,8 @@ fn the_stress_under_isotropic_confinement_is_the_pressure_of_the_walls() {
     assert!((mean("coordination_number") - 4.0).abs() < 1e-12);
 }
 
-/// At rest between smooth walls, the stress times the volume is the sum of m g y, for any contribution of friction.
+/// Checks that at rest between smooth walls the stress times the volume is the sum of m g y, for any contribution of
+/// friction.
 #[test]
 fn friction_between_grains_belongs_to_the_stress() {
     let _beside = beside_others();
@@ -559,7 +562,7 @@ fn friction_between_grains_belongs_to_the_stress() {
     assert!((found / moment - 1.0).abs() < 2e-3, "{found} {moment}");
 }
 
-/// Discs of 1, 2 and 3 mm stand in an outlet: the two larger ones fill it with more than half of the volume.
+/// Checks discs of 1, 2 and 3 mm in an outlet: the two larger ones fill it with more than half of the volume.
 #[test]
 fn the_median_of_what_left_is_that_of_the_record() {
     let _beside = beside_others();

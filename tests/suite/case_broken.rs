@@ -1608,7 +1608,7 @@ fn broken_cases_are_refused_by_the_library() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// Changes with several invalid fields, each of which is named.
+/// Changes with several invalid fields, each of which must be named.
 const SEVERAL_SLIPS: [&str; 11] = [
     "box wall on a periodic face",
     "elastic spheres without moduli",
@@ -1623,7 +1623,7 @@ const SEVERAL_SLIPS: [&str; 11] = [
     "walls round no water",
 ];
 
-/// A slip has one finding: checks that depend on a wrong field are silent.
+/// Checks that a slip has one finding: checks that depend on a wrong field are silent.
 #[test]
 fn one_slip_has_one_finding() {
     let mut failures = Vec::new();
@@ -1642,7 +1642,7 @@ fn one_slip_has_one_finding() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// An unreadable file, mesh or sample is the only finding, even if the spacing is automatic.
+/// Checks that an unreadable file, mesh or sample is the only finding, even if the spacing is automatic.
 #[test]
 fn files_that_cannot_be_read_are_the_only_finding() {
     let only = |case: &Value, path: &str| {
@@ -1680,7 +1680,7 @@ fn files_that_cannot_be_read_are_the_only_finding() {
     only(&wet, "structures[0].shape.surface.mesh.path");
 }
 
-/// Names of unavailable features lead to their alternative, not to a similar name.
+/// Checks that names of unavailable features lead to their alternative, not to a similar name.
 #[test]
 fn absent_features_are_named_as_such() {
     for (example, set, reason) in [
@@ -1703,7 +1703,7 @@ fn absent_features_are_named_as_such() {
     }
 }
 
-/// Features under other names lead to the field that has them.
+/// Checks that features under other names lead to the field that provides them.
 #[test]
 fn features_under_other_names_lead_to_their_field() {
     let surface = "fluid.lattice_boltzmann.surface";
@@ -1736,7 +1736,7 @@ fn features_under_other_names_lead_to_their_field() {
     }
 }
 
-/// Numbers beyond any physical magnitude are refused with their path.
+/// Checks that numbers beyond any physical magnitude are refused with their path.
 #[test]
 fn numbers_without_size_are_refused_by_their_path() {
     for (example, path) in [

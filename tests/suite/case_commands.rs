@@ -312,7 +312,8 @@ fn the_reference_is_written_in_both_formats() {
     assert_eq!(output.status.code(), Some(5), "{output:?}");
 }
 
-/// The papers of a case name its models, each publication once, with DOI; BibTeX has the same keys.
+/// Checks that the papers of a case name its models, each publication once, with DOI, and that BibTeX has the same
+/// keys.
 #[test]
 fn cite_lists_the_papers_of_the_models_of_a_case() {
     let folder = tempfile::tempdir().unwrap();

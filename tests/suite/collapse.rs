@@ -157,7 +157,8 @@ fn sand_leaves_as_single_grains() {
     );
 }
 
-/// A large grain rolls from a crest into a hollow and leaves its column, 2.4 mm long; no grain leaves the domain.
+/// Checks a large grain that rolls from a crest into a hollow and leaves its column, 2.4 mm long; no grain leaves the
+/// domain.
 #[test]
 fn a_grain_that_rolls_off_its_column_is_no_sinkhole() {
     let _beside = beside_others();

@@ -55,9 +55,9 @@ impl Complex {
     }
 }
 
-/// A base on a stratum with a sheet pile below it, under a head of 1 m upstream and 0 downstream. In the complex
-/// plane z the ground surface is the real axis, with the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi
-/// s/2T)) takes the structure to a real interval.
+/// Base on a stratum with a sheet pile below it, under a head of 1 m upstream and 0 downstream. In the complex plane z
+/// the ground surface is the real axis, with the ground below it; u = sqrt(tanh^2(pi z/2T) + tan^2(pi s/2T)) maps the
+/// structure to a real interval.
 struct Dam {
     /// Depth of the stratum and of the pile.
     stratum: f64,
@@ -225,7 +225,7 @@ fn load(study: &Study, run: &str) -> [f64; 3] {
     [row[3], row[2], row[7]].map(|x| x / WEIGHT)
 }
 
-/// Flat base of 2 m on a stratum of 2 m.
+/// Checks a flat base of 2 m on a stratum of 2 m.
 #[test]
 fn a_flat_dam_has_the_exact_force_and_moment() {
     let _beside = beside_others();
@@ -249,7 +249,7 @@ fn a_flat_dam_has_the_exact_force_and_moment() {
     assert!(thrust.abs() < 1e-9, "{thrust}");
 }
 
-/// Base with a cut-off of 0.5 m in its middle: uplift, thrust on the cut-off, moment.
+/// Checks a base with a cut-off of 0.5 m in its middle: uplift, thrust on the cut-off, moment.
 #[test]
 fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     let _beside = beside_others();
@@ -274,7 +274,7 @@ fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     }
 }
 
-/// Base with a cut-off of 0.5 m at its toe: exit gradient, discharge, uplift, and heave of Terzaghi's prism.
+/// Checks a base with a cut-off of 0.5 m at its toe: exit gradient, discharge, uplift, and heave of Terzaghi's prism.
 #[test]
 fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {
     let _beside = beside_others();
@@ -380,7 +380,7 @@ fn a_line_probe_reads_the_ground() {
     }
 }
 
-/// Drains, a well, dipping beds, and all answers: equal bits on any number of ranks and threads, and after a
+/// Checks drains, a well, dipping beds, and all answers: equal bits on any number of ranks and threads, and after a
 /// restart.
 #[test]
 fn drains_and_dips_give_the_same_bits() {
@@ -443,7 +443,7 @@ fn drains_and_dips_give_the_same_bits() {
     assert_eq!(tables("parts"), tables("straight"));
 }
 
-/// Returns the flow through a strip of this length and of height 1 between tight walls, under a head of 1 m.
+/// Returns the flow through a strip of this length and of height 1 between impermeable walls, under a head of 1 m.
 fn through_strip(length: f64, zones: &str) -> f64 {
     let study = Study::from_example(
         "sheet-pile",
@@ -467,8 +467,8 @@ fn through_strip(length: f64, zones: &str) -> f64 {
         .unwrap()
 }
 
-/// Inclined layers between horizontal tight walls: far from the ends the flow is K1 K2/K_yy times the gradient, with
-/// K_yy = K1 sin^2 + K2 cos^2. The difference of two lengths leaves out the ends.
+/// Checks inclined layers between horizontal impermeable walls: far from the ends the flow is K1 K2/K_yy times the
+/// gradient, with K_yy = K1 sin^2 + K2 cos^2. The difference of two lengths eliminates the ends.
 #[test]
 fn inclined_layers_conduct_as_their_tensor() {
     let _beside = beside_others();
@@ -493,8 +493,8 @@ fn inclined_layers_conduct_as_their_tensor() {
     }
 }
 
-/// A polygon with the corners of a box is that box; layers that polygons bound between the lines of the grid conduct as
-/// their thicknesses.
+/// Checks that a polygon with the corners of a box is equivalent to the box, and that layers that polygons bound
+/// between the lines of the grid conduct in proportion to their thicknesses.
 #[test]
 fn zones_that_polygons_bound_conduct_as_layers() {
     let _beside = beside_others();

@@ -30,8 +30,8 @@ fn near(study: &Study, name: &str, quantity: &str, known: f64, within: f64) {
     assert!(difference.abs() < within, "{quantity}: {value} {known}");
 }
 
-/// Strain and lateral stress of a face-centred array of spheres under Hertz's law with sliding contacts. The contacts
-/// have an overlap of 1e-4 of the radius; the formulas leave out what is of that order.
+/// Checks the strain and the lateral stress of a face-centred array of spheres under Hertz's law with sliding contacts.
+/// The contacts have an overlap of 1e-4 of the radius; the formulas neglect terms of this order.
 #[test]
 fn an_oedometer_test_gives_the_stiffness_of_the_array() {
     let _beside = beside_others();
@@ -45,9 +45,9 @@ fn an_oedometer_test_gives_the_stiffness_of_the_array() {
 /// Resistance to rolling that keeps discs from rolling over each other.
 const ROLLING: &str = r#"{"friction": 0.3, "damping_ratio": 0.3}"#;
 
-/// The strength of hexagonal discs between smooth walls for two coefficients of friction, by the equilibrium of rows at
-/// the limit of friction. Overlaps of 1e-4 of the diameter turn the contacts by as much, and the ratio changes by some
-/// six times the angle. Without friction there is nothing to roll on, and no resistance to rolling is needed.
+/// Checks the strength of hexagonal discs between smooth walls for two coefficients of friction, by the equilibrium of
+/// rows at the limit of friction. Overlaps of 1e-4 of the diameter rotate the contacts by as much, and the ratio
+/// changes by some six times the angle. Without friction there is no rolling, and no resistance to rolling is needed.
 #[test]
 fn a_biaxial_test_gives_the_strength_of_hexagonal_rows() {
     let _beside = beside_others();
@@ -75,7 +75,7 @@ fn a_biaxial_test_gives_the_strength_of_hexagonal_rows() {
     }
 }
 
-/// The strength of a face-centred array between smooth walls.
+/// Checks the strength of a face-centred array between smooth walls.
 #[test]
 fn a_triaxial_test_gives_the_strength_of_the_array() {
     let _beside = beside_others();
@@ -86,7 +86,8 @@ fn a_triaxial_test_gives_the_strength_of_the_array() {
     near(&study, "straight", "peak_stress_ratio", known, 3e-3);
 }
 
-/// Discs that roll over each other between rough plates: half of the angle of their line of centres, for two frictions.
+/// Checks discs that roll over each other between rough plates: half of the angle of their line of centres, for two
+/// coefficients of friction.
 #[test]
 fn a_shear_test_gives_the_strength_of_nested_rows() {
     let _beside = beside_others();
@@ -100,8 +101,9 @@ fn a_shear_test_gives_the_strength_of_nested_rows() {
     }
 }
 
-/// The strength of bonded discs by the equilibrium of a pair under the two discs above and below it, for two ratios of
-/// the stiffnesses. Without shear springs it is 3^0.5 times the strength of the bond. Samples are 10 Pa apart.
+/// Checks the strength of bonded discs by the equilibrium of a pair under the two discs above and below it, for two
+/// ratios of the stiffnesses. Without shear springs it is 3^0.5 times the strength of the bond. Samples are 10 Pa
+/// apart.
 #[test]
 fn bonded_discs_are_crushed_at_their_strength() {
     let _beside = beside_others();
@@ -161,7 +163,7 @@ fn servo_walls_keep_the_bits() {
     }
 }
 
-/// A restart may change the stress of a servo wall, and the wall continues from its position.
+/// Checks that a restart may change the stress of a servo wall, and that the wall continues from its position.
 #[test]
 fn a_restart_changes_the_stress_of_a_servo_wall() {
     let _beside = beside_others();
@@ -202,7 +204,7 @@ fn a_restart_changes_the_stress_of_a_servo_wall() {
     );
 }
 
-/// Two discs at rest on a floor: force, torque about a point and mean stress are those of their weights.
+/// Checks two stationary discs on a floor: force, torque about a point and mean stress are those of their weights.
 #[test]
 fn a_floor_bears_the_weight_of_what_lies_on_it() {
     let _beside = beside_others();

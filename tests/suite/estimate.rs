@@ -120,9 +120,8 @@ fn weir(limit: f64) -> Value {
     })
 }
 
-/// The lattice velocity over the crest of a weir increases with the cell size, which the plan does not predict. A
-/// guard ends the runs on coarser grids: other grids replace them, and the message describes the remaining
-/// estimate.
+/// Checks a weir over whose crest the lattice velocity increases with the cell size, which the plan does not predict. A
+/// guard ends the runs on coarser grids: other grids replace them, and the message describes the remaining estimate.
 #[test]
 fn grids_that_a_guard_ends_are_replaced_and_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -207,7 +206,7 @@ fn the_plan_says_what_an_estimate_costs() {
     assert!(all > own && all < 1.25 * own, "{all} for {own}");
 }
 
-/// A failure of the case itself gives the exit code of a numerical failure.
+/// Checks that a failure of the case itself gives the exit code of a numerical failure.
 #[test]
 fn the_failure_of_the_case_is_a_numerical_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,8 +225,8 @@ fn the_failure_of_the_case_is_a_numerical_one() {
     );
 }
 
-/// A pilot runs on coarse cells and writes the case with its results; the plan of this case is the same on every
-/// machine, and a change of the case is detected.
+/// Checks that a pilot runs on coarse cells and writes the case with its results, that the plan of this case is the
+/// same on every machine, and that a change of the case is detected.
 #[test]
 fn a_pilot_gives_the_plan_speed_and_pressure() {
     let _beside = beside_others();

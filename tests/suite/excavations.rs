@@ -80,9 +80,9 @@ fn solved(case: &Value) -> [f64; 3] {
     ]
 }
 
-/// The discharge is k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E. Harr,
-/// Groundwater and Seepage, 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide passes 0.07 % less. At the
-/// toe the head is half way, by symmetry.
+/// Checks the discharge k h K'(m)/(2 K(m)) with m = sin(pi s/2T) for a pile down to s in a layer of depth T (M. E.
+/// Harr, Groundwater and Seepage, 1962, section 5-5): 1.692e-4 m2/s, of which a ground 30 m wide conducts 0.07 % less.
+/// At the toe the head is the mean of both sides, by symmetry.
 #[test]
 fn the_discharge_holds_wherever_the_pile_meets_the_cells() {
     // The pile is on the faces of cells, in the middle of cells, and close to the face of a cell.

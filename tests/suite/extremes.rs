@@ -182,9 +182,9 @@ fn block<'a>(more: &[&'a str]) -> Vec<&'a str> {
     BLOCK.iter().copied().chain(more.iter().copied()).collect()
 }
 
-/// Returns scenes with extreme densities, with 9.81 (1 - 1/ratio) t the fall without drag: 1.01 gives 0.00486 m/s in
-/// 0.05 s, 10 gives 0.1766 m/s in 0.02 s. The water to be moved along makes both slower: by a half of the sphere's
-/// volume to about one.
+/// Returns scenes with extreme densities. The speed of fall without drag is 9.81 (1 - 1/ratio) t: 0.00486 m/s in 0.05 s
+/// for a ratio of 1.01, 0.1766 m/s in 0.02 s for 10. The added mass of the water reduces both: it is that of half of
+/// the volume of the sphere to about the whole volume.
 fn densities() -> Vec<Row> {
     const SLOW: End = Result(&[("velocity_z", -4.86e-3, -1.2e-3)]);
     const FAST: End = Result(&[("velocity_z", -0.1766, -0.12)]);

@@ -36,13 +36,13 @@ const DISCS: [(&str, &str); 9] = [
     ),
 ];
 
-/// Checks that what the water lost of its momentum is what bodies, walls and the body force gave and took.
+/// Checks that the momentum that the water lost is that exchanged with bodies, walls and the body force.
 fn closes_momentum(summary: &Value) {
     let error = summary["momentum_error"].as_f64().unwrap();
     assert!(error < 1e-9, "{error}");
 }
 
-/// Checks that the water has kept its mass.
+/// Checks that the water has conserved its mass.
 fn keeps_water(water: &Value, within: f64) {
     let error = water["mass_error"].as_f64().unwrap();
     assert!(error.abs() < within, "{water}");
@@ -114,8 +114,8 @@ fn a_block_and_a_sphere_in_three_dimensions_with_eddies() {
     closes_momentum(&study.summary("straight"));
 }
 
-/// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits and the
-/// mass of the water kept.
+/// Checks that bodies drift in a stream between openings, one of them out of the domain, with the same bits, and that
+/// the mass of the water is conserved.
 #[test]
 fn discs_in_a_stream_between_openings() {
     let _beside = beside_others();
@@ -151,7 +151,7 @@ fn discs_in_a_stream_between_openings() {
     closes_momentum(&study.summary("straight"));
 }
 
-/// Returns a disc in a basin at rest.
+/// Returns a disc in a stationary basin.
 fn basin(name: &str, set: &[(&str, &str)]) -> Study {
     let mut all = DISCS.to_vec();
     all.extend([

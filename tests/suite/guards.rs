@@ -44,7 +44,7 @@ impl Ran {
 }
 
 /// Returns a channel of 4 x 1 m with a parabolic inlet of 1 m/s and a pressure outlet, TRT, 40 cells across: at cell
-/// Reynolds number 15 and tau = 0.52 it fails even from the exact parabola.
+/// Reynolds number 15 and tau = 0.52 the flow fails even if it starts with the exact parabola.
 fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     let step = (tau - 0.5) / 3.0 * 0.025 * 0.025 / viscosity;
     json!({
@@ -62,7 +62,7 @@ fn channel(tau: f64, peak: f64, viscosity: f64) -> Value {
     })
 }
 
-/// Returns a pressure that is imposed at once, and changes the density by 30 % at tau = 0.8.
+/// Returns a case with a pressure that is imposed at once and changes the density by 30 % at tau = 0.8.
 fn hammer(tau: f64) -> Value {
     json!({
         "domain": {"size": [1, 0.25], "spacing": 0.025},
@@ -375,8 +375,8 @@ fn a_mach_number_above_the_usual_is_said() {
     assert!(!slow.warned("Mach number"));
 }
 
-/// A disc moves through water at rest: the mean of the forces before and after a step (Ladd 1994) halves their
-/// oscillation between steps, and preserves the mean.
+/// Checks a disc that moves through stationary water: the mean of the forces before and after a step (Ladd 1994) halves
+/// their oscillation between steps, and preserves the mean.
 #[test]
 fn the_force_of_two_half_steps_swings_less() {
     let force = |average: bool| {
@@ -414,8 +414,8 @@ fn the_force_of_two_half_steps_swings_less() {
     assert!((mean / same - 1.0).abs() < 1e-3, "{mean} {same}");
 }
 
-/// A disc approaches another: cells with five or more solid neighbours, which the walls no longer drive, are
-/// compressed less.
+/// Checks a disc that approaches another one: cells with five or more solid neighbours, which the walls no longer
+/// drive, are compressed less.
 #[test]
 fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     let squeezed = |limit: u32| {
@@ -449,7 +449,7 @@ fn enclosed_cells_that_walls_do_not_drive_are_squeezed_less() {
     );
 }
 
-/// Failing water ejects a body within a step; the message reports the water, and proposes no wall.
+/// Checks failing water that ejects a body within a step: the message reports the water, and proposes no wall.
 #[test]
 fn water_that_throws_a_body_out_is_what_failed() {
     let case = json!({
@@ -498,7 +498,8 @@ fn moving_disc(cell: f64) -> Value {
     })
 }
 
-/// The plan calls a moving body unstable if its run fails, and proposes a spacing at which it is stable.
+/// Checks that the plan calls a moving body unstable if its run fails, and proposes a spacing at which the run is
+/// stable.
 #[test]
 fn a_body_that_moves_fails_where_the_plan_says_so() {
     let fails = ran(1, &moving_disc(20.0), &[]);
@@ -518,8 +519,8 @@ fn a_body_that_moves_fails_where_the_plan_says_so() {
     assert_eq!(holds.done.code, Some(0), "{}", holds.done.stderr);
 }
 
-/// Two bonded grains separate, and later two others overlap too much: the table of bonds contains the bond that
-/// broke before the run failed.
+/// Checks a run in which two bonded grains separate, and later two others overlap too much: the table of bonds contains
+/// the bond that broke before the run failed.
 #[test]
 fn a_run_that_fails_leaves_its_tables() {
     let grain =

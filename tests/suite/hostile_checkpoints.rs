@@ -122,9 +122,9 @@ impl Copy {
         (done.status.code(), told)
     }
 
-    /// Overwrites a number of a column in the heavy file, and signs the manifest for it; returns `true` if the
-    /// column then has the number, in this row or in another one. If the bytes occur several times, such as zeros,
-    /// each position is tried until the column has changed.
+    /// Overwrites a number of a column in the HDF5 file, and signs the manifest for it; returns `true` if the column
+    /// then has the number, in this row or in another one. If the bytes occur several times, such as zeros, each
+    /// position is tried until the column has changed.
     fn put(&self, column: &str, row: usize, bits: u64) -> bool {
         let old = self.read(column).unwrap();
         let raw: Vec<u8> = old.iter().flat_map(|word| word.to_le_bytes()).collect();
@@ -293,7 +293,7 @@ fn a_signed_manifest_is_bounded_by_the_case() {
     assert_eq!(code, Some(0), "the whole one is taken: {told}");
 }
 
-/// Numbers that no run of the case could have written are refused with the name of their column.
+/// Checks that numbers that no run of the case could have written are refused with the name of their column.
 #[test]
 fn every_column_of_grains_and_contacts_has_bounds() {
     let _beside = beside_others();

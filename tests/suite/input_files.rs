@@ -307,7 +307,7 @@ fn a_sample_is_read_in_full_or_refused() {
     );
 }
 
-/// A sample that was made in cm round the origin, as a dump or a table.
+/// Checks a sample that was made in cm round the origin, as a dump or a table.
 #[test]
 fn a_sample_is_moved_and_scaled_into_the_domain() {
     let folder = tempfile::tempdir().unwrap();
@@ -692,7 +692,7 @@ fn grains_of_a_file_do_not_start_in_structures() {
     assert!(found.iter().all(|p| p.path != path), "{found:#?}");
 }
 
-/// A rank variable in the environment of a shell, without a number of ranks, does not silence any command.
+/// Checks that a rank variable in the environment of a shell, without a number of ranks, does not silence any command.
 #[test]
 fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     for name in ["SLURM_PROCID", "PMI_RANK", "PMIX_RANK"] {
@@ -718,8 +718,8 @@ fn a_rank_in_the_environment_of_a_shell_does_not_silence_the_program() {
     assert!(command.output().unwrap().stdout.is_empty());
 }
 
-/// The program writes only into the folder of the run: links there are replaced or refused, and their targets are
-/// unchanged.
+/// Checks that the program writes only into the folder of the run: links there are replaced or refused, and their
+/// targets are unchanged.
 #[test]
 fn links_in_the_folder_of_a_run_are_not_followed() {
     let folder = tempfile::tempdir().unwrap();
@@ -759,7 +759,7 @@ fn links_in_the_folder_of_a_run_are_not_followed() {
     }
 }
 
-/// A picture replaces pictures, and other plain files only on request.
+/// Checks that a picture replaces pictures, and other plain files only on request.
 #[test]
 fn a_picture_replaces_no_other_file() {
     let folder = tempfile::tempdir().unwrap();

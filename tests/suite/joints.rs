@@ -330,7 +330,7 @@ fn water(case: &Value) -> Result<solver::coupling::joint_water::JointWater, Vec<
     Ok(solver::simulation::setup::joints(&plan).unwrap().unwrap())
 }
 
-/// Makes steps of the joint water alone; returns the largest and the smallest pressure.
+/// Advances the water in joints alone; returns the largest and the smallest pressure.
 fn steps(water: &mut solver::coupling::joint_water::JointWater, number: usize) -> [f64; 2] {
     use solver::coupling::Flow;
     use solver::dem::particles::Particles;

@@ -24,8 +24,8 @@ fn columns<const N: usize>(study: &Study, file: &str, names: [&str; N]) -> Vec<[
     lines.map(row).collect()
 }
 
-/// Bonds that weaken with the saturation: a front of constant shape descends with (R - K_i)/(theta_R - theta_i), and a
-/// bond fails at the saturation at which its strength is the weight less the buoyancy.
+/// Checks bonds that weaken with the saturation: a front of constant shape descends with (R - K_i)/(theta_R - theta_i),
+/// and a bond fails at the saturation at which its strength is the weight less the buoyancy.
 #[test]
 fn stones_fall_as_the_front_of_rain_passes() {
     let _beside = beside_others();
@@ -99,9 +99,9 @@ fn a_bridged_column_collapses_on_wetting_and_not_when_dry() {
     study.same("wet", "parts");
 }
 
-/// A layer of discs of diameter d under a roof, held by suction alone. Effective stress with chi = S_e = exp(alpha psi)
-/// at the roof, `rho_w g h exp(-alpha h)`, against the weight of discs and water, `pi/4 rho_s g d + (1 - pi/4) S rho_w
-/// g d`.
+/// Checks a layer of discs of diameter d under a roof, held by suction alone: the effective stress with chi = S_e =
+/// exp(alpha psi) at the roof, `rho_w g h exp(-alpha h)`, against the weight of discs and water, `pi/4 rho_s g d + (1 -
+/// pi/4) S rho_w g d`.
 #[test]
 fn suction_holds_what_the_formula_of_bishop_holds() {
     let _beside = beside_others();

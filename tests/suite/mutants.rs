@@ -251,7 +251,7 @@ pub(crate) struct Mutant {
     pub(crate) touches_file: bool,
 }
 
-/// Changes bytes, words or lines of a file, and returns a note of the change.
+/// Changes bytes, words or lines of a file, and returns a description of the change.
 pub(crate) fn scramble(bytes: &mut Vec<u8>, dice: &mut Dice) -> String {
     let at = dice
         .below(bytes.len() + 1)

@@ -17,8 +17,8 @@ fn warned(plan: &Plan, words: &str) -> bool {
     plan.warnings.iter().any(|w| w.to_string().contains(words))
 }
 
-/// An outlet consists of whole cells, which the plan reports; the values of an inlet are weighted by area in the
-/// cells that its ends intersect.
+/// Checks that an outlet consists of whole cells, which the plan reports, and that the values of an inlet are weighted
+/// by area in the cells that its ends intersect.
 #[test]
 fn an_opening_that_cells_move_is_named() {
     let pool = |from: f64, to: f64, condition: Value| {
@@ -46,7 +46,7 @@ fn an_opening_that_cells_move_is_named() {
     ));
 }
 
-/// The discharge that enters in a step equals the stated one, for any profile, patch and number of ranks.
+/// Checks that the discharge that enters in a step equals the stated one, for any profile, patch and number of ranks.
 #[test]
 fn openings_let_the_stated_discharge_in() {
     let _beside = beside_others();
@@ -109,7 +109,7 @@ fn openings_let_the_stated_discharge_in() {
     }
 }
 
-/// Water under gravity between two hydrostatic pressures remains at rest.
+/// Checks that water under gravity between two hydrostatic pressures remains stationary.
 #[test]
 fn hydrostatic_pressures_hold_water_at_rest() {
     let _beside = beside_others();
@@ -177,8 +177,8 @@ fn grains_without_a_floor_are_named_with_the_face() {
     );
 }
 
-/// Links lose mass in the pores of a bed: 1.4e-7 of the mass per step in this flume, where partially saturated
-/// cells lose nothing.
+/// Checks that links lose mass in the pores of a bed: 1.4e-7 of the mass per step in this flume, where partially
+/// saturated cells lose nothing.
 #[test]
 fn spheres_that_fall_into_a_bed_are_partially_saturated_unless_the_case_says_otherwise() {
     let coupling = |case: &Value| plan(case).scene.coupling;

@@ -148,7 +148,7 @@ fn a_zone_without_resistance_or_outside_the_domain_is_refused() {
     }
 }
 
-/// The plan computes the speed from the zones that close the channel: u = G/(nu/K) per density.
+/// Checks that the plan computes the speed from the zones that close the channel: u = G/(nu/K) per density.
 #[test]
 fn the_plan_knows_the_speed_that_a_zone_allows() {
     let mut case = gravel(&json!(1e-9), 2e-4);

@@ -16,9 +16,9 @@ fn columns(text: &str, names: [&str; 2]) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// In a periodic channel under an oscillating force the momentum changes by this force and by that of the walls. At
-/// the time of a row of the walls the force is known, and the change of the momentum follows from the rows of the
-/// discharge before and after.
+/// Checks a periodic channel under an oscillating force, in which the momentum changes by this force and by that of the
+/// walls. At the time of a row of the walls the force is known, and the change of the momentum follows from the rows of
+/// the discharge before and after.
 #[test]
 fn forces_on_walls_are_those_of_the_time_of_their_row() {
     let _beside = beside_others();

@@ -71,14 +71,14 @@ pub(crate) fn hang(usual: f64) -> Duration {
 }
 
 /// Numbers of cores and jobs in use.
-struct Use {
+struct CoreUse {
     cores: usize,
     /// Number of jobs of several ranks that wait for the machine.
     waiting: usize,
 }
 
-static USE: (Mutex<Use>, Condvar) = (
-    Mutex::new(Use {
+static CORE_USE: (Mutex<CoreUse>, Condvar) = (
+    Mutex::new(CoreUse {
         cores: 0,
         waiting: 0,
     }),
@@ -98,16 +98,16 @@ impl Cores {
             return Self(0);
         }
         let all = std::thread::available_parallelism().map_or(1, usize::from) + 1;
-        let mut now = USE.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut now = CORE_USE.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mine = if ranks > 1 {
             now.waiting += 1;
-            let wait = |now: &mut Use| now.cores > 0;
-            now = (USE.1.wait_while(now, wait)).unwrap_or_else(PoisonError::into_inner);
+            let wait = |now: &mut CoreUse| now.cores > 0;
+            now = (CORE_USE.1.wait_while(now, wait)).unwrap_or_else(PoisonError::into_inner);
             now.waiting -= 1;
             all
         } else {
-            let wait = |now: &mut Use| now.cores == all || (now.cores == 0 && now.waiting > 0);
-            now = (USE.1.wait_while(now, wait)).unwrap_or_else(PoisonError::into_inner);
+            let wait = |now: &mut CoreUse| now.cores == all || (now.cores == 0 && now.waiting > 0);
+            now = (CORE_USE.1.wait_while(now, wait)).unwrap_or_else(PoisonError::into_inner);
             1
         };
         now.cores += mine;
@@ -117,8 +117,12 @@ impl Cores {
 
 impl Drop for Cores {
     fn drop(&mut self) {
-        USE.0.lock().unwrap_or_else(PoisonError::into_inner).cores -= self.0;
-        USE.1.notify_all();
+        CORE_USE
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .cores -= self.0;
+        CORE_USE.1.notify_all();
     }
 }
 
@@ -406,8 +410,8 @@ impl Study {
         }
     }
 
-    /// Returns a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the first
-    /// grains leave.
+    /// Returns the study of a small hole in a bonded packing that erodes at once: in 300 steps most bonds break and the
+    /// first grains leave.
     pub(crate) fn eroding(more: &[(&str, &str)]) -> Self {
         let mut study = Self::from_example(
             "piping",

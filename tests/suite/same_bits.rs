@@ -58,7 +58,7 @@ fn restarts_on_other_ranks_equal_the_straight_run() {
     study.same("straight", "parts");
 }
 
-/// All output times are between steps, and every part ends between two rows.
+/// Checks a case whose output times are all between steps, and in which every part of the run ends between two rows.
 #[test]
 fn rows_are_at_the_nearest_steps_and_old_ends_leave_no_trace() {
     let _beside = beside_others();
@@ -174,7 +174,7 @@ fn fluid_without_grains() {
     study.same("straight", "two along y");
 }
 
-/// Eddy viscosity in 3-D: the velocity of the previous step is part of the state.
+/// Checks an eddy viscosity in 3-D: the velocity of the previous step is part of the state.
 #[test]
 fn turbulence_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -212,8 +212,8 @@ fn turbulence_on_any_ranks_and_over_a_restart() {
     study.same("straight", "parts");
 }
 
-/// Runs water between walls, which makes two steps in one sweep if no output reads the state between them: outputs,
-/// a checkpoint and the end may be at any step.
+/// Runs water between walls, which makes two steps in one sweep if no output reads the state between them: outputs, a
+/// checkpoint and the end may be at any step.
 #[test]
 fn a_cavity_that_is_watched_now_and_then() {
     let _beside = beside_others();
@@ -286,7 +286,8 @@ fn eddies_between_walls_watched_now_and_then() {
     ]);
 }
 
-/// A checkpoint of some megabytes is written and read in pieces, more of them for a thick slab than for a thin one.
+/// Checks a checkpoint of some megabytes, which is written and read in pieces, more of them for a thick slab than for a
+/// thin one.
 #[test]
 fn a_state_of_many_pieces() {
     let _beside = beside_others();
@@ -322,7 +323,7 @@ fn a_state_of_many_pieces() {
     }
 }
 
-/// Synthetic turbulence enters, is convected out, and is averaged: sums over time are part of the state.
+/// Checks synthetic turbulence that enters, is convected out, and is averaged: sums over time are part of the state.
 #[test]
 fn averages_of_a_gusty_stream() {
     let _beside = beside_others();
@@ -364,7 +365,7 @@ fn averages_of_a_gusty_stream() {
     study.same("straight", "parts");
 }
 
-/// Openings that absorb sound sum over their faces, and their stored values are part of the state.
+/// Checks openings that absorb sound, which sum over their faces and whose stored values are part of the state.
 #[test]
 fn sound_leaves_on_any_ranks_and_over_a_restart() {
     let _beside = beside_others();
@@ -415,7 +416,7 @@ fn grains_without_fluid() {
     study.same("straight", "parts");
 }
 
-/// A jointed slab on soft springs and a named block next to it: shapes, orientations and the histories of faces
+/// Checks a jointed slab on soft springs and a named block next to it: shapes, orientations and the histories of faces
 /// move with the blocks between ranks.
 #[test]
 fn blocks_without_fluid() {
@@ -460,7 +461,7 @@ fn a_body_wider_than_a_slab_in_a_stream() {
     ]);
 }
 
-/// Rock in turbulent water: covered cells, a free block across slabs, a bed of fixed blocks, a driven sphere, an
+/// Checks rock in turbulent water: covered cells, a free block across slabs, a bed of fixed blocks, a driven sphere, an
 /// eddy viscosity, inlet and outlet. Slabs of two planes are thinner than the block.
 #[test]
 fn blocks_in_turbulent_water_on_any_ranks_and_over_a_restart() {
@@ -584,8 +585,8 @@ const SCOUR: &str = r#"{
   "checkpoint": {"every": 0.006}
 }"#;
 
-/// A block of discs crosses the domain: the slabs are divided by cost at the start and again at checkpoints during
-/// the run. With the rates of the plan a step costs more than messages, so that new slabs are worthwhile.
+/// Checks a block of discs that crosses the domain: the slabs are divided by cost at the start and again at checkpoints
+/// during the run. With the rates of the plan a step costs more than messages, so that new slabs are worthwhile.
 #[test]
 fn slabs_of_equal_cost_change_in_the_run() {
     let _beside = beside_others();
@@ -641,7 +642,7 @@ fn slabs_of_equal_cost_change_in_the_run() {
     study.same("straight", "listed");
 }
 
-/// Without a GPU, `auto` selects the processor and `gpu` ends with an error message.
+/// Checks that without a GPU `auto` selects the processor and `gpu` ends with an error message.
 #[test]
 fn a_cavity_on_a_gpu_if_there_is_one() {
     let _beside = beside_others();

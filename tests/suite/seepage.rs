@@ -35,8 +35,8 @@ fn a_restart_on_other_ranks_gives_the_same_bits() {
     study.same("straight", "parts");
 }
 
-/// Row 4 of the fissure: bonds, polygons, a gate that opens, grains removed below, and water through the whole
-/// domain.
+/// Checks row 4 of the fissure study: bonds, polygons, a gate that opens, grains removed below, and water through the
+/// whole domain.
 #[test]
 fn clay_falling_out_of_a_fissure_on_any_ranks_threads_and_splits() {
     let _beside = beside_others();
@@ -121,7 +121,7 @@ fn a_pocket_is_named() {
     );
 }
 
-/// The search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) within 5 %.
+/// Checks that the search on a settled bed between smooth walls finds Terzaghi's gradient (G_s - 1)(1 - n) within 5 %.
 #[test]
 fn the_search_finds_the_gradient_that_lifts_a_bed() {
     let _beside = beside_others();
@@ -156,8 +156,8 @@ fn the_search_finds_the_gradient_that_lifts_a_bed() {
     );
 }
 
-/// A pile with less permeable layers: cells intersected by boundaries, a raster from a file, a law that depends on
-/// the gradient.
+/// Checks a pile with less permeable layers: cells intersected by boundaries, a raster from a file, a law that depends
+/// on the gradient.
 #[test]
 fn zones_give_the_same_bits_on_any_ranks_and_after_a_restart() {
     let _beside = beside_others();
@@ -237,8 +237,8 @@ fn a_coarse_or_uneven_grid_is_warned_of() {
     );
 }
 
-/// Free water above the ground on both sides of a dam, with a resistance 10⁹ times smaller than that of the sand,
-/// transmits the heads, and the seepage is that of the mapping of Harr (1962).
+/// Checks that open water above the ground on both sides of a dam, with a resistance 10⁹ times smaller than that of the
+/// sand, transmits the heads, and that the seepage is that of the mapping of Harr (1962).
 #[test]
 fn water_ponded_over_the_ground_passes_on_its_head() {
     let _beside = beside_others();
@@ -266,7 +266,7 @@ fn water_ponded_over_the_ground_passes_on_its_head() {
     );
 }
 
-/// Ground of zones under a dam, without grains.
+/// Checks a case in which zones form the ground under a dam, without grains.
 #[test]
 fn zones_alone_are_a_bed() {
     let _beside = beside_others();
@@ -327,8 +327,8 @@ fn zones_that_need_grains_are_refused_without_them() {
     assert!(found.iter().any(|p| p.path == "grains"), "{found:#?}");
 }
 
-/// Closed ends near a dam on a leaky layer: the loss of discharge stated by the plan is that of runs with near and
-/// far ends.
+/// Checks closed ends near a dam on a leaky layer: the loss of discharge stated by the plan is that of runs with near
+/// and far ends.
 #[test]
 fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
     let folder = tempfile::tempdir().unwrap();

@@ -137,7 +137,7 @@ fn the_weight_of_the_water_counts_once() {
     }
 }
 
-/// Returns water at rest in a box, with planes over its whole section at which its largest speed is measured, and a
+/// Returns a box of stationary water, with planes over its whole section at which its largest speed is measured, and a
 /// structure on the lattice planes.
 fn box_of_water(size: &[f64], operator: &str, boundaries: Value) -> Value {
     let up = size.len() - 1;

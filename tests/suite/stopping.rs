@@ -217,7 +217,7 @@ fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     assert!(!folder.join("preparation").exists());
 }
 
-/// Checks a job with a killed rank: it ends soon, and its files are sufficient to continue.
+/// Checks a job with a killed rank: the job ends soon, and its files are sufficient to continue.
 #[track_caller]
 fn dies(study: &Study, name: &str, running: Running, killed: Instant) {
     let done = running.wait();

@@ -48,8 +48,8 @@ fn slab(name: &str, from: f64, to: f64) -> Value {
     json!({"name": name, "shape": {"box": {"from": [-1, from], "to": [1, to]}}})
 }
 
-/// Between domain walls, between boxes at the same place, and between boxes that intersect cells: the flux is H³/12
-/// times the force divided by the viscosity, and the boxes carry the force on all the water.
+/// Checks channels between domain walls, between boxes at the same place, and between boxes that intersect cells: the
+/// flux is H³/12 times the force divided by the viscosity, and the boxes carry the force on all the water.
 #[test]
 fn a_channel_of_boxes_is_one_of_walls() {
     let _beside = beside_others();
@@ -101,8 +101,8 @@ fn a_channel_of_boxes_is_one_of_walls() {
     }
 }
 
-/// A stream that is developed at the start, between a floor and the top of the domain, has its discharge from the
-/// first step on.
+/// Checks that a stream that is developed at the start, between a floor and the top of the domain, has its discharge
+/// from the first step on.
 #[test]
 fn a_stream_over_a_raised_floor_starts_developed() {
     let _beside = beside_others();
@@ -149,8 +149,8 @@ fn wet_cells(cells: i32, h: f64) -> f64 {
         .sum()
 }
 
-/// In a channel closed by a sheet of a tenth of a cell, upright in the middle of a cell or oblique, there is no
-/// flow.
+/// Checks that there is no flow in a channel closed by a sheet of a tenth of a cell, upright in the middle of a cell or
+/// oblique.
 #[test]
 fn a_sheet_thinner_than_a_cell_holds_water_back() {
     let _beside = beside_others();
@@ -223,8 +223,8 @@ fn ell(x: [f64; 3], z: [f64; 3]) -> String {
     text + "endsolid\n"
 }
 
-/// A weir of triangles carries the force and has the discharge of a weir of two boxes, in a stream and in the
-/// ground.
+/// Checks that a weir of triangles carries the force and has the discharge of a weir of two boxes, in a stream and in
+/// the ground.
 #[test]
 fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     let _beside = beside_others();
@@ -295,8 +295,8 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
     }
 }
 
-/// A drawing in millimetres is refused with a proposed scale, even if it covers the whole domain; for one outside
-/// the domain the message contains its position.
+/// Checks that a drawing in millimetres is refused with a proposed scale, even if it covers the whole domain; if it
+/// lies outside the domain, the message contains its position.
 #[test]
 fn a_surface_in_millimetres_is_told_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
@@ -508,8 +508,8 @@ fn covered_cells_beside_structures_have_the_same_bits_on_any_ranks_and_after_a_r
     grains_beside_structures(&json!({"partially_saturated": {}}));
 }
 
-/// A disc rolls down a frictionless ramp and comes to rest in a corner: it touches both faces, and no other part of
-/// the polygon.
+/// Checks a disc that rolls down a frictionless ramp and comes to rest in a corner: it touches both faces, and no other
+/// part of the polygon.
 #[test]
 fn a_disc_rests_in_the_corner_of_a_structure() {
     let _beside = beside_others();
@@ -564,8 +564,8 @@ fn problems(case: &Value) -> Vec<Problem> {
     }
 }
 
-/// Grains much smaller than the curved structures would need millions of facets: their number has a limit, and the plan
-/// states how far from the surface they lie then, once.
+/// Checks grains so small that curved structures would need millions of facets: their number has a limit, and the plan
+/// states once how far from the surface the facets then lie.
 #[test]
 fn facets_are_limited_and_their_distance_is_stated() {
     let case = |count: u32, radius: f64| {

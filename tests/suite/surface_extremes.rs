@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 const WATER: &str = "fluid.lattice_boltzmann.surface.water";
 const BOUNDARIES: &str = "fluid.lattice_boltzmann.boundaries";
 
-/// Returns a small box with these changes, at rest in air.
+/// Returns a small box with these changes, with stationary air.
 fn tank(more: &[(&str, &str)]) -> Study {
     let mut set = vec![
         ("domain", r#"{"size": [0.12, 0.06], "spacing": 0.0025}"#),
@@ -19,7 +19,7 @@ fn tank(more: &[(&str, &str)]) -> Study {
     Study::from_example("dam-break", &set)
 }
 
-/// Runs a study; returns its summary, in which the mass of the water is kept.
+/// Runs a study, checks that the mass of the water is conserved, and returns the summary.
 fn water(study: &Study) -> Value {
     let _beside = beside_others();
     study.run("run", 1, 1, &[]);
@@ -101,7 +101,7 @@ fn a_gate_that_closes_at_once_stops_the_discharge() {
     assert!((entered / 0.5 - 1.0).abs() < 2e-3, "{summary}");
 }
 
-/// A block that meets the water at 20 m/s, at a time step that resolves it.
+/// Checks a block that meets the water at 20 m/s, at a time step that resolves the impact.
 #[test]
 fn a_block_at_20_metres_a_second_keeps_the_water() {
     let more = [
@@ -191,7 +191,7 @@ fn tables_with_no_number_and_water_above_the_lid_are_refused_by_name() {
     }
 }
 
-/// Splashes of many steps keep the mass: the long form is the case `splashes` of `jobs/verification`.
+/// Checks that splashes of many steps conserve the mass; the long form is the case `splashes` of `jobs/verification`.
 #[test]
 fn splashes_keep_the_mass() {
     let summary = water(&tank(&[

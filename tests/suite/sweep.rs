@@ -193,7 +193,7 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
     assert!(!file.with_extension("").exists());
 }
 
-/// The exit code and the table report a member that is ended by a signal.
+/// Checks that the exit code and the table report a member that is ended by a signal.
 #[test]
 fn a_member_that_is_killed_is_told() {
     let (folder, file) = study(|_| {});

@@ -115,7 +115,8 @@ fn the_slope_is_that_of_coulomb_side_by_side_on_ranks_and_after_a_kill() {
     assert_eq!(started, rows.len() - 1 + 1);
 }
 
-/// The criterion is true below the threshold, the searched field is the friction angle, and other fields depend on it.
+/// Checks a criterion that is true below the threshold, with the friction angle as the searched field and other fields
+/// that depend on it.
 #[test]
 fn a_criterion_may_change_in_either_direction_and_fields_may_depend_on_the_searched_one() {
     let angle = "contact.blocks.friction_angle_degrees";

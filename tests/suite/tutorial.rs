@@ -10,7 +10,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("jobs/tutorial")
 }
 
-/// Each number of `expected.json` is in the table of the tutorial, and the runs agree with it.
+/// Checks that each number of `expected.json` is in the table of the tutorial, and that the runs agree with it.
 #[test]
 fn the_numbers_of_the_lessons_are_those_of_their_runs() {
     let _beside = beside_others();
@@ -40,7 +40,7 @@ fn the_numbers_of_the_lessons_are_those_of_their_runs() {
     assert_eq!((cases, compared), (6, stated));
 }
 
-/// Tutorial on clusters: a run continued from its checkpoint ends in the same state as an uninterrupted one.
+/// Checks the tutorial on clusters: a run continued from its checkpoint ends in the same state as an uninterrupted one.
 #[test]
 fn the_lesson_on_clusters_ends_in_the_same_state() {
     let _beside = beside_others();

@@ -18,8 +18,9 @@ fn rows(study: &Study, run: &str, probe: &str) -> Vec<Vec<f64>> {
     rows
 }
 
-/// Rectangular dam: discharge k (h1^2 - h2^2)/(2 L), exact after I. A. Charny, and the exit of the phreatic surface
-/// after P. Ya. Polubarinova-Kochina, 3.93959 m. The exit is of first order in the cells: two grids give its limit.
+/// Checks a rectangular dam: discharge k (h1^2 - h2^2)/(2 L), exact after I. A. Charny, and the exit of the phreatic
+/// surface after P. Ya. Polubarinova-Kochina, 3.93959 m. The exit is of first order in the cells: two grids give its
+/// limit.
 #[test]
 fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
     let _beside = beside_others();
@@ -49,7 +50,7 @@ fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
     assert!(coarse > fine && fine > 3.93959, "{coarse} {fine}");
 }
 
-/// Phreatic line of a dam between 10 m and 0 m over 10 m, from the integrals of P. Ya. Polubarinova-Kochina.
+/// Checks the phreatic line of a dam between 10 m and 0 m over 10 m, from the integrals of P. Ya. Polubarinova-Kochina.
 #[test]
 fn the_phreatic_line_of_a_dam_is_the_exact_one() {
     let _beside = beside_others();
@@ -72,7 +73,7 @@ fn the_phreatic_line_of_a_dam_is_the_exact_one() {
     }
 }
 
-/// Column of exponential soil under rain R above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z).
+/// Checks a column of exponential soil under rain R above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z).
 #[test]
 fn rain_on_an_exponential_soil_gives_the_exact_suction() {
     let _beside = beside_others();
@@ -215,8 +216,8 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
     }
 }
 
-/// Column of Celia, Bouloutas and Zarba (1990): water that entered in 6 h, 17.40 mm in a converged solution. The mass
-/// closes, the bits do not depend on ranks, threads and restarts, and the results are those of the balance.
+/// Checks the column of Celia, Bouloutas and Zarba (1990): water that entered in 6 h, 17.40 mm in a converged solution.
+/// The mass closes, the bits do not depend on ranks, threads and restarts, and the results are those of the balance.
 #[test]
 fn infiltration_closes_its_mass_with_the_same_bits_after_a_restart() {
     let _beside = beside_others();
@@ -264,8 +265,8 @@ fn flow_in_time_needs_a_soil_that_stores_water() {
     }
 }
 
-/// A dam with k_h = 9 k_v compared with its isotropic equivalent: lengths along x divided by 3, and the geometric
-/// mean of the conductivities.
+/// Compares a dam with k_h = 9 k_v with its isotropic equivalent: lengths along x divided by 3, and the geometric mean
+/// of the conductivities.
 #[test]
 fn a_layered_dam_is_its_stretched_twin() {
     let _beside = beside_others();
@@ -302,8 +303,8 @@ fn a_layered_dam_is_its_stretched_twin() {
     assert!((layered / 2.88e-4 - 1.0).abs() < 6e-3, "{layered}");
 }
 
-/// Uplift of a flat base of length B on deep ground under a head H: force gamma H B/2 and moment 3 gamma H B^2/16 about
-/// the heel, from phi/H = arccos(2 x/B - 1)/pi.
+/// Checks the uplift of a flat base of length B on deep ground under a head H: force gamma H B/2 and moment 3 gamma H
+/// B^2/16 about the heel, from phi/H = arccos(2 x/B - 1)/pi.
 #[test]
 fn uplift_of_a_flat_base_on_deep_ground() {
     let _beside = beside_others();
@@ -343,8 +344,8 @@ fn uplift_of_a_flat_base_on_deep_ground() {
     );
 }
 
-/// Exit gradient at a sheet pile to half the depth of a stratum: 0.0599 (M. E. Harr, Groundwater and Seepage,
-/// 1962).
+/// Checks the exit gradient at a sheet pile to half the depth of a stratum: 0.0599 (M. E. Harr, Groundwater and
+/// Seepage, 1962).
 #[test]
 fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
     let _beside = beside_others();
@@ -363,7 +364,7 @@ fn the_exit_gradient_of_a_sheet_pile_is_in_the_summary() {
     assert!(exits["upstream"].is_null(), "{exits}");
 }
 
-/// Conditions from tables, and layered soils: the same bits on any ranks and after a restart.
+/// Checks conditions from tables, and layered soils: the same bits on any ranks and after a restart.
 #[test]
 fn a_falling_level_gives_the_same_bits_after_a_restart() {
     let _beside = beside_others();
@@ -425,8 +426,8 @@ fn a_falling_level_gives_the_same_bits_after_a_restart() {
     assert!(upstream[0] > 9.0 && upstream[3] < 6.0, "{upstream:?}");
 }
 
-/// Evaporation with a limiting suction, a drain in contact with air and a well, under zones that polygons bound: equal
-/// bits on any ranks and threads and after a restart.
+/// Checks evaporation with a limiting suction, a drain in contact with air and a well, under zones that polygons bound:
+/// equal bits on any ranks and threads and after a restart.
 #[test]
 fn evaporation_drains_and_wells_give_the_same_bits_after_a_restart() {
     let _beside = beside_others();

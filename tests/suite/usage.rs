@@ -168,7 +168,7 @@ fn completions_and_the_manual_page_name_every_command() {
     assert_eq!(refused(&["completions", "cmd"]).0, Some(2));
 }
 
-/// A jet erosion test needs its apparatus whole, and gives the law in customary units.
+/// Checks that a jet erosion test needs its complete apparatus, and gives the law in customary units.
 #[test]
 fn the_law_of_a_jet_comes_from_its_record() {
     let folder = tempfile::tempdir().unwrap();

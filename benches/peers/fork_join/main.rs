@@ -10,14 +10,14 @@ use std::num::NonZero;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-/// Wall time that each number takes at least.
+/// Minimum wall time of each measurement.
 const LEAST: Duration = Duration::from_millis(400);
-/// Pieces of work \[µs\].
+/// Durations of the pieces of work \[µs\].
 const PIECES: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 /// Serial parts between two rounds \[µs\].
 const PAUSES: [f64; 3] = [0.0, 20.0, 500.0];
 
-/// Turns of [`work`] in a microsecond on this machine.
+/// Returns the number of turns of [`work`] in a microsecond on this machine.
 fn turns_in_a_microsecond() -> f64 {
     let turns = 20_000_000;
     let begun = Instant::now();
@@ -25,7 +25,7 @@ fn turns_in_a_microsecond() -> f64 {
     turns as f64 / begun.elapsed().as_secs_f64() / 1e6
 }
 
-/// Does arithmetic that takes the same time everywhere and touches no memory.
+/// Computes for a given number of turns without accessing memory.
 fn work(turns: u64) {
     let mut x = 1.000_000_1_f64;
     for _ in 0..turns {
@@ -53,7 +53,7 @@ fn processor_time() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// Returns the median time of a round beyond its piece \[µs\], and the processor time over the wall time.
+/// Returns the median time of a round in excess of its piece \[µs\], and the processor time divided by the wall time.
 fn measure(piece: f64, pause: f64, rate: f64, round: &mut dyn FnMut(u64)) -> (f64, f64) {
     let turns = (piece * rate) as u64;
     for _ in 0..100 {
@@ -74,7 +74,7 @@ fn measure(piece: f64, pause: f64, rate: f64, round: &mut dyn FnMut(u64)) -> (f6
     (times[times.len() / 2], share)
 }
 
-/// Halves a range of threads until one is left, as a join of two does.
+/// Divides a range of threads in half until one is left, as a join of two does.
 fn halve(scope: &mut chili::Scope<'_>, from: usize, to: usize, turns: u64) {
     if to - from == 1 {
         return work(turns);

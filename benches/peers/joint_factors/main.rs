@@ -65,7 +65,7 @@ fn cells(n: usize) -> impl Iterator<Item = [usize; 3]> {
     (0..n * n * n).map(move |i| [i % n, i / n % n, i / n / n])
 }
 
-/// Returns the processor time of this thread \[s\], which other programs on the machine do not lengthen.
+/// Returns the processor time of this thread \[s\], which excludes other work on the machine.
 fn processor_time() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text
@@ -75,7 +75,8 @@ fn processor_time() -> f64 {
     1e-9 * nanoseconds.unwrap_or(f64::NAN)
 }
 
-/// Returns the mean processor time of a function over at least half a second \[s\]: the system counts it in ticks.
+/// Returns the mean processor time of a function over at least half a second \[s\], because the system counts it in
+/// ticks.
 fn mean(mut run: impl FnMut()) -> f64 {
     let (start, mut count) = (processor_time(), 0.0);
     loop {

@@ -264,7 +264,7 @@ fn splits(size: usize) -> Vec<Slabs> {
 }
 
 /// Returns the number that a plane sends in a round. It differs for every plane, direction and round.
-fn cargo(plane: usize, upwards: bool, round: usize, item: usize) -> f64 {
+fn item_value(plane: usize, upwards: bool, round: usize, item: usize) -> f64 {
     let number = ((plane * 2 + usize::from(upwards)) * 10 + round) * 10 + item;
     random_f64(number as u64)
 }
@@ -275,21 +275,21 @@ fn fill(halo: &mut HaloExchange, domain: &Domain, round: usize) {
     let (lower, upper) = halo.send_buffers_mut::<f64>();
     let pack = |buffer: Option<&mut [f64]>, plane: usize, upwards: bool| {
         for (item, value) in buffer.into_iter().flatten().enumerate() {
-            *value = cargo(plane, upwards, round, item);
+            *value = item_value(plane, upwards, round, item);
         }
     };
     pack(lower, range.start, false);
     pack(upper, range.end.saturating_sub(1), true);
 }
 
-/// Compares the received numbers with those of the planes next to this rank's.
+/// Compares the received numbers with those of the planes next to the planes of this rank.
 fn compare(halo: &HaloExchange, domain: &Domain, round: usize, down: usize, up: usize) -> Outcome {
     let (range, planes) = (domain.range(), domain.slabs().planes());
     let closed = !domain.slabs().periodic();
     let (from_lower, from_upper) = halo.received::<f64>();
     let packed = |plane: usize, upwards: bool, items: usize| -> Vec<f64> {
         (0..items)
-            .map(|item| cargo(plane, upwards, round, item))
+            .map(|item| item_value(plane, upwards, round, item))
             .collect()
     };
     let below = if range.is_empty() || (range.start == 0 && closed) {

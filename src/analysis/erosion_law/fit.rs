@@ -88,7 +88,7 @@ impl RatePoint {
         (self.error * self.error / (self.quantum * self.rate.max(self.quantum))).max(1.0)
     }
 
-    /// Returns the variance of the rate if the law gives `rate`.
+    /// Returns the variance of the measured rate if the law predicts `rate`.
     fn variance(&self, rate: f64, scatter: f64) -> f64 {
         let counting = if self.quantum > 0.0 {
             self.burstiness() * self.quantum * rate.max(self.quantum)
@@ -117,7 +117,7 @@ impl Default for FitOptions {
     }
 }
 
-/// Erosion law, or bound of it, that the points give.
+/// Erosion law, or bound of the law, that follows from the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FittedErosionLaw {
@@ -137,7 +137,7 @@ pub enum FittedErosionLaw {
     },
 }
 
-/// The fitted law.
+/// Law fitted to the points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct LinearLaw {
     /// Critical shear stress tau_c, Pa.
@@ -220,7 +220,8 @@ impl Line {
     }
 }
 
-/// Fits the law, or returns the bound that the points give. `None` without a point that has a finite stress and rate.
+/// Fits the law, or returns the bound that follows from the points. `None` without a point that has a finite stress and
+/// rate.
 #[must_use]
 pub fn fit_law(points: &[RatePoint], options: FitOptions) -> Option<FittedErosionLaw> {
     let mut points: Vec<RatePoint> = points
@@ -575,7 +576,7 @@ fn theil_sen(points: &[RatePoint]) -> (f64, f64) {
 pub struct CohesionTrend {
     /// Slope of ln k_d against ln C; `None` for fewer than three fits.
     pub coefficient_exponent: Option<f64>,
-    /// Confidence interval of this slope.
+    /// Confidence interval of the exponent.
     pub coefficient_exponent_interval: Option<Interval>,
     /// `true` if the interval excludes zero.
     pub coefficient_has_trend: bool,
@@ -669,10 +670,10 @@ mod tests {
     use approx::assert_relative_eq;
     use base::random::Draws;
 
-    const TRUTH: Threshold = Threshold { k: 9.1, c: 9e-4 };
+    const TRUE_THRESHOLD: Threshold = Threshold { k: 9.1, c: 9e-4 };
 
     fn exact(run: usize, shear: f64) -> RatePoint {
-        let rate = TRUTH.rate(shear);
+        let rate = TRUE_THRESHOLD.rate(shear);
         RatePoint {
             run,
             shear,
@@ -698,15 +699,23 @@ mod tests {
             .map(|(i, &t)| exact(i, t))
             .collect();
         let fit = fitted(fit_law(&points, FitOptions::default()));
-        assert_relative_eq!(fit.coefficient, TRUTH.k, max_relative = 1e-9);
-        assert_relative_eq!(fit.critical_shear, TRUTH.c, max_relative = 1e-9);
-        assert_relative_eq!(fit.coefficient_median, TRUTH.k, max_relative = 1e-9);
-        assert_relative_eq!(fit.critical_shear_median, TRUTH.c, max_relative = 1e-9);
+        assert_relative_eq!(fit.coefficient, TRUE_THRESHOLD.k, max_relative = 1e-9);
+        assert_relative_eq!(fit.critical_shear, TRUE_THRESHOLD.c, max_relative = 1e-9);
+        assert_relative_eq!(
+            fit.coefficient_median,
+            TRUE_THRESHOLD.k,
+            max_relative = 1e-9
+        );
+        assert_relative_eq!(
+            fit.critical_shear_median,
+            TRUE_THRESHOLD.c,
+            max_relative = 1e-9
+        );
         assert_relative_eq!(fit.r_squared, 1.0, max_relative = 1e-12);
         assert!(fit.scatter.abs() < 1e-12);
         assert_eq!((fit.points, fit.eroding_points, fit.runs), (6, 4, 6));
-        assert!(fit.coefficient_interval.contains(TRUTH.k));
-        assert!(fit.rate_interval(1e-2).contains(TRUTH.rate(1e-2)));
+        assert!(fit.coefficient_interval.contains(TRUE_THRESHOLD.k));
+        assert!(fit.rate_interval(1e-2).contains(TRUE_THRESHOLD.rate(1e-2)));
         assert!(fit.rate_interval(1e-5).low.abs() < 1e-300);
     }
 
@@ -714,7 +723,7 @@ mod tests {
     fn two_points_fit_a_line_and_tell_nothing_of_its_quality() {
         let points = [exact(0, 3e-3), exact(0, 8e-3)];
         let fit = fitted(fit_law(&points, FitOptions::default()));
-        assert_relative_eq!(fit.coefficient, TRUTH.k, max_relative = 1e-9);
+        assert_relative_eq!(fit.coefficient, TRUE_THRESHOLD.k, max_relative = 1e-9);
         assert!(fit.r_squared.is_nan());
         // The error of the slope from those of the rates, times Student's t of one degree of freedom.
         let error = |p: &RatePoint| p.variance(p.rate, 0.0);
@@ -774,7 +783,7 @@ mod tests {
             let factor = (scatter * draws.normal()).exp();
             for window in 0..4 {
                 let shear = load * (1.0 + 0.08 * f64::from(window));
-                let rate = TRUTH.rate(shear) * factor;
+                let rate = TRUE_THRESHOLD.rate(shear) * factor;
                 let quantum = 2e-4;
                 // Number of grains in the window: a Poisson process, by its waiting times.
                 let (mut clock, mut grains) = (0.0, 0_u32);
@@ -810,9 +819,9 @@ mod tests {
         let (mut slope, mut threshold, mut mean) = (0, 0, 0.0);
         for _ in 0..200 {
             let fit = fitted(fit_law(&study(&mut draws, scatter), options));
-            slope += i32::from(fit.coefficient_interval.contains(TRUTH.k));
-            threshold += i32::from(fit.critical_shear_interval.contains(TRUTH.c));
-            mean += fit.coefficient / TRUTH.k / 200.0;
+            slope += i32::from(fit.coefficient_interval.contains(TRUE_THRESHOLD.k));
+            threshold += i32::from(fit.critical_shear_interval.contains(TRUE_THRESHOLD.c));
+            mean += fit.coefficient / TRUE_THRESHOLD.k / 200.0;
         }
         (f64::from(slope) / 200.0, f64::from(threshold) / 200.0, mean)
     }

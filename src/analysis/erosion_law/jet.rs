@@ -37,11 +37,12 @@ use crate::statistics::student;
 use base::number::real;
 
 /// Least number of readings: three parameters and one degree of freedom.
-const FEWEST: usize = 4;
-/// Values of tau_c at which the sum of squares is first computed.
+const LEAST_READINGS: usize = 4;
+/// Number of values of tau_c at which the sum of squares is first computed.
 const SCALE: u32 = 80;
-/// Largest distance of equilibrium on this scale, over the largest distance read; beyond it stands tau_c = 0.
-const FARTHEST: f64 = 100.0;
+/// Largest distance of equilibrium at which the sum is computed, divided by the largest distance read; a larger one is
+/// treated as tau_c = 0.
+const LARGEST_DISTANCE_RATIO: f64 = 100.0;
 /// Error of reading below which a record counts as exact, over the largest distance.
 const EXACT: f64 = 1e-9;
 
@@ -174,7 +175,7 @@ impl JetLaw {
     }
 }
 
-/// A reading of a test.
+/// Reading of a test.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct JetReading {
     /// Time since the jet was opened \[s\].
@@ -196,10 +197,10 @@ pub enum JetOutcome {
     },
 }
 
-/// The fitted law of a test.
+/// Law fitted to a test, with intervals.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct JetFit {
-    /// The law.
+    /// Fitted law.
     pub law: JetLaw,
     /// Interval of the critical stress \[Pa\].
     pub critical_shear_interval: Interval,
@@ -213,7 +214,7 @@ pub struct JetFit {
     pub scatter: f64,
     /// Number of readings.
     pub readings: usize,
-    /// Blaisdell's reading of the same record; none where the hyperbola has no equilibrium.
+    /// Law by Blaisdell's reading of the same record; none if the hyperbola has no equilibrium.
     pub blaisdell: Option<JetLaw>,
 }
 
@@ -271,9 +272,9 @@ pub fn fit_jet(apparatus: &JetApparatus, readings: &[JetReading]) -> Result<JetO
 }
 
 fn check(readings: &[JetReading]) -> Result<(), String> {
-    if readings.len() < FEWEST {
+    if readings.len() < LEAST_READINGS {
         return Err(format!(
-            "{} readings do not determine a law: at least {FEWEST} are needed",
+            "{} readings do not determine a law: at least {LEAST_READINGS} are needed",
             readings.len()
         ));
     }
@@ -330,7 +331,7 @@ pub fn jet_means(fits: &[&JetFit]) -> Option<JetMeans> {
     })
 }
 
-/// A record with its apparatus.
+/// Record with its apparatus.
 struct Test<'a> {
     apparatus: JetApparatus,
     readings: &'a [JetReading],
@@ -446,7 +447,7 @@ impl Test<'_> {
         let largest = self.readings.iter().map(|r| r.distance).fold(0.0, f64::max);
         let core = self.apparatus.core_length();
         let from = (self.readings[0].distance.max(core) * 1.002).ln();
-        let to = (FARTHEST * largest.max(core)).ln();
+        let to = (LARGEST_DISTANCE_RATIO * largest.max(core)).ln();
         let critical = |n: u32| {
             let part = f64::from(n) / f64::from(SCALE);
             let equilibrium = (to + (from - to) * part).exp();
@@ -494,7 +495,7 @@ impl Test<'_> {
         best
     }
 
-    /// Returns the critical stresses whose least squares are at most `most`.
+    /// Returns the interval of critical stresses whose sum of squares is at most `most`.
     fn critical_interval(&self, best: &Candidate, most: f64) -> Interval {
         let within = |critical: f64| self.candidate(critical).is_some_and(|c| c.squares <= most);
         let end = |outwards: &mut dyn Iterator<Item = f64>| {
@@ -524,7 +525,8 @@ impl Test<'_> {
         }
     }
 
-    /// Returns the coefficients of the laws whose squares are at most `most`, for critical stresses in an interval.
+    /// Returns the interval of the coefficients of laws whose sum of squares is at most `most`, for critical stresses
+    /// in an interval.
     fn coefficient_interval(&self, best: &Candidate, critical: Interval, most: f64) -> Interval {
         let (mut low, mut high) = (best.coefficient, best.coefficient);
         let stations = 16;
@@ -566,7 +568,7 @@ impl Test<'_> {
     }
 }
 
-/// Returns Blaisdell's reading of a record; none where its law has no equilibrium beyond the readings' first distance.
+/// Returns the law by Blaisdell's reading of a record; none if it has no equilibrium beyond the first distance read.
 fn blaisdell(apparatus: &JetApparatus, readings: &[JetReading]) -> Option<JetLaw> {
     let nozzle = apparatus.nozzle;
     let points: Vec<(f64, f64)> = (readings.iter().filter(|r| r.time > 0.0))
@@ -646,7 +648,7 @@ mod tests {
         assert_relative_eq!(small.time(LAW, 0.04, 0.08), 14226.7, max_relative = 1e-4);
     }
 
-    /// Through the core, where the stress is constant, and without a threshold.
+    /// Checks distances through the core, where the stress is constant, and without a threshold.
     #[test]
     fn distances_follow_the_law_step_by_step() {
         let jet = apparatus(6.35e-3, 0.6);
@@ -690,7 +692,7 @@ mod tests {
         }
     }
 
-    /// Soils from soft to firm: the law comes back from an exact record.
+    /// Checks soils from soft to firm: the law is recovered from an exact record.
     #[test]
     fn an_exact_law_comes_back() {
         let jet = apparatus(6.35e-3, 0.9);
@@ -712,7 +714,8 @@ mod tests {
         }
     }
 
-    /// Readings with an error of a third of a millimetre: intervals hold the truth about as often as they say.
+    /// Checks readings with an error of a third of a millimetre: intervals contain the true value about as often as
+    /// they state.
     #[test]
     fn intervals_hold_the_truth() {
         let jet = apparatus(6.35e-3, 0.6);
@@ -727,7 +730,7 @@ mod tests {
         assert!(held.iter().all(|held| *held >= 33), "{held:?}");
     }
 
-    /// A test that ends at a tenth of the way to equilibrium does not show a threshold.
+    /// Checks that a test that ends at a tenth of the way to equilibrium does not show a threshold.
     #[test]
     fn a_short_test_has_an_interval_down_to_zero() {
         let jet = apparatus(6.35e-3, 0.6);
@@ -740,8 +743,8 @@ mod tests {
         );
     }
 
-    /// Blaisdell's reading finds the end of its own hyperbola. The law of the jet is another curve: of an exact record
-    /// that ends near equilibrium the reading finds less than a tenth of the critical stress.
+    /// Checks Blaisdell's reading against the end of its own hyperbola. The law of the jet is a different curve: for an
+    /// exact record that ends near equilibrium the reading finds less than a tenth of the critical stress.
     #[test]
     fn the_hyperbola_ends_elsewhere_than_the_law() {
         let jet = apparatus(6.35e-3, 0.6);

@@ -56,7 +56,7 @@ impl Default for WindowOptions {
     }
 }
 
-/// One window of one run: shear stress, erosion rate and its error.
+/// Window of a run: shear stress, erosion rate and error of the rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct RateWindow {
     /// Start, s.
@@ -111,9 +111,9 @@ pub fn mean_jump(removed: &[RemovedGrain], records: &[ErosionRecord]) -> Option<
 }
 /// Cuts a run into windows and measures each.
 ///
-/// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of
-/// a grain where none has left); `ramp_end` the time from which the load is steady, s. Records without a shear
-/// stress (no hole) have no weight. The result is empty if fewer than two records remain.
+/// `records` in order of time; `jump` is the mean jump of the eroded mass, kg/m ([`mean_jump`], or the mean mass of a
+/// grain if none has left); `ramp_end` the time from which the load is steady, s. Records without a shear stress (no
+/// hole) have no weight. The result is empty if fewer than two records remain.
 #[must_use]
 pub fn erosion_windows(
     records: &[ErosionRecord],
@@ -392,7 +392,7 @@ mod tests {
         assert_relative_eq!(windows[3].end, 10.0);
     }
 
-    /// A run that reaches 2 % of eroded mass with its last grains gets the rate of all its records.
+    /// Checks that a run that reaches 2 % of eroded mass with its last grains gets the rate of all its records.
     #[test]
     fn few_grains_at_the_end_do_not_make_the_rate_of_a_run() {
         let mut records = run(&mut Draws::new(5), 2.0, 1, 10.0);

@@ -21,7 +21,7 @@ use std::path::Path;
 
 /// One row of a CSV file.
 pub trait RecordRow: DeserializeOwned {
-    /// The columns in order, `name [unit]`.
+    /// Columns in order, `name [unit]`.
     const COLUMNS: &'static [&'static str];
 
     /// Returns the row as text, without the end of line.
@@ -34,7 +34,7 @@ pub trait RecordRow: DeserializeOwned {
     }
 }
 
-/// A struct whose fields are the columns of a CSV file.
+/// Struct whose fields are the columns of a CSV file.
 macro_rules! csv_row {
     (
         $(#[$about:meta])*
@@ -147,7 +147,7 @@ pub struct ErosionRecord {
 }
 
 csv_row! {
-/// A grain that left the domain: a row of `removed.csv`.
+/// Grain that left the domain: a row of `removed.csv`.
 pub struct RemovedGrain {
     /// Fluid step.
     step: u64 = "step",
@@ -213,9 +213,9 @@ pub struct BondBreak {
     step: u64 = "step",
     /// Time, s.
     time: f64 = "time [s]",
-    /// The grain with the smaller id.
+    /// Id of the grain with the smaller id.
     id_a: u64 = "id_a",
-    /// The other grain, or the wall.
+    /// Id of the other grain, or of the wall.
     id_b: u64 = "id_b",
     /// Contact point, m.
     x: f64 = "x [m]",
@@ -266,8 +266,8 @@ fn unknown() -> f64 {
     f64::NAN
 }
 
-/// Columns that earlier versions did not write, at the end of their tables.
-const ADDED: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
+/// Columns at the end of the tables that earlier versions did not write.
+const LATER_COLUMNS: [&str; 2] = ["face_share [1]", "bulk_displacement [diameters]"];
 
 /// Columns that earlier versions wrote under another name: that name and the present one.
 const RENAMED: [(&str, &str); 2] = [
@@ -293,7 +293,7 @@ pub fn read_rows<R: RecordRow>(path: &Path, key: impl Fn(&R) -> u64) -> Result<V
     };
     let names = lines.names();
     let given = || names.iter().map(|name| present(name));
-    let earlier = (R::COLUMNS.iter().copied()).filter(|name| !ADDED.contains(name));
+    let earlier = (R::COLUMNS.iter().copied()).filter(|name| !LATER_COLUMNS.contains(name));
     if !given().eq(R::COLUMNS.iter().copied()) && !given().eq(earlier) {
         return Err(fail(format!(
             "the columns are `{}`, but `{}` are needed",

@@ -17,13 +17,13 @@ pub const GAP: f64 = 0.5;
 pub const NEIGHBOURS: usize = 2;
 
 /// Number of highest grains of a column at time 0 that form its surface. The median of their displacements is the
-/// settlement: a single large grain on top may roll down by more than a mean diameter.
+/// settlement, because a single large grain on top may roll down by more than a mean diameter.
 pub const SKIN: usize = 3;
 
 /// Grain in the frame of the analysis: long axis, transverse axis, upward axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredGrain {
-    /// Id.
+    /// Id of the grain.
     pub id: u64,
     /// Centre \[m\].
     pub at: [f64; 3],
@@ -42,7 +42,7 @@ pub struct Cells {
     pub size: [f64; 3],
 }
 
-/// A seepage point: its box in the frame of the analysis \[m\].
+/// Seepage point: its box in the frame of the analysis \[m\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Lower corner.
@@ -54,10 +54,10 @@ pub struct Point {
 /// Volume of a sphere (centre, radius) inside a box (lower, upper corner) \[m3\].
 pub type Overlap = fn([f64; 3], f64, [f64; 3], [f64; 3]) -> f64;
 
-/// The ground at time 0; a restart needs it.
+/// Ground at time 0, which a restart needs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ground {
-    /// The cells.
+pub struct InitialGround {
+    /// Cells of the ground.
     pub cells: Cells,
     /// Mean diameter of the grains \[m\].
     pub diameter: f64,
@@ -75,9 +75,9 @@ pub struct Ground {
 pub struct Limits {
     /// Fraction of the initial solid below which a cell is void.
     pub void_below: f64,
-    /// Mean downward displacement of its grains above which a cell moves \[m\].
+    /// Mean downward displacement of its grains above which a cell counts as moving \[m\].
     pub moving: f64,
-    /// Settlement from which on a column belongs to the depression \[m\].
+    /// Minimum settlement of a column in the depression \[m\].
     pub settled: f64,
     /// Percentile of the settlement to be computed.
     pub percentile: f64,
@@ -85,7 +85,7 @@ pub struct Limits {
 
 /// Quantities over one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Above {
+pub struct PointMeasures {
     /// Volume of soil missing in the void connected with the point \[m3\].
     pub void_volume: f64,
     /// Height of the top of that void above the lowest ground at the point \[m\].
@@ -118,7 +118,7 @@ pub struct Sample {
     /// Volume of these voids \[m3\].
     pub void_volume: f64,
     /// Quantities over each point.
-    pub points: Vec<Above>,
+    pub points: Vec<PointMeasures>,
     /// Elevation of each column \[m\].
     pub surface: Vec<Option<f64>>,
     /// Settlement of each column \[m\].
@@ -285,7 +285,7 @@ fn skin(cells: &Cells, grains: &[MeasuredGrain]) -> Vec<Option<f64>> {
     tops.into_iter().map(lowest).collect()
 }
 
-impl Ground {
+impl InitialGround {
     /// Returns the ground at time 0 from the current grains.
     #[must_use]
     pub fn new(cells: Cells, grains: &[MeasuredGrain], diameter: f64, overlap: Overlap) -> Self {
@@ -361,7 +361,7 @@ impl Ground {
         down.into_iter().map(middle).collect()
     }
 
-    /// Returns the cells that were ground and have lost their solid.
+    /// Returns the cells of the ground at time 0 that have lost their solid.
     #[must_use]
     pub fn void_cells(&self, solid: &[f64], void_below: f64) -> Vec<bool> {
         let both = self.solid.iter().zip(solid);
@@ -458,7 +458,7 @@ impl Ground {
                 .map(|k| k / (self.cells.count[0] * self.cells.count[1]));
             let roof = highest.map_or(base, |z| self.cells.lower(z + 1, 2).min(top));
             let front = self.front(grains, point, base, top, limits.moving);
-            above.push(Above {
+            above.push(PointMeasures {
                 void_volume: self.missing(&hole, &solid),
                 arch_height: (roof - base).max(0.0),
                 cover,
@@ -567,7 +567,7 @@ impl Ground {
         }
     }
 
-    /// Returns the cells of the ground that are void or whose grains have gone down by more than `moving` on average.
+    /// Returns the cells of the ground that are void or whose grains have moved down by more than `moving` on average.
     fn moving_cells(&self, grains: &[MeasuredGrain], void: &[bool], moving: f64) -> Vec<bool> {
         let mut down = vec![(0.0, 0_usize); self.cells.total()];
         for grain in grains {
@@ -691,7 +691,7 @@ fn distance(point: &Point, x: f64) -> f64 {
     (point.from[0] - x).max(x - point.to[0]).max(0.0)
 }
 
-/// Returns the nearest point along the long axis; the first one of equally near points.
+/// Returns the index of the nearest point along the long axis; the first one of equally near points.
 fn nearest(points: &[Point], x: f64) -> Option<usize> {
     let all = points.iter().enumerate();
     all.min_by(|(_, a), (_, b)| distance(a, x).total_cmp(&distance(b, x)))

@@ -15,7 +15,7 @@ pub struct Evidence {
     /// Moving fraction of the cover over points with a void of at least [`Thresholds::arch_void`]; 0 if there is
     /// none.
     pub front: f64,
-    /// Shape of that front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if no cell moves.
+    /// Shape of this front: 1/3 is a triangle with its apex up, 1 a rectangle; NaN if no cell moves.
     pub shape: f64,
     /// Settlement of a column over a point, or of both of two neighbouring columns \[m\].
     pub settlement: f64,
@@ -27,7 +27,7 @@ pub struct Evidence {
     pub inward: f64,
 }
 
-/// Thresholds of the quantities from which on a sample shows a stage.
+/// Thresholds above which a sample shows a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thresholds {
     /// Number of consecutive samples.
@@ -61,7 +61,7 @@ struct Streak {
     shape: Option<f64>,
 }
 
-/// The stages so far; a restart needs it.
+/// Stages so far, which a restart needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stages {
     /// Start of each stage \[s\].
@@ -77,7 +77,7 @@ pub struct Stages {
 impl Stages {
     /// Returns the number of stages that have begun.
     #[must_use]
-    pub fn begun(&self) -> usize {
+    pub fn stages_begun(&self) -> usize {
         self.times.iter().flatten().count()
     }
 
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(stages.times, [Some(2.0), None, None, None]);
         // Each stage begins only once.
         assert!(stages.note(4.0, &hole(12), &FROM).is_empty());
-        assert_eq!(stages.begun(), 1);
+        assert_eq!(stages.stages_begun(), 1);
     }
 
     #[test]
@@ -185,7 +185,8 @@ mod tests {
         assert_eq!(stages.times, [None, None, Some(0.0), Some(6.0)]);
     }
 
-    /// Moving ground below a surface that has sunk is not an arch. The shapes are those of the first samples.
+    /// Checks that moving ground below a surface that has sunk is not an arch. The shapes are those of the first
+    /// samples.
     #[test]
     fn an_arch_stands_under_a_surface_at_rest() {
         let moves = |settlement, shape| Evidence {

@@ -11,7 +11,7 @@ pub enum Verdict {
     ValidWithWarnings,
     /// Similar runs failed: the case runs only with `--allow-unstable`.
     Unstable,
-    /// The case does not run.
+    /// The case is refused and does not run.
     Refused,
 }
 

@@ -13,13 +13,13 @@
 //! `RUSTFLAGS="--cfg loom" cargo test --locked -p base --lib --release board`
 
 use super::sync::{
-    Arc, AtomicBool, AtomicU64, Mutex, Ordering, Thread, Turns, current, fence, park, spin_loop,
+    Arc, AtomicBool, AtomicU64, Mutex, Ordering, Thread, TurnCell, current, fence, park, spin_loop,
     yield_now,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::PoisonError;
 
-/// Number of polls for work, which take tens of microseconds.
+/// Number of polls for work before a thread yields, which take tens of microseconds.
 const SPINS: u32 = if cfg!(loom) { 0 } else { 4000 };
 /// Number of yields to other threads after polling.
 const YIELDS: u32 = if cfg!(loom) { 1 } else { 200 };
@@ -31,7 +31,7 @@ const GROUPS: usize = 64;
 /// Work of the pool: a function of the number of a piece.
 pub(super) type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
-/// Function with the number of its pieces and of the threads that may do them.
+/// Function to be called for every piece, with the number of pieces and the number of threads that may call it.
 #[derive(Clone, Copy)]
 struct Job {
     work: *const Work<'static>,
@@ -62,14 +62,14 @@ const fn number(state: u64) -> u64 {
 }
 
 /// State that the caller and its helpers share.
-pub(super) struct Board {
+pub(super) struct JobBoard {
     /// State of the job: [`OPEN`] from posting until all pieces are begun, the number of the job, and the number of
     /// helpers that have joined it.
     state: AtomicU64,
-    /// Current job; it is written only while the state is not open and no helper has joined.
-    job: Turns<Option<Job>>,
+    /// Current job. It is written only while the state is not open and no helper has joined.
+    job: TurnCell<Option<Job>>,
     /// Bits of the groups of pieces that a thread has begun.
-    begun: AtomicU64,
+    begun_groups: AtomicU64,
     failed: AtomicBool,
     /// `true` while the caller sleeps until the last helper has left.
     caller_sleeps: AtomicBool,
@@ -78,9 +78,9 @@ pub(super) struct Board {
 
 // SAFETY: `job` is written by the caller alone and only while no helper has joined and none can join; the function
 // to which it points is `Sync` and exists until the caller has closed the job and seen the last helper leave.
-unsafe impl Sync for Board {}
+unsafe impl Sync for JobBoard {}
 // SAFETY: as above.
-unsafe impl Send for Board {}
+unsafe impl Send for JobBoard {}
 
 /// Thread that helps the caller.
 pub(super) struct Helper {
@@ -89,7 +89,7 @@ pub(super) struct Helper {
 }
 
 impl Helper {
-    /// Wakes the helper if it sleeps; the caller has written the new state before a fence.
+    /// Wakes the helper if it sleeps. The caller must have written the new state before a fence.
     fn wake(&self) {
         if self.sleeps.load(Ordering::Relaxed) {
             self.thread.unpark();
@@ -97,12 +97,12 @@ impl Helper {
     }
 }
 
-impl Board {
+impl JobBoard {
     pub(super) fn new() -> Self {
         Self {
             state: AtomicU64::new(0),
-            job: Turns::new(None),
-            begun: AtomicU64::new(0),
+            job: TurnCell::new(None),
+            begun_groups: AtomicU64::new(0),
             failed: AtomicBool::new(false),
             caller_sleeps: AtomicBool::new(false),
             caller: Mutex::new(None),
@@ -129,7 +129,7 @@ impl Board {
         };
         // SAFETY: the last job is closed and no helper works on it.
         unsafe { self.job.set(Some(job)) };
-        self.begun.store(0, Ordering::Relaxed);
+        self.begun_groups.store(0, Ordering::Relaxed);
         self.failed.store(false, Ordering::Relaxed);
         let next = (self.last() + 1) % (OPEN / NEXT);
         self.state.store(OPEN | (next * NEXT), Ordering::Release);
@@ -147,7 +147,7 @@ impl Board {
         );
     }
 
-    /// Does the pieces of a thread, then pieces that no other thread has begun.
+    /// Processes the pieces of a thread, then pieces that no other thread has begun.
     fn work_on(&self, job: &Job, thread: usize) {
         let groups = job.groups();
         let all = u64::MAX >> (GROUPS - groups);
@@ -155,13 +155,13 @@ impl Board {
         let work = unsafe { &*job.work };
         let take = |group: usize| {
             let bit = 1 << group;
-            if self.begun.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
+            if self.begun_groups.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
                 (group..job.pieces).step_by(groups).for_each(work);
             }
         };
         (thread..groups).step_by(job.threads).for_each(take);
         loop {
-            let free = all & !self.begun.load(Ordering::Relaxed);
+            let free = all & !self.begun_groups.load(Ordering::Relaxed);
             if free == 0 {
                 break;
             }
@@ -169,7 +169,7 @@ impl Board {
         }
     }
 
-    /// Joins the job of a state; returns `true` unless the job is closed or replaced by now.
+    /// Joins the job of a state; returns `true` unless the job has been closed or replaced meanwhile.
     fn join(&self, job: u64) -> bool {
         let join = |state: u64| (state & OPEN != 0 && number(state) == job).then_some(state + 1);
         self.state
@@ -210,8 +210,8 @@ impl Board {
         }
     }
 
-    /// Waits for a job after number `seen`, joins it unless it is already closed, and does a thread's part of it.
-    /// Returns the number of the job.
+    /// Waits for a job after number `seen`, joins it unless it is already closed, and processes the pieces of this
+    /// thread. Returns the number of the job.
     pub(super) fn help(&self, sleeps: &AtomicBool, thread: usize, seen: u64) -> u64 {
         let mut turns = 0;
         while self.last() == seen {
@@ -257,10 +257,10 @@ mod tests {
     use super::*;
     use std::sync::atomic::AtomicU32;
 
-    /// Checks that no thread waits for a helper without a core: the caller does the pieces of that helper.
+    /// Checks that no thread waits for a helper without a core: the caller processes the pieces of that helper.
     #[test]
     fn a_caller_does_the_pieces_of_helpers_that_do_not_come() {
-        let board = Board::new();
+        let board = JobBoard::new();
         board.state.store(OPEN | NEXT, Ordering::Relaxed);
         for pieces in [1, 2, 63, 64, 65, 300] {
             let done: Vec<_> = (0..pieces).map(|_| AtomicU32::new(0)).collect();
@@ -276,7 +276,7 @@ mod tests {
                 pieces,
                 threads: 4,
             };
-            board.begun.store(0, Ordering::Relaxed);
+            board.begun_groups.store(0, Ordering::Relaxed);
             board.work_on(&job, 0);
             board.work_on(&job, 3);
             assert!(
@@ -300,13 +300,13 @@ mod models {
     use super::*;
     use loom::thread;
 
-    /// Posts `jobs` jobs of `pieces` pieces to `helpers` helpers and checks that each piece is done once when its call
-    /// returns. The pieces write cells that loom watches for races.
+    /// Posts `jobs` jobs of `pieces` pieces to `helpers` helpers and checks that each piece has been processed once
+    /// when its call returns. The pieces write cells that loom watches for races.
     fn jobs(jobs: u64, pieces: usize, helpers: usize, preemptions: usize) {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(preemptions);
         model.check(move || {
-            let board = Arc::new(Board::new());
+            let board = Arc::new(JobBoard::new());
             let helpers: Vec<_> = (1..=helpers)
                 .map(|number| {
                     let sleeps = Arc::new(AtomicBool::new(false));
@@ -322,7 +322,7 @@ mod models {
                 })
                 .collect();
             for job in 1..=jobs {
-                let done: Vec<_> = (0..pieces).map(|_| Turns::new(0)).collect();
+                let done: Vec<_> = (0..pieces).map(|_| TurnCell::new(0)).collect();
                 // SAFETY: each piece is done by one thread, which loom checks.
                 let work = |piece: usize| unsafe { done[piece].set(done[piece].get() + job) };
                 let shared = Shared(&work);

@@ -20,14 +20,14 @@ pub(super) use loom::{
 /// Value that threads access in turn.
 #[cfg(not(loom))]
 #[derive(Debug)]
-pub(super) struct Turns<T>(std::cell::UnsafeCell<T>);
+pub(super) struct TurnCell<T>(std::cell::UnsafeCell<T>);
 
 /// Value that threads access in turn, checked by loom.
 #[cfg(loom)]
 #[derive(Debug)]
-pub(super) struct Turns<T>(loom::cell::UnsafeCell<T>);
+pub(super) struct TurnCell<T>(loom::cell::UnsafeCell<T>);
 
-impl<T: Copy> Turns<T> {
+impl<T: Copy> TurnCell<T> {
     #[cfg(not(loom))]
     pub(super) fn new(value: T) -> Self {
         Self(std::cell::UnsafeCell::new(value))

@@ -8,25 +8,25 @@
 pub struct Absent {
     /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
-    /// The feature.
+    /// Name of the feature.
     pub feature: &'static str,
     /// Closest alternative.
-    pub instead: &'static str,
+    pub alternative: &'static str,
 }
 
 const fn absent(
     words: &'static [&'static str],
     feature: &'static str,
-    instead: &'static str,
+    alternative: &'static str,
 ) -> Absent {
     Absent {
         words,
         feature,
-        instead,
+        alternative,
     }
 }
 
-/// The features, in the order of README.md.
+/// Absent features, in the order of README.md.
 pub const ABSENT: [Absent; 11] = [
     absent(
         &["surfacetension"],
@@ -132,7 +132,7 @@ pub const ABSENT: [Absent; 11] = [
 struct Renamed {
     /// Beginnings of words, in lower case without separators.
     words: &'static [&'static str],
-    /// The feature.
+    /// Name of the feature.
     feature: &'static str,
     /// Field of a case that provides the feature.
     field: &'static str,
@@ -157,10 +157,12 @@ const RENAMED: [Renamed; 3] = [
     },
 ];
 
-/// Returns the field that provides the feature of a name, with the feature.
+/// Returns the name of the feature for which a name stands and the field that provides it; none if no field does.
 #[must_use]
 pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
-    let renamed = RENAMED.iter().find(|renamed| means(name, renamed.words))?;
+    let renamed = RENAMED
+        .iter()
+        .find(|renamed| has_word(name, renamed.words))?;
     Some((renamed.feature, renamed.field))
 }
 
@@ -168,11 +170,11 @@ pub(super) fn elsewhere(name: &str) -> Option<(&'static str, &'static str)> {
 /// feature.
 #[must_use]
 pub(super) fn feature(name: &str) -> Option<&'static Absent> {
-    ABSENT.iter().find(|absent| means(name, absent.words))
+    ABSENT.iter().find(|absent| has_word(name, absent.words))
 }
 
 /// Returns `true` if one of the words of a name, or several joined, begin with one of `sought`.
-fn means(name: &str, sought: &[&str]) -> bool {
+fn has_word(name: &str, sought: &[&str]) -> bool {
     let mut words: Vec<String> = Vec::new();
     let mut before = None;
     for c in name.chars().take(100) {
@@ -244,7 +246,7 @@ mod tests {
             .unwrap_or_default();
         let section = section.split("\n## ").next().unwrap_or_default();
         for absent in ABSENT {
-            let row = format!("| {} | {} |", absent.feature, absent.instead);
+            let row = format!("| {} | {} |", absent.feature, absent.alternative);
             assert!(section.contains(&row), "README.md lacks: {row}");
         }
     }

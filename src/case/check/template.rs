@@ -11,17 +11,17 @@ pub(super) enum Template<'a> {
     Optional(Box<Template<'a>>),
     Number {
         whole: bool,
-        least: Option<f64>,
+        minimum: Option<f64>,
         above: Option<f64>,
-        most: Option<f64>,
+        maximum: Option<f64>,
         below: Option<f64>,
     },
     /// Any text.
     Text,
-    Truth,
+    Boolean,
     List {
-        least: usize,
-        most: usize,
+        minimum: usize,
+        maximum: usize,
         items: Box<Template<'a>>,
     },
     Fields {
@@ -87,17 +87,17 @@ impl<'a> Template<'a> {
                 let natural = (format == Some("uint32")).then_some(f64::from(u32::MAX));
                 Self::Number {
                     whole: name == "integer",
-                    least: bound("minimum"),
+                    minimum: bound("minimum"),
                     above: bound("exclusiveMinimum"),
-                    most: bound("maximum").or(natural),
+                    maximum: bound("maximum").or(natural),
                     below: bound("exclusiveMaximum"),
                 }
             }
             "string" => Self::Text,
-            "boolean" => Self::Truth,
+            "boolean" => Self::Boolean,
             "array" => Self::List {
-                least: number("minItems", 0),
-                most: number("maxItems", usize::MAX),
+                minimum: number("minItems", 0),
+                maximum: number("maxItems", usize::MAX),
                 items: Box::new(schema.get("items").map_or(Self::Unknown, within)),
             },
             "object" => {
@@ -121,17 +121,17 @@ impl<'a> Template<'a> {
 
     /// Returns `true` if the walk would report nothing; `largest` bounds the magnitude of every number, and
     /// [`SMALLEST`] is the minimum of numbers that must be above 0.
-    pub(super) fn fits(&self, value: &Value, largest: f64) -> bool {
+    pub(super) fn accepts(&self, value: &Value, largest: f64) -> bool {
         match (self, value) {
             (Self::Optional(_), Value::Null) | (Self::Text, Value::String(_)) => true,
-            (Self::Truth, Value::Bool(_)) => true,
-            (Self::Optional(inner), value) => inner.fits(value, largest),
+            (Self::Boolean, Value::Bool(_)) => true,
+            (Self::Optional(inner), value) => inner.accepts(value, largest),
             (
                 Self::Number {
                     whole,
-                    least,
+                    minimum,
                     above,
-                    most,
+                    maximum,
                     below,
                 },
                 Value::Number(n),
@@ -139,22 +139,29 @@ impl<'a> Template<'a> {
                 (!whole || n.is_i64() || n.is_u64())
                     && n.as_f64().is_some_and(|number| {
                         number.abs() <= largest
-                            && least.is_none_or(|b| number >= b)
+                            && minimum.is_none_or(|b| number >= b)
                             && above.is_none_or(|b| number > b && number - b >= SMALLEST)
-                            && most.is_none_or(|b| number <= b)
+                            && maximum.is_none_or(|b| number <= b)
                             && below.is_none_or(|b| number < b)
                     })
             }
-            (Self::List { least, most, items }, Value::Array(list)) => {
-                (*least..=*most).contains(&list.len())
-                    && list.iter().all(|value| items.fits(value, largest))
+            (
+                Self::List {
+                    minimum,
+                    maximum,
+                    items,
+                },
+                Value::Array(list),
+            ) => {
+                (*minimum..=*maximum).contains(&list.len())
+                    && list.iter().all(|value| items.accepts(value, largest))
             }
             (Self::Fields { known, required }, Value::Object(map)) => {
                 let field = |key: &String| known.iter().find(|(name, _)| name == key);
                 required.iter().all(|key| map.contains_key(*key))
-                    && map
-                        .iter()
-                        .all(|(key, value)| field(key).is_some_and(|(_, t)| t.fits(value, largest)))
+                    && map.iter().all(|(key, value)| {
+                        field(key).is_some_and(|(_, t)| t.accepts(value, largest))
+                    })
             }
             _ => false,
         }
@@ -163,7 +170,7 @@ impl<'a> Template<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{LARGEST, against, bare_schema};
+    use super::super::{LARGEST, bare_schema, problems_against};
     use super::*;
     use serde_json::json;
 
@@ -195,8 +202,8 @@ mod tests {
             (json!({"position": [1, 2], "radius": 1, "colour": 3}), false),
             (json!([1, 2]), false),
         ] {
-            let walked = against(&one, &mut value.clone()).is_empty();
-            assert_eq!(template.fits(&value, LARGEST), fits, "{value}");
+            let walked = problems_against(&one, &mut value.clone()).is_empty();
+            assert_eq!(template.accepts(&value, LARGEST), fits, "{value}");
             assert_eq!(walked, fits, "{value}");
         }
     }

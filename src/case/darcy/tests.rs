@@ -14,8 +14,9 @@ use dem::particles::{Body, Kind, Motion, Particles};
 use dem::space::Volume;
 use nalgebra::Vector3;
 
-/// With the defaults of a case, a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the minimum
-/// fluidisation velocity of Ergun's equation, from fine sand to gravel, from dense to loose, in water and in oil.
+/// Checks that with the defaults of a case a bed of spheres lifts at Terzaghi's gradient (G_s - 1)(1 - n), and at the
+/// minimum fluidisation velocity of Ergun's equation, from fine sand to gravel, from dense to loose, in water and in
+/// oil.
 #[test]
 fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun() {
     for diameter in [1e-4, 1e-3, 5e-3] {

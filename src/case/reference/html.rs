@@ -1,6 +1,6 @@
 //! The reference as HTML: one self-contained file per page, with a sidebar, in light and dark.
 
-use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
+use super::{FRONT_PAGE, File, Page, Parameter, facts, pages, parts, referenced_parameter};
 use std::fmt::Write;
 
 /// Introduction on the front page.
@@ -25,7 +25,7 @@ pub fn files() -> Vec<File> {
 }
 
 fn title(page: &Page) -> &str {
-    if page.name == FRONT {
+    if page.name == FRONT_PAGE {
         "Reference of a case"
     } else {
         &page.name
@@ -34,9 +34,9 @@ fn title(page: &Page) -> &str {
 
 fn text(pages: &[Page], page: &Page) -> String {
     let mut body = String::new();
-    if page.name == FRONT {
+    if page.name == FRONT_PAGE {
         let _ = write!(body, "<p>{}</p>\n<dl>\n", linked(pages, "", INTRODUCTION));
-        for other in pages.iter().filter(|other| other.name != FRONT) {
+        for other in pages.iter().filter(|other| other.name != FRONT_PAGE) {
             let about = other.parameters.first().map_or("", |p| &p.meaning);
             let _ = writeln!(
                 body,
@@ -137,16 +137,18 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
 /// Returns a description in which the names of parameters are links.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
-        .map(|(name, part)| match meant(pages, from, part) {
-            Some((page, hit)) if name => format!(
-                "<a href=\"{}.html#{}\"><code>{}</code></a>",
-                page.name,
-                hit.anchor(),
-                escaped(part)
-            ),
-            _ if name => format!("<code>{}</code>", escaped(part)),
-            _ => escaped(part),
-        })
+        .map(
+            |(name, part)| match referenced_parameter(pages, from, part) {
+                Some((page, hit)) if name => format!(
+                    "<a href=\"{}.html#{}\"><code>{}</code></a>",
+                    page.name,
+                    hit.anchor(),
+                    escaped(part)
+                ),
+                _ if name => format!("<code>{}</code>", escaped(part)),
+                _ => escaped(part),
+            },
+        )
         .collect()
 }
 

@@ -1,6 +1,6 @@
 //! The reference as Markdown: one file per page.
 
-use super::{FRONT, File, Page, Parameter, facts, meant, pages, parts};
+use super::{FRONT_PAGE, File, Page, Parameter, facts, pages, parts, referenced_parameter};
 use std::fmt::Write;
 
 /// Returns all files of the reference.
@@ -19,17 +19,17 @@ pub fn files() -> Vec<File> {
 fn text(pages: &[Page], page: &Page) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
-    let _ = if page.name == FRONT {
+    let _ = if page.name == FRONT_PAGE {
         write!(
             out,
             "# Reference of a case\n\n{}\n\n",
             super::html::INTRODUCTION
         )
     } else {
-        write!(out, "# {}\n\n[Contents]({FRONT}.md)\n\n", page.name)
+        write!(out, "# {}\n\n[Contents]({FRONT_PAGE}.md)\n\n", page.name)
     };
-    if page.name == FRONT {
-        for other in pages.iter().filter(|other| other.name != FRONT) {
+    if page.name == FRONT_PAGE {
+        for other in pages.iter().filter(|other| other.name != FRONT_PAGE) {
             let about = other.parameters.first().map_or("", |p| &p.meaning);
             let about = linked(pages, &other.name, about);
             let _ = writeln!(out, "- [`{0}`]({0}.md): {about}", other.name);
@@ -83,15 +83,17 @@ fn one(pages: &[Page], parameter: &Parameter, out: &mut String) {
 /// Returns a description in which the names of parameters are links.
 fn linked(pages: &[Page], from: &str, text: &str) -> String {
     parts(text)
-        .map(|(name, part)| match meant(pages, from, part) {
-            Some((page, hit)) if name => {
-                format!("[`{part}`]({}.md#{})", page.name, hit.anchor())
-            }
-            _ if name => format!("`{part}`"),
-            _ => part
-                .replace('<', "&lt;")
-                .replace('|', "&#124;")
-                .replace('*', "\\*"),
-        })
+        .map(
+            |(name, part)| match referenced_parameter(pages, from, part) {
+                Some((page, hit)) if name => {
+                    format!("[`{part}`]({}.md#{})", page.name, hit.anchor())
+                }
+                _ if name => format!("`{part}`"),
+                _ => part
+                    .replace('<', "&lt;")
+                    .replace('|', "&#124;")
+                    .replace('*', "\\*"),
+            },
+        )
         .collect()
 }

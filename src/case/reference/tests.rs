@@ -62,7 +62,7 @@ fn every_example_is_valid() {
     let problems = |pointer: &str, value: &Value| {
         let mut schema = root.pointer(pointer).unwrap().clone();
         schema["$defs"] = root["$defs"].clone();
-        check::against(&schema, &mut value.clone())
+        check::problems_against(&schema, &mut value.clone())
     };
     let mut shown = 0;
     for page in pages() {
@@ -78,13 +78,13 @@ fn every_example_is_valid() {
             let found = problems(&format!("/properties/{}", page.name), value);
             assert!(found.is_empty(), "{}: {found:?}", page.name);
         } else {
-            assert_eq!(page.name, FRONT, "a page without an example");
+            assert_eq!(page.name, FRONT_PAGE, "a page without an example");
         }
     }
     assert!(shown > 200, "{shown}");
 }
 
-/// Returns all texts between two marks.
+/// Returns all parts of a text between two marks.
 fn between<'a>(text: &'a str, open: &str, close: char) -> Vec<&'a str> {
     text.split(open)
         .skip(1)

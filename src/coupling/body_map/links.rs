@@ -13,8 +13,8 @@ use std::sync::atomic::Ordering;
 pub(super) struct Direction {
     c: [i32; 3],
     /// Index offset in the map, then in the lattice.
-    in_map: isize,
-    in_lattice: isize,
+    map_offset: isize,
+    lattice_offset: isize,
     opposite: usize,
 }
 
@@ -24,8 +24,8 @@ pub(super) fn directions<S: Stored>(slab: &Slab, populations: &Populations<S>) -
     (0..velocities.q())
         .map(|i| Direction {
             c: velocities.c[i].map(i32::from),
-            in_map: slab.step(velocities.c[i]),
-            in_lattice: populations.offset(i),
+            map_offset: slab.step(velocities.c[i]),
+            lattice_offset: populations.offset(i),
             opposite: velocities.opposite[i],
         })
         .collect()
@@ -88,7 +88,7 @@ impl BodyMap {
         let mine = tag(self.bodies[k].id);
         let frame = self.slab.frame(self.bodies[k].shift);
         let owner = |place: usize, along: &Direction| {
-            let place = place.wrapping_add_signed(along.in_map);
+            let place = place.wrapping_add_signed(along.map_offset);
             (place, self.owner[place])
         };
         links.clear();
@@ -139,8 +139,10 @@ impl BodyMap {
                     }
                 };
                 links.push(BodyLink {
-                    link: populations
-                        .link(cell.wrapping_add_signed(along.in_lattice), along.opposite),
+                    link: populations.link(
+                        cell.wrapping_add_signed(along.lattice_offset),
+                        along.opposite,
+                    ),
                     middle: std::array::from_fn(|a| {
                         if a < self.slab.dimension {
                             2 * (outer[a] - frame[a]) + 1 - c[a]

@@ -2,7 +2,7 @@
 
 use super::rows::{Row, Rows};
 use super::slab::Slab;
-use super::{Again, BodyMap, Mapped, PER_THREAD, Turned};
+use super::{BodyMap, Mapped, PER_THREAD, RemapRequest, Turned};
 use crate::solid_fraction::height_over;
 use base::number::floor_i32;
 use base::thread_pool;
@@ -11,15 +11,16 @@ use lbm::links::{CellPlane, Rigid};
 /// Results for a run of consecutive bodies.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    again: Vec<Again>,
-    /// Cells lost by bodies that shared none, with the body, then cells gained.
+    again: Vec<RemapRequest>,
+    /// Cells lost by bodies that shared no cell, each row with its body; then cells gained.
     pub(super) lost: Vec<(usize, Row)>,
     pub(super) gained: Vec<(usize, Row)>,
 }
 
 impl BodyMap {
-    /// Checks the bodies that moved, by threads: most still have the same cells, the others must be mapped `again`.
-    pub(super) fn look_again(&mut self) {
+    /// Checks the bodies that moved, divided among threads: most still have the same cells, the others must be mapped
+    /// again.
+    pub(super) fn recheck_moved_bodies(&mut self) {
         let count = self.bodies.len();
         let runs = thread_pool::runs(count, PER_THREAD);
         self.found
@@ -89,14 +90,14 @@ impl Found {
         }
         std::mem::swap(&mut body.rows, &mut body.other);
         body.again = true;
-        self.again.push(Again {
+        self.again.push(RemapRequest {
             body: k,
             moved: true,
             shared: body.shares,
         });
         if !body.shares {
             let parts = |from: &Rows, to: &Rows, list: &mut Vec<_>| {
-                let parts = from.rows().flat_map(|row| to.lack(row));
+                let parts = from.rows().flat_map(|row| to.missing_parts(row));
                 list.extend(parts.filter(|part| part.length() > 0).map(|part| (k, part)));
             };
             parts(&body.other, &body.rows, &mut self.lost);
@@ -128,18 +129,19 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
 /// Distance from a body, in cells, within which cells are searched as well.
 const REACH: f64 = 1.5;
 
-/// Number of cells that are watched.
-const WATCHED: usize = 8;
+/// Number of cells nearest to the surface that are watched for each body.
+const MAX_WATCHED: usize = 8;
 
 /// Cells whose centres are nearest to the surface of a disc or sphere, which are the first to change as it moves.
 /// If none of them has changed, the other cells need no check.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Nearest {
-    /// Cells in the raw frame, with the value of [`beyond`] when they were found, in ascending order of magnitude.
-    cells: [([i32; 3], f64); WATCHED],
+    /// Watched cells in the raw frame, each with the value of [`beyond`] when it was found, in ascending order of
+    /// magnitude.
+    cells: [([i32; 3], f64); MAX_WATCHED],
     count: usize,
     /// Lower bound of the magnitude of [`beyond`] of all other cells.
-    others: f64,
+    other_cells_bound: f64,
     /// Displacement of the body below which no other cell changes.
     reach: f64,
 }
@@ -147,24 +149,24 @@ pub(super) struct Nearest {
 impl Nearest {
     fn clear(&mut self) {
         self.count = 0;
-        self.others = f64::INFINITY;
+        self.other_cells_bound = f64::INFINITY;
         self.reach = 0.0;
     }
 
-    /// Takes account of a cell that is not watched.
+    /// Updates the bound for cells that are not watched by the value `beyond` of such a cell.
     #[inline(always)]
     fn pass(&mut self, beyond: f64) {
-        self.others = self.others.min(beyond.abs());
+        self.other_cells_bound = self.other_cells_bound.min(beyond.abs());
     }
 
     /// Adds a cell to the list of watched cells, unless the list is full of nearer cells.
     #[inline(always)]
     fn watch(&mut self, cell: [i32; 3], beyond: f64) {
-        if beyond.abs() >= self.others {
+        if beyond.abs() >= self.other_cells_bound {
             return;
         }
         let mut place = self.count;
-        if place < WATCHED {
+        if place < MAX_WATCHED {
             self.count += 1;
         } else {
             place -= 1;
@@ -172,7 +174,7 @@ impl Nearest {
             if beyond.abs() >= last {
                 return self.pass(beyond);
             }
-            self.others = self.others.min(last);
+            self.other_cells_bound = self.other_cells_bound.min(last);
         }
         while place > 0 && beyond.abs() < self.cells[place - 1].1.abs() {
             self.cells[place] = self.cells[place - 1];
@@ -248,13 +250,13 @@ fn find_cells(
 ) -> f64 {
     nearest.clear();
     match (slab.dimension, block) {
-        (_, Some(block)) => look_in_block(slab, rigid, &block.planes, frame, found),
-        (2, None) => look_in::<2>(slab, rigid, frame, found, nearest),
-        (_, None) => look_in::<3>(slab, rigid, frame, found, nearest),
+        (_, Some(block)) => search_block_rows(slab, rigid, &block.planes, frame, found),
+        (2, None) => search_rows::<2>(slab, rigid, frame, found, nearest),
+        (_, None) => search_rows::<3>(slab, rigid, frame, found, nearest),
     }
 }
 
-fn look_in<const D: usize>(
+fn search_rows<const D: usize>(
     slab: &Slab,
     rigid: &Rigid,
     frame: [i32; 3],
@@ -329,15 +331,15 @@ fn look_in<const D: usize>(
             }
         },
     );
-    nearest.reach = slack(nearest.others, rigid.radius);
+    nearest.reach = slack(nearest.other_cells_bound, rigid.radius);
     let first = nearest.cells[..nearest.count].first();
     let size = first.map_or(f64::INFINITY, |(_, beyond)| beyond.abs());
-    slack(size.min(nearest.others), rigid.radius)
+    slack(size.min(nearest.other_cells_bound), rigid.radius)
 }
 
-/// Finds the rows of a polyhedron, like [`look_in`]: the distance from its surface is at least that from the
+/// Finds the rows of a polyhedron, like [`search_rows`]: the distance from its surface is at least that from the
 /// nearest plane.
-fn look_in_block(
+fn search_block_rows(
     slab: &Slab,
     rigid: &Rigid,
     planes: &[CellPlane],
@@ -377,7 +379,7 @@ mod tests {
     use lbm::lattice::{D2Q9, D3Q19, Velocities};
     use lbm::populations::Populations;
 
-    /// Checks that no cell centre is nearer to the surface than the slack, and only watched ones are nearer than
+    /// Checks that no cell centre is nearer to the surface than the slack, and that only watched cells are nearer than
     /// the reach.
     fn is_true<const D: usize>(velocities: Velocities, cells: [usize; 3], turns: usize) {
         let populations = Populations::<f64>::new(velocities, cells, 1).unwrap();

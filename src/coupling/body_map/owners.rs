@@ -2,7 +2,7 @@
 
 use super::rows::{Row, Rows};
 use super::slab::Slab;
-use super::{Again, BodyMap, Change, FLUID, Mapped, OUTSIDE, tag};
+use super::{BodyMap, Change, FLUID, Mapped, OUTSIDE, RemapRequest, tag};
 use base::thread_pool;
 use dem::particles::Particles;
 use dem::space::Space;
@@ -19,12 +19,12 @@ const ROWS_PER_THREAD: usize = 16;
 /// Bodies found to share cells with others.
 #[derive(Clone, Debug, Default)]
 struct Sharing {
-    /// Indices of the new bodies in a shared cell, and tags of those already there.
+    /// Indices of the new bodies in a shared cell, and tags of the bodies that were already in it.
     came: Vec<usize>,
     there: Vec<u32>,
 }
 
-/// Results of a thread in its layers.
+/// Results of the cell assignment by one thread in its layers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Settled {
     changes: Vec<Change>,
@@ -93,7 +93,7 @@ impl BodyMap {
         }
     }
 
-    /// Maps the bodies again that the search found, and those that share cells.
+    /// Maps the bodies again that the search marked, and those that share cells.
     pub(super) fn settle(&mut self) {
         for one in &self.again {
             let body = &mut self.bodies[one.body];
@@ -105,7 +105,7 @@ impl BodyMap {
         let (bodies, slab) = (&self.bodies, &self.slab);
         let shared = || again.iter().filter(|one| one.shared);
         // Rows that bodies release, then rows that they occupy.
-        let before = |one: &Again| match &bodies[one.body] {
+        let before = |one: &RemapRequest| match &bodies[one.body] {
             body if one.moved => &body.other,
             body => &body.rows,
         };
@@ -225,7 +225,7 @@ impl Layers<'_> {
         self.owner[place] = owner | NOTED;
     }
 
-    /// Returns the cells of a row that a body owns to the water.
+    /// Returns those cells of a row that a body owns to the water.
     fn release(&mut self, row: Row, mine: u32) {
         for (place, cell) in self.row(row).zip(row.cells()) {
             if self.owner[place] == mine {

@@ -94,7 +94,7 @@ impl Rows {
         }
     }
 
-    /// Returns every non-empty row.
+    /// Returns all non-empty rows.
     pub(super) fn rows(&self) -> impl Iterator<Item = Row> {
         let width = usize::try_from(self.count[0]).unwrap_or(0).max(1);
         let place = |n: usize| i32::try_from(n).unwrap_or(i32::MAX);
@@ -107,8 +107,8 @@ impl Rows {
         all.filter(|row| row.span[0] < row.span[1])
     }
 
-    /// Returns the parts of a row that these rows do not contain.
-    pub(super) fn lack(&self, row: Row) -> [Row; 2] {
+    /// Returns the two parts of a row that these rows do not contain.
+    pub(super) fn missing_parts(&self, row: Row) -> [Row; 2] {
         let here = self.span(row.y, row.z);
         let part = |from: i32, to: i32| Row {
             span: [from, to.max(from)],
@@ -153,7 +153,8 @@ mod tests {
     use super::*;
     use base::random::Stream;
 
-    /// Returns the cells whose centres lie in an ellipsoid of random place and shape, in a window that cuts some.
+    /// Returns the cells whose centres lie in an ellipsoid of random position and shape, within a window that cuts some
+    /// of the ellipsoids.
     fn body(draw: &mut Stream, deep: bool) -> Rows {
         let mut uniform = |low: f64, high: f64| low + (high - low) * draw.uniform();
         let centre = [uniform(-1.0, 1.0), uniform(-1.0, 1.0), uniform(-1.0, 1.0)];
@@ -180,7 +181,10 @@ mod tests {
             let deep = turn % 2 == 0;
             let (a, b) = (body(&mut draw, deep), body(&mut draw, deep));
             let (in_a, in_b) = (cells(&a), cells(&b));
-            let lacking = a.rows().flat_map(|row| b.lack(row)).flat_map(Row::cells);
+            let lacking = a
+                .rows()
+                .flat_map(|row| b.missing_parts(row))
+                .flat_map(Row::cells);
             assert_eq!(lacking.collect::<BTreeSet<_>>(), &in_a - &in_b);
             let near = |cell: [i32; 3]| {
                 let depth = i32::from(deep);

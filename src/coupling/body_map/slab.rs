@@ -87,7 +87,7 @@ impl Slab {
         })
     }
 
-    /// Returns `true` if a cell is within the slab and its ghosts.
+    /// Returns `true` if a cell is in the slab or in its ghost layers.
     pub(super) fn held(&self, local: [i32; 3]) -> bool {
         (0..3).all(|a| {
             let ghosts = self.ghosts(a);

@@ -73,7 +73,7 @@ fn on_threads(count: usize, work: impl FnOnce() + Send) {
     pool.unwrap().install(work);
 }
 
-/// Discs overlap, move at all speeds, grow, leave the lattice, and are removed and added.
+/// Checks discs that overlap, move at all speeds, grow, leave the lattice, and are removed and added.
 #[test]
 fn discs_hold_the_cells_of_their_places() {
     let populations =
@@ -118,7 +118,7 @@ fn discs_hold_the_cells_of_their_places() {
     }
 }
 
-/// Balls and turning blocks that pass through each other.
+/// Checks balls and rotating blocks that pass through each other.
 #[test]
 fn balls_and_blocks_hold_the_cells_of_their_places() {
     let populations =
@@ -164,8 +164,8 @@ fn balls_and_blocks_hold_the_cells_of_their_places() {
     }
 }
 
-/// Covers and uncovers cells: a body gains the momentum that the fluid in covered cells loses, and returns it when it
-/// uncovers them.
+/// Covers and uncovers cells: a body gains the momentum that the fluid in covered cells loses, and loses it again when
+/// it uncovers them.
 #[test]
 fn covering_and_uncovering_gives_back_what_it_took() {
     let mut populations =

@@ -12,7 +12,7 @@ use lbm::lanes::{Level, Work};
 use std::cmp::Ordering;
 
 /// Margin of the search, in cells.
-const SPARE: f64 = 0.25;
+const SEARCH_MARGIN: f64 = 0.25;
 
 /// Bounding sphere of a body or of its image, in cells from the corner of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +110,7 @@ impl Alone {
                 .map(|a| (old.centre[a] - new.centre[a]).powi(2))
                 .sum();
             // A NaN counts as moved.
-            moved <= (0.5 * SPARE).powi(2) && old.radius.total_cmp(&new.radius).is_eq()
+            moved <= (0.5 * SEARCH_MARGIN).powi(2) && old.radius.total_cmp(&new.radius).is_eq()
         };
         if self.found_for.len() == spheres.len()
             && self.found_for.iter().zip(spheres.clone()).all(stays)
@@ -124,7 +124,7 @@ impl Alone {
         let reach = match method {
             FractionMethod::Exact => 0.25,
             FractionMethod::Samples(_) | FractionMethod::Linear => 2.0,
-        } + SPARE;
+        } + SEARCH_MARGIN;
         self.search(grid, reach, dimension);
     }
 

@@ -69,7 +69,7 @@ impl Runs {
         before.map_or(0, |before| self.runs[before].end as usize)
     }
 
-    /// Returns the runs of rows whose positions are in a range.
+    /// Returns the index range of the runs in rows whose positions are in a range.
     fn within(&self, positions: &Range<usize>) -> Range<usize> {
         let lies =
             |run: Option<&Run>| run.is_some_and(|run| positions.contains(&(run.row as usize)));
@@ -83,7 +83,7 @@ impl Runs {
         before(positions.start)..before(positions.end)
     }
 
-    /// Returns position and solid fraction of the cells in the rows of one thread.
+    /// Returns the position and solid fraction of the cells in the rows of one thread.
     pub(super) fn cells_of_thread(
         &self,
         thread: usize,
@@ -274,8 +274,8 @@ struct Place {
     row: i32,
 }
 
-/// Cells of a row that a body may intersect, cells that it fills, and cells that it fills together with all
-/// adjacent cells.
+/// Cells of a row by their relation to a body: those that the body may intersect, those that it fills, and those that
+/// it fills together with all adjacent cells.
 struct InRow {
     outer: Range<i32>,
     full: Range<i32>,

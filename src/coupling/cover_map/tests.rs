@@ -74,8 +74,8 @@ fn ball_and_block(x: f64) -> (Particles<Volume>, Polyhedron) {
     (particles, shape)
 }
 
-/// The cover of a body has its volume at every position and for every order of the axes, and no cover remains at
-/// previous positions.
+/// Checks that the cover of a body has the volume of the body at every position and for every order of the axes, and
+/// that no cover remains at previous positions.
 #[test]
 fn the_cover_follows_and_adds_up_to_the_volume() {
     for split in 0..3 {
@@ -100,7 +100,8 @@ fn the_cover_follows_and_adds_up_to_the_volume() {
     }
 }
 
-/// A disc that moves covers each cell by the part of it that the disc fills, for both orders of the axes and at walls.
+/// Checks that a moving disc covers each cell by the fraction of it that the disc fills, for both orders of the axes
+/// and at walls.
 #[test]
 fn discs_cover_what_they_fill() {
     const CELLS: [usize; 3] = [30, 21, 1];
@@ -147,7 +148,8 @@ fn discs_cover_what_they_fill() {
     assert!(edges > 5000, "{edges}");
 }
 
-/// Covers ghost cells: their fractions are the negatives of those of the same cells in the next slab, for any cuts.
+/// Checks that the fractions of ghost cells are the negatives of those of the same cells in the next slab, for any
+/// cuts.
 #[test]
 fn ghost_cells_are_covered_as_in_the_next_slab() {
     let (particles, _) = ball_and_block(1.13);
@@ -202,8 +204,8 @@ fn ghost_cells_are_covered_as_in_the_next_slab() {
     }
 }
 
-/// Bodies that overlap, move and leave cover the same cells by the same fractions with one worker, and with several
-/// that have separate planes.
+/// Checks that bodies that overlap, move and leave cover the same cells by the same fractions with one worker and with
+/// several that have separate planes.
 #[test]
 fn workers_cover_what_one_covers() {
     let grains = |step: i32| {
@@ -245,7 +247,7 @@ fn workers_cover_what_one_covers() {
     }
 }
 
-/// A turned block and a ball, few enough to be cut into planes.
+/// Checks a rotated block and a ball, few enough to be divided by planes.
 #[test]
 fn workers_cover_planes_of_a_block() {
     for split in 0..3 {
@@ -275,8 +277,8 @@ fn workers_cover_planes_of_a_block() {
     }
 }
 
-/// Balls of all sizes that overlap, are at walls and beyond the slab, move, are added and removed: a GPU finds the
-/// same owners, fractions and parts.
+/// Checks balls of all sizes that overlap, are at walls and beyond the slab, move, are added and removed: a GPU finds
+/// the same owners, fractions and parts.
 #[test]
 fn a_gpu_finds_the_same_cells() {
     let mut several = 0;

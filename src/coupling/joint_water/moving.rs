@@ -2,12 +2,12 @@
 //!
 //! A step has three parts. The engine of the solids gives the contact loads half a step ahead, constant over the step
 //! ([`dem::Dem::loads_ahead`]). The network then moves water and blocks together, implicitly ([`joints::motion`]), so
-//! that a thin layer may be as stiff as it likes; contacts alone limit the step. The engine takes the new positions
+//! that the stiffness of a thin layer does not limit the step; only contacts do. The engine takes the new positions
 //! ([`dem::Dem::carried`]). Without water this is velocity Verlet.
 //!
-//! Momentum and angular momentum are the state of a block: the angular momentum stays in space while the block turns,
-//! so that the gyroscopic moment needs no term of its own. The network is made again when a block has moved by a small
-//! part of a cell.
+//! Momentum and angular momentum are the state of a block: the angular momentum is constant in space while the block
+//! rotates freely, so that the gyroscopic moment needs no term of its own. The network is rebuilt when a block has
+//! moved by a small part of a cell.
 //!
 //! The water of a mouth that presses on blocks covers every part of the surface of a block that no joint covers: the
 //! top of a block flush with its bed, and its sides as it rises. Such blocks are those with a face whose centroid lies
@@ -27,58 +27,60 @@ use joints::network::Network;
 use joints::pairs::RockFace;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
-/// Motion of a block, over the size of a cell, after which its network is made again.
+/// Motion of a block, divided by the size of a cell, after which its network is rebuilt.
 const RENEWAL: f64 = 0.1;
-/// Numbers of a block that ranks exchange: force and torque, position, velocity, orientation, angular momentum.
+/// Number of values of a block that ranks exchange: force and torque, position, velocity, orientation, angular
+/// momentum.
 const NUMBERS: usize = 19;
-/// Numbers of the positions of a block in a checkpoint: now, and in the network; and the time at which it left.
-const SAVED: usize = 15;
-/// Numbers of a joint in a checkpoint.
+/// Number of values of a block in a checkpoint: its present pose, its pose in the network, and the time at which it
+/// left its joints.
+const SAVED_NUMBERS: usize = 15;
+/// Number of values of a joint in a checkpoint.
 const PAIR: usize = 4;
-/// Time at which a block that is in its joints left them, in a checkpoint.
-const STAYS: f64 = -1.0;
+/// Value in a checkpoint for a block that has not left its joints, in place of the time at which it left them.
+const NOT_LEFT: f64 = -1.0;
 
 /// Position and orientation of a block.
 type Pose = (Vector3<f64>, UnitQuaternion<f64>);
 
-/// A block that moves.
+/// Block that moves.
 #[derive(Clone, Debug)]
 struct Body {
-    /// Its number in the network.
+    /// Index of the block in the network.
     rock: usize,
     mass: f64,
     /// Principal moments of inertia [kg m²].
     moments: Vector3<f64>,
     /// Position and orientation when the network was made.
     built: Pose,
-    /// Mouth whose water is round it, if any.
+    /// Mouth whose water surrounds the block, if any.
     mouth: Option<usize>,
-    /// Cells at its faces.
+    /// Cells of joints at the faces of the block.
     covered: Vec<(RockFace, Vec<usize>)>,
-    /// Time at which its last joint was gone \[s\].
+    /// Time at which the last joint of the block vanished \[s\]; none while it has a joint.
     left: Option<f64>,
 }
 
 impl Body {
-    /// Returns the inertia about the axes of space.
+    /// Returns the inertia tensor about the axes of space.
     fn inertia(&self, orientation: &UnitQuaternion<f64>) -> Matrix3<f64> {
         let turn = orientation.to_rotation_matrix().into_inner();
         turn * Matrix3::from_diagonal(&self.moments) * turn.transpose()
     }
 }
 
-/// The blocks that move.
+/// Blocks that move.
 #[derive(Clone, Debug)]
 pub(super) struct Moving {
     bodies: Vec<Body>,
 }
 
-/// A block that has left its joints.
+/// Block that has left its joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Departure {
     /// Number of the block.
     pub block: usize,
-    /// Time at which its last joint was gone \[s\].
+    /// Time at which the last joint of the block vanished \[s\].
     pub time: f64,
 }
 
@@ -112,7 +114,7 @@ impl Moving {
         (!bodies.is_empty()).then(|| Box::new(Self { bodies }))
     }
 
-    /// Returns the movers of the network.
+    /// Returns the moving blocks in the form that the network reads.
     pub(super) fn movers(&self, blocks: &[NetworkBlock]) -> Vec<Mover> {
         let mover = |body: &Body| {
             let solid = &blocks[body.rock].solid;
@@ -125,14 +127,14 @@ impl Moving {
         self.bodies.iter().map(mover).collect()
     }
 
-    /// Adds positions and joints to the numbers of a checkpoint.
+    /// Appends positions and joints to the values of a checkpoint.
     pub(super) fn save(&self, solids: &[PlacedPolyhedron], network: &Network, to: &mut Vec<f64>) {
         for body in &self.bodies {
             for (position, orientation) in [pose(&solids[body.rock]), body.built] {
                 to.extend(position.iter());
                 to.extend(orientation.coords.iter());
             }
-            to.push(body.left.unwrap_or(STAYS));
+            to.push(body.left.unwrap_or(NOT_LEFT));
         }
         to.push(real(network.joints.len()));
         for face in network.joints.iter().flat_map(|joint| joint.faces) {
@@ -141,7 +143,7 @@ impl Moving {
     }
 }
 
-/// Returns the first mouth that presses on blocks and has the centroid of a face of this one in its box.
+/// Returns the first mouth that presses on blocks and whose box contains the centroid of a face of this block.
 fn mouth_round(solid: &PlacedPolyhedron, mouths: &Mouths) -> Option<usize> {
     let faces = 0..solid.shape.half_spaces().len();
     let centroids: Vec<Vector3<f64>> = faces
@@ -157,7 +159,7 @@ fn mouth_round(solid: &PlacedPolyhedron, mouths: &Mouths) -> Option<usize> {
     })
 }
 
-/// Returns seven numbers as a position and an orientation.
+/// Returns a position and an orientation from seven numbers.
 fn saved_pose(numbers: &[f64]) -> Pose {
     let q = Quaternion::new(numbers[6], numbers[3], numbers[4], numbers[5]);
     // Not normalised: the bits stay the same.
@@ -194,7 +196,7 @@ impl JointWater {
         [position, velocity].map(Option::unwrap_or_default)
     }
 
-    /// Adds the load of the water of mouths on what no joint covers.
+    /// Adds the load of the water of mouths on surfaces that no joint covers.
     pub(super) fn add_outside(&mut self) {
         let Some(moving) = &self.moving else { return };
         let time = self.time();
@@ -217,7 +219,8 @@ impl JointWater {
     /// block \[m\]. Collective.
     ///
     /// # Errors
-    /// If the pressures do not converge or a block of the network is gone.
+    ///
+    /// If the pressures do not converge or a block of the network is missing.
     pub fn carry<S: Space>(
         &mut self,
         particles: &mut Particles<S>,
@@ -282,7 +285,8 @@ impl JointWater {
         }
     }
 
-    /// Gives the movers of the network velocities, positions and external loads. `all`: see [`gather`].
+    /// Sets velocities, positions and external loads of the moving blocks in the network; `all` is the result of
+    /// [`gather`].
     fn set_movers(&mut self, bodies: &[Body], all: &[(u64, [f64; NUMBERS])]) {
         let middle = self.time() + 0.5 * self.interval;
         let rocks = rocks(&self.solids);
@@ -327,7 +331,7 @@ impl JointWater {
         }
     }
 
-    /// Takes the positions of the movers. Returns the number of each in the network and its motion.
+    /// Copies the positions of the moving blocks from the network. Returns the id of each block and its motion.
     fn place_bodies(&mut self, bodies: &[Body]) -> Vec<(u64, BlockMotion)> {
         let mut moved = Vec::with_capacity(bodies.len());
         for (mover, body) in self.flow.movers().iter().zip(bodies) {
@@ -350,11 +354,11 @@ impl JointWater {
         moved
     }
 
-    /// Takes mouths and covered faces of a new network.
+    /// Updates the mouths and the covered faces for a new network.
     fn take_network(&mut self, moving: &mut Moving) {
         let time = self.time();
         let network = self.flow.network();
-        self.mouths.follow(network);
+        self.mouths.reassign_mouths(network);
         for body in &mut moving.bodies {
             body.built = pose(&self.solids[body.rock]);
             body.covered = cells_at(network, body.rock);
@@ -368,13 +372,17 @@ impl JointWater {
         }
     }
 
-    /// Restores positions and network from the numbers of a checkpoint; returns those that follow, or none if they are
-    /// those of other blocks.
+    /// Restores positions and network from the values of a checkpoint; returns the values that follow, or none if they
+    /// belong to other blocks.
     pub(super) fn restore_positions<'a>(&mut self, numbers: &'a [f64]) -> Option<&'a [f64]> {
         let mut moving = self.moving.take()?;
-        let (poses, after) = numbers.split_at_checked(SAVED * moving.bodies.len())?;
+        let (poses, after) = numbers.split_at_checked(SAVED_NUMBERS * moving.bodies.len())?;
         let mut built = self.solids.clone();
-        for (body, saved) in moving.bodies.iter_mut().zip(poses.chunks_exact(SAVED)) {
+        for (body, saved) in moving
+            .bodies
+            .iter_mut()
+            .zip(poses.chunks_exact(SAVED_NUMBERS))
+        {
             let solid = &mut self.solids[body.rock];
             (solid.position, solid.orientation) = saved_pose(saved);
             let (position, orientation) = saved_pose(&saved[7..]);
@@ -394,7 +402,7 @@ impl JointWater {
         if network.joints.len() != count {
             return None;
         }
-        self.mouths.follow(&network);
+        self.mouths.reassign_mouths(&network);
         for body in &mut moving.bodies {
             body.covered = cells_at(&network, body.rock);
         }
@@ -406,7 +414,7 @@ impl JointWater {
         Some(after)
     }
 
-    /// Returns the pair of faces with these numbers, if the blocks have them.
+    /// Returns the pair of faces with these indices, if the blocks have them.
     fn pair(&self, numbers: &[f64]) -> Option<[RockFace; 2]> {
         let face = |at: usize| {
             let (rock, face) = (whole(numbers[at]), whole(numbers[at + 1]));
@@ -469,12 +477,12 @@ fn gather<S: Space>(
     Ok(all)
 }
 
-/// Returns the upper bound of the numbers of a checkpoint in which `movers` blocks move, `nodes` and `links` being
-/// those at the start: a block that moves has at most [`GROWTH`] times as many.
+/// Returns an upper bound of the number of values in a checkpoint of `movers` moving blocks; `nodes` and `links` are
+/// the numbers at the start, of which a moving block has at most [`GROWTH`] times as many.
 #[must_use]
 pub fn most_numbers(movers: usize, nodes: usize, links: usize, inertia: bool) -> usize {
     let network = super::numbers(2 * nodes, links, inertia) + PAIR * links;
-    GROWTH * (network + SAVED * movers + 1)
+    GROWTH * (network + SAVED_NUMBERS * movers + 1)
 }
 
 /// Largest growth of a network by the motion of its blocks, for the check of a checkpoint.

@@ -1,4 +1,4 @@
-//! Blocks that move in the water of their joints, with the engine of their contacts, against closed solutions.
+//! Blocks that move in the water of their joints, with the contact engine, against closed solutions.
 
 use super::{JointWater, MouthFront, NetworkBlock};
 use base::error::Error;
@@ -23,10 +23,10 @@ const STIFFNESS: f64 = 1e8;
 const SIDE: f64 = 0.2;
 const HEIGHT: f64 = 0.1;
 
-/// A box of rock between two corners; `true` if it moves.
+/// Box of rock between two corners, and `true` if it moves.
 type Rock = ([f64; 3], [f64; 3], bool);
 
-/// A block in a socket of fixed rock, with these gaps below it and at its sides \[m\].
+/// Returns a block in a socket of fixed rock, with these gaps below it and at its sides \[m\].
 fn socket(below: f64, beside: f64) -> Vec<Rock> {
     let (far, thick) = (SIDE + beside, 0.05);
     let sides = [

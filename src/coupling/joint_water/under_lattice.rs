@@ -1,4 +1,4 @@
-//! Water in joints under a lattice: pressures at its mouths, loads of the lattice, water that goes back to it.
+//! Water in joints under a lattice: pressures at its mouths, loads of the lattice, water that returns to the lattice.
 
 use super::{JointWater, MouthAt};
 use base::number::real;
@@ -7,7 +7,7 @@ use dem::particles::Particles;
 use dem::space::Space;
 use nalgebra::Vector3;
 
-/// Numbers of a block that ranks exchange: id, force, torque.
+/// Number of values of a block that ranks exchange: id, force, torque.
 const NUMBERS: usize = 7;
 
 impl JointWater {
@@ -23,14 +23,14 @@ impl JointWater {
         network.open.iter().map(mouth).collect()
     }
 
-    /// Returns numbers of mouths, and the volume of water that left each in the last step, at the density of
-    /// atmospheric pressure \[m³\]. The numbers are those of the pressures of that step.
+    /// Returns the indices of mouths and the volume of water that left each of them in the last step, at the density of
+    /// atmospheric pressure \[m³\]. The indices are those of the pressures of that step.
     #[must_use]
     pub fn returned(&self) -> &[(usize, f64)] {
         &self.returned
     }
 
-    /// Takes note of what goes back to the lattice.
+    /// Records the water that returns to the lattice.
     pub(super) fn note_returned(&mut self) {
         let fronts = self.mouths.fronts.iter().flatten();
         let all = self.flow.passed().iter().zip(fronts).enumerate();
@@ -38,8 +38,8 @@ impl JointWater {
         self.returned = open.map(|(mouth, (passed, _))| (mouth, *passed)).collect();
     }
 
-    /// Gives the water of overlaps that are gone \[m³\] to the lattice, in equal parts to all mouths; without a mouth
-    /// or a lattice it is outside.
+    /// Returns the water of vanished overlaps \[m³\] to the lattice, in equal parts through all mouths; without a mouth
+    /// or a lattice it leaves the network.
     pub(super) fn release(&mut self, water: f64) {
         let mouths = self.returned.len();
         if self.mouths.fronts.is_none() || mouths == 0 {
@@ -52,13 +52,13 @@ impl JointWater {
         self.balance.entered -= water;
     }
 
-    /// Returns the density of the water with its air at atmospheric pressure over that without air.
+    /// Returns the density of the water with its air at atmospheric pressure divided by that of water without air.
     #[must_use]
     pub fn density_ratio(&self) -> f64 {
         1.0 - self.flow.settings().water.air
     }
 
-    /// Takes the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
+    /// Stores the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
     pub fn meet_lattice<S: Space>(
         &mut self,
         fronts: Vec<Option<f64>>,

@@ -56,7 +56,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Records a coupling at which the largest speed of a grain of this rank was this \[m/s\].
+    /// Records the extreme values of a coupling; `speed` is the largest speed of a grain of this rank \[m/s\].
     pub(super) fn keep_extremes(&mut self, speed: f64) {
         let before = self.extremes.unwrap_or(Extremes {
             first_speed: speed,

@@ -15,7 +15,7 @@ use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;
 
-/// The laws that act on the grains.
+/// Laws that act on the grains.
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a> {
     pub(super) drag: &'a dyn DragFormula,
@@ -36,7 +36,7 @@ impl Laws<'_> {
         let mut parts = [0.0; 2];
         if ground.dense > 0.0 {
             let (porosity, diameter) = ground.packing;
-            let resistance = ground.stated.unwrap_or_else(|| {
+            let resistance = ground.stated_resistance.unwrap_or_else(|| {
                 let liquid = self.settings.liquid;
                 self.resistance
                     .resistance(porosity, diameter, liquid, speed)
@@ -77,14 +77,14 @@ impl Laws<'_> {
     }
 }
 
-/// Minimum weight of a velocity change over the interval: the load is that of the middle of the interval.
-const MIDDLE: f64 = 0.5;
+/// Minimum weight of a velocity change over the interval, with which the load is that of the middle of the interval.
+const LEAST_WEIGHT: f64 = 0.5;
 
 /// Known data of a grain before a coupling.
 enum Start {
-    /// First coupling; held by contacts.
+    /// First coupling; contacts hold the grain.
     Held,
-    /// First coupling; free of contacts.
+    /// First coupling; the grain has no contact.
     Free,
     /// Later coupling: load and velocity at the last coupling are known.
     Known,
@@ -147,7 +147,7 @@ pub(super) fn fill<Sp: Space>(
             let strongest = drag.iter().copied().fold(0.0, f64::max);
             let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
-                MIDDLE
+                LEAST_WEIGHT
             } else {
                 0.0
             };
@@ -165,9 +165,9 @@ pub(super) fn fill<Sp: Space>(
                 drag,
                 reaction,
                 compliance,
-                answer: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
+                response: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
                 known,
-                late: part > MIDDLE,
+                late: part > LEAST_WEIGHT,
             };
             share.terms.push(term);
             if moves {
@@ -183,8 +183,8 @@ pub(super) fn fill<Sp: Space>(
     }
 }
 
-/// Computes the loads of the grains of one thread: the force on each, and `true` if its drag is that at the end of
-/// the interval. `weight` is that of the water per volume \[N/m³\].
+/// Computes the loads of the grains of one thread, with a flag that is `true` if the drag is that at the end of the
+/// interval. `weight` is the weight of the water per volume \[N/m³\].
 pub(super) fn load<Sp: Space>(
     (water, weight): (&Water, [f64; 3]),
     particles: &ParticlesView<'_, Sp>,
@@ -216,14 +216,15 @@ pub(super) fn load<Sp: Space>(
     }
 }
 
-/// Sums over the parts of grains in a cell, along each axis; `w` is the fraction, `b` reaction times answer.
+/// Sums over the parts of grains in a cell, along each axis; in the formulas `w` is the fraction of the grain in the
+/// cell and `b` the reaction times the answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sum {
     /// `sum w b`: ratio of reaction to flux \[kg/s\].
     pub(super) drag: [f64; 3],
     /// `sum w b measure known`: reaction of the known velocities of the grains \[N\].
     pub(super) held: [f64; 3],
-    /// `sum w V answer known` \[m4/s\].
+    /// `sum w V answer known` \[m4/s\]: volume flow of the known velocities of the grains.
     pub(super) moving: [f64; 3],
     /// `sum w V compliance drag answer` \[m³\]: volume of grains that moves with the flux.
     pub(super) with_flux: [f64; 3],
@@ -277,9 +278,10 @@ impl Sums {
         self.cells.clear();
     }
 
-    /// Sums the terms of all grains over the ranks, for a number of cells. Collective.
+    /// Adds the terms of all grains of all ranks, for a number of cells. Collective.
     ///
     /// # Errors
+    ///
     /// If a velocity or a coefficient is not finite; the same on every rank.
     pub(super) fn fill(
         &mut self,
@@ -350,8 +352,8 @@ const STEP: f64 = 1.0 / 4_611_686_018_427_387_904.0;
 fn numbers(term: &Term, measure: f64, part: f64, volume: f64) -> [f64; NUMBERS] {
     let mut all = [0.0; NUMBERS];
     for a in 0..3 {
-        let b = part * term.reaction[a] * term.answer[a];
-        let v = part * volume * term.answer[a];
+        let b = part * term.reaction[a] * term.response[a];
+        let v = part * volume * term.response[a];
         let kinds = [
             b,
             b * measure * term.known[a],

@@ -11,7 +11,7 @@ use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
 use darcy::permeability::{BedOfCells, larger};
 use darcy::pressure::Medium;
-use darcy::zones::Conduct;
+use darcy::zones::ZonePermeability;
 use darcy::{Equations, Openness, Zones, neighbourhood};
 use dem::particles::ParticlesView;
 use dem::space::Space;
@@ -19,35 +19,36 @@ use std::sync::Arc;
 
 /// Relative change of a coefficient in a round below which the rounds continue in the next coupling, if grains move
 /// meanwhile.
-const GOES_ON: f64 = 2e-3;
+const CONTINUED_CHANGE: f64 = 2e-3;
 /// Relative change of a coefficient in a round at which it is converged: a multiple of the tolerance of the
 /// pressure, and a minimum.
 const SETTLED: f64 = 100.0;
 const LEAST_SETTLED: f64 = 1e-11;
 /// Number of rounds after which a change of this size is accepted: it may be the rounding error of a pressure that
 /// has almost no drive.
-const PATIENT: u32 = 50;
-const NEAR: f64 = 1e-5;
+const STALLED_ROUNDS: u32 = 50;
+const STALLED_CHANGE: f64 = 1e-5;
 /// Maximum number of rounds: the error at least halves in each.
 const MOST_ROUNDS: u32 = 200;
-/// Solid fraction up to which the reaction of grains does not move the water around them, then that from which it
-/// does.
-const LONE: f64 = 0.02;
-const CLOUD: f64 = 0.05;
+/// Solid fraction up to which the reaction of grains does not move the water around them; above
+/// [`DENSE_FRACTION`] it moves the water fully.
+const DILUTE_FRACTION: f64 = 0.02;
+const DENSE_FRACTION: f64 = 0.05;
 /// Porosity above which the permeability of a zone changes to that of its grains.
-const LOOSE: f64 = 0.8;
+const LOOSE_POROSITY: f64 = 0.8;
 /// Maximum porosity of the permeability law above which open water has only the resistance of its channel.
 const FREE: f64 = 0.9999;
 /// Minimum fraction of a cell that counts as pores in the balance of momentum.
 const LEAST_PORES: f64 = 1e-6;
 /// Relative difference of the two speeds with which the slope of a law is computed.
-const NEARBY: f64 = 1e-4;
+const SPEED_DIFFERENCE: f64 = 1e-4;
 
 /// Returns d log R/d log u of a resistance at a speed.
 fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
     let here = resistance(speed);
     if speed > 0.0 && here > 0.0 {
-        ((resistance(speed * (1.0 + NEARBY)) / here - 1.0) / NEARBY).clamp(0.0, 4.0)
+        ((resistance(speed * (1.0 + SPEED_DIFFERENCE)) / here - 1.0) / SPEED_DIFFERENCE)
+            .clamp(0.0, 4.0)
     } else {
         0.0
     }
@@ -55,7 +56,10 @@ fn slope(resistance: impl Fn(f64) -> f64, speed: f64) -> f64 {
 
 impl<Sp: Space> Seepage<Sp> {
     /// Computes porosity, permeability and pressure for the present positions of the grains. Collective.
-    pub(super) fn seep(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<(), Error> {
+    pub(super) fn solve_pressure(
+        &mut self,
+        particles: &ParticlesView<'_, Sp>,
+    ) -> Result<(), Error> {
         self.parts.find(&self.pores, particles);
         self.pores.clear();
         for (k, parts) in self.parts.each() {
@@ -75,9 +79,9 @@ impl<Sp: Space> Seepage<Sp> {
         if let Some((zones, room)) = &mut self.zones {
             room.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
-        self.survey();
+        self.compute_porosities();
         self.measure_open_water();
-        self.report.iterations = self.converge(particles)?;
+        self.report.iterations = self.iterate_until_converged(particles)?;
         self.before.copy_from_slice(self.pores.porosity());
         self.has_before = true;
         Ok(())
@@ -97,7 +101,9 @@ impl<Sp: Space> Seepage<Sp> {
             let free = zones.map_or(1.0, |(_, room)| room.free(cell));
             let ground = self.water.ground[cell].as_ref();
             (
-                free.min(openness(ground.map_or(1.0, |ground| ground.around))),
+                free.min(openness(
+                    ground.map_or(1.0, |ground| ground.neighbourhood_fraction),
+                )),
                 free,
             )
         };
@@ -115,10 +121,10 @@ impl<Sp: Space> Seepage<Sp> {
         });
     }
 
-    /// Computes the weights of the cells: their gradient with the drag on the grains, and their water speed,
-    /// relative to the largest of all cells. A coefficient counts as much as it can change the flow; in stationary
-    /// water nothing depends on it.
-    fn weigh(&mut self) {
+    /// Computes the weights of the cells in the test of convergence: their gradient for the drag on the grains, and
+    /// their water speed for its friction, relative to the largest of all cells. A coefficient counts as much as it can
+    /// change the flow; in stationary water none counts.
+    fn compute_weights(&mut self) {
         let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
         for cell in 0..self.water.flux.len() {
             let (slip, drag) = (size(self.slip(cell)), self.sums.cell(cell).drag[0]);
@@ -141,7 +147,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Computes the friction of open water along each axis from the present speeds, for the next round; returns the
     /// largest relative change, weighted.
-    fn resist(&mut self) -> f64 {
+    fn compute_open_water_friction(&mut self) -> f64 {
         if !self.water.has_open {
             return 0.0;
         }
@@ -188,8 +194,8 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Computes porosities and laws of all cells, except for the flux.
-    fn survey(&mut self) {
+    /// Computes porosities and laws of all cells, except those that depend on the flux.
+    fn compute_porosities(&mut self) {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
         let (least, cap) = (
@@ -219,10 +225,11 @@ impl<Sp: Space> Seepage<Sp> {
                 1.0 - (1.0 - around).clamp(least, cap.max(1.0 - around))
             };
             let felt = 1.0 - around;
-            self.water.coupled[cell] = rise((around - LONE) / (CLOUD - LONE));
+            self.water.coupled[cell] =
+                rise((around - DILUTE_FRACTION) / (DENSE_FRACTION - DILUTE_FRACTION));
             let coupled = self.water.coupled[cell];
             let dense = if zone {
-                1.0 - rise((porosity[cell] - LOOSE) / (FILLED - LOOSE))
+                1.0 - rise((porosity[cell] - LOOSE_POROSITY) / (FILLED - LOOSE_POROSITY))
             } else {
                 dense_share(felt)
             };
@@ -244,10 +251,10 @@ impl<Sp: Space> Seepage<Sp> {
                 },
                 packing: (self.limited[cell], diameter),
                 factor: pores / solid.max(LEAST_PORES),
-                stated: None,
+                stated_resistance: None,
                 displaced: if solid > around { around / solid } else { 1.0 },
                 counts: !self.is_body(cell),
-                around: if solid > 0.0 { around } else { 0.0 },
+                neighbourhood_fraction: if solid > 0.0 { around } else { 0.0 },
                 dense,
                 dilute: coupled + (1.0 - coupled) / felt,
                 flux: self.water.flux[cell],
@@ -259,7 +266,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Computes the permeability of the cells whose resistance is not a sum over grains: those of zones, and all
     /// cells if the bed counts as stationary.
-    fn permeate(&mut self) {
+    fn compute_permeability(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let moves = settings.moves();
         if moves && self.zones.is_none() {
@@ -297,7 +304,7 @@ impl<Sp: Space> Seepage<Sp> {
                 .ratios()
                 .map_or([1.0; 3], |ratios| ratios[cell].map(|r| 1.0 / r));
             if room.is_ground(cell) {
-                ground.stated = Some(liquid.viscosity / k);
+                ground.stated_resistance = Some(liquid.viscosity / k);
             }
             if moves && room.is_body(cell) {
                 self.water.still[cell] = ground.ratios.map(|r| liquid.viscosity / k * r);
@@ -306,7 +313,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Computes the flux through each cell as a linear function of the gradient.
-    fn conduct(&mut self) {
+    fn compute_flux_law(&mut self) {
         let (settings, liquid) = (&self.settings, self.settings.liquid);
         let dimension = self.openness.grid.dimension;
         let moves = settings.moves();
@@ -357,19 +364,19 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Computes laws and pressure alternately until both converge; returns the number of iterations. Collective.
-    fn converge(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
+    fn iterate_until_converged(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
         let source = self.settings.transient && !moves && self.has_before;
         let mut settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
         let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
         if moves && self.has_before && grains > 0 {
-            settled = settled.max(GOES_ON);
+            settled = settled.max(CONTINUED_CHANGE);
         }
         let law = self.settings.permeability.law.model();
-        let of_zones = |(zones, _): &(Arc<Zones>, Conduct)| zones.depend_on_the_gradient();
+        let of_zones = |(zones, _): &(Arc<Zones>, ZonePermeability)| zones.depend_on_the_gradient();
         let depends =
             law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
-        self.resist();
+        self.compute_open_water_friction();
         let mut iterations = 0;
         for round in 1.. {
             if self.water.has_open {
@@ -377,9 +384,9 @@ impl<Sp: Space> Seepage<Sp> {
                 let water = &mut self.water;
                 water.still.copy_from_slice(&water.friction_next);
             }
-            self.permeate();
+            self.compute_permeability();
             self.sum(particles, grains)?;
-            self.conduct();
+            self.compute_flux_law();
             if self.water.directed {
                 self.pressure.set_directions(&self.water.ratios);
             }
@@ -392,12 +399,12 @@ impl<Sp: Space> Seepage<Sp> {
                 })
                 .map_err(failed)?;
             iterations += self.report.iterations;
-            let mut change = self.follow();
+            let mut change = self.update_flux();
             if depends {
                 change = larger(change, self.permeability_change());
             }
-            change = larger(change, self.resist());
-            if change <= settled || round >= PATIENT && change <= NEAR {
+            change = larger(change, self.compute_open_water_friction());
+            if change <= settled || round >= STALLED_ROUNDS && change <= STALLED_CHANGE {
                 break;
             }
             if round >= MOST_ROUNDS || change.is_nan() {
@@ -411,7 +418,7 @@ impl<Sp: Space> Seepage<Sp> {
                     ground.flux = *flux;
                 }
             }
-            self.answer(particles);
+            self.compute_grain_motion(particles);
         }
         Ok(iterations)
     }
@@ -437,7 +444,7 @@ impl<Sp: Space> Seepage<Sp> {
     }
 
     /// Computes drag and motion of each part of a grain from the present flux.
-    fn answer(&mut self, particles: &ParticlesView<'_, Sp>) {
+    fn compute_grain_motion(&mut self, particles: &ParticlesView<'_, Sp>) {
         let mut shares = std::mem::take(&mut self.parts.shares);
         let (laws, ground) = (self.laws(), &self.water.ground);
         thread_pool::each_item(&mut shares, 1, |_, share| {
@@ -455,7 +462,7 @@ impl<Sp: Space> Seepage<Sp> {
             self.sums.clear();
             return Ok(());
         }
-        self.answer(particles);
+        self.compute_grain_motion(particles);
         let cells = self.openness.grid.count();
         self.sums
             .fill(cells, &self.parts.shares, &self.communicator)
@@ -465,7 +472,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// Computes the flux of the water from the pressure, and the flux and speed for the next iteration; returns the
     /// largest relative change of a coefficient, weighted by the gradient or the speed of its cell relative to the
     /// largest.
-    fn follow(&mut self) -> f64 {
+    fn update_flux(&mut self) -> f64 {
         let dimension = self.openness.grid.dimension;
         for cell in 0..self.water.flow.len() {
             let gradient = self.pressure.reduced_gradient(cell);
@@ -480,7 +487,7 @@ impl<Sp: Space> Seepage<Sp> {
             });
         }
         self.water.update_gradient_magnitudes();
-        self.weigh();
+        self.compute_weights();
         let mut change = 0.0_f64;
         let mut grounds = std::mem::take(&mut self.water.ground);
         for (cell, ground) in grounds.iter_mut().enumerate() {

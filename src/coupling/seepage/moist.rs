@@ -27,14 +27,14 @@ use base::error::Error;
 use dem::particles::{Load, Particles};
 use dem::space::{Components, Space};
 
-/// Porosity from which on grains count as loose.
-const LOOSE: f64 = 0.8;
-/// Smallest solid fraction among which water is shared.
+/// Porosity above which grains count as loose.
+const LOOSE_POROSITY: f64 = 0.8;
+/// Minimum solid fraction of a cell for its water to be distributed over its grains.
 const LEAST_SOLID: f64 = 1.0 - FILLED;
 
-/// Returns the part of the load of a bed that acts at a porosity, over its solid fraction.
+/// Returns the fraction of the load of a bed that acts at a porosity, divided by the solid fraction.
 fn bed(porosity: f64) -> f64 {
-    let part = ((FILLED - porosity) / (FILLED - LOOSE)).clamp(0.0, 1.0);
+    let part = ((FILLED - porosity) / (FILLED - LOOSE_POROSITY)).clamp(0.0, 1.0);
     part / (1.0 - porosity).max(LEAST_SOLID)
 }
 
@@ -56,7 +56,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// If the flow does not converge, or a load is not finite.
     pub(super) fn wet(&mut self, particles: &mut Particles<Sp>) -> Result<(), Error> {
         particles.keep_moisture();
-        self.seep(&particles.view())?;
+        self.solve_pressure(&particles.view())?;
         self.moisten();
         let (mut fastest, mut finite) = (0.0_f64, true);
         for (k, parts) in self.parts.each() {
@@ -180,7 +180,7 @@ impl<Sp: Space> Seepage<Sp> {
         }
     }
 
-    /// Returns the stress at a wall, which nothing crosses \[Pa\].
+    /// Returns the stress at an impermeable wall \[Pa\].
     fn stress_at_wall(&self, cell: usize, axis: usize, upper: bool) -> f64 {
         let half = 0.5 * self.grid().spacing[axis];
         let rise = self.pressure.weight()[axis] * if upper { half } else { -half };

@@ -22,13 +22,14 @@ pub(super) struct Term {
     pub(super) drag: [f64; 3],
     /// Ratio of the reaction on the water to superficial slip along each axis \[kg/s\].
     pub(super) reaction: [f64; 3],
-    /// Part of the interval divided by the mass of the grain \[s/kg\]; 0 if its present velocity counts.
+    /// Part of the interval divided by the mass of the grain \[s/kg\]; 0 if the present velocity of the grain is used.
     pub(super) compliance: f64,
     /// 1/(1 + compliance drag measure) along each axis.
-    pub(super) answer: [f64; 3],
+    pub(super) response: [f64; 3],
     /// Velocity without flux and gradient \[m/s\].
     pub(super) known: [f64; 3],
-    /// `true` if drag stops the grain within the interval, so that its velocity is taken later than in the middle.
+    /// `true` if drag stops the grain within the interval, so that its velocity is taken later than in the middle of
+    /// the interval.
     pub(super) late: bool,
 }
 
@@ -44,7 +45,7 @@ impl Term {
         let push = self.compliance * volume;
         std::array::from_fn(|a| {
             let slip = flux[a] - measure * (self.known[a] - push * gradient[a]);
-            self.drag[a] * self.answer[a] * slip
+            self.drag[a] * self.response[a] * slip
         })
     }
 }
@@ -60,12 +61,12 @@ pub(super) struct GrainLoad {
     pub(super) implicit: bool,
 }
 
-/// Parts of the grains of one thread.
+/// Parts of the grains that one thread processes.
 #[derive(Debug, Default)]
 pub(super) struct Share {
-    /// First grain.
+    /// Index of the first grain.
     first: usize,
-    /// End of the parts of each grain.
+    /// End of the parts of each grain in `parts`.
     ends: Vec<usize>,
     /// Cells that contain a part of a grain, each with the fraction of the grain.
     pub(super) parts: Vec<(usize, f64)>,
@@ -79,19 +80,19 @@ pub(super) struct Share {
 }
 
 impl Share {
-    /// Returns its grains.
+    /// Returns the index range of the grains.
     pub(super) fn grains(&self) -> Range<usize> {
         self.first..self.first + self.ends.len()
     }
 
-    /// Returns the index range of the parts of one of its grains.
+    /// Returns the index range of the parts of a grain.
     pub(super) fn places(&self, grain: usize) -> Range<usize> {
         let n = grain - self.first;
         let start = n.checked_sub(1).map_or(0, |before| self.ends[before]);
         start..self.ends[n]
     }
 
-    /// Returns the cells that contain parts of one of its grains, each with the fraction.
+    /// Returns the cells that contain parts of a grain, each with the fraction of the grain.
     pub(super) fn cells_of(&self, grain: usize) -> &[(usize, f64)] {
         &self.parts[self.places(grain)]
     }

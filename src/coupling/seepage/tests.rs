@@ -106,7 +106,7 @@ impl Bench {
     }
 }
 
-/// Returns a cubic array at rest, denser below, with two sizes.
+/// Returns a stationary cubic array of grains of two sizes, denser in its lower part.
 fn bed(seepage: &mut Seepage<Volume>) -> Particles<Volume> {
     let mut particles = Particles::<Volume>::new();
     let step = 0.0025;
@@ -163,8 +163,8 @@ fn momentum_closes_with_the_consistent_drag() {
     }
 }
 
-/// The largest of all couplings are kept: the speed of a grain, the difference of pressure between the imposed values,
-/// the closure.
+/// Checks that the largest values of all couplings are kept: the speed of a grain, the difference of pressure between
+/// the imposed values, the closure.
 #[test]
 fn extremes_of_all_couplings_are_kept() {
     let mut seepage = Bench::default().seepage();
@@ -267,8 +267,8 @@ fn a_bed_lifts_at_terzaghis_gradient() {
     }
 }
 
-/// Water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has Ergun's loss,
-/// and the drag of the resistance closes the balance of momentum as it does without inertia.
+/// Checks water that is fast enough for inertia (Re about 80): with Ergun's resistance the flux of the cells has
+/// Ergun's loss, and the drag of the resistance closes the balance of momentum as it does without inertia.
 #[test]
 fn momentum_closes_with_the_resistance_of_ergun() {
     let mut seepage = Bench {
@@ -300,7 +300,7 @@ fn momentum_closes_with_the_resistance_of_ergun() {
     }
 }
 
-/// A grain that just reaches into an empty cell, by less than the rounding of its porosity, and one alone in a cell:
+/// Checks a grain that reaches into an empty cell by less than the rounding of its porosity, and one alone in a cell:
 /// the load is that of a bed at the limit of porosity.
 #[test]
 fn a_sliver_in_an_empty_cell_bears_its_part_alone() {
@@ -472,7 +472,7 @@ fn plug(seepage: &Seepage<Volume>, from: f64, to: f64, velocity: f64) -> Particl
     particles
 }
 
-/// Moves grains that nothing holds by one interval under gravity `gravity`.
+/// Moves unsupported grains by one interval under `gravity`.
 fn drift(particles: &mut Particles<Volume>, interval: f64, gravity: f64) {
     for k in 0..particles.owned() {
         let mass = particles.body[k].mass;
@@ -486,10 +486,11 @@ fn drift(particles: &mut Particles<Volume>, interval: f64, gravity: f64) {
     }
 }
 
-/// Velocity so low that the velocity head of the water that leaves does not count.
+/// Velocity at which the velocity head of the outflowing water is negligible.
 const SLOW: f64 = 5e-4;
 
-/// Nothing stops a bed that moves with its water. In the frame of the laboratory, without `moves`, it stops.
+/// Checks that a bed which moves with its water is not stopped; in the frame of the laboratory, without `moves`, it
+/// stops.
 #[test]
 fn a_plug_that_moves_between_equal_pressures_keeps_its_speed() {
     let speed_after = |moves: bool, interval: f64| {
@@ -522,8 +523,8 @@ fn a_plug_that_moves_between_equal_pressures_keeps_its_speed() {
     assert!(speed_after(false, 1e-3) < 0.25 * SLOW);
 }
 
-/// A bed that is driven with speed v between a closed bottom and an open top squeezes out the water below it, past its
-/// grains: the pressure below rises as Darcy's law says for a flux v.
+/// Checks a bed that is driven at speed v between a closed bottom and an open top and squeezes out the water below it,
+/// past its grains: the pressure below follows Darcy's law for a flux v.
 #[test]
 fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
     let (speed, interval) = (-1e-4, 1e-3);
@@ -566,7 +567,8 @@ fn a_bed_that_is_pressed_down_builds_up_the_pressure_of_darcy() {
     }
 }
 
-/// A free bed in a closed shaft sinks as fast as its buoyant weight drives the water through it, for any interval.
+/// Checks that a free bed in a closed shaft sinks as fast as its buoyant weight drives the water through it, for any
+/// interval.
 #[test]
 fn a_bed_in_a_closed_shaft_sinks_at_the_velocity_of_its_resistance() {
     let sinks = |density: f64, interval: f64, end: f64| {
@@ -654,9 +656,8 @@ fn schiller_naumann(diameter: f64, density: f64, liquid: Liquid) -> f64 {
     low
 }
 
-/// A lone grain in water at rest, with each resistance whose drag is the reaction, in cells of one to eight
-/// diameters: it sinks as a lone
-/// sphere does, and momentum is balanced.
+/// Checks a lone grain in stationary water, with each resistance whose drag is the reaction, in cells of one to eight
+/// diameters: it sinks as a lone sphere does, and momentum is balanced.
 #[test]
 fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
     for (resistance, error) in [
@@ -714,8 +715,8 @@ fn a_lone_grain_sinks_as_a_lone_sphere_with_every_resistance() {
     }
 }
 
-/// A uniform cloud in a closed shaft: water streams up as its grains sink down, and each grain sinks as the
-/// law says for its solid fraction.
+/// Checks a uniform cloud in a closed shaft: water flows up as the grains sink, and each grain sinks at the velocity of
+/// the law for its solid fraction.
 #[test]
 fn a_cloud_sinks_at_the_velocity_of_its_law() {
     let law = DragLaw::Gidaspow;

@@ -14,16 +14,16 @@ pub(super) struct Ground {
     /// Factor of the velocity of a grain relative to the flux of the water: the porosity, or 1 in the equations as
     /// printed.
     pub(super) measure: f64,
-    /// Porosity within its limits, and mean diameter \[m\], of the law of resistance.
+    /// Porosity within the limits of the law of resistance, and mean diameter \[m\].
     pub(super) packing: (f64, f64),
     /// Ratio of the drag on the volume of a grain to resistance times flux: porosity over solid fraction.
     pub(super) factor: f64,
     /// Resistance \[Pa s/m²\] if a zone states it.
-    pub(super) stated: Option<f64>,
+    pub(super) stated_resistance: Option<f64>,
     /// `true` if the forces on the grains of the cell are included in the balance of momentum.
     pub(super) counts: bool,
     /// Solid fraction of the neighbourhood; 0 without grains.
-    pub(super) around: f64,
+    pub(super) neighbourhood_fraction: f64,
     /// Fraction of the volume of the grains whose displacement is compensated by water of other cells: the water
     /// displaced by a lone grain returns next to it.
     pub(super) displaced: f64,
@@ -33,7 +33,7 @@ pub(super) struct Ground {
     pub(super) dilute: f64,
     /// Flux of the water at which the coefficients of drag are taken \[m/s\].
     pub(super) flux: [f64; 3],
-    /// Iteration for that flux.
+    /// Secant iteration for this flux.
     pub(super) secant: Secant,
     /// Ratio of the drag along each axis to the mean.
     pub(super) ratios: [f64; 3],

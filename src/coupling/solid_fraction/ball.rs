@@ -20,7 +20,7 @@ struct Coordinates {
     size: Vec<f64>,
     sign: Vec<f64>,
     cap: Vec<f64>,
-    /// [`less_cubed`] of the size.
+    /// Value of [`less_cubed`] at each size.
     less: Vec<f64>,
     /// Index of the coordinate nearest to the centre.
     nearest: usize,

@@ -20,7 +20,7 @@ use lbm::links::CellPlane;
 use nalgebra::{Matrix3, Vector3};
 
 /// Fraction below which a cell counts as free, because it is rounding.
-const NOTHING: f64 = 1e-12;
+const ROUNDING_FRACTION: f64 = 1e-12;
 
 /// Surface of a convex polyhedron in cells.
 #[derive(Debug, Default, PartialEq)]
@@ -94,7 +94,7 @@ pub struct BlockTable {
     lower: [i32; 3],
     cells: [usize; 3],
     /// Number of cells of a row before the box.
-    before: usize,
+    cells_before_box: usize,
     /// Volume in each cell of the layer from faces within it, and volume that begins there for all later cells.
     within: Vec<f64>,
     from: Vec<f64>,
@@ -110,7 +110,7 @@ struct Cut {
     spare: Vec<Point>,
     row: Vec<Point>,
     cell: Vec<Point>,
-    rest: Vec<Point>,
+    remaining: Vec<Point>,
 }
 
 impl BlockTable {
@@ -127,9 +127,9 @@ impl BlockTable {
         self.cells = order.map(|axis| cells[axis]);
         let (least, _) = range(surface.placed.iter().map(|corner| corner[order[2]]));
         let first = floor_i32(least).min(self.lower[2]);
-        self.before = usize::try_from(self.lower[2] - first).unwrap_or(0);
+        self.cells_before_box = usize::try_from(self.lower[2] - first).unwrap_or(0);
         self.lower[2] = first;
-        self.cells[2] += self.before;
+        self.cells[2] += self.cells_before_box;
         // One extra cell receives the volume that begins after the last.
         let room = self.cells[1] * (self.cells[2] + 1);
         self.within.resize(self.within.len().max(room), 0.0);
@@ -159,11 +159,11 @@ impl BlockTable {
             cut.slab
                 .extend(corners.iter().map(|at| [at[slow], at[middle], at[fast]]));
             if least < bottom {
-                split::<0>(&cut.slab, bottom, &mut cut.rest, &mut cut.spare);
+                split::<0>(&cut.slab, bottom, &mut cut.remaining, &mut cut.spare);
                 std::mem::swap(&mut cut.slab, &mut cut.spare);
             }
             if most > bottom + 1.0 {
-                split::<0>(&cut.slab, bottom + 1.0, &mut cut.spare, &mut cut.rest);
+                split::<0>(&cut.slab, bottom + 1.0, &mut cut.spare, &mut cut.remaining);
                 std::mem::swap(&mut cut.slab, &mut cut.spare);
             }
             self.rows(&mut cut, 1_f64.copysign(sign));
@@ -205,8 +205,13 @@ impl BlockTable {
         let (least, most) = range(cut.row.iter().map(|at| at[2]));
         let mut cell = floor_i32(least);
         while most > f64::from(cell + 1) {
-            split::<2>(&cut.row, f64::from(cell + 1), &mut cut.cell, &mut cut.rest);
-            std::mem::swap(&mut cut.row, &mut cut.rest);
+            split::<2>(
+                &cut.row,
+                f64::from(cell + 1),
+                &mut cut.cell,
+                &mut cut.remaining,
+            );
+            std::mem::swap(&mut cut.row, &mut cut.remaining);
             add(cell, &cut.cell);
             cell += 1;
         }
@@ -223,9 +228,13 @@ impl BlockTable {
         for (fraction, (within, from)) in self.fractions.iter_mut().zip(within.iter().zip(from)) {
             sum += from;
             let part = sum + within;
-            *fraction = if part < NOTHING { 0.0 } else { part.min(1.0) };
+            *fraction = if part < ROUNDING_FRACTION {
+                0.0
+            } else {
+                part.min(1.0)
+            };
         }
-        &self.fractions[self.before + first..][..count]
+        &self.fractions[self.cells_before_box + first..][..count]
     }
 }
 
@@ -274,11 +283,11 @@ fn split<const AXIS: usize>(
 /// end of a cell.
 #[inline(always)]
 fn integrals(polygon: &[Point], cell: f64) -> (f64, f64) {
-    let [first, rest @ ..] = polygon else {
+    let [first, remaining @ ..] = polygon else {
         return (0.0, 0.0);
     };
     let (mut area, mut moment) = (0.0, 0.0);
-    for pair in rest.windows(2) {
+    for pair in remaining.windows(2) {
         let [a, b] = [0, 1].map(|k: usize| [pair[k][0] - first[0], pair[k][1] - first[1]]);
         let twice = a[0] * b[1] - a[1] * b[0];
         area += twice;

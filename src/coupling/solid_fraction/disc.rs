@@ -16,7 +16,7 @@ use std::ops::Range;
 struct Coordinates {
     size: Vec<f64>,
     sign: Vec<f64>,
-    /// [`segment`] of the size.
+    /// Value of [`segment`] at each size.
     segment: Vec<f64>,
 }
 

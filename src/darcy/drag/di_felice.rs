@@ -64,7 +64,7 @@ impl permeability::PermeabilityFormula for DiFelice {
         true
     }
 
-    fn goes_with(&self, equations: Equations) -> bool {
+    fn supports_equations(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }
 }

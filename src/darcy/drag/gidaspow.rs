@@ -102,7 +102,7 @@ impl permeability::PermeabilityFormula for Gidaspow {
         true
     }
 
-    fn goes_with(&self, equations: Equations) -> bool {
+    fn supports_equations(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }
 }

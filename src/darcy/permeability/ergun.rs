@@ -49,7 +49,7 @@ impl PermeabilityFormula for Ergun {
     }
 
     /// Returns `true` for the corrected equations: those as printed use only the resistance of Kozeny and Carman.
-    fn goes_with(&self, equations: Equations) -> bool {
+    fn supports_equations(&self, equations: Equations) -> bool {
         equations == Equations::Corrected
     }
 }

@@ -29,7 +29,7 @@ pub struct Prisms {
     pub from_upper: bool,
     /// First cell of the widest prism along each axis.
     pub first: [usize; 3],
-    /// One past its last cell.
+    /// One past the last cell of the widest prism.
     pub end: [usize; 3],
     /// Unit weight of the submerged ground \[N/m3\].
     pub submerged_weight: f64,

@@ -33,7 +33,7 @@ pub(super) struct Boundary {
     pub(super) extra: f64,
     /// Inflow in unsaturated ground \[m³/s\].
     pub(super) rate: f64,
-    /// Derivative of this inflow with respect to minus the reduced pressure of the cell.
+    /// Derivative of the inflow beyond the two-point flux with respect to minus the reduced pressure of the cell.
     pub(super) response: f64,
 }
 

@@ -57,7 +57,7 @@ impl Pressure {
                     }
                 });
             self.system.multigrid.cycle();
-            let z = self.system.multigrid.result();
+            let z = self.system.multigrid.solution();
             let rz = dot(here, &self.system.residual, z, &self.slab.communicator) / unit;
             let beta = if iterations == 0 { 0.0 } else { rz / last };
             last = rz;
@@ -144,7 +144,7 @@ impl Pressure {
     }
 
     /// Returns the largest right side, which drives the flow: the imbalance at the uniform midpoint of the imposed
-    /// pressures. Computed over the whole grid, so that no message is needed.
+    /// pressures. It is computed over the whole grid, so that no message is needed.
     fn size(&self) -> f64 {
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         rows.flatten()

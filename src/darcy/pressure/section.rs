@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Flow, area and pressures at a section.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Through {
+pub struct SectionFlow {
     /// Discharge of water and grains along the axis \[m³/s; m²/s in 2-D\].
     pub discharge: f64,
     /// Open area \[m2; m in 2-D\].
@@ -20,7 +20,12 @@ impl Pressure {
     /// Returns the flow through the faces below the cells of a plane normal to `axis`, for cells in these ranges
     /// along the other axes. The plane may be one past the last.
     #[must_use]
-    pub fn through(&self, axis: usize, plane: usize, ranges: &[Range<usize>; 3]) -> Through {
+    pub fn flow_through_section(
+        &self,
+        axis: usize,
+        plane: usize,
+        ranges: &[Range<usize>; 3],
+    ) -> SectionFlow {
         let mut discharge = ExactSum::new();
         let mut area = ExactSum::new();
         let mut beside = [ExactSum::new(), ExactSum::new()];
@@ -53,7 +58,7 @@ impl Pressure {
             }
         }
         let mean = |side: usize| beside[side].value() / real(counts[side]);
-        Through {
+        SectionFlow {
             discharge: discharge.value(),
             area: area.value(),
             reduced: [mean(0), mean(1)],

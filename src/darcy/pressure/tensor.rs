@@ -42,7 +42,7 @@ pub(super) struct Tensor {
 /// Value on a face at a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Edge {
-    /// Free value, with this flow into the ground.
+    /// Free value, for which this flow into the ground is given.
     Free(f64),
     /// Imposed value, relative to the level.
     Known(f64),
@@ -147,7 +147,7 @@ impl Corner {
         values
     }
 
-    /// Returns the flow out of a cell through its face along an axis; with the cross term if `shear`.
+    /// Returns the flow out of a cell through its face along an axis; with the cross term if `shear` is `true`.
     fn outflow(&self, s: usize, axis: usize, values: &[f64; NODES], shear: bool) -> f64 {
         let [a, b, c] = self.quarters[s];
         let c = if shear {

@@ -56,7 +56,7 @@ fn conductivities(permeability: &[f64]) -> Vec<f64> {
     permeability.iter().map(|k| k / WATER.viscosity).collect()
 }
 
-/// Returns grains at rest.
+/// Returns stationary grains.
 fn still(conductivity: &[f64]) -> Medium<'_> {
     Medium {
         conductivity,
@@ -261,7 +261,7 @@ fn a_source_leaves_through_the_outlet() {
     assert!((report.outflow / (0.01 * 30.0 * 1e-4) - 1.0).abs() < 1e-10);
 }
 
-/// Solves the same equations by dense elimination, assembled anew cell by cell.
+/// Solves the same equations by dense elimination, assembled separately cell by cell.
 fn dense(grid: &SeepageGrid, k: &[f64], low: f64, high: f64) -> Vec<f64> {
     let n = grid.count();
     let mut a = vec![vec![0.0; n + 1]; n];
@@ -468,9 +468,9 @@ fn numbers_that_are_not_finite_are_refused() {
     ));
 }
 
-/// The Darcy example of the manual of PFC: a box of 0.10 x 0.20 x 0.10 m, 1e-5 m3/s through the whole face y = 0, an
-/// outlet of 0.02 x 0.02 m at y = 0.2 m held at zero pressure, grains of 5 mm, no gravity. Compared with
-/// over-relaxation of the same balances, and with the exact mean gradient.
+/// Checks the Darcy example of the manual of PFC: a box of 0.10 x 0.20 x 0.10 m, 1e-5 m3/s through the whole face y =
+/// 0, an outlet of 0.02 x 0.02 m at y = 0.2 m held at zero pressure, grains of 5 mm, no gravity. The result is compared
+/// with over-relaxation of the same balances, and with the exact mean gradient.
 #[test]
 fn a_box_with_a_small_outlet() {
     const FLOW: f64 = 1e-5;
@@ -556,8 +556,8 @@ fn a_box_with_a_small_outlet() {
     assert!(mean(0) > 1.3 * column, "{} {column}", mean(0));
 }
 
-/// Free water up to 10⁸ times as permeable as the soil, above it and in a pocket within it: the discharge is that
-/// of the soil.
+/// Checks open water that is up to 10⁸ times as permeable as the soil, above the soil and in a pocket within it: the
+/// discharge is that of the soil.
 #[test]
 fn free_water_beside_soil() {
     const SOIL: f64 = 1e-11;

@@ -197,9 +197,9 @@ impl Pressure {
         self
     }
 
-    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the soil index
-    /// of each cell, 0 for that soil. The permeability of a face between two soils is that of the upstream side, so
-    /// that a fine soil above a coarse one retains its water.
+    /// Adds soils of other cells: `layers` follow the soil of [`Self::with_soil`], and `soil_of` has the soil index of
+    /// each cell, 0 for that of [`Self::with_soil`]. The permeability of a face between two soils is that of the
+    /// upstream side, so that a fine soil above a coarse one retains its water.
     #[must_use]
     pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
         let (grid, layout) = (self.slab.grid, self.slab.layout);

@@ -42,7 +42,7 @@ pub struct Haverkamp {
     pub residual_content: f64,
 }
 
-/// Returns ln[1 + (suction/scale)^exponent], and its derivative by the suction \[1/m\].
+/// Returns ln[1 + (suction/scale)^exponent], and its derivative with respect to the suction \[1/m\].
 fn fall(suction: f64, scale: f64, exponent: f64) -> (f64, f64) {
     let log = exponent * (suction / scale).ln();
     // Far from saturation the 1 is below rounding.

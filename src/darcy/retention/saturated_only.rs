@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 /// Natural logarithm of the relative permeability of dry soil, 1e-8.
 const LOG_LEAST: f64 = -18.420_680_743_952_367;
 /// Capillary length if neither the case nor the grid determines one \[m\].
-const USUAL: f64 = 1e-3;
+const DEFAULT_CAPILLARY_LENGTH: f64 = 1e-3;
 
 /// Flow below the phreatic surface only.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -78,7 +78,7 @@ impl RetentionLaw for SaturatedOnly {
     }
 
     fn capillary_length(&self) -> f64 {
-        self.thickness.unwrap_or(USUAL)
+        self.thickness.unwrap_or(DEFAULT_CAPILLARY_LENGTH)
     }
 
     fn stores(&self) -> bool {

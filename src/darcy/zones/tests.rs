@@ -35,7 +35,7 @@ fn layer(axis: usize, from: f64, to: f64, permeability: f64) -> SoilZone {
 fn permeabilities(grid: &SeepageGrid, zones: &[SoilZone]) -> Vec<[f64; 3]> {
     let n = grid.count();
     let zones = Zones::new(grid, zones);
-    let mut room = Conduct::new(&zones, n);
+    let mut room = ZonePermeability::new(&zones, n);
     let mut porosity = vec![0.4; n];
     room.replace_porosity(&zones, &mut porosity, |_| true);
     let law = Resistance::KozenyCarman;
@@ -152,7 +152,7 @@ fn zones_of_grains_end_where_there_are_none() {
         ..layer(0, 0.0, 4.0, 1e-12)
     };
     let zones = Zones::new(&grid, &[only]);
-    let mut room = Conduct::new(&zones, grid.count());
+    let mut room = ZonePermeability::new(&zones, grid.count());
     let mut porosity = vec![0.5; grid.count()];
     room.replace_porosity(&zones, &mut porosity, |cell| cell == 0);
     let law = Resistance::KozenyCarman;

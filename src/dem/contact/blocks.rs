@@ -106,7 +106,7 @@ impl NormalStiffness {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "BlockPair")]
 pub struct BlockMaterialPair {
-    /// The two materials, in either order.
+    /// Names of the two materials, in either order.
     pub materials: [String; 2],
     /// Normal stiffness, in the unit of the law's normal stiffness.
     #[serde(default)]
@@ -267,9 +267,9 @@ pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs
 impl ContactModel for BlockLaw {
     fn describe(&self) -> String {
         match self.model {
-            BlockContactModel::Pressure => "blocks with friction, pressed by depth",
-            BlockContactModel::Patch => "blocks with friction, patches of contact",
-            BlockContactModel::Point { .. } => "blocks with friction, points of contact",
+            BlockContactModel::Pressure => "blocks with friction, pressure proportional to depth",
+            BlockContactModel::Patch => "blocks with friction, one force per contact patch",
+            BlockContactModel::Point { .. } => "blocks with friction, forces at contact points",
         }
         .into()
     }

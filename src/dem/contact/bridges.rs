@@ -69,7 +69,7 @@ fn water() -> f64 {
     0.0728
 }
 
-/// The volume of a bridge.
+/// Volume of a bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum BridgeVolume {
@@ -79,7 +79,7 @@ pub enum BridgeVolume {
     Moisture(BridgeMoisture),
 }
 
-/// The volume of a bridge in unsaturated ground: the water of a cell is divided among the bridges of its grains.
+/// Volume of a bridge in unsaturated ground: the water of a cell is divided among the bridges of its grains.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BridgeMoisture {
@@ -106,7 +106,7 @@ fn pendular() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BridgePair {
-    /// The two materials, in either order.
+    /// Names of the two materials, in either order.
     pub materials: [String; 2],
     /// Surface tension [N/m]; 0 for no bridges.
     #[serde(default)]
@@ -119,7 +119,8 @@ pub struct BridgePair {
 }
 
 impl BridgesInput {
-    /// Returns `law` with these bridges; none in 2-D, with a finding. `path` is that of the bridges in the case.
+    /// Returns `law` with these bridges; reports a finding and returns none in 2-D. `path` is the path of the bridges
+    /// in the case.
     pub(super) fn on<L: ContactModel>(
         &self,
         law: L,
@@ -130,7 +131,7 @@ impl BridgesInput {
         if scene.dimension == 2 {
             report.error(
                 path,
-                "capillary bridges are those of spheres: the fit has no counterpart for discs in 2-D".into(),
+                "capillary bridges act between spheres only: there is no fit of their force for discs in 2-D".into(),
                 Remedy::take_out("remove it, or use a domain of three dimensions", path),
             );
             return None;
@@ -430,8 +431,8 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
     type Constants = BridgeConstants<L::Constants>;
     type History = BridgeHistory<L::History>;
     const NUMBERS: usize = L::NUMBERS + 1;
-    const ROLLS: bool = L::ROLLS;
-    const WETS: bool = true;
+    const HAS_ROLLING: bool = L::HAS_ROLLING;
+    const NEEDS_MOISTURE: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {
         let laws = self.law.table();

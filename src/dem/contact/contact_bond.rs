@@ -12,11 +12,11 @@
 //! reduced to the friction limit, and to zero across a gap. Strengths are forces and apply to the springs alone, not to
 //! the dashpots, which are fractions of critical damping as in [`super::linear`].
 //!
-//! Bonds are created once, between all pairs whose gap is at most the bonding gap. `rest` is the overlap at which
-//! the normal spring of a bond has no force. If it is 0, a bond across a gap starts with a tensile force of k_n
-//! times the gap, and fails in the first step if the gap exceeds T/k_n. With `unstressed` it is the overlap at
-//! which the bond was created, so that the bond starts without a force. After failure, overlaps are measured from
-//! contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
+//! Bonds are created once, between all pairs whose gap is at most the bonding gap. `zero_force_overlap` is the
+//! overlap at which the normal spring of a bond has no force. If it is 0, a bond across a gap starts with a tensile
+//! force of k_n times the gap, and fails in the first step if the gap exceeds T/k_n. With `unstressed` it is the
+//! overlap at which the bond was created, so that the bond starts without a force. After failure, overlaps are
+//! measured from contact again. Before failure a bond opens by T/k_n and shears by S/k_s.
 //!
 //! Source: D. O. Potyondy, P. A. Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004) 1329,
 //! doi:10.1016/j.ijrmms.2004.09.011.
@@ -275,7 +275,7 @@ impl<S: Space> BondStrength<S> for ContactBond {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactBondHistory<S: Space> {
     shear: S::Tangent,
-    rest: f64,
+    zero_force_overlap: f64,
     bonded: bool,
 }
 
@@ -320,7 +320,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         if !history.bonded {
             return c.linear.slide(&mut history.shear, kinematics);
         }
-        let normal = c.linear.normal * (kinematics.overlap - history.rest);
+        let normal = c.linear.normal * (kinematics.overlap - history.zero_force_overlap);
         let shear = S::turn(&history.shear, &kinematics.normal)
             - kinematics.slip * (c.linear.shear * kinematics.time_step);
         let failure = if normal < -c.tensile {
@@ -370,13 +370,13 @@ impl<S: Space> ContactLaw<S> for ContactBond {
 
     fn bond(c: &ContactBondConstants, history: &mut ContactBondHistory<S>, overlap: f64) -> bool {
         history.bonded = c.tensile > 0.0 || c.shear > 0.0;
-        history.rest = if c.unstressed { overlap.min(0.0) } else { 0.0 };
+        history.zero_force_overlap = if c.unstressed { overlap.min(0.0) } else { 0.0 };
         history.bonded
     }
 
     fn unbond(history: &mut ContactBondHistory<S>) {
         history.bonded = false;
-        history.rest = 0.0;
+        history.zero_force_overlap = 0.0;
     }
 
     fn normal_spring(
@@ -384,7 +384,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         history: &ContactBondHistory<S>,
         overlap: f64,
     ) -> f64 {
-        c.linear.normal * (overlap - history.rest)
+        c.linear.normal * (overlap - history.zero_force_overlap)
     }
 
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
@@ -408,7 +408,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
 
     fn save(history: &ContactBondHistory<S>, numbers: &mut Vec<f64>) {
         save_tangent(&history.shear, numbers);
-        numbers.push(history.rest);
+        numbers.push(history.zero_force_overlap);
         numbers.push(if history.bonded { 1.0 } else { 0.0 });
     }
 
@@ -416,7 +416,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
         let number = |k| numbers.get(k).copied().unwrap_or(0.0);
         ContactBondHistory {
             shear: load_tangent(numbers),
-            rest: number(S::Tangent::COUNT),
+            zero_force_overlap: number(S::Tangent::COUNT),
             bonded: number(S::Tangent::COUNT + 1) > 0.5,
         }
     }

@@ -95,7 +95,7 @@ fn elastic() -> f64 {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "ElasticPair")]
 pub struct ElasticPair {
-    /// The two materials, in either order.
+    /// Names of the two materials, in either order.
     pub materials: [String; 2],
     /// Friction angle [degrees].
     #[serde(default)]

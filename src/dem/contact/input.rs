@@ -199,7 +199,7 @@ impl Default for Scaled {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
-    /// The two materials, in either order.
+    /// Names of the two materials, in either order.
     pub materials: [String; 2],
     /// Normal stiffness [N/m]; per diameter [N/m2].
     #[serde(default)]

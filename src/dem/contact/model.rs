@@ -119,7 +119,7 @@ impl TimeLimits {
 /// Contact of two discs or spheres, or of one with a wall, for a stability analysis.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticContact {
-    /// Both materials.
+    /// Indices of the materials of both bodies.
     pub materials: [u32; 2],
     /// Mean diameter \[m\].
     pub diameter: f64,

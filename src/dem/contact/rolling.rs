@@ -155,8 +155,8 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
     type Constants = RollingConstants<L::Constants>;
     type History = RollingHistory<L::History, S>;
     const NUMBERS: usize = L::NUMBERS + S::Spin::COUNT;
-    const ROLLS: bool = true;
-    const WETS: bool = L::WETS;
+    const HAS_ROLLING: bool = true;
+    const NEEDS_MOISTURE: bool = L::NEEDS_MOISTURE;
 
     fn table(&self) -> PairTable<Self::Row> {
         // The index in both tables is the same, because they have the same materials.

@@ -34,7 +34,7 @@ use super::{
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Softening")]
 pub struct SofteningParameters {
-    /// Part c of the dry strength that no water takes [1].
+    /// Fraction c of the dry strength that remains at any moisture [1].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub residual: f64,
     /// Rate b of the loss with the degree of saturation [1].
@@ -134,8 +134,8 @@ impl<S: Space, L: BondStrength<S>> ContactLaw<S> for Softened<L> {
     type Constants = SoftenedConstants<L::Constants>;
     type History = L::History;
     const NUMBERS: usize = L::NUMBERS;
-    const ROLLS: bool = L::ROLLS;
-    const WETS: bool = true;
+    const HAS_ROLLING: bool = L::HAS_ROLLING;
+    const NEEDS_MOISTURE: bool = true;
 
     fn table(&self) -> PairTable<Self::Row> {
         let rows = L::table(&self.law);

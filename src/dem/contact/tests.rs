@@ -15,7 +15,7 @@ use crate::{Body, Dem, DemSettings, GrainDomain, Motion, Particles, Volume, alon
 use base::error::{Remedy, Report};
 
 contact_laws! {
-    /// Contact laws of this test: the linear law and a toy.
+    /// Contact laws of this test: the linear law and a law that exists only here.
     Contact,
     /// Laws that the choices resolve to.
     Law:
@@ -121,7 +121,8 @@ fn a_toy_is_described_limited_and_stepped() {
     assert_relative_eq!(particles.motion[1].velocity.x, 0.1, max_relative = 1e-6);
 }
 
-/// Pairs of materials must be named, known and given once; the override follows the law of its list.
+/// Checks that pairs of materials must be named, known and given once, and that an override applies to the law of its
+/// list.
 #[test]
 fn overrides_of_pairs_are_checked() {
     let pair = json!({"materials": ["glass", "glass"], "friction_angle_degrees": 45});

@@ -44,7 +44,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         Ok(())
     }
 
-    /// Takes note that the bodies were moved over a step, each by at most `path` \[m\] on this rank. Collective.
+    /// Records that the bodies were moved over a step, each by at most `path` \[m\] on this rank. Collective.
     pub(super) fn carried(
         &mut self,
         particles: &mut Particles<S>,

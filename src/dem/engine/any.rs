@@ -16,9 +16,9 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
         domain: &Domain,
         steps: u64,
     ) -> Result<(), Error>;
-    /// Sets the contact loads of a step in which another program moves the bodies.
+    /// Computes the contact loads of a step in which the caller moves the bodies.
     fn loads_ahead(&mut self, particles: &mut Particles<S>, domain: &Domain) -> Result<(), Error>;
-    /// Takes note that the bodies were moved over a step by at most `path` \[m\].
+    /// Records that the bodies were moved over a step by at most `path` \[m\].
     fn carried(
         &mut self,
         particles: &mut Particles<S>,
@@ -57,7 +57,7 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn servos_mut(&mut self) -> &mut Vec<Servo<S>>;
     /// Deactivates the walls of these indices.
     fn open_walls(&mut self, walls: &[usize]);
-    /// Activates the walls of these indices again.
+    /// Activates walls again, given by their indices.
     fn close_walls(&mut self, walls: &[usize]);
     /// Returns the contacts reported by this rank, the walls, and the number of steps done.
     fn save(&self) -> Contacts;

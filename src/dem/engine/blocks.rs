@@ -22,7 +22,7 @@ use super::super::surface::Faces;
 use super::super::{Contact, ParticlesView, integrate};
 use super::bodies::Bodies;
 use super::*;
-use act::World;
+use act::StepInput;
 use pose::{Pose, boxes_meet};
 
 type BlockPair = Pair<BlockScale, BlockHistory>;
@@ -81,7 +81,7 @@ impl<S: Space> Engine<S, BlockLaw> {
         let mut touches = std::mem::take(&mut self.scratch.touches);
         let mut contact = std::mem::take(&mut particles.contact);
         let mut failures = std::mem::take(&mut self.events.wall_failures);
-        let world = World {
+        let world = StepInput {
             time_step: dt,
             ..self.world(particles)
         };
@@ -165,8 +165,8 @@ impl<S: Space> Engine<S, BlockLaw> {
         particles.contact = contact;
     }
 
-    fn world<'a>(&'a self, particles: &'a Particles<S>) -> World<'a, S> {
-        World {
+    fn world<'a>(&'a self, particles: &'a Particles<S>) -> StepInput<'a, S> {
+        StepInput {
             view: particles.view(),
             poses: &self.scratch.poses,
             rows: &self.rows,
@@ -190,7 +190,7 @@ impl<S: Space> Engine<S, BlockLaw> {
         let mut pairs = std::mem::take(&mut self.lists.pairs);
         let mut actions = std::mem::take(&mut self.events.actions);
         actions.resize(self.lists.active.len(), Action::default());
-        let world = World {
+        let world = StepInput {
             time_step: dt,
             ..self.world(particles)
         };
@@ -224,7 +224,7 @@ impl<S: Space> Engine<S, BlockLaw> {
         let mut at_planes = std::mem::take(&mut self.solids.wall_pairs);
         let mut narrows = std::mem::take(&mut self.scratch.narrows);
         let mut contact = std::mem::take(&mut particles.contact);
-        let world = World {
+        let world = StepInput {
             time_step: dt,
             ..self.world(particles)
         };
@@ -322,8 +322,8 @@ impl<S: Space> Bodies<S> for BlockLaw {
         boxes_meet(poses, &S::to_volume(between), gap + slack)
     }
 
-    /// The narrow phase takes much longer than the summation, and uneven times: threads take pieces of its work as
-    /// they become free.
+    /// Distributes the work of the next phase. The narrow phase takes much longer than the summation, and uneven times:
+    /// threads take pieces of its work as they become free.
     fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
 
     fn forces(

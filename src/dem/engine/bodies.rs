@@ -81,7 +81,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_forces(particles, dt, phase)
     }
 
-    /// Returns the contact of a listed pair; none if there is none.
+    /// Returns the contact of a listed pair, or none.
     fn contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,
@@ -91,7 +91,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
         engine.sphere_contact(particles, pair)
     }
 
-    /// Returns the contact of a listed pair of a body and a plane; none if there is none.
+    /// Returns the contact of a listed pair of a body and a plane, or none.
     fn plane_contact(
         engine: &Engine<S, Self>,
         particles: &Particles<S>,

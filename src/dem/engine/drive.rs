@@ -4,8 +4,8 @@ use super::*;
 use crate::servo::{from_quanta, quanta};
 
 impl<S: Space, L: Bodies<S>> Engine<S, L> {
-    /// Gives the servo walls their velocities for the next solid step. Positions and lists are those of the end of the
-    /// present one. Collective.
+    /// Sets the velocities of the servo walls for the next solid step, from the positions and lists at the end of the
+    /// present step. Collective.
     pub(super) fn drive_servos(&mut self, particles: &Particles<S>, domain: &Domain) {
         let (region, dt) = (self.settings.region, self.settings.time_step);
         let mut servos = std::mem::take(&mut self.servos);

@@ -7,7 +7,7 @@
 use super::flush::{Planes, drop_doubled_by_planes, is_by_plane};
 use super::*;
 
-/// Owned grain and a wall of facets near it.
+/// Owned grain near a wall with facets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfacePair<C> {
     pub(super) wall: u32,
@@ -17,7 +17,7 @@ pub(crate) struct SurfacePair<C> {
     pub(super) opening: f64,
     /// `true` if the grain is near a plane wall as well.
     pub(super) by_plane: bool,
-    /// Facets within reach: range in `Facets::near`.
+    /// Index range in `Facets::near` of the facets within reach.
     pub(super) near: (u32, u32),
     /// Contacts: range in `Facets::held`.
     pub(super) held: (u32, u32),
@@ -123,7 +123,7 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
                 pair.radius - one.distance,
                 pair.radius,
                 pair.grain,
-                Other::Wall(pair.wall),
+                Partner::Wall(pair.wall),
             );
             let failure = act_at_wall::<S, L>(
                 (&pair.constants, &mut history),
@@ -259,18 +259,18 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
         }
     }
 
-    /// Chooses the pairs that may touch before grains have moved by another `look` \[m\].
+    /// Chooses the pairs that may touch before grains have moved by another `check_path` \[m\].
     pub(super) fn activate<S: Space>(
         &mut self,
         walls: &[Wall<S>],
         motion: &[Motion<S>],
-        look: f64,
+        check_path: f64,
     ) {
         self.active.clear();
         for (k, pair) in (0..).zip(&mut self.pairs) {
             let wall = &walls[pair.wall as usize];
             let at = wall.local(&motion[pair.grain as usize].position);
-            let far = pair.radius * (1.0 + 1e-12) + 2.0 * look * (1.0 + 1e-9);
+            let far = pair.radius * (1.0 + 1e-12) + 2.0 * check_path * (1.0 + 1e-9);
             let closes = || {
                 wall.surface.as_ref().is_some_and(|surface| {
                     let near = &self.near[pair.near.0 as usize..pair.near.1 as usize];

@@ -180,7 +180,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.wall_histories = walls;
         self.put_histories_in_order();
         self.validity.listed = false;
-        self.validity.total = None;
+        self.validity.grain_count = None;
         self.steps = steps;
     }
 }

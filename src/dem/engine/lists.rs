@@ -214,17 +214,17 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let skin = self.settings.skin;
         let since = self.steps - self.validity.activated_at;
         if since < 30 {
-            self.validity.look = (2.0 * self.validity.look).min(0.5 * skin);
+            self.validity.check_path = (2.0 * self.validity.check_path).min(0.5 * skin);
         } else if since > 240 {
-            self.validity.look = (0.5 * self.validity.look).max(skin / 1024.0);
+            self.validity.check_path = (0.5 * self.validity.check_path).max(skin / 1024.0);
         }
         self.validity.activated_at = self.steps;
-        self.validity.activated = self.validity.path + self.validity.look;
+        self.validity.activated = self.validity.path + self.validity.check_path;
         let periodic = self.settings.region.any_periodic();
         let (offsets, scratch, motion) =
             (&self.lists.offsets, &self.scratch, &particles.motion[..]);
         // The slack is far above the rounding of a separation, and far below any gap that costs time.
-        let gap = 2.0 * self.validity.look * (1.0 + 1e-9);
+        let gap = 2.0 * self.validity.check_path * (1.0 + 1e-9);
         let choose =
             |first: usize, pairs: &mut [Pair<L::Scale, L::History>], active: &mut Vec<u32>| {
                 active.clear();
@@ -257,10 +257,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         } else {
             choose(0, &mut self.lists.pairs, &mut self.lists.active);
         }
-        let (walls, look) = (&self.walls, self.validity.look);
+        let (walls, check_path) = (&self.walls, self.validity.check_path);
         let least = if self.parallel { 1 } else { usize::MAX };
         thread_pool::each_item(&mut self.solids.facets, least, |_, facets| {
-            facets.activate(walls, motion, look);
+            facets.activate(walls, motion, check_path);
         });
         self.lists.parts.note(&self.lists.active, &self.lists.pairs);
     }

@@ -29,7 +29,7 @@ pub(super) fn rolling_inertia<S: Space>(
     i: usize,
     j: usize,
 ) -> f64 {
-    let about = [i, j].map(|k| rolled(&particles.body[k]));
+    let about = [i, j].map(|k| surface_inertia(&particles.body[k]));
     match [i, j].map(|k| particles.mobility[k].free > 0.0) {
         [true, false] => about[0],
         [false, true] => about[1],
@@ -38,7 +38,7 @@ pub(super) fn rolling_inertia<S: Space>(
 }
 
 /// Returns the moment of inertia about a point of the surface [kg m²].
-pub(super) fn rolled(body: &Body) -> f64 {
+pub(super) fn surface_inertia(body: &Body) -> f64 {
     body.inertia + body.mass * body.radius * body.radius
 }
 
@@ -49,7 +49,7 @@ pub(super) fn at_wall(material: u32, body: &Body) -> PairProperties {
         diameter: 2.0 * body.radius,
         mass: body.mass,
         rolling_radius: body.radius,
-        rolling_inertia: rolled(body),
+        rolling_inertia: surface_inertia(body),
     }
 }
 
@@ -65,7 +65,7 @@ impl<S: Space> Grains<'_, S> {
     /// Returns the mean moisture of two entries for the law `L`.
     #[inline(always)]
     pub(super) fn moisture<L: ContactLaw<S>>(&self, first: u32, second: u32) -> [f64; 2] {
-        if !L::WETS {
+        if !L::NEEDS_MOISTURE {
             return [0.0; 2];
         }
         let one = |k: u32| self.moisture.get(k as usize).copied().unwrap_or_default();
@@ -107,7 +107,7 @@ pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     let force = L::force(constants, history, &kinematics);
     load.force += *normal * force.normal + S::embed(&force.tangent, normal);
     load.torque += S::tangent_moment(&force.tangent, normal) * -arm;
-    if L::ROLLS {
+    if L::HAS_ROLLING {
         load.torque += force.moment;
     }
     force.failure
@@ -133,7 +133,7 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
         pair.radius - distance,
         pair.radius,
         pair.grain,
-        Other::Wall(pair.wall),
+        Partner::Wall(pair.wall),
     );
     let mode = act_at_wall::<S, L>(
         (&pair.constants, &mut pair.history),
@@ -244,7 +244,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     let normal = *between * inverse;
     let overlap = pair.reach - distance;
     let smaller = pair.radius.min(pair.reach - pair.radius);
-    record.note(overlap, smaller, pair.first, Other::Entry(pair.second));
+    record.note(overlap, smaller, pair.first, Partner::Entry(pair.second));
     let first_arm = pair.radius - 0.5 * overlap;
     let second_arm = distance - first_arm;
     let motion = grains.motion;
@@ -269,7 +269,7 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
         on_second: moment * -second_arm,
         failure: force.failure,
     };
-    if L::ROLLS {
+    if L::HAS_ROLLING {
         action.on_first -= force.moment;
         action.on_second += force.moment;
     }

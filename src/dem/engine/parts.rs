@@ -31,7 +31,7 @@ struct Cut {
 struct Part<S: Space> {
     /// Range of active pairs among all.
     active: Range<usize>,
-    /// Indices of the incoming pairs: all of them.
+    /// Positions of the incoming pairs in the list of all pairs.
     places: Vec<u32>,
     /// Failed bonds, and the deepest contact.
     pairs: Vec<(u32, Failure)>,
@@ -55,7 +55,7 @@ impl<S: Space> Default for Part<S> {
     }
 }
 
-/// The parts of one rank.
+/// Parts into which the grains of a rank are divided.
 #[derive(Debug)]
 pub(super) struct Parts<S: Space, C, M> {
     /// Boundaries of the parts: one more than there are parts.
@@ -155,7 +155,7 @@ impl<S: Space, C: Copy + Send + Sync, M: Copy + Send + Sync> Parts<S, C, M> {
 }
 
 /// Input data of the pairs in a step.
-struct World<'a, S: Space, L: ContactLaw<S>> {
+struct StepInput<'a, S: Space, L: ContactLaw<S>> {
     rows: &'a PairTable<L::Row>,
     offsets: &'a [S::Vector],
     active: &'a [u32],
@@ -179,7 +179,7 @@ struct Share<'a, S: Space, L: ContactLaw<S>> {
     loads: &'a mut [Load<S>],
 }
 
-impl<S: Space, L: ContactLaw<S>> World<'_, S, L> {
+impl<S: Space, L: ContactLaw<S>> StepInput<'_, S, L> {
     /// Adds the actions of the pairs at these indices, each minus `base`, to the loads of the grains from number
     /// `first` on.
     #[inline(always)]
@@ -302,7 +302,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             moved,
             ..
         } = &mut self.lists.parts;
-        let world = World::<S, L> {
+        let world = StepInput::<S, L> {
             rows: &self.rows,
             offsets: &self.lists.offsets,
             active: &self.lists.active,
@@ -371,7 +371,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         phase.map(|_| fastest)
     }
 
-    /// Moves the grains to their new positions from the last step.
+    /// Stores the positions that the last step computed.
     pub(super) fn take_moved(&mut self, particles: &mut Particles<S>) {
         let owned = particles.owned();
         // Ghosts remain unchanged until they are refreshed.

@@ -29,7 +29,7 @@ struct Moved<'a, S: Space> {
 
 /// Parameters of the velocity update, with mass-proportional damping.
 #[derive(Clone, Copy)]
-struct How<'a, S: Space> {
+struct VelocityUpdate<'a, S: Space> {
     kick: &'a Kick<S>,
     damping: Damping,
 }
@@ -39,7 +39,7 @@ fn kick<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
     by: &Moved<'_, S>,
-    how: &How<'_, S>,
+    how: &VelocityUpdate<'_, S>,
 ) {
     if by.body.kind != Kind::Free {
         return;
@@ -96,7 +96,7 @@ fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
     by: &Moved<'_, S>,
-    how: &How<'_, S>,
+    how: &VelocityUpdate<'_, S>,
     phase: Phase,
 ) -> Fastest {
     let dt = how.kick.time_step;
@@ -186,7 +186,7 @@ pub(crate) fn advance<S: Space>(
     mass_damping: f64,
     (phase, parallel): (Phase, bool),
 ) -> Fastest {
-    let how = How {
+    let how = VelocityUpdate {
         kick,
         damping: Damping::new(mass_damping, 0.5 * kick.time_step),
     };

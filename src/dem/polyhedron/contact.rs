@@ -84,7 +84,7 @@ pub use history::BlockHistory;
 /// Block in its position for the narrow phase.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<'a> {
-    /// Shape.
+    /// Shape of the block.
     pub shape: &'a Polyhedron,
     /// Rotation from its body frame into space.
     pub rotation: Matrix3<f64>,
@@ -99,7 +99,7 @@ pub enum BlockContactModel {
     /// conserves energy.
     #[default]
     Pressure,
-    /// Volume and vector area of the overlap: faces that rest on faces.
+    /// Volume and vector area of the overlap, for faces that are in contact with faces.
     Patch,
     /// Analytic centre of the overlap and normal of the potential particles (Boon et al. 2012).
     Point {
@@ -140,7 +140,7 @@ impl Geometry {
 
 /// Counts of the methods used, for benches and tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ways {
+pub struct MethodCounts {
     /// Number of linear programs solved.
     pub programs: u64,
     /// Number of pairs decided by the exhaustive test.
@@ -158,7 +158,7 @@ pub struct Narrow {
     /// Vertices and half-spaces of the second block, slightly enlarged.
     vertices: Vec<Vector3<f64>>,
     grown: Vec<HalfSpace>,
-    /// Planes that cut, those with most vertices outside first.
+    /// Planes that cut, in descending order of the number of vertices outside.
     cutting: Vec<(usize, usize)>,
     polygon: Vec<Vector3<f64>>,
     spare: Vec<Vector3<f64>>,
@@ -170,7 +170,7 @@ pub struct Narrow {
     triangles: Vec<[Vector3<f64>; 3]>,
     rows: Vec<[f64; 4]>,
     /// Counts of the methods used.
-    pub ways: Ways,
+    pub method_counts: MethodCounts,
 }
 
 /// Partner of a block, in the frame of that block.
@@ -217,7 +217,7 @@ impl Narrow {
             let offset = plane.offset + normal.dot(&local);
             self.planes.push(HalfSpace { normal, offset });
         }
-        self.ways.programs += 1;
+        self.method_counts.programs += 1;
         let far = 4.0 * first.shape.radius();
         let verdict = linear_program::solve(&self.planes, self.own, far, &mut history.basis);
         let other = Other::Block {
@@ -281,7 +281,7 @@ impl Narrow {
                 self.planes.extend_from_slice(block.shape.half_spaces());
                 self.own = self.planes.len();
                 self.planes.push(plane);
-                self.ways.programs += 1;
+                self.method_counts.programs += 1;
                 let far = 4.0 * block.shape.radius();
                 let basis = &mut history.basis;
                 match linear_program::solve(&self.planes, self.own, far, basis) {
@@ -326,7 +326,7 @@ impl Narrow {
                 let start = if warm { &history.point } else { deepest };
                 let (point, reached) = analytic_centre::find(&self.planes, start, &mut self.rows);
                 if !reached {
-                    self.ways.off_centre += 1;
+                    self.method_counts.off_centre += 1;
                 }
                 history.point = point;
                 let (own, others) = self.planes.split_at(self.own);
@@ -352,8 +352,8 @@ impl Narrow {
         }
     }
 
-    /// Returns the result of the exhaustive test of a pair: none if an axis separates it, otherwise the shortest
-    /// separation.
+    /// Returns the result of the exhaustive test of a pair: none if an axis separates the blocks, otherwise the
+    /// shortest separation.
     fn exhaust(
         &mut self,
         first: &Polyhedron,
@@ -361,7 +361,7 @@ impl Narrow {
         model: &BlockContactModel,
         history: &mut BlockHistory,
     ) -> Option<Geometry> {
-        self.ways.exhaustive += 1;
+        self.method_counts.exhaustive += 1;
         let (axis, depth, foremost) = match other {
             Other::Block {
                 shape,

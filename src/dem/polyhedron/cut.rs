@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::HalfSpace;
 
 /// Maximum distance of a corner from a cut, in sizes of the cube, at which it lies on the cut.
-const ON: f64 = 1e-10;
+const ON_CUT: f64 = 1e-10;
 
 /// Convex solid bounded by planes.
 #[derive(Clone, Debug, Default)]
@@ -100,14 +100,14 @@ impl Cut {
         }
         self.faces = faces;
         if on.len() >= 3 {
-            let cap = self.around(&on, &plane.normal);
+            let cap = self.counter_clockwise(&on, &plane.normal);
             self.faces.push((name, cap));
         }
         true
     }
 
     /// Returns the corners of a convex polygon in counter-clockwise order about `normal`.
-    fn around(&self, corners: &[u32], normal: &Vector3<f64>) -> Vec<u32> {
+    fn counter_clockwise(&self, corners: &[u32], normal: &Vector3<f64>) -> Vec<u32> {
         let at = |v: u32| self.vertices[v as usize];
         let middle =
             corners.iter().map(|&v| at(v)).sum::<Vector3<f64>>() / count_f64(corners.len());
@@ -139,14 +139,14 @@ impl Cut {
         for _ in 0..6 {
             let mut cut = Self::cube(half);
             for (name, plane) in planes.iter().enumerate() {
-                if !cut.by(plane, name, ON * half) {
+                if !cut.by(plane, name, ON_CUT * half) {
                     return None;
                 }
             }
             let extent = cut.extent();
             if half <= 8.0 * extent {
                 let closed = cut.faces.iter().all(|(name, _)| *name != usize::MAX);
-                return closed.then(|| cut.compact());
+                return closed.then(|| cut.without_unused_corners());
             }
             half = 2.0 * extent;
         }
@@ -154,7 +154,7 @@ impl Cut {
     }
 
     /// Returns the solid without corners that belong to no face.
-    pub(super) fn compact(mut self) -> Self {
+    pub(super) fn without_unused_corners(mut self) -> Self {
         let mut new = vec![u32::MAX; self.vertices.len()];
         let mut vertices = Vec::new();
         for (_, corners) in &mut self.faces {
@@ -194,7 +194,7 @@ pub(super) fn number(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// Returns a count as a real number.
+/// Converts a count to a real number.
 #[expect(clippy::cast_precision_loss, reason = "counts of corners and faces")]
 pub(super) fn count_f64(k: usize) -> f64 {
     k as f64

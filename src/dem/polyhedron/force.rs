@@ -63,7 +63,7 @@ pub enum Stiffness {
 /// Contact law of a pair of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BlockPairLaw {
-    /// Stiffness.
+    /// Stiffness of the contact.
     pub stiffness: Stiffness,
     /// Coefficient of friction mu.
     pub friction: f64,
@@ -86,7 +86,7 @@ pub struct Approach {
     pub mass: f64,
     /// Time step \[s\].
     pub time_step: f64,
-    /// Fraction of the patch area that this contact has; 1 for the whole patch.
+    /// Fraction of the patch area that belongs to this contact; 1 for the whole patch.
     pub part: f64,
     /// Fraction of the normal dashpot that acts, from 0 to 1; below 1 if a face touches only the rim of a block
     /// that rests on another face.

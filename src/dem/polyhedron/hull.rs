@@ -10,7 +10,7 @@ use super::HalfSpace;
 use super::shape_error::ShapeError;
 
 /// Maximum number of points of a hull.
-pub(super) const MOST: usize = 1000;
+pub(super) const MAX_POINTS: usize = 1000;
 
 /// Returns the half-spaces of the hull; points within `tolerance` \[m\] of a plane lie on it.
 pub(super) fn half_spaces(
@@ -63,8 +63,8 @@ fn subset(a: &[bool], b: &[bool]) -> bool {
     a.iter().zip(b).all(|(a, b)| !a || *b)
 }
 
-/// Returns the plane of all points on a face, with the normal of the widest triangle, so that no short edge
-/// determines it; no point lies outside.
+/// Returns the plane through all points of a face, with the normal of the widest triangle, so that no short edge
+/// determines it; no point lies outside the plane.
 fn fit(points: &[Vector3<f64>], normal: &Vector3<f64>, offset: f64, tolerance: f64) -> HalfSpace {
     let on: Vec<&Vector3<f64>> = points
         .iter()

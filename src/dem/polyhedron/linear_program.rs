@@ -24,7 +24,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::HalfSpace;
 
 /// Basis without half-spaces, with which the search starts anew.
-pub(super) const AFRESH: [u16; 4] = [u16::MAX; 4];
+pub(super) const NO_BASIS: [u16; 4] = [u16::MAX; 4];
 
 /// Result of the linear program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub(super) enum Verdict {
     Open,
 }
 
-/// Normals of four distant planes around everything, which form the initial basis if there is none.
+/// Normals of four distant planes around both sets, which form the initial basis if there is none.
 const TETRAHEDRON: [[f64; 3]; 4] = [
     [1.0, 1.0, 1.0],
     [1.0, -1.0, -1.0],
@@ -181,6 +181,6 @@ pub(super) fn solve(planes: &[HalfSpace], own: usize, reach: f64, basis: &mut [u
             None => break,
         }
     }
-    *basis = AFRESH;
+    *basis = NO_BASIS;
     Verdict::Open
 }

@@ -7,12 +7,12 @@ use nalgebra::Vector3;
 
 use super::HalfSpace;
 use super::cut::{Cut, count_f64};
-use super::linear_program::{AFRESH, Verdict, solve};
+use super::linear_program::{NO_BASIS, Verdict, solve};
 use super::shape::{PlacedPolyhedron, Polyhedron, moments};
 use super::shape_error::ShapeError;
 
 /// Maximum distance of a corner from a plane, in sizes of the solid, at which it lies on the plane.
-const ON: f64 = 1e-11;
+const ON_PLANE: f64 = 1e-11;
 
 /// Convex solid: see the module.
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ impl Piece {
                 faces: faces.collect(),
             },
             sides: planes.into_iter().map(side).collect(),
-            tolerance: ON * solid.shape.radius(),
+            tolerance: ON_PLANE * solid.shape.radius(),
         }
     }
 
@@ -69,7 +69,7 @@ impl Piece {
     fn part(&self, plane: &HalfSpace) -> Self {
         let mut cut = self.cut.clone();
         cut.by(plane, self.sides.len(), self.tolerance);
-        let mut cut = cut.compact();
+        let mut cut = cut.without_unused_corners();
         let new = Side {
             plane: *plane,
             split: true,
@@ -86,7 +86,8 @@ impl Piece {
         }
     }
 
-    /// Returns the minimum and the maximum of its extent along a direction (m, times the length of the direction).
+    /// Returns the minimum and the maximum of the extent of the solid along a direction (m, times the length of the
+    /// direction).
     #[must_use]
     pub fn extent(&self, direction: &Vector3<f64>) -> (f64, f64) {
         let start = (f64::INFINITY, f64::NEG_INFINITY);
@@ -116,7 +117,7 @@ impl Piece {
             .collect();
         let far = |v: &Vector3<f64>| (v - middle).norm();
         let reach = self.cut.vertices.iter().map(far).fold(0.0, f64::max);
-        match solve(&planes, planes.len(), 4.0 * reach, &mut AFRESH.clone()) {
+        match solve(&planes, planes.len(), 4.0 * reach, &mut NO_BASIS.clone()) {
             Verdict::Overlap { depth, .. } => 2.0 * depth,
             Verdict::Apart { .. } | Verdict::Open => 0.0,
         }

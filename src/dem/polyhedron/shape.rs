@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use super::HalfSpace;
 use super::cut::{Cut, count_f64, number};
 use super::hull;
-use super::linear_program::{AFRESH, Verdict, solve};
+use super::linear_program::{NO_BASIS, Verdict, solve};
 use super::shape_error::ShapeError;
 
 /// Ratio of thickness to width below which a solid is flat.
@@ -20,16 +20,16 @@ const FLAT: f64 = 1e-9;
 /// the file has single precision.
 const STL_PLANE: f64 = 2e-6;
 
-/// An edge between two faces.
+/// Edge between two faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// Vertices at its ends.
+    /// Indices of the vertices at both ends.
     pub ends: [u32; 2],
     /// Faces on both sides.
     pub faces: [u32; 2],
 }
 
-/// A convex polyhedron in its body frame: see the module.
+/// Convex polyhedron in its body frame: see the module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Polyhedron {
     half_spaces: Vec<HalfSpace>,
@@ -90,11 +90,11 @@ impl Polyhedron {
     /// If there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
     pub fn from_vertices(points: &[Vector3<f64>]) -> Result<PlacedPolyhedron, ShapeError> {
         let (local, middle, width, noise) = centred("vertices", "vertex", points)?;
-        if points.len() > hull::MOST {
+        if points.len() > hull::MAX_POINTS {
             return Err(ShapeError::Many {
                 what: "vertices",
                 found: points.len(),
-                most: hull::MOST,
+                most: hull::MAX_POINTS,
             });
         }
         let planes =
@@ -119,11 +119,11 @@ impl Polyhedron {
         if planes.len() < 4 {
             return Err(few);
         }
-        if planes.len() > hull::MOST {
+        if planes.len() > hull::MAX_POINTS {
             return Err(ShapeError::Many {
                 what: "half-spaces",
                 found: planes.len(),
-                most: hull::MOST,
+                most: hull::MAX_POINTS,
             });
         }
         let mut unit = Vec::with_capacity(planes.len());
@@ -170,7 +170,7 @@ impl Polyhedron {
         let mut middle = Vector3::zeros();
         let mut depth = 0.0;
         for _ in 0..2 {
-            match solve(&unit, unit.len(), 4.0 * far(&unit), &mut AFRESH.clone()) {
+            match solve(&unit, unit.len(), 4.0 * far(&unit), &mut NO_BASIS.clone()) {
                 Verdict::Overlap {
                     point,
                     depth: found,

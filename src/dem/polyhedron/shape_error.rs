@@ -8,9 +8,9 @@ pub enum ShapeError {
     Few {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
-        /// Number found.
+        /// Number of items found.
         found: usize,
-        /// Minimum number.
+        /// Minimum number of items.
         least: usize,
     },
     /// Too many items.
@@ -18,9 +18,9 @@ pub enum ShapeError {
     Many {
         /// Vertices, half-spaces or triangles.
         what: &'static str,
-        /// Number found.
+        /// Number of items found.
         found: usize,
-        /// Maximum number.
+        /// Maximum number of items.
         most: usize,
     },
     /// Number that is not finite, or normal or edge without length.
@@ -71,7 +71,7 @@ pub enum ShapeError {
     NotClosed {
         /// Volume by the sum over triangles \[m³\].
         enclosed: f64,
-        /// Volume between their planes \[m³\].
+        /// Volume between the half-spaces \[m³\].
         volume: f64,
     },
 }

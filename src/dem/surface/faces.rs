@@ -9,7 +9,7 @@
 //!   The square root of a small stiffness is not small, so that its dashpot acts only in proportion to the ratio of
 //!   both overlaps.
 
-use super::{FacetSurface, ON, RIM, index};
+use super::{FacetSurface, ON_FACET, ON_RIM, index};
 use nalgebra::{Matrix3, Vector3};
 
 /// Index that marks an edge without an adjacent facet.
@@ -24,7 +24,7 @@ const RATIO: f64 = 10.0;
 pub(crate) struct Faces {
     /// First facet of the face of each facet.
     first: Vec<u32>,
-    /// First given facet of the face of each facet, also for periodic images of the face.
+    /// First given facet of the face to which each facet belongs, also for periodic images of the face.
     name: Vec<u32>,
     /// Facet on the other side of each edge, in the order of the corners of all facets.
     beside: Vec<u32>,
@@ -112,11 +112,11 @@ impl FacetSurface {
 
     fn in_one_plane(&self, a: usize, b: usize) -> bool {
         let (one, two) = (self.facets[a], self.facets[b]);
-        one.normal.cross(&two.normal).norm() <= RIM
+        one.normal.cross(&two.normal).norm() <= ON_RIM
             && self
                 .corners(a)
                 .zip(self.corners(b))
-                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= RIM * one.size.max(two.size))
+                .all(|(p, q)| one.normal.dot(&(q - p)).abs() <= ON_RIM * one.size.max(two.size))
     }
 
     /// Returns the height \[m\] of a point above the plane of a facet, on the side of its normal.
@@ -125,8 +125,7 @@ impl FacetSurface {
         self.facets[facet].normal.dot(&(point - corner))
     }
 
-    /// Returns the facets across the edges of a facet that fall away behind it, as seen from a point: those whose
-    /// front is visible across a convex edge.
+    /// Returns the facets across the convex edges of a facet whose fronts are visible from a point.
     fn in_front<'a>(
         &'a self,
         faces: &'a Faces,
@@ -143,12 +142,12 @@ impl FacetSurface {
                 1.0
             };
             let heights = self.corners(facet).map(|at| side * self.height(other, &at));
-            heights.fold(0.0, f64::min) < -ON * place.size
+            heights.fold(0.0, f64::min) < -ON_FACET * place.size
         })
     }
 
-    /// Removes from `order`, pairs of a face and a facet in ascending order of faces, the faces whose back is
-    /// visible from a block at `centre` behind a face in front of them.
+    /// Removes from `order`, pairs of a face and a facet in ascending order of faces, the faces that a block at
+    /// `centre` sees only from behind, past another face in front of them.
     pub(crate) fn leave_seen(
         &self,
         faces: &Faces,

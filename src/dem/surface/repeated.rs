@@ -29,9 +29,9 @@ pub(super) struct Repeated {
     lengths: [f64; 3],
     /// Number of given facets, which come first.
     pub(super) given: u32,
-    /// Given facet of each facet, and its offset from there in periods.
+    /// Given facet of which each facet is an image, and the offset of the image in periods.
     images: Vec<(u32, [i32; 3])>,
-    /// Index of each vertex that it shares with its images.
+    /// Index of each vertex, equal for a vertex and its images.
     vertices: Vec<u32>,
     /// The images of given facet k are `of_given[starts[k]..starts[k + 1]]`.
     starts: Vec<u32>,
@@ -46,9 +46,9 @@ impl Repeated {
 
 /// Maximum distance of coinciding vertices, as a fraction of the shortest period: above the rounding of
 /// single-precision files.
-const MEET: f64 = 1e-6;
+const COINCIDENCE: f64 = 1e-6;
 /// Maximum number of facets with all images.
-const MOST: f64 = 2e7;
+const MAX_FACETS: f64 = 2e7;
 
 impl FacetSurface {
     /// Returns the surface with its images in a domain that is periodic along the axes with `lengths` \[m\] above
@@ -62,7 +62,7 @@ impl FacetSurface {
         if shortest.is_infinite() {
             return Ok(self);
         }
-        let near = MEET * shortest;
+        let near = COINCIDENCE * shortest;
         let (places, reduced) = reduce(&self.vertices, (lower, lengths), near);
         let place = |(root, by): Place| {
             let at: Vector3<f64> = reduced[root as usize];
@@ -86,7 +86,7 @@ impl FacetSurface {
                 });
                 let beyond = [lower[a] - 0.5 * length, lower[a] + 1.5 * length];
                 let (first, last) = ((beyond[0] - high) / length, (beyond[1] - low) / length);
-                if last - first > MOST {
+                if last - first > MAX_FACETS {
                     return Err(too_many());
                 }
                 *span = [-floor_i32(-first), floor_i32(last)];
@@ -95,7 +95,7 @@ impl FacetSurface {
                 .iter()
                 .map(|[first, last]| f64::from(*last) - f64::from(*first) + 1.0)
                 .product();
-            if real(images.len()) + count > MOST {
+            if real(images.len()) + count > MAX_FACETS {
                 return Err(too_many());
             }
             for x in spans[0][0]..=spans[0][1] {
@@ -238,8 +238,8 @@ impl FacetSurface {
         }
     }
 
-    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic
-    /// face, since the point may pass the face, and other images are then near it.
+    /// Calls `visit` with all images of a facet if a point of the domain is nearer than `gap` \[m\] to a periodic face:
+    /// the point may cross the face and is then near other images.
     pub(crate) fn images_beyond(
         &self,
         facet: u32,
@@ -271,7 +271,7 @@ fn same(a: [f64; 3], b: [f64; 3]) -> bool {
 
 fn too_many() -> Error {
     Error::Numerical(format!(
-        "the surface and its periodic images have more than {MOST} facets"
+        "the surface and its periodic images have more than {MAX_FACETS} facets"
     ))
 }
 

@@ -50,7 +50,7 @@ fn floor() -> Wall<Volume> {
     Wall::new(Vector3::zeros(), Vector3::z(), 0)
 }
 
-/// Returns bodies of these shapes at these positions, at rest.
+/// Returns stationary bodies of these shapes at these positions.
 fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Particles<Volume> {
     let mut particles = Particles::new();
     let shapes: Vec<_> = blocks.iter().map(|one| one.0.clone()).collect();
@@ -63,7 +63,7 @@ fn resting(blocks: &[(Polyhedron, Vector3<f64>, UnitQuaternion<f64>)]) -> Partic
     particles
 }
 
-/// A block on a slope rests for tan(theta) < mu, else slides with g (sin - mu cos).
+/// Checks a block on a slope: it is stationary for tan(theta) < mu, and otherwise slides with g (sin - mu cos).
 #[test]
 fn a_block_on_a_slope() {
     for (slope, friction) in [
@@ -95,7 +95,7 @@ fn a_block_on_a_slope() {
     }
 }
 
-/// An asymmetric block in free flight through a periodic face: momentum and angular momentum are constant to the
+/// Checks an asymmetric block in free flight through a periodic face: momentum and angular momentum are constant to the
 /// last bit, energy to second order in the time step.
 #[test]
 fn a_free_block_keeps_energy_and_angular_momentum() {
@@ -137,7 +137,7 @@ fn a_free_block_keeps_energy_and_angular_momentum() {
     assert_relative_eq!(coarse / fine, 4.0, max_relative = 0.1);
 }
 
-/// Two blocks that collide across a periodic face move like in an unbounded domain.
+/// Checks that two blocks that collide across a periodic face move as in an unbounded domain.
 #[test]
 fn a_collision_through_a_periodic_face() {
     let shapes: Arc<[Polyhedron]> = [cuboid(0.3, 0.3, 0.3), cuboid(0.4, 0.25, 0.3)].into();
@@ -185,7 +185,7 @@ fn momentum(particles: &Particles<Volume>) -> Vector3<f64> {
     own.map(|(body, motion)| motion.velocity * body.mass).sum()
 }
 
-/// Ten blocks on top of each other, each slightly rotated and shifted, are stationary.
+/// Checks that ten blocks on top of each other, each slightly rotated and shifted, are stationary.
 #[test]
 fn a_stack_of_ten_stands() {
     let blocks: Vec<_> = (0..10)
@@ -227,7 +227,8 @@ fn a_stack_of_ten_stands() {
     assert_eq!((now.contacts, now.bonds), (10, 0));
 }
 
-/// Rolls a sphere off a block: momentum is kept, and a sphere on a plane next to a block is subject to the same law.
+/// Rolls a sphere off a block: momentum is conserved, and a sphere on a plane next to a block is subject to the same
+/// law.
 #[test]
 fn spheres_and_blocks_meet_either_way_round() {
     // The lower id comes first in a pair: both orders must give the mirrored outcome.
@@ -285,7 +286,7 @@ fn mesh(half: f64, n: u32) -> FacetSurface {
     FacetSurface::new(vertices, &facets).unwrap()
 }
 
-/// Interior edges have no effect: a block that tumbles and slides over triangles moves like on a plane.
+/// Checks that interior edges have no effect: a block that tumbles and slides over triangles moves as on a plane.
 #[test]
 fn a_flat_mesh_is_a_plane() {
     let slide = |wall: Wall<Volume>| {
@@ -330,7 +331,8 @@ fn a_flat_mesh_is_a_plane() {
     }
 }
 
-/// A block that overhangs the edge of a box is stable if its centroid is above the box, and falls otherwise.
+/// Checks that a block that overhangs the edge of a box is stable if its centroid is above the box, and falls
+/// otherwise.
 #[test]
 fn a_block_overhangs_the_edge_of_a_box() {
     for (x, rests) in [(-0.1, true), (0.1, false)] {
@@ -382,8 +384,8 @@ fn tile(x: f64) -> Wall<Volume> {
     )
 }
 
-/// A block thrown along a plane stops after v²/(2 mu g): also over the edge of a ledge from which less than half of
-/// its base protrudes, and over seams between boxes, polygons and both.
+/// Checks that a block thrown along a plane stops after v²/(2 mu g), also over the edge of a ledge from which less than
+/// half of its base protrudes, and over seams between boxes, polygons and both.
 #[test]
 fn a_block_slides_over_edges_and_seams() {
     let (speed, mu) = (1.0, 20.0_f64.to_radians().tan());
@@ -432,8 +434,8 @@ fn a_block_slides_over_edges_and_seams() {
     }
 }
 
-/// A cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of its
-/// edge.
+/// Checks a cube that spins flat on a floor: friction has the moment mu m g times the mean arm of the square, 0.3826 of
+/// its edge.
 #[test]
 fn a_spinning_cube_is_braked_by_its_patch() {
     let (edge, mu) = (0.3, 8.0_f64.to_radians().tan());
@@ -462,7 +464,7 @@ fn a_spinning_cube_is_braked_by_its_patch() {
     }
 }
 
-/// A sphere that rolls down a block accelerates as on a plane, by 5/7 g sin.
+/// Checks that a sphere that rolls down a block accelerates as on a plane, by 5/7 g sin.
 #[test]
 fn a_sphere_rolls_down_a_block() {
     let angle = 10.0_f64.to_radians();
@@ -538,7 +540,7 @@ fn the_critical_step_is_that_of_the_largest_face() {
 
 // --- the same bits ---
 
-/// A pile of blocks of all kinds and some spheres, wider than a slab some of them.
+/// Pile of blocks of all kinds and some spheres; some of the bodies are wider than a slab.
 #[derive(Clone, Copy)]
 struct Pile {
     periodic: bool,
@@ -667,7 +669,7 @@ impl Saved {
     }
 }
 
-/// Makes `steps` steps from a saved state or the start, on ranks with some threads each; bodies are distributed by
+/// Makes `steps` steps from a saved state or the start, on ranks with several threads each; bodies are distributed by
 /// id.
 fn run(
     pile: Pile,
@@ -735,7 +737,7 @@ const PERIODIC: Pile = Pile {
 };
 const ONE: (SplitAxis, &[usize], usize) = (SplitAxis::X, &[0, 24], 1);
 
-/// Returns a pile on one rank, made once for all tests.
+/// Returns a pile on one rank, computed once for all tests.
 fn straight(pile: Pile) -> &'static Saved {
     static ONES: [OnceLock<Saved>; 2] = [OnceLock::new(), OnceLock::new()];
     ONES[usize::from(pile.periodic)].get_or_init(|| run(pile, ONE, None, (STEPS, STEPS)))

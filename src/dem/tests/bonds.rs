@@ -100,7 +100,7 @@ fn a_bond_pulls_up_to_its_tensile_strength() {
     assert_eq!(dem.statistics(&particles).bonds, 0);
 }
 
-/// Sheared under 20 N: no sliding at mu F_n = 10 N, failure at 50 N, then friction alone.
+/// Checks a bond sheared under 20 N: no sliding at mu F_n = 10 N, failure at 50 N, then friction alone.
 #[test]
 fn a_bond_does_not_slip_and_fails_in_shear() {
     let (mut dem, mut particles, _) = pair(CLAY, 2e-5);
@@ -172,8 +172,8 @@ fn bonds_form_across_the_bonding_gap() {
     }
 }
 
-/// A sphere that rolls on a plane with rolling friction mu_r slows by 5/7 mu_r g, and stands still on a slope below it
-/// (Ai 2011).
+/// Checks a sphere on a plane with rolling friction mu_r: it decelerates by 5/7 mu_r g, and is stationary on a slope
+/// below mu_r (Ai 2011).
 #[test]
 fn rolling_friction_slows_and_holds() {
     let (radius, g, mu_r) = (0.05, 9.81, 0.1);

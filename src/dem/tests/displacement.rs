@@ -6,7 +6,7 @@ use crate::particles::{Body, Motion, Particles};
 use crate::space::Volume;
 use nalgebra::Vector3;
 
-/// Grains keep their initial positions across migration, checkpoints and a periodic face, on request.
+/// Checks that grains keep their initial positions across migration, checkpoints and a periodic face, on request.
 #[test]
 fn displacements_are_raw_and_survive_a_table() {
     let mut particles = Particles::<Volume>::new();

@@ -32,7 +32,7 @@ pub(super) fn elastic(friction: f64, restitution: f64, attraction: bool) -> Law 
     })
 }
 
-/// The restitution is the given one at every speed and size, with and without attraction.
+/// Checks that the restitution is the given one at every speed and size, with and without attraction.
 #[test]
 fn restitution_does_not_depend_on_the_speed() {
     for (e, speed, attraction) in [
@@ -68,8 +68,8 @@ fn restitution_does_not_depend_on_the_speed() {
     }
 }
 
-/// Angular momentum of oblique collisions with friction, spin and dashpots: kept to 1e-10 of its parts; the energy of
-/// elastic ones never grows.
+/// Checks oblique collisions with friction, spin and dashpots: the angular momentum is constant to 1e-10 of its parts,
+/// and the energy of elastic collisions never grows.
 #[test]
 fn collisions_keep_angular_momentum() {
     let (mut worst, mut stuck) = (0.0_f64, 0);
@@ -118,7 +118,8 @@ fn collisions_keep_angular_momentum() {
     assert!(stuck > 0, "some collisions must stick and lose little");
 }
 
-/// Chung and Ooi's test 7: equal and opposite spins roll over each other without slip: no shear force, the spins stay.
+/// Checks Chung and Ooi's test 7: equal and opposite spins roll over each other without slip, so that there is no shear
+/// force and the spins remain.
 #[test]
 fn equal_and_opposite_spins_roll_off_each_other() {
     let settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
@@ -140,8 +141,8 @@ fn equal_and_opposite_spins_roll_off_each_other() {
     }
 }
 
-/// A spring sheared at a large overlap and released at a small one returns less energy than it received: the part
-/// that a smaller contact cannot carry is lost (Thornton et al. 2013).
+/// Checks that a spring sheared at a large overlap and released at a small one returns less energy than it received:
+/// the part that a smaller contact cannot carry is lost (Thornton et al. 2013).
 #[test]
 fn a_shrinking_contact_lets_go_of_shear() {
     let settings = DemSettings::new(about_origin::<Volume>(0.1), 1.0, 1e-4);
@@ -183,7 +184,7 @@ fn a_shrinking_contact_lets_go_of_shear() {
     assert_relative_eq!(shear(&particles), 0.5 * loaded, max_relative = 1e-3);
 }
 
-/// sqrt(m/k) at the overlap of the expected impact.
+/// Checks the critical step, sqrt(m/k) at the overlap of the expected impact.
 #[test]
 fn the_critical_step_is_that_of_the_deepest_overlap() {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);

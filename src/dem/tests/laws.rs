@@ -63,7 +63,8 @@ fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     ]
 }
 
-/// validation.md 4.1: columns e, zeta, duration, depth, and the same without attraction.
+/// Checks the restitution and the duration of damped collisions; the rows of the table are e, zeta, duration, depth,
+/// and the last two without attraction.
 #[test]
 fn a_damped_collision_restitutes_as_the_oscillator() {
     for row in rows(include_str!(
@@ -82,8 +83,8 @@ fn a_damped_collision_restitutes_as_the_oscillator() {
     }
 }
 
-/// At the default step, a tenth of 2 sqrt(m/k), the restitution equals that of continuous time, independent of the
-/// time within a step at which the contact begins.
+/// Checks that at the default step, a tenth of 2 sqrt(m/k), the restitution equals that of continuous time, whenever
+/// within a step the contact begins.
 #[test]
 fn the_restitution_at_the_default_step_is_the_exact_one() {
     for zeta in [0.05_f64, 0.2, 0.5] {
@@ -103,7 +104,7 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
     }
 }
 
-/// Returns the restitution of two spheres that meet `part` of a default step after a step.
+/// Returns the restitution of two spheres whose contact begins at the fraction `part` of a default step.
 fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
     let parameters = linear::LinearParameters {
         normal_damping: zeta,
@@ -227,7 +228,7 @@ fn a_damped_oblique_collision_follows_liggghts() {
     );
 }
 
-/// A sphere on a plane of 30 degrees against LAMMPS: sliding (mu 0.1) and rolling (mu 0.5).
+/// Checks a sphere on a plane of 30 degrees against LAMMPS: sliding (mu 0.1) and rolling (mu 0.5).
 #[test]
 fn a_sphere_on_an_incline_follows_lammps() {
     for (mu, table) in [
@@ -273,7 +274,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
     }
 }
 
-/// Runs a grain on a plane: final speed of a body that slides, then rolls (validation.md 4.3).
+/// Runs a grain on a plane and checks the final speed of a body that first slides and then rolls.
 fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let (radius, g) = (0.05, 9.81);
     let body = Body::uniform::<S>(1, radius, 2600.0, 0);
@@ -329,7 +330,7 @@ fn sliding_ends_in_rolling() {
     }
 }
 
-/// validation.md 4.4: rolling down an incline at `g sin / (1 + shape)`, where friction suffices.
+/// Checks that a grain rolls down an incline with `g sin / (1 + shape)` if friction suffices.
 fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
     let body = Body::uniform::<S>(1, 0.05, 2600.0, 0);
     let stiffness = 1e7;
@@ -393,8 +394,8 @@ fn grains_roll_or_slide_down_an_incline() {
     }
 }
 
-/// validation.md 4.4: a block, a sphere that cannot turn, slides with `g (sin - tan(phi) cos)`, or is stationary
-/// except for the deflection m g sin / k_s of its shear spring, in the linear law and in that of elastic spheres.
+/// Checks a block, a sphere that cannot rotate: it slides with `g (sin - tan(phi) cos)`, or is stationary except for
+/// the deflection m g sin / k_s of its shear spring, in the linear law and in that of elastic spheres.
 #[test]
 fn a_block_slides_or_stays_on_an_incline() {
     const G: f64 = 9.81;
@@ -480,7 +481,8 @@ fn a_block_slides_or_stays_on_an_incline() {
     }
 }
 
-/// Returns the damping whose pushing dashpot restitutes `e`: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
+/// Returns the damping ratio with which a dashpot that only pushes has the restitution `e`: T. Schwager, T. Pöschel,
+/// Granular Matter 9 (2007) 465.
 fn pushing_damping(e: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 0.7);
     for _ in 0..60 {
@@ -497,7 +499,8 @@ fn pushing_damping(e: f64) -> f64 {
     low
 }
 
-/// Chung & Ooi test 6: a sphere with spin hits a plane and slides throughout: v_t = mu (1+e) v_n, dw = -3 rad/s.
+/// Checks Chung and Ooi's test 6: a sphere with spin hits a plane and slides throughout: v_t = mu (1+e) v_n, dw = -3
+/// rad/s.
 #[test]
 fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     let parameters = linear::LinearParameters {
@@ -537,7 +540,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     }
 }
 
-/// Chung & Ooi test 4: a small sphere hits a plane obliquely and slides throughout.
+/// Checks Chung and Ooi's test 4: a small sphere hits a plane obliquely and slides throughout.
 #[test]
 fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
     let (radius, speed) = (2.5e-3, 3.9);
@@ -695,7 +698,7 @@ fn a_bond_sheared_freely_follows_yade() {
     );
 }
 
-/// A broken bond does not heal, and a bond failing in shear while pulled leaves nothing.
+/// Checks that a broken bond does not heal, and that a bond failing in shear while pulled has no force afterwards.
 #[test]
 fn cohesion_is_lost_for_good() {
     let d = 2e-4;

@@ -96,7 +96,7 @@ fn plane() -> Wall<Volume> {
     Wall::new(Vector3::zeros(), Vector3::z(), 0)
 }
 
-/// The floors: name, walls, and the angle by which the block is turned about the vertical.
+/// Returns the floors: name, walls, and the angle by which the block is rotated about the vertical.
 fn floors() -> Vec<(&'static str, Vec<Wall<Volume>>, f64)> {
     let slanted = [[-3.0, -1.0], [0.0, -1.0], [0.1, 1.0], [-3.0, 1.0]];
     let beyond = [[0.0, -1.0], [3.0, -1.0], [3.0, 1.0], [0.1, 1.0]];
@@ -214,7 +214,7 @@ fn law(friction: f64) -> Law {
     })
 }
 
-/// 22 floors at three time steps: the distance agrees within 1 %, without sideways motion or rotation.
+/// Checks 22 floors at three time steps: the distance agrees within 1 %, without sideways motion or rotation.
 #[test]
 fn a_block_stops_after_the_same_distance_on_all_floors() {
     let friction = 20.0_f64.to_radians().tan();
@@ -252,7 +252,7 @@ fn a_block_stops_after_the_same_distance_on_all_floors() {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
-/// A block that is let fall onto a plane wall with facets in it moves as on the plane alone.
+/// Checks that a block that falls onto a plane wall with facets in it moves as on the plane alone.
 #[test]
 fn a_block_falls_on_a_plane_wall_with_facets_in_it() {
     let fall = |walls: Vec<Wall<Volume>>| {

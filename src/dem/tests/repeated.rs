@@ -30,7 +30,7 @@ fn region() -> GrainDomain<Volume> {
     region
 }
 
-/// Returns a square of one period across z, as `n` by `n` squares of two triangles; its corner stands at `from`, and
+/// Returns a square of one period across z, as `n` by `n` squares of two triangles; its corner is at `from`, and
 /// coordinates are rounded as in a binary STL file.
 fn mesh(n: u32, from: f64) -> Wall<Volume> {
     let place = |k: u32| f64::from(single(from + PERIOD * f64::from(k) / f64::from(n)));
@@ -107,7 +107,7 @@ fn floors() -> Vec<(&'static str, Wall<Volume>)> {
     ]
 }
 
-/// Returns a ball thrown along the floor: its motion, and the least of friction over normal force while it slides.
+/// Returns the motion of a ball thrown along the floor, and the minimum of friction over normal force while it slides.
 fn slide(floor: Wall<Volume>, velocity: Vector3<f64>) -> (Motion<Volume>, f64) {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let mut settings = DemSettings::new(region(), 5e-6, 1e-3);
@@ -131,7 +131,7 @@ fn slide(floor: Wall<Volume>, velocity: Vector3<f64>) -> (Motion<Volume>, f64) {
     (particles.motion[0], least)
 }
 
-/// Over both seams, several times: the motion is that on a plane, and friction acts throughout.
+/// Checks a ball that crosses both seams several times: its motion is that on a plane, and friction acts throughout.
 #[test]
 fn a_grain_slides_over_the_seam() {
     let velocity = Vector3::new(2.0, 0.7, 0.0);
@@ -147,7 +147,7 @@ fn a_grain_slides_over_the_seam() {
     }
 }
 
-/// Places a grain at rest over the seam, at its corner and next to it: one contact, which bears the weight.
+/// Places a stationary grain over the seam, at its corner and next to it: there is one contact, which bears the weight.
 #[test]
 fn a_grain_rests_over_the_seam() {
     for (what, floor) in floors() {
@@ -175,7 +175,7 @@ fn a_grain_rests_over_the_seam() {
     }
 }
 
-/// A box that ends in the domain has real edges: a grain that rolls over its end falls.
+/// Checks that a box that ends in the domain has real edges: a grain that rolls over its end falls.
 #[test]
 fn edges_that_meet_no_image_stay() {
     let short = structure(r#"{"box": {"from": [0.02, -1, -0.1], "to": [0.09, 1, 0]}}"#);
@@ -190,7 +190,7 @@ fn edges_that_meet_no_image_stay() {
     }
 }
 
-/// A floor that moves within its own plane drags like a plane, for any number of periods.
+/// Checks that a floor that moves within its own plane drags like a plane, for any number of periods.
 #[test]
 fn a_moving_mesh_drags_as_a_plane() {
     let run = |mut floor: Wall<Volume>| {
@@ -207,7 +207,7 @@ fn a_moving_mesh_drags_as_a_plane() {
     }
 }
 
-/// A block slides over the seam with g mu of deceleration.
+/// Checks that a block slides over the seam with the deceleration g mu.
 #[test]
 fn a_block_slides_over_the_seam() {
     let run = |floor: Wall<Volume>| {

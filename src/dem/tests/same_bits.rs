@@ -11,7 +11,7 @@ use super::super::state::{Contacts, NamedColumns};
 use super::*;
 use base::random::Stream;
 
-/// Runs `work` on ranks whose slabs have these bounds along an axis; the results by rank.
+/// Runs `work` on ranks whose slabs have these bounds along an axis; returns the results by rank.
 pub(super) fn on_slabs<T: Send>(
     axis: SplitAxis,
     bounds: &[usize],
@@ -187,7 +187,7 @@ impl Saved {
     }
 }
 
-/// Makes `steps` steps on the ranks, from a saved state or from the start; the grains are dealt out at random.
+/// Makes `steps` steps on the ranks, from a saved state or from the start; the grains are distributed at random.
 fn run(
     scene: Scene,
     axis: SplitAxis,
@@ -398,8 +398,8 @@ fn threads_do_not_show() {
     assert!(one == two);
 }
 
-/// A bonded layer round a periodic box whose lists hold for many steps: contacts with ghosts between two calls, and
-/// steps after all bonds were removed.
+/// Checks a bonded layer round a periodic box whose lists are valid for many steps: contacts with ghosts between two
+/// calls, and steps after all bonds were removed.
 #[test]
 fn threads_do_not_show_in_lists_that_last() {
     let layer = |threads: usize| {
@@ -449,7 +449,7 @@ fn threads_do_not_show_in_lists_that_last() {
     }
 }
 
-/// Whole numbers from ghosts arrive at their owners, each once.
+/// Checks that integers from ghosts arrive at their owners, each once.
 #[test]
 fn ghost_entries_are_summed_at_the_owner() {
     let scene = SCENES[1];

@@ -15,7 +15,7 @@ fn settings() -> DemSettings<PlaneSpace> {
     settings
 }
 
-/// Two rows of ten discs on a floor between two sides; the plate above them is 0.02 mm off.
+/// Returns two rows of ten discs on a floor between two sides; the plate above them is 0.02 mm away.
 fn grains() -> Vec<(Body, Motion<PlaneSpace>)> {
     let place = |n: u64| {
         let (row, column) = (n / 10, n % 10);
@@ -59,8 +59,8 @@ fn filled(particles: &mut Particles<PlaneSpace>) {
     }
 }
 
-/// The plate comes at its limit, then bears the stress: 2 rows and 3 contacts in series, each with the force of a disc,
-/// shorten by 3 sigma d/k. It slides along its face all the time.
+/// Checks a plate that approaches at its velocity limit and then bears the stress: 2 rows and 3 contacts in series,
+/// each with the force of a disc, shorten by 3 sigma d/k. The plate slides along its face all the time.
 #[test]
 fn a_plate_reaches_its_stress() {
     let (stress, limit) = (5e3, 0.05);
@@ -102,7 +102,8 @@ fn bits(dem: &Dem<PlaneSpace>, particles: &Particles<PlaneSpace>) -> Vec<(u64, [
     all
 }
 
-/// Slabs cut the plate; the sums over its contacts do not depend on them, and neither on how steps are called.
+/// Checks that the motion of a plate cut by slabs depends neither on the slabs nor on the division of the steps into
+/// calls.
 #[test]
 fn a_plate_moves_alike_on_any_number_of_ranks() {
     let run = |bounds: &[usize], calls: u64| {

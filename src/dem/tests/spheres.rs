@@ -161,7 +161,7 @@ fn grains() -> Vec<(Body, Motion<Volume>)> {
     all
 }
 
-/// Both grains, or grain and wall, and how it broke.
+/// Both grains, or grain and wall, and the mode of failure.
 type Broken = (u64, u64, Option<u64>, Option<u32>, Failure);
 
 #[derive(Clone, Default)]
@@ -314,7 +314,7 @@ fn ranks_skins_and_restarts_do_not_show() {
     assert_eq!(touched.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
 }
 
-/// A heap large enough for two threads.
+/// Checks a heap that is large enough for two threads.
 #[test]
 fn threads_do_not_show() {
     let heap = |threads: usize| {

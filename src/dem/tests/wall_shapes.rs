@@ -42,7 +42,7 @@ const GLASS: linear::LinearParameters = linear::LinearParameters {
     ..SPRINGS
 };
 
-/// Returns a ball thrown at the floor, its motion after the rebound.
+/// Returns the motion after the rebound of a ball thrown at the floor.
 fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Volume> {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
     let mut dem = linear(
@@ -65,7 +65,8 @@ fn throw(floor: Wall<Volume>, at: [f64; 2], velocity: Vector3<f64>) -> Motion<Vo
     particles.motion[0]
 }
 
-/// The wall test: oblique rebounds with friction and spin, over interior edges and vertices too.
+/// Checks oblique rebounds with friction and spin from a plane, a polygon and a mesh, also over interior edges and
+/// vertices.
 #[test]
 fn plane_polygon_and_mesh_rebound_alike() {
     let shapes = [polygon(0.1), mesh(1, 0.1), mesh(8, 0.1), mesh(40, 0.1)].map(Arc::new);
@@ -109,7 +110,7 @@ fn strip(from: f64, to: f64) -> FacetSurface {
     FacetSurface::new(corners, &[vec![0, 1, 2, 3]]).unwrap()
 }
 
-/// Drops a ball on the seam of two walls of one plane, and next to it: it rebounds as from one wall.
+/// Drops a ball on the seam of two walls in one plane, and next to it: it rebounds as from one wall.
 #[test]
 fn two_walls_that_touch_push_once() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -141,7 +142,7 @@ fn two_walls_that_touch_push_once() {
     }
 }
 
-/// A plane wall and facets in its plane, of a polygon, a box, a mesh or a second plane, are one plane.
+/// Checks that a plane wall and facets in its plane, of a polygon, a box, a mesh or a second plane, act as one plane.
 #[test]
 fn facets_in_a_plane_wall_push_once() {
     let plane = || {
@@ -193,9 +194,9 @@ fn facets_in_a_plane_wall_push_once() {
     }
 }
 
-/// The edge at the foot of a ramp on a plane wall exerts no force: the plane carries the ball. A ramp of 12 degrees
-/// touches a ball of 10 mm with its face up to 2.1 mm before its foot; the edge is in an overlap of 0.29 mm up to
-/// 2.4 mm before it.
+/// Checks that the edge at the foot of a ramp on a plane wall exerts no force: the plane carries the ball. A ramp of 12
+/// degrees touches a ball of 10 mm with its face up to 2.1 mm before its foot; the edge is in an overlap of 0.29 mm up
+/// to 2.4 mm before it.
 #[test]
 fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -233,8 +234,8 @@ fn the_foot_of_a_ramp_on_a_plane_wall_is_no_bump() {
     }
 }
 
-/// A belt, a wall that moves within its own plane, is stationary as a surface and drags like a plane; normal to its
-/// facets a wall moves.
+/// Checks that a belt, a wall that moves within its own plane, is stationary as a surface and drags like a plane, and
+/// that a wall moves normal to its facets.
 #[test]
 fn a_belt_drags_and_stays() {
     let body = Body::uniform::<Volume>(1, 0.01, 2600.0, 0);
@@ -271,7 +272,7 @@ fn a_belt_drags_and_stays() {
     assert_relative_eq!(moved, along * 0.2, epsilon = 1e-12);
 }
 
-/// Sliding over 80 interior edges: friction does not decrease, the grain does not jump, and the shear force is
+/// Checks sliding over 80 interior edges: friction does not decrease, the grain does not jump, and the shear force is
 /// transferred.
 #[test]
 fn a_grain_slides_over_interior_edges() {
@@ -305,8 +306,8 @@ fn a_grain_slides_over_interior_edges() {
     assert!(friction > 0.29, "{friction}");
 }
 
-/// In the V between two facets the ball rests on both: N = m g / (2 cos) each, and the edge between them exerts no
-/// force.
+/// Checks a ball in the V between two facets, which bears on both: N = m g / (2 cos) each, and the edge between them
+/// exerts no force.
 #[test]
 fn a_concave_corner_holds_with_its_faces_alone() {
     let slope = 40.0_f64.to_radians();
@@ -353,7 +354,7 @@ fn a_concave_corner_holds_with_its_faces_alone() {
     }
 }
 
-/// A wall that moves carries its facets along; its restitution is that of the plane.
+/// Checks that a moving wall carries its facets along, and that its restitution is that of the plane.
 #[test]
 fn a_moving_mesh_hits_like_a_moving_plane() {
     let hit = |mut wall: Wall<Volume>| {
@@ -378,7 +379,8 @@ fn a_moving_mesh_hits_like_a_moving_plane() {
     assert!((found.spin - expected.spin).norm() < 1e-9);
 }
 
-/// Angular momentum of collisions in space, oblique with friction and spin: kept to 1e-10 of its parts.
+/// Checks the angular momentum of oblique collisions in space with friction and spin: it is constant to 1e-10 of its
+/// parts.
 #[test]
 fn collisions_keep_angular_momentum() {
     let mut worst = 0.0_f64;

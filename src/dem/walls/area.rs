@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 /// Cosine of the angle between two normals from which planes count as parallel.
 const PARALLEL: f64 = 1.0 - 1e-9;
 
-/// A plane, and the half-space on the side of its unit normal.
+/// Plane, and the half-space on the side of its unit normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HalfSpace {
-    /// A point of the plane \[m\].
+    /// Point of the plane \[m\].
     pub point: Vector3<f64>,
     /// Unit normal into the half-space.
     pub normal: Vector3<f64>,
@@ -90,7 +90,7 @@ impl PlaneArea {
         self.within(&plane(&walls[wall]), corners, planes)
     }
 
-    /// Cuts off what lies behind a plane that is not parallel to the wall.
+    /// Cuts off the part behind a plane that is not parallel to the wall.
     fn keep(&mut self, wall: &HalfSpace, by: &HalfSpace) {
         if wall.normal.dot(&by.normal).abs() > PARALLEL {
             return;
@@ -129,8 +129,8 @@ mod tests {
     use approx::assert_relative_eq;
     use nalgebra::Vector2;
 
-    /// The side of a box between a floor and a plate, and a plane across the corners of a cube: a regular hexagon of
-    /// side 1/sqrt(2).
+    /// Checks the side of a box between a floor and a plate, and a plane across the corners of a cube: a regular
+    /// hexagon of side 1/sqrt(2).
     #[test]
     fn a_part_of_a_plane_has_its_area() {
         let up = Vector3::new(0.0, 1.0, 0.0);
@@ -159,7 +159,8 @@ mod tests {
         );
     }
 
-    /// In the plane an incline from the floor to the side of a box cuts the floor, and is as long as its length.
+    /// Checks that in the plane an incline from the floor to the side of a box cuts the floor, and has the area of its
+    /// own length.
     #[test]
     fn a_strip_has_its_length() {
         let floor = Wall::<PlaneSpace>::new(Vector2::zeros(), Vector2::new(0.0, 1.0), 0);

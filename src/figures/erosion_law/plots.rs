@@ -9,14 +9,14 @@ use analysis::study::{CohesionReport, measured, points};
 use std::fmt::Write as _;
 
 /// Returns at most 400 of the records, including the first and the last: the resolution of a figure.
-pub(super) fn thinned(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
+pub(super) fn thinned_records(records: &[ErosionRecord]) -> Vec<ErosionRecord> {
     let count = records.len().min(400);
     (0..count)
         .map(|k| records[k * (records.len() - 1) / (count - 1).max(1)])
         .collect()
 }
 
-/// Stresses at which the line of a fit is drawn.
+/// Returns the stresses at which the line of a fit is drawn.
 pub(super) fn line_stresses(cohesion: &CohesionReport, fit: &LinearLaw) -> Vec<f64> {
     let most = points(cohesion).iter().map(|p| p.shear).fold(0.0, f64::max);
     let mut stresses: Vec<f64> = (0..=120_u32)
@@ -37,7 +37,7 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
         .enumerate()
         .rev()
         .map(|(index, run)| {
-            let points = thinned(&run.records)
+            let points = thinned_records(&run.records)
                 .iter()
                 .map(|record| (record.time, record.eroded_fraction))
                 .collect();
@@ -62,9 +62,9 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
             title: format!("Eroded mass, C/d = {} N/m", cohesion.cohesion),
             x: PlotAxis::linear("time", "s"),
             y: if top > 0.5 {
-                y.over(0.0, 1.0)
+                y.with_range(0.0, 1.0)
             } else {
-                y.over(0.0, (1.08 * top).max(1e-3))
+                y.with_range(0.0, (1.08 * top).max(1e-3))
             },
             layers,
             legend: Legend::Right,
@@ -226,7 +226,7 @@ fn cohesion_axis(cohesions: &[CohesionReport], published: Option<Published>) -> 
     let axis = PlotAxis::log("cohesion C/d", "N/m");
     // In a study of soil without bonds no cohesion is above 0.
     if high > 0.0 {
-        axis.over(low / 1.6, high * 1.6)
+        axis.with_range(low / 1.6, high * 1.6)
     } else {
         axis
     }
@@ -280,7 +280,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         legend_title: String::new(),
     };
     let coefficient =
-        PlotAxis::linear("k_{d}", "s/m").over(0.0, if top > 0.0 { 1.3 * top } else { 1.0 });
+        PlotAxis::linear("k_{d}", "s/m").with_range(0.0, if top > 0.0 { 1.3 * top } else { 1.0 });
     Figure {
         panels: vec![
             panel(

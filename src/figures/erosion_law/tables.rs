@@ -1,6 +1,6 @@
 //! The tables of the erosion law as CSV.
 
-use super::plots::{line_stresses, thinned};
+use super::plots::{line_stresses, thinned_records};
 use analysis::erosion_law::{FittedErosionLaw, Interval};
 use analysis::study::{CohesionReport, measured, points};
 use std::fmt;
@@ -132,7 +132,7 @@ pub(super) fn series(cohesions: &[CohesionReport]) -> String {
         "cohesion [N/m],pressure_difference [Pa],time [s],eroded_fraction [1]\n".to_owned();
     for cohesion in cohesions {
         for run in &cohesion.runs {
-            for record in thinned(&run.records) {
+            for record in thinned_records(&run.records) {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     text,

@@ -35,7 +35,7 @@ impl Cuts {
     }
 
     /// Extends a frame by all lines.
-    pub(super) fn include(&self, frame: &mut Frame) {
+    pub(super) fn extend_frame(&self, frame: &mut Frame) {
         let all = [&self.blocks, &self.structures, &self.walls];
         for end in all.into_iter().flatten().flatten() {
             frame.include([end[0], end[1], 0.0], 0.0);
@@ -162,8 +162,8 @@ mod tests {
         assert_eq!(cuts.draw(&frame, &raster).matches('M').count(), 8);
     }
 
-    /// A plane through corners intersects an octahedron in four lines. A plane along a face of a box gives the
-    /// lines of the other faces or none.
+    /// Checks that a plane through corners intersects an octahedron in four lines, and that a plane along a face of a
+    /// box gives the lines of the other faces or none.
     #[test]
     fn a_plane_through_corners_cuts_each_face_once() {
         let section = Section { axis: 2, at: 0.0 };

@@ -80,7 +80,7 @@ impl Faces {
         lines.collect()
     }
 
-    /// Paints the faces that face the viewer; `colour` gives the colour of a value.
+    /// Paints the faces whose fronts are towards the viewer; `colour` returns the colour of a value.
     pub(super) fn paint(
         &self,
         raster: &mut Raster,
@@ -188,8 +188,8 @@ mod tests {
     use super::super::{PAPER, Scene, ViewDirection};
     use super::*;
 
-    /// A unit cube with a triangle above a quarter of it: seen from above, the cube's top is visible except where
-    /// the triangle hides it.
+    /// Checks a unit cube with a triangle above a quarter of it: seen from above, the top of the cube is visible except
+    /// where the triangle hides it.
     #[test]
     fn a_face_covers_its_pixels_and_the_nearer_one_wins() {
         let faces = Faces {

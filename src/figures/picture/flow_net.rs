@@ -6,7 +6,7 @@
 //! head.
 
 use super::faces::Faces;
-use super::{failed, short};
+use super::{failed, significant_digits};
 use base::error::Error;
 use base::geometry::{Axis, Region};
 use base::number::{real, whole};
@@ -226,8 +226,8 @@ impl FlowNet {
         self.levels(drops).map_or_else(String::new, |levels| {
             format!(
                 "flow net: {} m of head between equipotentials, {} m2/s between streamlines",
-                short(levels.drop, 3),
-                short(levels.tube, 3)
+                significant_digits(levels.drop, 3),
+                significant_digits(levels.tube, 3)
             )
         })
     }
@@ -321,7 +321,7 @@ impl FlowNet {
             line(&pieces, "#a11", 0.9);
             if let Some([at, _]) = pieces.get(pieces.len() / 2) {
                 let [x, y] = place(*at);
-                labels += &label([x + 2.0, y], &short(*level, 4), 10);
+                labels += &label([x + 2.0, y], &significant_digits(*level, 4), 10);
             }
         }
         if let Some(pressure) = &self.pressure {
@@ -392,7 +392,7 @@ fn label([x, y]: Point, words: &str, size: u32) -> String {
     )
 }
 
-/// Returns the index of the cell at a point of the extended grid; at the ends that of the adjacent cell.
+/// Returns the index of the cell at a point of the extended grid; at the ends the index of the adjacent cell.
 fn inner(k: usize, [columns, rows]: [usize; 2]) -> usize {
     let near = |place: usize, cells: usize| place.saturating_sub(1).min(cells - 1);
     let width = columns + 2;

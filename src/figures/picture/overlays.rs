@@ -14,7 +14,7 @@ const SHORTEST: f64 = 0.5;
 /// Widths of contact lines; the largest force has the last one [pixels].
 const WIDTHS: [f64; 4] = [0.4, 1.0, 1.8, 3.0];
 
-/// A vector of each grain.
+/// Vector of each grain.
 pub(super) struct Arrows {
     pub(super) vectors: Vec<[f64; 3]>,
     pub(super) quantity: String,
@@ -166,8 +166,8 @@ mod tests {
         (frame, raster)
     }
 
-    /// Ten by ten metres on 200 pixels: the longest arrow has 16 pixels, one of half its length eight, and one of a
-    /// thousandth of a pixel is omitted.
+    /// Checks ten by ten metres on 200 pixels: the longest arrow has 16 pixels, one of half its length eight, and one
+    /// of a thousandth of a pixel is omitted.
     #[test]
     fn arrows_are_as_long_as_their_vectors() {
         let scene = super::super::tests::square();

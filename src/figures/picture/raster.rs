@@ -66,7 +66,7 @@ impl Frame {
                 }
             }
             if let Some(cuts) = &scene.cuts {
-                cuts.include(&mut frame);
+                cuts.extend_frame(&mut frame);
             }
             for &p in scene.faces.iter().flat_map(|faces| &faces.points) {
                 frame.include(p, 0.0);

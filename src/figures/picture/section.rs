@@ -13,7 +13,7 @@ pub(super) type Line = [[f64; 2]; 2];
 pub struct Section {
     /// Axis normal to the plane: 0, 1 or 2.
     pub axis: usize,
-    /// Coordinate of the plane along this axis (m).
+    /// Coordinate of the plane along its axis \[m\].
     pub at: f64,
 }
 

@@ -178,7 +178,7 @@ mod tests {
         }
     }
 
-    /// The streamlines of a rigid-body rotation are circles; the interpolated field is exact there.
+    /// Checks that the streamlines of a rigid-body rotation are circles; the interpolated field is exact there.
     #[test]
     fn lines_of_a_vortex_are_circles() {
         let vortex = water(|x, y| [16.0 - y, x - 24.0, 0.0], |_, _| false);

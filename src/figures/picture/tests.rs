@@ -28,8 +28,8 @@ fn numbers_are_short_at_every_size() {
     let texts = [
         "0", "1e-5", "1.23e-4", "0.00123", "0.05", "0.5", "12.3", "6", "-11710", "21250", "2.5e7",
     ];
-    assert_eq!(three.map(|value| short(value, 3)), texts);
-    assert_eq!(short(0.300_112, 4), "0.3001");
+    assert_eq!(three.map(|value| significant_digits(value, 3)), texts);
+    assert_eq!(significant_digits(0.300_112, 4), "0.3001");
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn times_are_the_nearest_or_spread_over_the_run() {
     assert_eq!(choose(&moments(&[0.5]), &[]).len(), 1);
 }
 
-/// Returns a scene of ten by ten metres without values.
+/// Axis of a plot.
 pub(super) fn square() -> Scene {
     let corner = |x: f64| [x, x, 0.0];
     Scene {

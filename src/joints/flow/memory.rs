@@ -1,9 +1,9 @@
 //! Memory of a network and its flow, counted from the types.
 
-use super::{Answer, Channel, JointFlow};
+use super::{Channel, JointFlow, LinkResponse};
 use crate::cells::{Cell, Side};
 use crate::edges::{Junction, Piece};
-use crate::motion::{Mover, Touch};
+use crate::motion::{LoadedCell, Mover};
 use crate::network::Link;
 use crate::pairs::Joint;
 use nalgebra::{Vector2, Vector3, Vector6};
@@ -33,10 +33,10 @@ impl JointFlow {
             + network.junctions.len() * size_of::<Junction>()
             + (joined + network.open.len()) * size_of::<Piece>()
             + network.links.len() * size_of::<Link>();
-        let link = size_of::<Channel>() + size_of::<Answer>() + 2 * size_of::<f64>();
+        let link = size_of::<Channel>() + size_of::<LinkResponse>() + 2 * size_of::<f64>();
         let modes = 2 * self.mode.len() * size_of::<f64>();
         let movers = self.movers.len() * (size_of::<Mover>() + 2 * size_of::<Vector6<f64>>());
-        let touches = self.touches.len() * (size_of::<Touch>() + 6 * size_of::<f64>());
+        let touches = self.touches.len() * (size_of::<LoadedCell>() + 6 * size_of::<f64>());
         geometry
             + network.nodes() * NODE
             + network.links.len() * link

@@ -13,13 +13,13 @@ use crate::slot::MODES;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
-/// Smallest cosine between two links of which one takes the discharges of the other.
+/// Minimum cosine between an old and a new link for the new one to inherit the discharges.
 const ALONG: f64 = 0.7;
 
 /// Old nodes or links by joint: position and number.
 type Known = HashMap<[RockFace; 2], Vec<(Vector3<f64>, usize)>>;
 
-/// Returns the number of the nearest of some positions; of equally near ones the first.
+/// Returns the index of the nearest of several positions; the first of equally near ones.
 fn nearest(list: &[(Vector3<f64>, usize)], point: &Vector3<f64>) -> Option<usize> {
     let distance = |entry: &(Vector3<f64>, usize)| (entry.0 - point).norm_squared();
     let first = list.iter().min_by(|a, b| {
@@ -39,8 +39,8 @@ fn axis(network: &Network, link: usize) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 impl JointFlow {
-    /// Makes the network of blocks at their present positions. Returns the volume of water that is no longer in the
-    /// network, at the density of atmospheric pressure \[m³\]; negative where the network has gained water.
+    /// Rebuilds the network for the present positions of the blocks. Returns the volume of water that is no longer in
+    /// the network, at the density of atmospheric pressure \[m³\]; negative if the network has gained water.
     pub fn renew(&mut self, rocks: &[Rock]) -> f64 {
         self.move_to(rocks);
         let before = self.stored();
@@ -90,7 +90,7 @@ impl JointFlow {
         }
     }
 
-    /// Shares the surplus of each old joint among the cells of the new one, by area.
+    /// Distributes the surplus of each old joint over the cells of the new joint, by area.
     fn take_surplus(&mut self, old: &Self) {
         let mut sums: HashMap<[RockFace; 2], f64> = HashMap::new();
         for (cell, &joint) in old.network.joint_of.iter().enumerate() {

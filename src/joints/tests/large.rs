@@ -37,7 +37,7 @@ fn ten_thousand_joints_conduct_like_their_vertical_ones_side_by_side() {
     });
     let mut flow = JointFlow::new(network, water());
     println!("analysed after {:?}", start.elapsed());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     println!("settled after {:?}", start.elapsed());
     flow.advance(&drive, 0.0, 1e-3).unwrap();
     println!("a step made after {:?}", start.elapsed());

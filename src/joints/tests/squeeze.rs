@@ -48,7 +48,7 @@ fn force(
         speed: SPEED,
     };
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let step = 1e-5;
     let mut time = 0.0;
     for _ in 0..4 {

@@ -102,7 +102,7 @@ fn one_joint_has_the_cubic_law() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let exact = 9810.0 * conductance(depth, gap, length);
     let [entered, left] = [0.0, 1.0].map(|x| through(&flow, |at| (at.x - x).abs() < 1e-9));
     println!("discharge {entered:e}, exact {exact:e}");
@@ -134,7 +134,7 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     // In the plane of the joint, half of the angle off each face; apertures are measured across it.
     let half = (0.5 * (b - a).atan()).cos();
     let gap = |x: f64| flow.gaps()[0].value(&nalgebra::Vector2::new(x, 0.0));
@@ -149,7 +149,8 @@ fn a_wedge_has_the_mean_of_the_inverse_cubes() {
     assert!((found / exact - 1.0).abs() < 1e-10);
 }
 
-/// Four blocks whose faces leave a vertical joint of one aperture and a horizontal one of another.
+/// Returns four blocks between which a vertical joint of one aperture and a horizontal joint of another aperture
+/// remain.
 fn cross(upright: f64, level: f64) -> Vec<PlacedPolyhedron> {
     let (x, z) = (0.5 * upright, 0.5 * level);
     boxes(&[
@@ -177,7 +178,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
     };
     let drive = Fronts::new(&network, move |at, _| pressure(at));
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let arms = [
         (5e3, conductance(0.2, level, 0.6 - 0.5 * upright)),
         (-1e3, conductance(0.2, level, 0.4 - 0.5 * upright)),
@@ -199,7 +200,7 @@ fn a_cross_of_joints_is_a_star_of_resistances() {
     }
 }
 
-/// A block in a hole: six fixed slabs round it, with an aperture at each face.
+/// Returns a block in a hole: six fixed slabs round it, with an aperture at each face.
 fn hole(apertures: [[f64; 2]; 3]) -> Vec<PlacedPolyhedron> {
     let size = [0.5, 0.3, 0.2];
     let outer = |axis: usize, side: usize| {
@@ -241,7 +242,7 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
         _ => None,
     });
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let sides = [
         conductance(0.2, apertures[1][0], 0.5),
         conductance(0.2, apertures[1][1], 0.5),
@@ -258,8 +259,8 @@ fn six_joints_round_a_block_are_a_network_of_resistances() {
     ring(&solids, apertures);
 }
 
-/// Compares the flow round the block in two parallel ways with the closed solution: with the joints in the planes
-/// across y shut, a ring of four joints in series and parallel.
+/// Compares the flow round the block in two parallel paths with the closed solution: with the joints in the planes
+/// across y closed, a ring of four joints in series and parallel.
 fn ring(solids: &[PlacedPolyhedron], apertures: [[f64; 2]; 3]) {
     let network = Network::new(
         &rocks(&[&solids[..3], &solids[5..]].concat()),
@@ -305,7 +306,7 @@ fn ring(solids: &[PlacedPolyhedron], apertures: [[f64; 2]; 3]) {
     let exact = matrix.lu().solve(&side).unwrap();
     let drive = Fronts::new(&network, move |at, _| pressure(at));
     let mut flow = JointFlow::new(network, water());
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let error = flow.pressures().iter().zip(exact.iter());
     let error = error.map(|(a, b): (&f64, &f64)| (a - b).abs());
     let error = error.fold(0.0, f64::max) / exact.amax();
@@ -323,7 +324,7 @@ fn water_at_rest_has_its_hydrostatic_pressure() {
         (at.z > 0.29 || at.x < -0.59).then(|| 9810.0 * (0.3 - at.z))
     });
     let mut flow = JointFlow::new(network, settings);
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     for (at, pressure) in flow.network().positions.iter().zip(flow.pressures()) {
         assert!((pressure - 9810.0 * (0.3 - at.z)).abs() < 1e-7);
     }

@@ -123,10 +123,10 @@ impl Upstream {
 
 /// Data of one entering population.
 #[derive(Clone, Copy, Debug)]
-struct Leaving {
+struct EnteringPopulation {
     cell: usize,
     upstream: Upstream,
-    /// Weight w_j.
+    /// Weight w_j of the direction.
     weight: f64,
     /// Population f_j(x, t).
     before: f64,
@@ -136,7 +136,7 @@ struct Leaving {
     square: f64,
 }
 
-impl Leaving {
+impl EnteringPopulation {
     /// Returns the population that would enter without an imposed pressure; `upstream` is f_j(x', t+1).
     fn carried(&self, upstream: f64) -> f64 {
         self.stays.mul_add(self.before - upstream, upstream)
@@ -161,7 +161,7 @@ pub struct ConvectiveOutflowLinks {
     speed: Carried,
     links: Vec<FaceLink>,
     /// Data of the links.
-    leaving: Vec<Leaving>,
+    leaving: Vec<EnteringPopulation>,
     held: Option<Held>,
 }
 
@@ -219,7 +219,7 @@ impl ConvectiveOutflowLinks {
     }
 
     /// Returns the rule with another kind of boundary.
-    pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
+    pub(super) fn with_kind(mut self, kind: BoundaryKind) -> Self {
         self.kind = kind;
         self
     }
@@ -232,7 +232,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
 
     fn take(&mut self, crossing: &Crossing<'_, S>) -> Giver {
         self.links.push(crossing.face_link());
-        self.leaving.push(Leaving {
+        self.leaving.push(EnteringPopulation {
             cell: crossing.cell,
             upstream: Upstream::new(crossing),
             weight: crossing.weight(),
@@ -308,11 +308,11 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
         })
     }
 
-    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
+    fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some(held) = &mut self.held {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
-                .hear_outflow(sums, held.density.value_at(moment.step), forecast);
+                .update_outflow_excess(sums, held.density.value_at(moment.step), forecast);
         }
     }
 
@@ -452,8 +452,8 @@ mod tests {
         assert!(local.0 < plain.0 && given.0 < plain.0);
     }
 
-    /// A vortex leaves through an outflow with an imposed mean pressure with no more reflection than without one,
-    /// and the pressure behind it is the imposed one within 1 % of ρ U².
+    /// Checks that a vortex leaves through an outflow with an imposed mean pressure with no more reflection than
+    /// without one, and that the pressure behind it is the imposed one within 1 % of ρ U².
     #[test]
     fn the_pressure_behind_a_vortex_is_the_one_that_is_held() {
         let of = |held: bool| {

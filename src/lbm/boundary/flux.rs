@@ -18,9 +18,9 @@ pub struct Flux {
 #[derive(Clone, Copy, Debug)]
 struct Exchange {
     patch: usize,
-    /// Deviation from rest of the population that left, and its direction.
+    /// Deviation from equilibrium of the population that left, and its direction.
     out: (f64, usize),
-    /// Deviation from rest of the population that entered, and its direction.
+    /// Deviation from equilibrium of the population that entered, and its direction.
     into: (f64, usize),
     /// Cells of the two populations: positions within an array.
     cells: [u32; 2],
@@ -60,8 +60,9 @@ impl<S: Stored> Boundaries<S> {
     }
 
     /// Returns mass and momentum that left through all faces in the last step on this rank, in quanta: mass, then
-    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true, and of
-    /// the deviations from rest, like the loads on bodies: the pressure at rest cancels over a closed surface only.
+    /// momentum. The momentum is that of the cells (positions within an array) for which `counts` is true. Like the
+    /// loads on bodies, it is that of the deviations from the state at rest, because the pressure at rest cancels over
+    /// a closed surface only.
     #[must_use]
     pub fn left(&self, populations: &Populations<S>, counts: impl Fn(usize) -> bool) -> [i128; 4] {
         let velocities = populations.velocities();

@@ -29,13 +29,13 @@ pub enum WithSurface {
 pub enum Inflow {
     /// No inflow.
     None,
-    /// Mean velocity over its cells [m/s]; negative out of the domain.
+    /// Mean velocity over the cells of the boundary [m/s]; negative if it is directed out of the domain.
     Mean(f64),
     /// Inflow that depends on the flow, or is not known before the run.
     Any,
 }
 
-/// Precedence of boundaries for the links of edges and corners: the largest takes them.
+/// Precedence of boundaries for the links of edges and corners: the boundary with the largest value takes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strength {
     /// Symmetry plane.
@@ -46,7 +46,7 @@ pub enum Strength {
     Pressure,
     /// Imposed velocity.
     Velocity,
-    /// Stationary wall, which therefore always closes its corners.
+    /// Stationary wall, which takes precedence over all others and closes its corners.
     Wall,
 }
 
@@ -55,18 +55,18 @@ pub enum Strength {
 pub struct BoundaryKind {
     /// Surface of the boundary.
     pub surface: SurfaceKind,
-    /// Strength, which decides which of two boundaries takes the links of an edge.
+    /// Precedence of the boundary for the links of an edge.
     pub strength: Strength,
 }
 
 impl BoundaryKind {
-    /// Stationary wall.
+    /// Kind of a stationary wall.
     pub const WALL: Self = Self {
         surface: SurfaceKind::Wall,
         strength: Strength::Wall,
     };
 
-    /// Opening through which the fluid leaves with its own state.
+    /// Kind of an opening through which the fluid leaves with its own state.
     pub const OUTFLOW: Self = Self {
         surface: SurfaceKind::Opening,
         strength: Strength::Outflow,

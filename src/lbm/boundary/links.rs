@@ -22,7 +22,7 @@ pub struct Crossing<'a, S: Stored> {
     pub direction: usize,
     /// `true` for each axis along which the link leaves the domain.
     pub outside: [bool; 3],
-    /// Point at which it crosses the face, in cells; the first cell spans 0..1.
+    /// Point at which the link crosses the face, in cells; the first cell spans 0..1.
     pub middle: [f64; 3],
     /// Fraction of the surroundings of this point on the face that imposes a velocity: less than 1 at the border of
     /// a patch.
@@ -63,7 +63,8 @@ pub struct FaceLink {
     pub direction: usize,
 }
 
-/// Population that enters as the mirror image of one that left, in the same cell or an adjacent one along the face.
+/// Population that enters as the mirror image of a population that left, in the same cell or an adjacent one along the
+/// face.
 #[derive(Clone, Copy, Debug)]
 pub struct Mirror {
     /// Links of the populations that leave and enter.
@@ -246,7 +247,7 @@ impl Row {
 /// Minimum number of links per thread.
 pub(super) const LINKS_PER_THREAD: usize = 2000;
 
-/// Pointer to numbers that several threads write, each its own.
+/// Pointer to numbers that several threads write, each at different positions.
 #[derive(Clone, Copy)]
 struct Numbers<S>(*mut S);
 
@@ -301,7 +302,7 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    /// Returns the prefix sums of runs with the given numbers of links.
+    /// Returns the prefix sums of runs with these numbers of links.
     pub(super) fn new(counts: impl Iterator<Item = u32>) -> Self {
         let mut before = vec![0];
         let mut all = 0;
@@ -312,7 +313,7 @@ impl Counted {
         Self { before }
     }
 
-    /// Calls `give` for all links of the runs, on several threads if they are many, with the number of a run, a
+    /// Calls `give` for all links of the runs, on several threads if there are many links, with the index of a run, a
     /// range of its links, and the numbers of the slab. Each link is passed once.
     pub(super) fn each<S: Stored>(
         &self,
@@ -375,8 +376,8 @@ mod tests {
         }
     }
 
-    /// Runs contain the mirrors from which they were made, each once, and set the same populations as the single
-    /// mirrors.
+    /// Checks that runs contain the mirrors from which they were made, each once, and set the same populations as the
+    /// single mirrors.
     #[test]
     fn runs_are_their_mirrors() {
         let mirrors: Vec<Mirror> = (0..100)

@@ -83,7 +83,7 @@ pub trait BoundaryModel {
         Inflow::None
     }
 
-    /// Returns the time over which the inflow grows from zero \[s\]; 0 for an immediate start.
+    /// Returns the time over which the inflow increases from zero \[s\]; 0 for an immediate start.
     fn ramp_time(&self) -> f64 {
         0.0
     }

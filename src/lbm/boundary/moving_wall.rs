@@ -18,7 +18,7 @@ use base::units::LatticeUnits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A wall that moves in its own plane.
+/// Wall that moves in its own plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -78,6 +78,6 @@ impl BoundaryModel for MovingWall {
             .map(|x| units.velocity_to_lattice(x));
         let links = velocity::VelocityLinks::new(Box::new(move |_| u), Ramp::constant(1.0));
         let links = links.following(velocity::in_steps(self.history.as_deref(), units));
-        Ok(Box::new(links.of_kind(KIND)))
+        Ok(Box::new(links.with_kind(KIND)))
     }
 }

@@ -63,7 +63,7 @@ pub struct Pressure {
     pub gradient: Option<Vector>,
 }
 
-/// Extent over the face at which a pressure holds.
+/// Extent over which a pressure is imposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Held {
@@ -73,7 +73,7 @@ pub enum Held {
     Mean,
 }
 
-/// A linear change in time.
+/// Linear change in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Ramp")]
@@ -113,7 +113,7 @@ impl Pressure {
         })
     }
 
-    /// Returns the extent at which the pressure holds, given the openings of the domain.
+    /// Returns the extent over which the pressure is imposed, given the openings of the domain.
     fn held(&self, openings: &[Opening]) -> Held {
         self.held.unwrap_or(
             if Self::is_the_outlet(openings) && self.gradient.is_none() {
@@ -196,7 +196,9 @@ impl BoundaryModel for Pressure {
                 (axis, face.is_max()),
                 Carried::Local,
             );
-            return Ok(Box::new(links.of_kind(KIND).holding(wave, ramp, forecast)));
+            return Ok(Box::new(
+                links.with_kind(KIND).holding(wave, ramp, forecast),
+            ));
         }
         let mut links = PressureLinks::new(axis, ramp);
         if let Some(gradient) = &self.gradient {
@@ -278,7 +280,7 @@ impl PressureLinks {
         (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
     }
 
-    /// Returns the rule with a density deviation that varies linearly over the face; the value of the ramp holds at
+    /// Returns the rule with a density deviation that varies linearly over the face; the value of the ramp applies at
     /// `middle`.
     #[must_use]
     pub(super) fn inclined(mut self, middle: [f64; 3], per_cell: [f64; 3]) -> Self {
@@ -347,10 +349,10 @@ impl<S: Stored> Rule<S> for PressureLinks {
         wave.measure(&self.links, squares, populations)
     }
 
-    fn hear(&mut self, sums: Sums, moment: &RuleStep) {
+    fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some((wave, forecast)) = &mut self.sound {
             let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
-            wave.hear_pressure(sums, self.density.value_at(moment.step), forecast);
+            wave.update_pressure_excess(sums, self.density.value_at(moment.step), forecast);
         }
     }
 

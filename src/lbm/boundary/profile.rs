@@ -180,7 +180,7 @@ fn seventh() -> f64 {
 const LARGEST_OF_LOG: f64 = 1.7;
 
 /// Maximum number of evaluations of a table before the run.
-const MOST_LOOKS: usize = 20_000_000;
+const MAX_EVALUATIONS: usize = 20_000_000;
 
 fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
     let Place { site, from, to, .. } = place;
@@ -188,7 +188,7 @@ fn mean_inflow(table: &VelocityTable, place: &Place<'_>) -> Option<f64> {
     let cells = (0..3).map(|a| to[a].saturating_sub(from[a]));
     let cells = cells.fold(1, usize::saturating_mul);
     let looks = if site.dimension == 2 { 20 } else { table.len() };
-    if cells.saturating_mul(looks) > MOST_LOOKS || cells == 0 {
+    if cells.saturating_mul(looks) > MAX_EVALUATIONS || cells == 0 {
         return None;
     }
     let (mut sum, mut area) = (0.0, 0.0);

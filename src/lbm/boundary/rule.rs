@@ -16,7 +16,7 @@ pub enum Giver {
         /// Term 6 w_i c_i·u at full speed.
         term: f64,
     },
-    /// The rule itself, which has stored the link.
+    /// Rule of the patch, which has stored the link.
     Rule,
 }
 
@@ -64,7 +64,7 @@ pub trait Rule<S: Stored>: Send + Sync {
         0
     }
 
-    /// Takes the discharge of the links of all ranks, and scales the velocities to the stated discharge.
+    /// Scales the velocities to the stated discharge, given the discharge of the links of all ranks.
     fn balance(&mut self, _given: i128) {}
 
     /// Returns the last step at which the ramp still changes a value.
@@ -97,7 +97,7 @@ pub trait Rule<S: Stored>: Send + Sync {
     }
 
     /// Receives the sums of all ranks.
-    fn hear(&mut self, _sums: Sums, _moment: &RuleStep) {}
+    fn receive_sums(&mut self, _sums: Sums, _moment: &RuleStep) {}
 
     /// Returns the value that the rule keeps between steps; `None` if there is none.
     fn memory(&self) -> Option<f64> {

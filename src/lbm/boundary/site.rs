@@ -9,7 +9,7 @@ use base::number::real;
 pub struct Site<'a> {
     /// JSON path of the boundary's parameters.
     pub path: &'a str,
-    /// The face.
+    /// Face of the boundary.
     pub face: Face,
     /// Number of dimensions, 2 or 3.
     pub dimension: usize,

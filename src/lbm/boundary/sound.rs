@@ -59,7 +59,7 @@ const C: f64 = 0.577_350_269_189_625_8;
 
 /// Quantity imposed by an opening.
 #[derive(Clone, Copy, Debug)]
-enum Asks {
+enum ImposedQuantity {
     Pressure,
     Velocity,
 }
@@ -70,10 +70,10 @@ pub type Sums = [i128; 4];
 /// Plane wave at a patch.
 #[derive(Debug)]
 pub(super) struct PlaneWave {
-    asks: Asks,
+    asks: ImposedQuantity,
     /// Relaxation rate K per step.
     rate: f64,
-    /// `true` if the imposed value holds at every step.
+    /// `true` if the imposed value applies at every step.
     reflects: bool,
     /// Value stored at the previous step; `None` before the first step.
     memory: Option<f64>,
@@ -88,23 +88,24 @@ impl PlaneWave {
     /// Returns the wave of a face with an imposed pressure; `length` is that of the domain along its normal in
     /// cells.
     pub(super) fn at_pressure(length: f64) -> Self {
-        Self::new(Asks::Pressure, length)
+        Self::new(ImposedQuantity::Pressure, length)
     }
 
     /// Returns the wave of a face with an imposed velocity.
     pub(super) fn at_velocity(length: f64) -> Self {
-        Self::new(Asks::Velocity, length)
+        Self::new(ImposedQuantity::Velocity, length)
     }
 
-    /// Returns the wave of a face whose mean pressure is exact at every step; only for [`Self::hear_outflow`].
+    /// Returns the wave of a face whose mean pressure is imposed exactly at every step; only for
+    /// [`Self::update_outflow_excess`].
     pub(super) fn reflected() -> Self {
         Self {
             reflects: true,
-            ..Self::new(Asks::Pressure, f64::INFINITY)
+            ..Self::new(ImposedQuantity::Pressure, f64::INFINITY)
         }
     }
 
-    fn new(asks: Asks, length: f64) -> Self {
+    fn new(asks: ImposedQuantity, length: f64) -> Self {
         Self {
             asks,
             rate: SIGMA * C / length,
@@ -137,7 +138,7 @@ impl PlaneWave {
     ) -> Sums {
         let (parity, numbers) = (populations.parity(), populations.numbers());
         let velocities = populations.velocities();
-        let begins = matches!((self.asks, self.memory), (Asks::Velocity, None));
+        let begins = matches!((self.asks, self.memory), (ImposedQuantity::Velocity, None));
         let [first, second] = sums(links.len(), LINKS_PER_THREAD, |part| {
             let mut sums = [0; 2];
             for FaceLink { link, direction } in &links[part] {
@@ -159,7 +160,12 @@ impl PlaneWave {
 
     /// Computes the excess of this step at an imposed density deviation from the sums of all ranks, the third of
     /// which is the square of the normal velocity in the rule; `forecast` is the velocity out of the domain.
-    pub(super) fn hear_pressure(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
+    pub(super) fn update_pressure_excess(
+        &mut self,
+        sums: Sums,
+        imposed: f64,
+        forecast: Option<f64>,
+    ) {
         let Some([mean, square, _]) = means(sums) else {
             return;
         };
@@ -185,7 +191,12 @@ impl PlaneWave {
     /// The momentum through the face is a + b + κ = p + j²/(1 + 3 p), the mass flux j = a - b - κ. The plane wave
     /// has this pressure p and the velocity u = j/(1 + 3 p); the imposed pressure is a + b + κ - q, with the
     /// velocities of the profile: (p - P) - c (u - û) + K (a + b + κ - q - P) = the memory, linear in κ.
-    pub(super) fn hear_outflow(&mut self, sums: Sums, imposed: f64, forecast: Option<f64>) {
+    pub(super) fn update_outflow_excess(
+        &mut self,
+        sums: Sums,
+        imposed: f64,
+        forecast: Option<f64>,
+    ) {
         let Some([leaves, square, enters]) = means(sums) else {
             return;
         };
@@ -213,7 +224,7 @@ impl PlaneWave {
     }
 
     /// Computes the excess of this step at an imposed velocity from the sums of all ranks.
-    pub(super) fn hear_velocity(&mut self, sums: Sums) {
+    pub(super) fn update_velocity_excess(&mut self, sums: Sums) {
         let Some([mean, imposed, _]) = means(sums) else {
             return;
         };
@@ -363,7 +374,7 @@ mod tests {
     /// Committed table of reflection coefficients at normal incidence.
     const TABLE: &str = include_str!("../../../benches/accuracy/sound/returned.csv");
 
-    /// Measures the table again.
+    /// Measures the reflection again and compares it with the table.
     #[test]
     fn sound_leaves_through_openings_that_absorb() {
         let (mut text, mut others) = (TABLE.lines().next().unwrap().to_owned(), Vec::new());
@@ -403,7 +414,8 @@ mod tests {
         Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
     }
 
-    /// Each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the domain.
+    /// Checks that each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the
+    /// domain.
     #[test]
     fn sound_leaves_through_outflows() {
         for carried in [Carried::Local, Carried::Whole, Carried::Given(0.05)] {
@@ -420,7 +432,7 @@ mod tests {
         }
     }
 
-    /// A start from rest settles as at an absorbing pressure, to the imposed pressure and velocity.
+    /// Checks that a start from rest settles as with an absorbing pressure, to the imposed pressure and velocity.
     #[test]
     fn a_start_before_an_outflow_settles() {
         const SPEED: f64 = 0.01;

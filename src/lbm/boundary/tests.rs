@@ -73,7 +73,7 @@ fn a_boundary_is_read_and_checked_by_its_line() {
     assert_eq!(findings, ["boundaries[0].condition.toy.returned"]);
 }
 
-/// The schema names each boundary and describes it by the documentation of its parameters.
+/// Checks that the schema names each boundary and describes it by the documentation of its parameters.
 #[test]
 fn the_schema_takes_the_texts_of_the_boundaries() {
     let schema = schemars::schema_for!(Toys).to_value();
@@ -88,8 +88,8 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     );
 }
 
-/// Leakage from a box of fluid above its reference density: the flux through the toy boundary equals the loss of mass,
-/// so that no water leaves through other faces.
+/// Checks leakage from a box of fluid above its reference density: the flux through the boundary of this test equals
+/// the loss of mass, so that no water leaves through other faces.
 fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
     let (toy, _) = resolved(&format!(r#"{{"toy": {{"returned": {returned}}}}}"#));
     let place = Place {
@@ -155,7 +155,7 @@ fn a_boundary_acts_in_the_fluid_by_its_line() {
     assert!(leak::<f64>(1.0, 1e-15).abs() < 1e-15);
 }
 
-/// A jet from the middle of a face, and outflow through the sides: the flow is symmetric, and the jet has the
+/// Checks a jet from the middle of a face, and outflow through the sides: the flow is symmetric, and the jet has the
 /// velocity of its cells for any surroundings.
 #[test]
 fn a_patch_is_the_same_at_both_of_its_ends() {

@@ -25,7 +25,7 @@ use std::collections::BTreeMap;
 
 /// Fluctuating velocity at a face.
 pub struct Synthetic {
-    /// The frozen field.
+    /// Frozen field of velocities.
     pub modes: Modes,
     /// Root mean square of each component divided by the mean speed.
     pub intensity: f64,
@@ -47,7 +47,7 @@ struct InletLink {
 struct Place {
     /// Twice the coordinates along the two axes of the face.
     at: [usize; 2],
-    /// Fluctuation u' of this step.
+    /// Fluctuation u' in this step.
     velocity: [f64; 3],
 }
 
@@ -72,7 +72,7 @@ pub(crate) struct Inlet {
     places: Vec<Place>,
     known: BTreeMap<[usize; 2], usize>,
     links: Vec<InletLink>,
-    /// Phase on the face at the start, and its change in a step, for each wave.
+    /// Phase on the face at the start and its change in a step, for each wave.
     time: Vec<[f64; 2]>,
     amplitudes: Vec<[f64; 3]>,
     /// Values of exp(i k x) along the two axes of the face, for each half cell and wave.
@@ -150,7 +150,7 @@ impl Inlet {
         self.links.push(InletLink { link, term, place });
     }
 
-    /// Adds the fluctuations of a step; `factor` is that of the ramp.
+    /// Adds the fluctuations of a step; `factor` is the factor of the ramp.
     pub(super) fn apply<S: Stored>(
         &mut self,
         populations: &mut Populations<S>,
@@ -263,7 +263,7 @@ mod tests {
         fluid
     }
 
-    /// The links receive the sum of the waves, at both ends of an axis.
+    /// Checks that the links receive the sum of the waves, at both ends of an axis.
     #[test]
     fn the_rule_is_the_frozen_field_at_the_face() {
         for upper in [false, true] {
@@ -307,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Behind the inlet the fluid has the requested intensity and correlation.
+    /// Checks that the fluid behind the inlet has the requested intensity and correlation.
     #[test]
     fn intensity_and_length_behind_the_inlet() {
         let cells = [12, 20, 20];

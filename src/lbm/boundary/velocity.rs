@@ -53,9 +53,9 @@ pub struct Velocity {
     pub sound: Sound,
 }
 
-/// Maximum fraction of a discharge that links at the rim may lack; above it the flow would differ from the stated
-/// one.
-const MOST_AMISS: f64 = 0.5;
+/// Maximum fraction of a discharge that may be missing because links at the rim belong to walls; above it the flow
+/// would differ from the stated one.
+const MAX_MISSING_DISCHARGE: f64 = 0.5;
 
 fn reflect() -> Sound {
     Sound::Reflect
@@ -68,7 +68,7 @@ const KIND: BoundaryKind = BoundaryKind {
 
 const OUTWARD: &str =
     "the mean flow carries the turbulence into the domain, but this profile points out of it";
-const TURN_ROUND: &str = "reverse the profile, or remove `turbulence`";
+const REVERSE_ADVICE: &str = "reverse the profile, or remove `turbulence`";
 
 impl BoundaryModel for Velocity {
     fn kind(&self) -> BoundaryKind {
@@ -101,7 +101,7 @@ impl BoundaryModel for Velocity {
             || (self.profile.mean_inflow(place)).or_else(|| self.profile.mean_of_table(place));
         if self.turbulence.is_some() && mean().is_some_and(|mean| mean <= 0.0) {
             let path = format!("{}.turbulence", place.site.path);
-            report.error(&path, OUTWARD.into(), TURN_ROUND.into());
+            report.error(&path, OUTWARD.into(), REVERSE_ADVICE.into());
         }
     }
 
@@ -181,7 +181,7 @@ pub(super) fn in_steps(table: Option<&[[f64; 2]]>, units: &LatticeUnits) -> Opti
     history.map(|history| history.scaled(|time| units.time_to_lattice(time), |factor| factor))
 }
 
-/// Returns turbulence carried in by the mean of a profile over the cells of its patch.
+/// Returns the turbulence that the mean velocity of a profile carries in through the cells of its patch.
 fn synthetic(
     written: &Fluctuations,
     place: &Place<'_>,
@@ -213,7 +213,7 @@ fn synthetic(
             value: format!("mean velocity of {speed} into the domain, in lattice units"),
             reason: "the mean flow carries the turbulence into the domain, but the profile points out of it"
                 .into(),
-            remedy: TURN_ROUND.into(),
+            remedy: REVERSE_ADVICE.into(),
             severity: Severity::Error,
         }]));
     }
@@ -235,7 +235,7 @@ pub struct VelocityLinks {
     history: Option<TimeTable>,
     /// Axis of the face and ends of the patch in cells; `None` for a whole face.
     within: Option<(usize, [[f64; 2]; 3])>,
-    /// Stated discharge at full speed; `None` without one.
+    /// Stated discharge at full speed; `None` if none is stated.
     discharge: Option<f64>,
     /// Discharge of this rank's links at a factor of one, in quanta.
     given: i128,
@@ -316,7 +316,7 @@ impl VelocityLinks {
         self
     }
 
-    /// Adds turbulence to the profile; `side` is the axis of the face and `true` for its upper end.
+    /// Adds turbulence to the profile; `side` is the axis of the face, and `true` for its upper end.
     #[must_use]
     pub fn turbulent(mut self, synthetic: Synthetic, side: (usize, bool)) -> Self {
         self.turbulence = Some((synthetic, side));
@@ -335,7 +335,7 @@ impl VelocityLinks {
     }
 
     /// Sets the kind of the boundary.
-    pub(super) fn of_kind(mut self, kind: BoundaryKind) -> Self {
+    pub(super) fn with_kind(mut self, kind: BoundaryKind) -> Self {
         self.kind = kind;
         self
     }
@@ -400,7 +400,7 @@ impl<S: Stored> Rule<S> for VelocityLinks {
     fn balance(&mut self, given: i128) {
         let given = from_quanta(given);
         if let Some(discharge) = self.discharge
-            && (given - discharge).abs() < MOST_AMISS * discharge.abs()
+            && (given - discharge).abs() < MAX_MISSING_DISCHARGE * discharge.abs()
         {
             self.balance = discharge / given;
         }
@@ -426,9 +426,9 @@ impl<S: Stored> Rule<S> for VelocityLinks {
         })
     }
 
-    fn hear(&mut self, sums: Sums, _: &RuleStep) {
+    fn receive_sums(&mut self, sums: Sums, _: &RuleStep) {
         if let Some(sound) = &mut self.sound {
-            sound.wave.hear_velocity(sums);
+            sound.wave.update_velocity_excess(sums);
         }
     }
 

@@ -110,7 +110,7 @@ impl Walls {
         self.runs.iter().flat_map(Run::links)
     }
 
-    /// Returns the links of walls that move or let water in.
+    /// Returns the links of walls that move, or through which water enters.
     pub(crate) fn moving(&self) -> impl Iterator<Item = WallLink> {
         let moving = self.runs.iter().filter(|run| run.first.term != 0.0);
         moving.flat_map(Run::links)
@@ -159,8 +159,8 @@ impl Walls {
         all
     }
 
-    /// Applies bounce-back to the cells of some planes, on several threads if the links are many; `speed` is the
-    /// factor of a patch.
+    /// Applies bounce-back to the cells of a range of planes, on several threads if there are many links; `speed` is
+    /// the factor of a patch.
     pub(super) fn apply<S: Stored>(
         &self,
         planes: Range<usize>,
@@ -178,7 +178,8 @@ impl Walls {
         });
     }
 
-    /// Applies bounce-back like [`Self::apply`] to some rows, on numbers that other threads may access elsewhere.
+    /// Applies bounce-back like [`Self::apply`] to a range of rows, while other threads may access numbers of other
+    /// rows.
     ///
     /// # Safety
     /// `numbers` must be those for whose slab the links were found, and no other thread may access the two numbers of
@@ -202,7 +203,7 @@ impl Walls {
 }
 
 impl Run {
-    /// Returns the term subtracted from its links, where `speed` is the factor of a patch.
+    /// Returns the term subtracted from the links of the run, where `speed` is the factor of a patch.
     fn term(&self, speed: impl Fn(usize) -> f64) -> f64 {
         let WallLink { patch, term, .. } = self.first;
         // Most walls are stationary.
@@ -248,7 +249,8 @@ mod tests {
         }
     }
 
-    /// Runs contain the links from which they were made, each once, and give the same result as single links.
+    /// Checks that runs contain the links from which they were made, each once, and give the same result as single
+    /// links.
     #[test]
     fn runs_are_their_links() {
         let mut links = Vec::new();

@@ -36,7 +36,7 @@ impl ReynoldsBounds {
     }
 }
 
-/// Border of stability with the map that shows it.
+/// Stability limit with the map that shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Border {
     /// Folder of the map under `benches/stability`.
@@ -52,7 +52,7 @@ pub enum Surroundings {
     Periodic,
     /// Walls without openings.
     Walls,
-    /// An inlet or outlet.
+    /// Inlet or outlet.
     Openings,
 }
 

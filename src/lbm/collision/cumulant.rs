@@ -75,7 +75,7 @@ impl CollisionModel for CumulantParameters {
         Some(VelocitySet::D3Q27)
     }
 
-    /// Returns the border; with an eddy viscosity it lies beyond the map.
+    /// Returns the stability limit; with an eddy viscosity it lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         if situation.duct() {
             return Some(border::duct(DUCT));

@@ -20,7 +20,7 @@ use std::sync::{Mutex, PoisonError};
 pub struct Wave {
     /// Growth factor |λ| of its amplitude per step; 1 or less if no wave grows.
     pub factor: f64,
-    /// Wave vector, in sixteenths of π per cell; 0 <= x <= y <= z at rest.
+    /// Wave vector, in sixteenths of π per cell; for fluid at rest 0 <= x <= y <= z.
     pub vector: [i8; 3],
 }
 
@@ -222,7 +222,7 @@ mod tests {
         })
     }
 
-    /// No wave grows in fluid at rest with one or two relaxation times, for any viscosity; a rate above 2
+    /// Checks that no wave grows in fluid at rest with one or two relaxation times, for any viscosity; a rate above 2
     /// overshoots more in every step.
     #[test]
     fn one_rate_lets_nothing_grow_below_two() {
@@ -243,8 +243,8 @@ mod tests {
         assert!((bgk(2.1).factor - 1.1).abs() < 0.02);
     }
 
-    /// The published matrix is stable near tau = 1/2, and waves of three cells along the diagonals grow from 0.556
-    /// on; largest eigenvalue by LAPACK: 1.05273777811894 at 0.8.
+    /// Checks that the published matrix is stable near tau = 1/2, and that waves of three cells along the diagonals
+    /// grow from 0.556 on; largest eigenvalue by LAPACK: 1.05273777811894 at 0.8.
     #[test]
     fn the_published_matrix_lets_waves_grow() {
         let wave = suga(0.8, Rates::SUGA);
@@ -264,8 +264,8 @@ mod tests {
         assert!(suga(0.51, ones).factor > 1.005);
     }
 
-    /// With moments orthogonal under the weights, no wave grows in fluid at rest at the same rates, as proved in
-    /// [`super::super::mrt`]: waves of every second length, with the rates of Suga and with higher moments at
+    /// Checks that with moments orthogonal under the weights no wave grows in fluid at rest at the same rates, as
+    /// proved in [`super::super::mrt`]: waves of every second length, with the rates of Suga and with higher moments at
     /// equilibrium.
     #[test]
     fn moments_orthogonal_under_the_weights_let_nothing_grow() {

@@ -50,14 +50,12 @@ use serde_json::json;
 #[schemars(inline)]
 pub struct SugaParameters(pub mrt::MrtParameters);
 
-/// Relaxation time from which on waves of three cells along the diagonals grow in fluid at rest with the rates of
-/// Suga: by 0.06 % per step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a
-/// period).
-const GROWS: f64 = 0.556;
-/// Relaxation time from which on runs failed for this reason: boxes without walls at 0.8, ducts at 0.75, under a
-/// lid at
+/// Relaxation time above which waves of three cells along the diagonals grow in fluid at rest with the rates of Suga:
+/// by 0.06 % per step at 0.56, 1 % at 0.6, 5 % at 0.8 (largest eigenvalue over all wave vectors, 16 in half a period).
+const GROWING_RELAXATION_TIME: f64 = 0.556;
+/// Relaxation time above which runs failed for this reason: boxes without walls at 0.8, ducts at 0.75, under a lid at
 /// 0.7 and not at 0.65.
-const FAILS: f64 = 0.7;
+const FAILING_RELAXATION_TIME: f64 = 0.7;
 /// Relaxation time below which waves grow at rest with all moments above second order at equilibrium: by 0.9 % per
 /// step at 0.51. Runs were stable nevertheless (`benches/stability/cavity-3d-20`).
 const SECOND_ORDER_GROWS: f64 = 0.52;
@@ -116,19 +114,20 @@ impl CollisionModel for SugaParameters {
                 )
             });
         }
-        if rates != Rates::SUGA || relaxation_time < GROWS {
+        if rates != Rates::SUGA || relaxation_time < GROWING_RELAXATION_TIME {
             return None;
         }
         let reason = format!(
             "{at}: with the published matrix, which is not orthogonal under the weights of the lattice, waves of \
-             three cells are linearly unstable for tau of {GROWS} and above"
+             three cells are linearly unstable for tau of {GROWING_RELAXATION_TIME} and above"
         );
-        let remedy =
-            format!("use mrt, with which no waves grow in water at rest, or a tau below {GROWS}");
-        let (severity, reason) = if relaxation_time >= FAILS {
+        let remedy = format!(
+            "use mrt, with which no waves grow in water at rest, or a tau below {GROWING_RELAXATION_TIME}"
+        );
+        let (severity, reason) = if relaxation_time >= FAILING_RELAXATION_TIME {
             (
                 Severity::Unstable,
-                format!("{reason}, and runs failed for tau of {FAILS} and above"),
+                format!("{reason}, and runs failed for tau of {FAILING_RELAXATION_TIME} and above"),
             )
         } else {
             (Severity::Warning, reason)
@@ -136,8 +135,8 @@ impl CollisionModel for SugaParameters {
         Some(finding(severity, reason, remedy.into(), json!({"mrt": {}})))
     }
 
-    /// Returns the border: with an eddy viscosity only flows under a lid are covered; with moments above second
-    /// order at equilibrium the border then lies beyond the map.
+    /// Returns the stability limit. With an eddy viscosity only flows under a lid are covered; with moments above
+    /// second order at equilibrium the limit then lies beyond the map.
     fn border(&self, situation: &Situation) -> Option<Border> {
         let second_order = self.0.rates().second_order();
         if situation.eddies && (second_order || !situation.lid_meets_wall) {
@@ -167,7 +166,8 @@ impl CollisionModel for SugaParameters {
 
     fn growing_wave(&self, relaxation_time: f64) -> Option<Wave> {
         let rates = self.0.rates();
-        let reported = rates.second_order() || rates == Rates::SUGA && relaxation_time >= GROWS;
+        let reported = rates.second_order()
+            || rates == Rates::SUGA && relaxation_time >= GROWING_RELAXATION_TIME;
         (!reported && relaxation_time > 0.5).then(|| {
             linear_stability::fastest::<D3Q27, _, 27>(&Suga {
                 omega: 1.0 / relaxation_time,
@@ -214,7 +214,7 @@ impl Kernels for Matrix {
 pub struct Suga {
     /// Rate of the shear stress 1/τ (s5 = s7).
     pub omega: f64,
-    /// The other rates.
+    /// Rates other than that of the shear stress.
     pub rates: Rates,
     /// Force density in lattice units.
     pub force: [f64; 3],
@@ -423,7 +423,7 @@ mod tests {
         }
     }
 
-    /// With one rate for even and one for odd moments the result is independent of the basis.
+    /// Checks that with one rate for even and one for odd moments the result is independent of the basis.
     #[test]
     fn paired_rates_are_trt() {
         let (g, omega, magic, force) = (cell(3), 1.1, 3.0 / 16.0, FORCE);

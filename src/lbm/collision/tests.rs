@@ -46,7 +46,7 @@ fn an_operator_is_one_file_and_one_line() {
     assert!(toy.dispatch_single(Collide(cell)).is_none());
 }
 
-/// The schema names each operator and describes it by the documentation of its parameters.
+/// Checks that the schema names each operator and describes it by the documentation of its parameters.
 #[test]
 fn the_schema_takes_the_texts_of_the_operators() {
     let schema = schemars::schema_for!(Operators).to_value();
@@ -64,7 +64,7 @@ fn the_schema_takes_the_texts_of_the_operators() {
     assert_eq!(choices[0]["required"][0], "toy");
 }
 
-/// Operators with a stated antisymmetric rate are those with two relaxation times per cell.
+/// Checks that operators with a stated antisymmetric rate are those with two relaxation times per cell.
 #[test]
 fn the_names_in_a_case_are_those_of_the_modules() {
     for (text, name, rates) in [

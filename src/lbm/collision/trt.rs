@@ -88,9 +88,9 @@ impl CollisionModel for TrtParameters {
     }
 }
 
-/// Returns the border of an operator with one or two rates from its bounds in each scene: without walls in 2-D,
-/// under a lid in 2-D, in 3-D, and in a duct between openings with D3Q19 and with D3Q27; `single` if both rates are
-/// equal.
+/// Returns the stability limit of an operator with one or two rates from its bounds in each scene: without walls in
+/// 2-D, under a lid in 2-D, in 3-D, and in a duct between openings with D3Q19 and with D3Q27; `single` if both rates
+/// are equal.
 ///
 /// With an eddy viscosity, turbulent Taylor-Green vortices failed with WALE and with Smagorinsky
 /// (`benches/accuracy/eddy-models`), and so did ducts between openings, in which operators with more rates are

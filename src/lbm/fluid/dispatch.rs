@@ -24,22 +24,22 @@ use std::marker::PhantomData;
 
 /// Pass with a selected operator, force and eddy viscosity.
 pub(super) trait Step<S: Stored>: Send + Sync {
-    /// Makes one pass over the cells of a block by a worker; `force` is that of this step.
+    /// Collides and streams the cells of a block on one worker; `force` is the force in this step.
     ///
     /// # Safety
     /// The slab must have these cells; no other thread may work on them or be the same worker.
     unsafe fn pass(&self, shared: &Shared<S>, force: [f64; 3], block: &RowBlock, worker: usize);
 
-    /// Returns the equivalent kernel of a GPU; `None` if there is none.
+    /// Returns the equivalent kernel of a GPU, or `None`.
     fn kernel_on_gpu(&self) -> Option<Kernel>;
 
-    /// Starts the pass over all cells on a GPU with this kernel, after populations of a parity.
+    /// Starts the pass over all cells on a GPU with this kernel, for populations after a pass of this parity.
     ///
     /// # Errors
     /// If the GPU fails.
     fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
 
-    /// Makes the pass of a GPU on the host, cell by cell.
+    /// Computes the pass of a GPU on the host, cell by cell.
     ///
     /// # Safety
     /// The numbers must be those of the slab of the program.
@@ -60,7 +60,7 @@ struct Chosen<S: Stored, C, T, F> {
     eddies: T,
     viscosity: f64,
     /// Name of the velocity set for cells without eddy viscosity, and `true` if solids may cover cells.
-    bare: Option<&'static str>,
+    without_eddies: Option<&'static str>,
     covered: bool,
     #[cfg(test)]
     cells: CellByCell<S, C>,
@@ -70,7 +70,7 @@ struct Chosen<S: Stored, C, T, F> {
 #[cfg(test)]
 type CellByCell<S, C> = unsafe fn(*mut S, (&Program, Parity), Option<(&View, f64)>, C);
 
-/// Makes the pass over all cells, one by one, with the functions of the GPU kernels.
+/// Computes the pass over all cells, one by one, with the functions of the GPU kernels.
 ///
 /// # Safety
 /// The numbers must be those of the slab of the program, and the view that of its cover.
@@ -132,7 +132,7 @@ where
     }
 
     fn kernel_on_gpu(&self) -> Option<Kernel> {
-        let (operator, set) = (C::ON_GPU?, self.bare?);
+        let (operator, set) = (C::ON_GPU?, self.without_eddies?);
         let operator = if self.covered {
             operator.strip_prefix("forced_")?
         } else {
@@ -203,9 +203,15 @@ impl Choice {
     /// Returns the pass for a velocity set.
     pub(super) fn on<S: Stored>(self, set: VelocitySet) -> Box<dyn Step<S>> {
         match set {
-            VelocitySet::D2Q9 => self.operator.dispatch(On::<D2Q9, S, 9>::new(self)),
-            VelocitySet::D3Q19 => self.operator.dispatch(On::<D3Q19, S, 19>::new(self)),
-            VelocitySet::D3Q27 => self.operator.dispatch(On::<D3Q27, S, 27>::new(self)),
+            VelocitySet::D2Q9 => self
+                .operator
+                .dispatch(ForVelocitySet::<D2Q9, S, 9>::new(self)),
+            VelocitySet::D3Q19 => self
+                .operator
+                .dispatch(ForVelocitySet::<D3Q19, S, 19>::new(self)),
+            VelocitySet::D3Q27 => self
+                .operator
+                .dispatch(ForVelocitySet::<D3Q27, S, 27>::new(self)),
         }
     }
 
@@ -246,7 +252,7 @@ impl Choice {
             operator,
             eddies,
             viscosity: (self.relaxation_time - 0.5) / 3.0,
-            bare: (!T::ACTIVE || !eddies.present()).then_some(L::NAME),
+            without_eddies: (!T::ACTIVE || !eddies.present()).then_some(L::NAME),
             covered: P::ACTIVE,
             #[cfg(test)]
             cells: cell_by_cell::<L, C, S, Q>,
@@ -255,26 +261,26 @@ impl Choice {
 }
 
 /// Choice for a given velocity set.
-struct On<L, S, const Q: usize> {
+struct ForVelocitySet<L, S, const Q: usize> {
     choice: Choice,
     types: PhantomData<(L, S)>,
 }
 
-impl<L: Lattice<Q>, S: Stored, const Q: usize> On<L, S, Q> {
+impl<L: Lattice<Q>, S: Stored, const Q: usize> ForVelocitySet<L, S, Q> {
     fn new(choice: Choice) -> Self {
         let types = PhantomData;
         Self { choice, types }
     }
 }
 
-impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for On<L, S, Q> {
+impl<L: Lattice<Q>, S: Stored, const Q: usize> Dispatch for ForVelocitySet<L, S, Q> {
     type Output = Box<dyn Step<S>>;
 
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output {
         self.choice.pass::<L, K, S, Q>(kernels)
     }
 
-    /// The moments are those of D3Q27 for any velocity set.
+    /// Moments are those of D3Q27 for any velocity set.
     fn on_d3q27<K: Kernels>(self, kernels: K) -> Self::Output {
         self.choice.pass::<D3Q27, K, S, 27>(kernels)
     }

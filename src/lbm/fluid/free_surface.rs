@@ -3,7 +3,7 @@
 use super::Fluid;
 use crate::lanes::Stored;
 use crate::populations::Populations;
-use crate::surface::{Ends, Opening, Outside, SlabSurface, Up};
+use crate::surface::{Ends, Opening, Outside, SlabSurface, UpAxis};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
@@ -38,7 +38,7 @@ impl<S: Stored> Fluid<S> {
         let axes = 0..dimension;
         let axis = axes.max_by(|a, b| force[*a].abs().total_cmp(&force[*b].abs()));
         let axis = axis.unwrap_or(0);
-        let up = Up {
+        let up = UpAxis {
             axis,
             rises: force[axis] <= 0.0,
             gravity: force[axis].abs(),
@@ -73,7 +73,7 @@ impl<S: Stored> Fluid<S> {
         self.surface.as_deref()
     }
 
-    /// Returns the free surface, to set its state.
+    /// Returns the free surface, for changes of its state.
     pub fn surface_mut(&mut self) -> Option<&mut SlabSurface> {
         self.surface.as_deref_mut()
     }
@@ -148,7 +148,7 @@ impl<S: Stored> Fluid<S> {
             return;
         }
         if let (Some(surface), Some(field)) = (&self.surface, &mut self.field) {
-            for (cell, u) in surface.begun() {
+            for (cell, u) in surface.newly_held() {
                 #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
                 field.set_velocity(cell, u.map(|u| u as f32));
             }
@@ -168,7 +168,7 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Sets the velocities for the eddy viscosity in cells newly reached by the surface, and their ghosts.
+    /// Sets the velocities for the eddy viscosity in cells that the surface has newly reached, and their ghosts.
     /// Collective.
     fn enter_velocities(&mut self) {
         let (Some(surface), Some(field)) = (&self.surface, &mut self.field) else {

@@ -164,9 +164,8 @@ impl<S: Stored> Fluid<S> {
         Ok(())
     }
 
-    /// Returns the extreme values of all rows if the populations are on a GPU, in the order of
-    /// [`Populations::rows`]; `None` if they are on the host. The list is empty if the GPU fails, which the next
-    /// step reports.
+    /// Returns the extreme values of all rows if the populations are on a GPU, in the order of [`Populations::rows`];
+    /// `None` if they are on the host. The list is empty if the GPU fails, which is reported in the next step.
     pub(crate) fn extremes_on_gpu(&self) -> Option<Vec<Extremes>> {
         let gpu = self
             .gpu

@@ -7,7 +7,7 @@ use crate::links::fixed::FixedLink;
 use crate::links::{BodyLink, Rigid, surface_velocity};
 use crate::turbulence::field::BodyWall;
 
-/// Solid fraction from which on a cell does not count as water in the gradients of adjacent cells.
+/// Minimum solid fraction at which a cell does not count as water in the gradients of adjacent cells.
 const HALF: f64 = 0.5;
 /// Minimum distance of a stationary surface in a gradient \[cells\]: smaller distances only amplify rounding.
 const NEAREST: f64 = 0.05;

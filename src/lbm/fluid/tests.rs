@@ -49,7 +49,7 @@ fn profile(fluid: &Fluid<f64>, cells: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Validation 1.1: with Λ = 3/16 plane Poiseuille flow is exact at any resolution and relaxation time.
+/// Checks plane Poiseuille flow, which is exact with Λ = 3/16 at any resolution and relaxation time.
 #[test]
 fn poiseuille_by_body_force_is_exact_with_the_magic_parameter() {
     for (set, nz) in [
@@ -84,7 +84,7 @@ fn poiseuille_by_body_force_is_exact_with_the_magic_parameter() {
     }
 }
 
-/// Validation 1.2: Couette flow is exact for any relaxation time.
+/// Checks Couette flow, which is exact for any relaxation time.
 #[test]
 fn couette_is_exact() {
     let n = 8;
@@ -121,7 +121,7 @@ fn couette_is_exact() {
     );
 }
 
-/// For any axis of the rows, a band of planes has the states of its cells in the order [z][y]\[x\].
+/// Checks that for any axis of the rows a band of planes has the states of its cells in the order [z][y]\[x\].
 #[test]
 fn bands_of_planes_have_the_states_of_their_cells() {
     for (axis, cells, along) in [
@@ -165,7 +165,7 @@ fn bands_of_planes_have_the_states_of_their_cells() {
     }
 }
 
-/// A force against a wall gives the hydrostatic pressure up to the first cell, with every operator.
+/// Checks that a force against a wall gives the hydrostatic pressure up to the first cell, with every operator.
 #[test]
 fn hydrostatic_pressure_reaches_the_walls() {
     let n = 8;
@@ -341,8 +341,8 @@ fn the_split_axis_does_not_change_a_bit() {
     }
 }
 
-/// Walls of inner planes are applied during the pass, those next to the part of another thread after it: with one
-/// thread per plane all of them.
+/// Checks that walls of inner planes are applied during the pass, and those next to the part of another thread after
+/// it: with one thread per plane all of them.
 #[test]
 fn walls_may_be_given_early_or_late() {
     for (set, cells) in [
@@ -382,7 +382,7 @@ fn walls_may_be_given_early_or_late() {
     }
 }
 
-/// Every kind of face with more links than one thread takes, and eddies.
+/// Checks every kind of face with more links than one thread takes, and an eddy viscosity.
 #[test]
 fn threads_do_not_show() {
     const CELLS: [usize; 3] = [26, 40, 44];
@@ -453,7 +453,7 @@ fn threads_do_not_show() {
     }
 }
 
-/// Returns a moving lid with a ramp over walls at rest, periodic along some axes, and a force that changes.
+/// Returns a moving lid with a ramp over stationary walls, periodic along the given axes, and a force that changes.
 fn lid_and_force(set: VelocitySet, cells: [usize; 3], periodic: [bool; 3]) -> Setup {
     let mut s = setup(set, Operator::Bgk(bgk::BgkParameters {}), 0.6, cells);
     s.periodic = periodic;
@@ -539,7 +539,7 @@ fn two_steps_in_one_sweep_are_two_steps() {
     assert!(swept > 80, "{swept}");
 }
 
-/// Makes the steps of a GPU on the host, with the functions of the kernels.
+/// Advances the fluid as a GPU does, on the host, with the functions of the kernels.
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
     let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
     let before = fluid.populations.parity();
@@ -570,7 +570,7 @@ fn step_as_gpu(fluid: &mut Fluid<f64>) {
     fluid.populations.flip();
 }
 
-/// GPU steps with any axes, with corners across two periodic axes, and for every operator with kernels.
+/// Checks GPU steps with any axes, with corners across two periodic axes, and for every operator with kernels.
 #[test]
 fn a_gpu_makes_the_same_steps() {
     let mrt = |higher| {
@@ -629,8 +629,8 @@ fn a_gpu_makes_the_same_steps() {
     assert_eq!(count, 8 * (4 * 2 + 4 * 3 + 8 * 3 * 2));
 }
 
-/// Cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the same
-/// populations, and the same forces on the bodies.
+/// Checks cells that solids cover in part, in whole, deep inside, and several at a time, in contact and moving: the
+/// same populations, and the same forces on the bodies.
 #[test]
 fn a_gpu_makes_the_same_steps_with_solids() {
     let mut touched = 0;
@@ -689,7 +689,7 @@ fn a_gpu_makes_the_same_steps_with_solids() {
     assert!(touched > 300, "{touched}");
 }
 
-/// Adds three bodies: cells by their number in part, in whole and deep inside, every fifth with two of them.
+/// Adds three bodies: cells by their index in part, in whole and deep inside, every fifth cell with two of the bodies.
 fn put_solids(fluid: &mut Fluid<f64>) {
     let places: Vec<_> = fluid.populations.interior().collect();
     let cover = fluid.cover.as_mut().unwrap();
@@ -762,7 +762,7 @@ fn a_gpu_refuses_what_it_does_not_run() {
     assert_eq!(serial(0, auto).at_once(), 2);
 }
 
-/// An opening or a body is applied between the two steps.
+/// Checks that an opening or a body is applied between the two steps.
 #[test]
 fn two_steps_are_single_ones_where_more_than_walls_acts() {
     let cells = [24, 20, 1];
@@ -823,7 +823,7 @@ fn every_width_of_lanes_gives_the_same_bits() {
     }
 }
 
-/// The mass changes by the flux through the faces, the momentum by that flux and the body force.
+/// Checks that the mass changes by the flux through the faces, and the momentum by this flux and the body force.
 #[test]
 fn fluxes_close_the_balance_of_mass_and_momentum() {
     for set in [VelocitySet::D2Q9, VelocitySet::D3Q27] {

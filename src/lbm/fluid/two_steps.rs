@@ -51,11 +51,11 @@ const FEWEST_PLANES: usize = 8;
 struct Moment {
     force: [f64; 3],
     time: f64,
-    /// State of the populations after its pass.
+    /// State of the populations after the pass of this step.
     parity: Parity,
 }
 
-/// Returns the planes of a thread's part at a distance from its ends.
+/// Returns the planes of the part of a thread that have at least this distance from its ends.
 fn inside(share: &Range<usize>, distance: usize) -> Range<usize> {
     let first = share.start + distance;
     first..share.end.saturating_sub(distance).max(first)
@@ -187,7 +187,7 @@ struct Sweep<'a, S: Stored> {
 }
 
 impl<S: Stored> Sweep<'_, S> {
-    /// Makes both steps of the planes of a part as far as they are independent of other parts.
+    /// Computes both steps of the planes of a part as far as they are independent of other parts.
     ///
     /// # Safety
     /// No other thread may access these planes or be this worker.
@@ -233,7 +233,7 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Makes the pass of the first or second step (0, 1) over some cells.
+    /// Computes the pass of the first or second step (0, 1) over a block of cells.
     ///
     /// # Safety
     /// No other thread may access these cells or be this worker.
@@ -245,7 +245,7 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Fills the velocities beyond faces next to some cells after the first or second step (0, 1), which the next
+    /// Fills the velocities beyond faces next to a block of cells after the first or second step (0, 1), which the next
     /// pass reads.
     ///
     /// # Safety
@@ -261,7 +261,7 @@ impl<S: Stored> Sweep<'_, S> {
         }
     }
 
-    /// Sets the populations of some cells that return from walls in the first or second step (0, 1).
+    /// Sets the populations of a block of cells that return from walls in the first or second step (0, 1).
     ///
     /// # Safety
     /// The pass of the step must be done there and in adjacent cells, and no other thread may access these cells.

@@ -155,7 +155,7 @@ impl Room {
         self.there.device_ptr(stream).0
     }
 
-    /// Allocates memory for `count` numbers; returns its address.
+    /// Allocates memory for `count` numbers; returns the address of the memory.
     fn reserve<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
@@ -164,7 +164,7 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// Returns the bytes on the host, at least this number.
+    /// Returns a buffer on the host of at least this number of bytes.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The kernels correspond to the sources: `build.sh` was run after the last change.
+/// Checks that the kernels correspond to the sources: that `build.sh` was run after the last change.
 #[test]
 fn the_ptx_is_made_from_these_sources() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -35,7 +35,7 @@ fn the_ptx_is_made_from_these_sources() {
     }
 }
 
-/// All operations are rounded and fused as in the source; otherwise the bits would change.
+/// Checks that all operations are rounded and fused as in the source; otherwise the bits would change.
 #[test]
 fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     let mut seen = 0;
@@ -59,7 +59,7 @@ fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     assert!(seen > 3000, "{seen}");
 }
 
-/// Each number occurs once, for rows longer than a piece and for several rows in a piece.
+/// Checks that each number occurs once, for rows longer than a piece and for several rows in a piece.
 #[test]
 fn pieces_are_the_copies_of_the_rectangle() {
     for counts in [[1, 1], [5, 7], [7, 5], [100, 3], [3, 100], [64, 64]] {
@@ -90,7 +90,7 @@ fn pieces_are_the_copies_of_the_rectangle() {
     }
 }
 
-/// Sums of halves about a cell of the body are those of whole numbers about the origin.
+/// Checks that sums of half cells about a cell of the body are those of whole numbers about the origin.
 #[test]
 fn loads_of_a_gpu_are_those_of_the_processor() {
     let at = |z: f64| CoveringBody {

@@ -1,6 +1,6 @@
 //! Instruction sets of the processor, and the widest that is available.
 
-/// Instruction set that the cell loop uses. All levels give the same bits; they differ in speed.
+/// Instruction set of the cell loop. All levels give the same bits; they differ in speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// One number at a time, on any processor.

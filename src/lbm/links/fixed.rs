@@ -24,9 +24,9 @@ pub struct FixedLink {
     pub middle: [i32; 3],
     /// Direction from the outer to the inner cell.
     pub direction: u8,
-    /// `true` for each end that is water of this slab.
+    /// For each end, `true` if it is water of this slab.
     pub wet: [bool; 2],
-    /// Coefficient κ of each end; 0 for half-way.
+    /// Coefficient κ of each end; 0 for half-way bounce-back.
     pub kappa: [f64; 2],
 }
 

@@ -3,7 +3,7 @@
 use super::quanta;
 use crate::lanes::{Level, Work};
 
-/// Returns the sum of some link values in quanta.
+/// Returns the sum of a list of link values in quanta.
 #[must_use]
 pub fn sum_of_quanta(level: Level, values: &[f64]) -> i128 {
     let mut sum = 0;

@@ -28,7 +28,7 @@ pub struct Cover {
     /// lists, plus the number of the list.
     pub(super) owner: Vec<u32>,
     /// Lists of shared cells, one for each worker.
-    lists: Vec<Shelf>,
+    lists: Vec<WorkerLists>,
     /// Addresses of the lists for the pass.
     shares: Vec<Shares>,
     pub(super) solids: Vec<CoveringBody>,
@@ -78,7 +78,9 @@ impl Cover {
             fraction: vec![0.0; positions],
             // A vector of neighbours may extend beyond the last cell.
             owner: vec![NONE; positions + WIDEST],
-            lists: (0..workers.max(1)).map(|_| Shelf::default()).collect(),
+            lists: (0..workers.max(1))
+                .map(|_| WorkerLists::default())
+                .collect(),
             shares: Vec::new(),
             solids: Vec::new(),
             sums: (0..workers.max(1)).map(|_| Sums::default()).collect(),
@@ -91,8 +93,8 @@ impl Cover {
         }
     }
 
-    /// Sets if all bodies are balls that cover the cells exactly as given by their positions, so that a GPU can
-    /// compute the cover.
+    /// Sets a flag: `true` if all bodies are balls that cover the cells exactly as given by their positions, so that a
+    /// GPU can compute the cover.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
@@ -129,7 +131,7 @@ impl Cover {
 
     /// Returns the bodies with their fractions for each shared cell, in the order of the index in its owner.
     pub fn shared<'a>(&'a mut self) -> impl Iterator<Item = &'a [Share]> {
-        let lists = self.lists.iter_mut().map(Shelf::get);
+        let lists = self.lists.iter_mut().map(WorkerLists::get);
         let lists: Vec<&'a [Vec<Share>]> = lists.map(|lists| &*lists.shared).collect();
         let longest = lists.iter().map(|shared| shared.len()).max().unwrap_or(0);
         (0..longest * lists.len()).map(move |place| {
@@ -436,7 +438,7 @@ impl Cover {
 /// Lists of the bodies of shared cells.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Bodies of the shared cells with their fractions, in the order of their names.
+    /// Bodies of the shared cells with their fractions, ordered by id and image.
     shared: Vec<Vec<Share>>,
     /// Bodies that have the cell deep inside.
     deep: Vec<Vec<u32>>,
@@ -447,9 +449,9 @@ struct Lists {
 /// Lists of a worker, on separate cache lines.
 #[derive(Debug, Default)]
 #[repr(align(128))]
-struct Shelf(Mutex<Lists>);
+struct WorkerLists(Mutex<Lists>);
 
-impl Shelf {
+impl WorkerLists {
     fn get(&mut self) -> &mut Lists {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
@@ -477,10 +479,10 @@ struct Place {
 #[derive(Debug)]
 enum Access<'a> {
     /// Access without other workers.
-    Alone(&'a mut [Shelf]),
-    /// Access with other workers: new entries are taken from the list of this number, seldom from that of another
-    /// worker.
-    Shared(&'a [Shelf], usize),
+    Alone(&'a mut [WorkerLists]),
+    /// Access with other workers: new entries are taken from the list of this number, and only rarely from that of
+    /// another worker.
+    Shared(&'a [WorkerLists], usize),
 }
 
 /// Range of cells covered by one worker, on separate cache lines, because the parts of other workers are adjacent
@@ -494,7 +496,7 @@ pub struct CoverPart<'a> {
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [CoveringBody],
-    /// Flags of a change: that of all parts, written at the end, and that of this part.
+    /// Flag of all parts, `true` after a change; it is written at the end. The next field is the flag of this part.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,

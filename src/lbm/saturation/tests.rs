@@ -145,7 +145,7 @@ fn loads(fluid: &mut Fluid<f64>) -> [Load; 2] {
     loads
 }
 
-/// For every split and every width of lanes the populations and the loads are the same.
+/// Checks that the populations and the loads are the same for every split and every width of lanes.
 #[test]
 fn the_same_bits_for_every_split() {
     for method in METHODS {
@@ -193,8 +193,8 @@ fn the_same_bits_for_every_split() {
     }
 }
 
-/// The mass of the water is conserved; the change of its momentum equals the body force on the free part minus the
-/// loads on the bodies.
+/// Checks that the mass of the water is conserved, and that the change of its momentum equals the body force on the
+/// free part minus the loads on the bodies.
 #[test]
 fn mass_and_momentum_close() {
     for method in METHODS {
@@ -254,9 +254,9 @@ fn mass_and_momentum_close() {
     }
 }
 
-/// Between walls at rest and a moving slab of full cells the flow is a straight line, with the slab's velocity at
-/// the faces of its cells: within the leak (0.2 % here) for the operators that reverse the populations; the others
-/// smear the surface: at these few cells by 1.4 % of the drag (non-equilibrium bounce-back) and 15 %
+/// Checks the flow between stationary walls and a moving slab of full cells: it is a straight line, with the velocity
+/// of the slab at the faces of its cells, within the leak (0.2 % here) for the operators that reverse the populations.
+/// The others smear the surface: at these few cells by 1.4 % of the drag (non-equilibrium bounce-back) and 15 %
 /// (superposition) at the larger relaxation time.
 #[test]
 fn couette_flow_beside_a_covered_slab() {
@@ -309,7 +309,7 @@ fn couette_flow_beside_a_covered_slab() {
     }
 }
 
-/// Two bodies slide on each other: the water inside them must not transfer momentum between them.
+/// Checks two bodies that slide on each other: the water inside them must not transfer momentum between them.
 #[test]
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
@@ -360,8 +360,8 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
     }
 }
 
-/// A stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: the discharge is the
-/// velocity times the open part of the inlet, and leaves above the rock; the water inside the rock is stationary.
+/// Checks a stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: the discharge is
+/// the velocity times the open part of the inlet, and leaves above the rock; the water inside the rock is stationary.
 #[test]
 fn inlets_and_outlets_before_rock_are_closed() {
     let (cells, bed, speed) = ([16_usize, 12, 1], 5_usize, 0.02);
@@ -453,9 +453,9 @@ fn weights() {
     }
 }
 
-/// With an eddy viscosity the weighting still takes the relaxation time of the fluid itself: the first step removes
-/// B(ε, τ) ρ (u - u_s) of the momentum of a cell for any eddy viscosity, because B is a property of the surface,
-/// where the eddy viscosity vanishes.
+/// Checks that with an eddy viscosity the weighting still uses the relaxation time of the fluid itself: the first step
+/// removes B(ε, τ) ρ (u - u_s) of the momentum of a cell for any eddy viscosity, because B is a property of the
+/// surface, where the eddy viscosity vanishes.
 #[test]
 fn eddies_do_not_change_the_weighting() {
     let (cells, tau, fraction, speed) = ([6, 12, 1], 0.56, 0.4_f32, 0.02);
@@ -491,7 +491,7 @@ fn eddies_do_not_change_the_weighting() {
     }
 }
 
-/// Bodies are added and removed in any order: the content of the cell is the same.
+/// Checks that the content of a cell is the same if bodies are added and removed in any order.
 #[test]
 fn shares_do_not_depend_on_the_order() {
     let cells = [4, 4, 1];
@@ -539,8 +539,8 @@ fn shares_do_not_depend_on_the_order() {
     assert!(results.iter().all(|r| *r == results[0]));
 }
 
-/// A cell deep inside a body is deep again after another body has left it, in any order of arrival: the cover is a
-/// function of the positions.
+/// Checks that a cell deep inside a body is deep again after another body has left it, in any order of arrival: the
+/// cover is a function of the positions.
 #[test]
 fn a_cell_stays_deep_inside_when_another_body_leaves() {
     let bgk = Operator::Bgk(bgk::BgkParameters {});
@@ -574,7 +574,7 @@ solid_operators! {
     toy Toy,
 }
 
-/// The toy operator needs only its own file and one line in the list above.
+/// Checks that the operator of this test needs only its own file and one line in the list above.
 #[test]
 fn a_solid_operator_is_one_file_and_one_line() {
     let toy: Operators = serde_json::from_str("\"toy\"").unwrap();

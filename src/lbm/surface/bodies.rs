@@ -53,7 +53,7 @@ use decomposition::Communicator;
 const FULL: f64 = 1.0 - 1e-6;
 
 /// Solid fraction of a cell that no body leaves in a step by its motion: such a body was removed.
-const TAKEN_AWAY: f64 = 0.5;
+const REMOVED_FRACTION: f64 = 0.5;
 
 /// Position of a cell of the slab and its coordinates.
 type Place = (u32, [i32; 3]);
@@ -83,7 +83,7 @@ pub(crate) struct Bodies {
     /// Cells that change their kind in a step.
     changes: Vec<Change>,
     /// Cells that became held in the last step, with their velocities.
-    begun: Vec<(u32, [f64; 3])>,
+    newly_held: Vec<(u32, [f64; 3])>,
     /// Loads of the last step in addition to those of the pass, by slot.
     loads: Vec<Load>,
     /// Sum of the forces among them that are weight of water and no exchange with it, in quanta.
@@ -91,7 +91,7 @@ pub(crate) struct Bodies {
     /// Volume of the cells with populations and of all cells, and sums of r² over both, in quanta, by slot.
     shares: Vec<[i128; 4]>,
     /// Change of the mass of the water that has not been compensated yet, in quanta.
-    owed: i128,
+    uncompensated_mass: i128,
     known: bool,
 }
 
@@ -138,9 +138,9 @@ impl Bodies {
             let at = at.map(|x| i32::try_from(x).unwrap_or(i32::MAX));
             self.own.push((cell, at));
             if self.known && is_wet(cells.kind[position]) {
-                self.owed -= i128::from(quanta(new)) - i128::from(quanta(old));
+                self.uncompensated_mass -= i128::from(quanta(new)) - i128::from(quanta(old));
             }
-            if old - new > TAKEN_AWAY {
+            if old - new > REMOVED_FRACTION {
                 taken_away.push(cell);
             }
         }
@@ -201,7 +201,8 @@ impl Bodies {
             if gain != 0.0 {
                 let before = cells.mass[position];
                 cells.mass[position] += gain;
-                self.owed += i128::from(quanta(cells.mass[position])) - i128::from(quanta(before));
+                self.uncompensated_mass +=
+                    i128::from(quanta(cells.mass[position])) - i128::from(quanta(before));
             }
         }
     }
@@ -287,7 +288,7 @@ impl Bodies {
             numbers[incoming] = S::from_f64(sent - 6.0 * w * along);
             numbers[out] = S::from_f64(0.0);
             let came = numbers[incoming].to_f64();
-            self.owed += i128::from(quanta(came)) - i128::from(quanta(sent));
+            self.uncompensated_mass += i128::from(quanta(came)) - i128::from(quanta(sent));
             cover.each_body(cell as usize, |slot, solid, _, part| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
                 let middle = std::array::from_fn(|a| 2 * raw[a] + 1 + i32::from(c[a]));
@@ -360,8 +361,8 @@ impl SlabSurface {
     }
 
     /// Returns the cells that became held in the last step, with the velocities of their bodies.
-    pub(crate) fn begun(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
-        let begun = self.bodies.iter().flat_map(|bodies| &bodies.begun);
+    pub(crate) fn newly_held(&self) -> impl Iterator<Item = (usize, [f64; 3])> + '_ {
+        let begun = self.bodies.iter().flat_map(|bodies| &bodies.newly_held);
         begun.map(|&(cell, u)| (cell as usize, u))
     }
 
@@ -406,7 +407,7 @@ impl SlabSurface {
             if bodies.known {
                 bodies.push(&mut self.cells, populations, cover);
             } else {
-                bodies.owed = 0;
+                bodies.uncompensated_mass = 0;
             }
         }
         bodies.known = true;
@@ -448,7 +449,7 @@ impl SlabSurface {
             match change.kind {
                 HELD if is_surface(self.cells.kind[position]) => {
                     let mass = i128::from(quanta(self.cells.mass[position]));
-                    bodies.owed += whole - mass - i128::from(quanta(change.taken));
+                    bodies.uncompensated_mass += whole - mass - i128::from(quanta(change.taken));
                     self.cells.mass[position] = 0.0;
                     self.cells.fill[position] = 1.0;
                 }
@@ -459,11 +460,11 @@ impl SlabSurface {
                     } else {
                         (solid, whole - part)
                     };
-                    bodies.owed -= lost;
+                    bodies.uncompensated_mass -= lost;
                     self.cells.mass[position] = mass - change.taken;
                 }
                 GAS => {
-                    bodies.owed -= whole - part;
+                    bodies.uncompensated_mass -= whole - part;
                     self.cells.fill[position] = 0.0;
                     leave(&self.cells, populations, position);
                 }
@@ -512,7 +513,7 @@ impl SlabSurface {
         };
         self.ghosts.exchange_moments(of_flow);
         let mut changes = Vec::new();
-        bodies.begun.clear();
+        bodies.newly_held.clear();
         let water = |kind: u8| kind == LIQUID || is_surface(kind);
         let mut born = Vec::new();
         for &(cell, at) in &bodies.own {
@@ -527,7 +528,7 @@ impl SlabSurface {
                 let [x, y, z] = velocity(cover, populations, (position, at));
                 born.push([density, x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
                 changes.push((cell, HELD));
-                bodies.begun.push((cell, [x, y, z]));
+                bodies.newly_held.push((cell, [x, y, z]));
             } else if !wet && kind == HELD {
                 changes.push((cell, GAS));
             }
@@ -543,10 +544,10 @@ impl SlabSurface {
                     enter(populations, position, born);
                 }
                 let density = 1.0 + populations.moments(position).0;
-                bodies.owed += i128::from(quanta(density)) - solid;
+                bodies.uncompensated_mass += i128::from(quanta(density)) - solid;
             } else {
                 let density = 1.0 + populations.moments(position).0;
-                bodies.owed -= i128::from(quanta(density)) - solid;
+                bodies.uncompensated_mass -= i128::from(quanta(density)) - solid;
                 leave(&self.cells, populations, position);
             }
             self.touch(populations, position);
@@ -565,9 +566,9 @@ impl SlabSurface {
         let takers: Vec<usize> = takers
             .filter(|&cell| at_body(cell) && cells.solid[cell] > 0.0)
             .collect();
-        let owed = sum(bodies.owed);
-        bodies.owed = 0;
-        if owed == 0 {
+        let uncompensated_mass = sum(bodies.uncompensated_mass);
+        bodies.uncompensated_mass = 0;
+        if uncompensated_mass == 0 {
             return;
         }
         let mut count = sum(takers.len() as i128);
@@ -581,11 +582,11 @@ impl SlabSurface {
         }
         if count == 0 {
             if communicator.rank() == 0 {
-                self.lost -= owed;
+                self.lost -= uncompensated_mass;
             }
             return;
         }
-        let each = from_quanta(owed) / real(i64::try_from(count).unwrap_or(i64::MAX));
+        let each = from_quanta(uncompensated_mass) / real(i64::try_from(count).unwrap_or(i64::MAX));
         for cell in takers {
             self.cells.mass[cell] -= each;
         }

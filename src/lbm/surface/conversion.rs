@@ -17,7 +17,7 @@ use crate::quanta::quanta;
 use base::number::to_u32;
 
 /// Dry cell next to water outside an opening, with the velocity of that water, if it is known.
-pub(super) type Fed = (u32, Option<[f64; 3]>);
+pub(super) type FedCell = (u32, Option<[f64; 3]>);
 
 /// Cells that change their kind in a step; reusable buffers.
 #[derive(Debug, Default)]
@@ -140,7 +140,7 @@ impl Work {
         cells: &mut Cells,
         planes: &mut [Plane],
         populations: &mut Populations<S>,
-        (ghosts, fed): (&Ghosts, &[Fed]),
+        (ghosts, fed): (&Ghosts, &[FedCell]),
     ) {
         let [slow, ..] = populations.order();
         let mut touch = |populations: &Populations<S>, cell: u32| {

@@ -36,7 +36,7 @@ impl SlabSurface {
         self.balance = wanted.then(StepMomentum::default);
     }
 
-    /// Returns the balance of the last step, if it was wanted.
+    /// Returns the balance of the last step, if it was requested.
     #[must_use]
     pub fn balanced(&self) -> Option<&StepMomentum> {
         self.balance.as_ref()

@@ -31,7 +31,7 @@
 
 use super::carrier::inertia;
 use super::cells::Cells;
-use super::conversion::Fed;
+use super::conversion::FedCell;
 use super::kind::{GAS, LIQUID, SOLID, is_surface, is_wet};
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
@@ -58,7 +58,7 @@ pub enum Outside {
 
 /// Upward axis of the domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Up {
+pub struct UpAxis {
     /// Index of the axis.
     pub axis: usize,
     /// `true` if upwards is the positive direction.
@@ -69,7 +69,7 @@ pub struct Up {
     pub cells: usize,
 }
 
-impl Up {
+impl UpAxis {
     /// Returns the row of a cell of the domain, counted from the lowest.
     fn row(&self, at: [usize; 3]) -> usize {
         let n = at[self.axis];
@@ -123,7 +123,7 @@ struct Crossed {
 
 /// State outside in a step.
 #[derive(Clone, Copy, Debug, Default)]
-struct Now {
+struct OutsideState {
     /// Height of the water outside above the lowest face; infinite for a stream, below zero for air.
     level: f64,
     /// Speed of a discharge into the domain, and factor of the velocity of a stream.
@@ -140,12 +140,12 @@ pub(crate) struct Opening {
     axis: usize,
     /// Outward direction: 1 or -1.
     outward: f64,
-    up: Up,
+    up: UpAxis,
     faces: Vec<Face>,
     links: Vec<Crossed>,
     /// Area of the open faces by row, over all ranks; computed in the first step.
     rows: Vec<f64>,
-    now: Now,
+    now: OutsideState,
     passed: Passed,
     /// Mass that entered in the last step, in quanta.
     last: i128,
@@ -161,7 +161,7 @@ struct Ends {
 
 impl Opening {
     /// Returns an opening without links. `face` is the axis of its face and `true` for the upper end.
-    pub(crate) fn new(patch: usize, outside: Outside, face: (usize, bool), up: Up) -> Self {
+    pub(crate) fn new(patch: usize, outside: Outside, face: (usize, bool), up: UpAxis) -> Self {
         Self {
             patch,
             outside,
@@ -171,7 +171,7 @@ impl Opening {
             faces: Vec::new(),
             links: Vec::new(),
             rows: Vec::new(),
-            now: Now::default(),
+            now: OutsideState::default(),
             passed: Passed::default(),
             last: 0,
         }
@@ -264,18 +264,18 @@ impl Opening {
         communicator: &Communicator,
     ) {
         self.now = match &self.outside {
-            Outside::Stream => Now {
+            Outside::Stream => OutsideState {
                 level: f64::INFINITY,
                 speed: factor,
                 dry: 0.0,
             },
-            Outside::Level(level) => Now {
+            Outside::Level(level) => OutsideState {
                 level: self.up.height(level.value(step)),
-                ..Now::default()
+                ..OutsideState::default()
             },
-            Outside::Air => Now {
+            Outside::Air => OutsideState {
                 level: -1.0,
-                ..Now::default()
+                ..OutsideState::default()
             },
             Outside::Discharge(discharge) => {
                 let discharge = discharge.value(step);
@@ -285,7 +285,12 @@ impl Opening {
     }
 
     /// Returns the level and the speed of a discharge. Collective.
-    fn stream(&mut self, cells: &Cells, discharge: f64, communicator: &Communicator) -> Now {
+    fn stream(
+        &mut self,
+        cells: &Cells,
+        discharge: f64,
+        communicator: &Communicator,
+    ) -> OutsideState {
         if self.rows.is_empty() {
             self.rows = self.areas(cells, communicator);
         }
@@ -303,7 +308,7 @@ impl Opening {
         let wet = communicator.all_reduce_sum_u128(wet.cast_unsigned());
         let area = from_quanta(wet.cast_signed());
         let through = |area: f64| if area > 0.0 { discharge / area } else { 0.0 };
-        Now {
+        OutsideState {
             level,
             speed: through(area),
             dry: through(if area > 0.0 { area } else { least }),
@@ -368,7 +373,7 @@ impl Opening {
         &mut self,
         cells: &mut Cells,
         populations: &mut Populations<S>,
-        fed: &mut Vec<Fed>,
+        fed: &mut Vec<FedCell>,
     ) {
         self.last = 0;
         let (axis, now, gravity) = (self.axis, self.now, self.up.gravity);
@@ -419,7 +424,7 @@ impl Opening {
         &mut self,
         cells: &mut Cells,
         populations: &mut Populations<S>,
-        fed: &mut Vec<Fed>,
+        fed: &mut Vec<FedCell>,
         enters: impl Fn(&Face, &Crossed, &Ends) -> f64,
         part: impl Fn(f64, f64, f64) -> f64,
     ) {
@@ -505,8 +510,8 @@ fn critical(rows: &[f64], discharge: f64, gravity: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// A rectangular section has the critical depth (q²/g)^⅓ above its bed; a triangular one (2 Q²/(g m²))^⅕ with
-    /// sides of slope m.
+    /// Checks the critical depth: (q²/g)^⅓ above the bed in a rectangular section, and (2 Q²/(g m²))^⅕ in a triangular
+    /// section with sides of slope m.
     #[test]
     fn a_discharge_is_critical_at_the_depth_of_its_section() {
         let gravity = 1e-4;

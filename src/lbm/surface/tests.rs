@@ -98,7 +98,7 @@ impl Tank {
         slips.chain(open).chain(streams).collect()
     }
 
-    /// Returns the fluid with these fill levels, at rest with the pressure of its own column.
+    /// Returns the stationary fluid with these fill levels and the pressure of its own column.
     pub(super) fn fill(&self, level: impl Fn([usize; 3]) -> f64 + Sync) -> Fluid<f64> {
         let setup = Setup {
             set: self.set,
@@ -126,7 +126,7 @@ impl Tank {
         let solids: Vec<usize> = solids
             .map(|at| fluid.populations().interior_cell(*at))
             .collect();
-        fluid.surface_mut().unwrap().stand_in(solids.into_iter());
+        fluid.surface_mut().unwrap().make_solid(solids.into_iter());
         let height = self.cells[1];
         fluid.initialise(&|p: [f64; 3]| {
             let at = p.map(|x| base::number::whole(x.floor()));

@@ -341,7 +341,7 @@ mod tests {
                 }
             }
         }
-        let make: super::super::Make<f64> = Box::new(move |populations, start| {
+        let make: super::super::TermBuilder<f64> = Box::new(move |populations, start| {
             Box::new(Porous::new(populations, start, &resisted))
         });
         let setup = Setup {
@@ -410,8 +410,8 @@ mod tests {
         }
     }
 
-    /// Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error decreases with
-    /// the square of the cell size.
+    /// Checks Brinkman's flow between plates, u = G/a (1 - cosh(k y)/cosh(k H/2)) with k² = a/ν: the error decreases
+    /// with the square of the cell size.
     #[test]
     fn flow_between_plates_follows_brinkman_to_second_order() {
         let trt = (

@@ -43,12 +43,12 @@ pub(crate) struct View {
     dimension: usize,
     /// Index in `beside` plus one for each cell, usually 0; null if no cell has adjacent bodies.
     places: *const u32,
-    beside: *const Beside,
+    beside: *const AdjacentSurfaces,
 }
 
 /// Surfaces on both sides of a cell along each axis.
 #[derive(Clone, Copy, Debug, Default)]
-struct Beside {
+struct AdjacentSurfaces {
     cell: u32,
     axes: [Axis; 3],
 }
@@ -60,7 +60,7 @@ struct Axis {
     distance: [f32; 2],
     /// Weights of the low side, of the cell and of the high side; 0 for a surface.
     weights: [f64; 3],
-    /// Contributions of the surfaces, including their weights.
+    /// Contributions of the surfaces to the gradient, including their weights.
     given: [f64; 3],
     velocity: [[f32; 3]; 2],
 }
@@ -97,7 +97,7 @@ impl Axis {
     }
 }
 
-impl Beside {
+impl AdjacentSurfaces {
     /// Returns the gradient; `read` returns the velocity of water at an offset from the cell.
     #[inline(always)]
     fn gradient(
@@ -258,7 +258,7 @@ impl View {
 
 /// Velocity beyond a face: wall · ramp + inner · u_1 + outer · u_2, for each component.
 #[derive(Clone, Copy, PartialEq)]
-struct Beyond {
+struct FaceVelocity {
     /// Positions of u_1 and u_2, relative to the ghost.
     first: isize,
     second: isize,
@@ -271,9 +271,9 @@ struct Beyond {
 
 /// Source of the value of a ghost cell.
 #[derive(Clone, Copy, PartialEq)]
-enum Follows {
+enum GhostSource {
     /// Cells next to a face.
-    Face(Beyond),
+    Face(FaceVelocity),
     /// Offset of the source cell across a periodic axis within the slab.
     Round(isize),
 }
@@ -285,7 +285,7 @@ struct Face {
     upper: bool,
 }
 
-impl Beyond {
+impl FaceVelocity {
     /// Returns the rule beyond a face at the cell `at` of the domain; `first` and `second` are the offsets of u_1
     /// and u_2 from the ghost cell.
     fn new<S: Stored>(
@@ -339,7 +339,7 @@ struct Ghost {
     plane: usize,
     row: u32,
     at: usize,
-    follows: Follows,
+    follows: GhostSource,
 }
 
 /// Returns the ghost cells of a slab that depend on its own cells.
@@ -366,7 +366,7 @@ fn ghosts<S: Stored>(
                 let from_ghost = |cell| position_from(beyond(1), cell);
                 let follows = if frame.periodic[axis] {
                     let across = 1 - cells[axis].cast_signed();
-                    Follows::Round(from_ghost(beyond(across)))
+                    GhostSource::Round(from_ghost(beyond(across)))
                 } else {
                     let outer = if frame.cells[axis] == 1 {
                         cell
@@ -375,7 +375,7 @@ fn ghosts<S: Stored>(
                     };
                     let face = Face { axis, upper };
                     let sources = [cell, outer].map(from_ghost);
-                    Follows::Face(Beyond::new(patches, frame, face, at, sources))
+                    GhostSource::Face(FaceVelocity::new(patches, frame, face, at, sources))
                 };
                 ghosts.push(Ghost {
                     plane: local[slow],
@@ -393,7 +393,7 @@ fn ghosts<S: Stored>(
 struct Run {
     ghost: usize,
     line: Line,
-    follows: Follows,
+    follows: GhostSource,
 }
 
 /// Minimum number of ghost cells per thread.
@@ -425,9 +425,9 @@ impl Ghosts {
     /// Joins the ghost cells of the planes of a slab to runs.
     fn new(mut all: Vec<Ghost>, rows: usize, planes: usize) -> Self {
         // Ghost cells of one kind follow each other, because their distances differ between the axes.
-        let apart = |follows: &Follows| match follows {
-            Follows::Face(beyond) => beyond.first,
-            Follows::Round(source) => *source,
+        let apart = |follows: &GhostSource| match follows {
+            GhostSource::Face(beyond) => beyond.first,
+            GhostSource::Round(source) => *source,
         };
         all.sort_unstable_by_key(|ghost| (ghost.plane, apart(&ghost.follows), ghost.at));
         let mut ghosts = Self {
@@ -464,7 +464,7 @@ impl Ghosts {
         ghosts
     }
 
-    /// Fills the ghost cells of some rows of planes, in the field that starts at `numbers` for each component.
+    /// Fills the ghost cells of a range of rows and planes, in the field that starts at `numbers` for each component.
     /// `ramp` returns the factor of a patch.
     ///
     /// # Safety
@@ -485,7 +485,7 @@ impl Ghosts {
         }
     }
 
-    /// Fills the ghost cells of some planes, on several threads if they are many.
+    /// Fills the ghost cells of a range of planes, on several threads if there are many cells.
     ///
     /// # Safety
     /// As for [`Self::fill`].
@@ -511,7 +511,7 @@ impl Ghosts {
         });
     }
 
-    /// Fills the ghost cells of some cells in the field written by a pass, before the step is complete.
+    /// Fills the ghost cells of a block of cells in the field written by a pass, before the step is complete.
     ///
     /// # Safety
     /// `written` must be of this slab, the pass must have done these cells and those two further inside, and no other
@@ -535,7 +535,7 @@ impl Run {
         let stride = self.line.stride as usize;
         let (begin, count) = (self.ghost + some.start * stride, some.len());
         match self.follows {
-            Follows::Round(source) => {
+            GhostSource::Round(source) => {
                 for component in numbers {
                     for k in 0..count {
                         // SAFETY: both are positions in the field.
@@ -546,10 +546,10 @@ impl Run {
                     }
                 }
             }
-            Follows::Face(beyond) => {
+            GhostSource::Face(beyond) => {
                 #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
                 let factor = beyond.patch.map_or(0.0, ramp) as f32;
-                let Beyond { first, second, .. } = beyond;
+                let FaceVelocity { first, second, .. } = beyond;
                 for (a, component) in numbers.into_iter().enumerate() {
                     let (wall, inner) = (beyond.wall[a] * factor, beyond.inner[a]);
                     for k in 0..count {
@@ -573,7 +573,7 @@ impl Run {
 pub struct BodyWall {
     /// Position of the cell.
     pub cell: usize,
-    /// Axis along which the surface is, and `true` for the upper side.
+    /// Axis normal to the surface, and `true` for the upper side.
     pub side: (usize, bool),
     /// Distance from the cell \[cells\].
     pub distance: f64,
@@ -588,7 +588,7 @@ fn position_from(from: usize, to: usize) -> isize {
 
 /// Velocity field of a slab, for the gradient.
 pub struct Field {
-    /// Components of the previous step and of this one.
+    /// Velocity components of the previous step, then of this one.
     numbers: [Pages<f32>; 2],
     /// Index of the field that is read.
     old: usize,
@@ -604,7 +604,7 @@ pub struct Field {
     planes: [usize; 4],
     /// Index in `beside` plus one for each cell, usually 0; empty without bodies.
     places: Vec<u32>,
-    beside: Vec<Beside>,
+    beside: Vec<AdjacentSurfaces>,
     /// Surfaces found by each thread: reusable buffers.
     found: Vec<Vec<BodyWall>>,
 }
@@ -703,9 +703,9 @@ impl Field {
         }
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         if self.places[cell] == 0 {
-            self.beside.push(Beside {
+            self.beside.push(AdjacentSurfaces {
                 cell: number(cell),
-                ..Beside::default()
+                ..AdjacentSurfaces::default()
             });
             self.places[cell] = number(self.beside.len());
         }
@@ -762,8 +762,8 @@ impl Field {
         self.exchange.start();
     }
 
-    /// Receives the neighbours' planes and fills the ghost cells across periodic axes and beyond faces that depend
-    /// on the cells of some planes. `ramp` returns the factor of a patch at this time.
+    /// Receives the planes of the neighbours and fills the ghost cells across periodic axes and beyond faces that
+    /// depend on the cells of a range of planes. `ramp` returns the factor of a patch at this time.
     pub(crate) fn complete(
         &mut self,
         planes: impl Iterator<Item = Range<usize>>,
@@ -836,7 +836,7 @@ impl Field {
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()
             + self.places.len() * size_of::<u32>()
-            + self.beside.capacity() * size_of::<Beside>()
+            + self.beside.capacity() * size_of::<AdjacentSurfaces>()
             + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<BodyWall>()
     }
 }

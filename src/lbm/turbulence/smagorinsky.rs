@@ -8,7 +8,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{ASKED, TurbulenceModel, strain_squared};
+use super::{REASON, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use base::family::Description;
 use schemars::JsonSchema;
@@ -31,7 +31,7 @@ fn constant() -> f64 {
 
 impl TurbulenceModel for Smagorinsky {
     fn describe(&self) -> Description {
-        Description::new(format!("Smagorinsky, constant {}", self.constant), ASKED)
+        Description::new(format!("Smagorinsky, constant {}", self.constant), REASON)
     }
 
     #[inline(always)]

@@ -24,7 +24,7 @@ fn an_eddy_viscosity_is_one_file_and_one_line() {
     assert_eq!(schema["oneOf"][0]["description"], "Toy eddy viscosity.");
 }
 
-/// WALE is refused in 2-D at its place in the case.
+/// Checks that WALE is refused in 2-D, with its path in the case.
 #[test]
 fn models_judge_their_domain() {
     let wale: EddyViscosity = serde_json::from_str(r#"{"wale": {}}"#).unwrap();

@@ -11,7 +11,7 @@
     reason = "comments are texts of the schema, where units stand in brackets: [m]"
 )]
 
-use super::{ASKED, TurbulenceModel, strain_squared};
+use super::{REASON, TurbulenceModel, strain_squared};
 use crate::lanes::Lanes;
 use crate::lattice::unroll;
 use base::error::{Finding, Remedy, Severity};
@@ -53,7 +53,7 @@ fn deviator_squared<N: Lanes>(g: &[[N; 3]; 3]) -> N {
 
 impl TurbulenceModel for Wale {
     fn describe(&self) -> Description {
-        Description::new(format!("WALE, constant {}", self.constant), ASKED)
+        Description::new(format!("WALE, constant {}", self.constant), REASON)
     }
 
     fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
@@ -90,7 +90,7 @@ mod tests {
         Wale { constant: C }.viscosity(&g)
     }
 
-    /// The eddy viscosity is zero at rest and in pure shear.
+    /// Checks that the eddy viscosity is zero at rest and in pure shear.
     #[test]
     fn nothing_in_pure_shear() {
         assert!(nu([[0.0; 3]; 3]).abs() < 1e-300);
@@ -101,7 +101,7 @@ mod tests {
         }
     }
 
-    /// The eddy viscosity is (2/3)^¼ (C_w Δ)² Ω in solid-body rotation.
+    /// Checks that the eddy viscosity is (2/3)^¼ (C_w Δ)² Ω in solid-body rotation.
     #[test]
     fn solid_rotation() {
         let w = 0.01;
@@ -111,7 +111,7 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// Independent evaluation for a full gradient; S^d has no trace.
+    /// Compares a full gradient with an independent evaluation; S^d has no trace.
     #[test]
     fn the_formula_by_nalgebra() {
         let g = [
@@ -129,8 +129,8 @@ mod tests {
         approx::assert_relative_eq!(nu(g), exact, max_relative = 1e-12);
     }
 
-    /// The eddy viscosity grows like y³ next to a wall, for u = a y, v = b y², w = c y with fluctuations that
-    /// satisfy continuity.
+    /// Checks that the eddy viscosity grows like y³ next to a wall, for u = a y, v = b y², w = c y with fluctuations
+    /// that satisfy continuity.
     #[test]
     fn grows_with_the_cube_of_the_distance_from_a_wall() {
         // u = y (1 + x/2) α, v = -α y²/4, w = β y: no-slip, divergence-free.

@@ -19,7 +19,7 @@ pub struct Expected {
     pub lattice: Option<([usize; 3], usize, usize)>,
     /// Length of the state of the seepage or of the water in joints; none without these.
     pub seepage: Option<usize>,
-    /// `true` if it may hold fewer.
+    /// `true` if the number of these values may be smaller.
     pub seepage_varies: bool,
     /// Maximum number of grains, blocks and bodies; none if nothing is solid.
     pub grains: Option<u64>,
@@ -225,10 +225,10 @@ impl StateLimits {
         };
         ids.sort_unstable();
         if ids.windows(2).any(|pair| pair[0] == pair[1]) {
-            return wrong("two grains have the same id");
+            return mismatch("two grains have the same id");
         }
         if contacts.steps > LARGEST {
-            return wrong(&format!("{} solid steps", contacts.steps));
+            return mismatch(&format!("{} solid steps", contacts.steps));
         }
         let known = |id: &u64| ids.is_empty() && *id < IDS || ids.binary_search(id).is_ok();
         let walls = contacts.faces.rows() as u64;
@@ -245,7 +245,7 @@ impl StateLimits {
                     (_, Values::Real(numbers)) => within(numbers, -MAGNITUDE, MAGNITUDE),
                 };
                 if !good {
-                    return wrong(&format!(
+                    return mismatch(&format!(
                         "column {name} of the {kind} holds values that no contact can have"
                     ));
                 }
@@ -257,7 +257,7 @@ impl StateLimits {
                 Values::Whole(values) => values.iter().all(|n| *n < self.materials.max(1)),
             };
             if !good {
-                return wrong(&format!(
+                return mismatch(&format!(
                     "column {name} of the walls holds values that no wall can have"
                 ));
             }
@@ -286,7 +286,7 @@ impl StateLimits {
                 },
             };
             if !good {
-                return wrong(&format!(
+                return mismatch(&format!(
                     "column {name} of the grains holds values that no grain can have"
                 ));
             }
@@ -313,7 +313,7 @@ impl StateLimits {
             // In a scene with blocks, spheres have the identity as orientation, or zeros.
             let mut squares = squares.filter(|square| *square > 0.0);
             if squares.any(|square| (square - 1.0).abs() > 1e-6) {
-                return wrong("an orientation of a grain is not a rotation");
+                return mismatch("an orientation of a grain is not a rotation");
             }
         }
         Ok(())
@@ -340,7 +340,7 @@ impl StateLimits {
     }
 }
 
-fn wrong(what: &str) -> Result<(), Error> {
+fn mismatch(what: &str) -> Result<(), Error> {
     Err(Error::Io(format!("the checkpoint cannot be used: {what}")))
 }
 

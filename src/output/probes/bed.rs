@@ -54,7 +54,7 @@ const FEWEST: usize = 3;
 /// Number of sums per plane of cells: velocity, stress across the bed, momentum in the first and last plane along
 /// the stream, and stress on the outer and inner plane at the lower and the upper side.
 const SUMS: usize = 8;
-/// Number of counts per plane of cells: water cells in all of it and at both ends.
+/// Number of counts per plane of cells: water cells in the whole plane and in its first and last rows.
 const COUNTS: usize = 3;
 
 /// Columns of the table.
@@ -88,7 +88,7 @@ impl Bed {
         }
     }
 
-    /// Returns the columns of this step without the time. Collective.
+    /// Returns the values of this step without the time. Collective.
     fn measure<S: Space>(&mut self, view: &StateView<S>) -> Result<[f64; 11], Error> {
         let fluid = view.fluid.ok_or_else(no_fluid)?;
         let (bed, grid) = (&self.scene, &view.plan.scene.grid);
@@ -130,7 +130,7 @@ impl Quantity for Bed {
         HEADINGS.to_vec()
     }
 
-    /// Takes the level of the first sample, from which scour is measured.
+    /// Reads the level of the first sample, from which scour is measured, from the table.
     fn remember(&mut self, table: &Path) -> io::Result<()> {
         if self.level.is_none() {
             let rows = io::table::read(table)?;

@@ -12,7 +12,7 @@ use plan::scene::Scene;
 /// Steps by which the force of the water on a body lags behind its row: it is the mean over the last two steps.
 const LOAD_OF_A_BODY: f64 = 1.0;
 
-/// A named body.
+/// Named body whose load is sampled.
 #[derive(Debug)]
 pub(super) struct Body {
     id: u64,

@@ -78,7 +78,7 @@ impl Fabric {
         }
     }
 
-    /// Returns the columns of this step without the time; the sizes of removed grains only on rank 0. Collective.
+    /// Returns the values of this step without the time; rank 0 alone includes the sizes of removed grains. Collective.
     fn measure<S: Space>(&self, view: &StateView<S>) -> [f64; 13] {
         let (scene, particles) = (&view.plan.scene, view.particles);
         let grid = &scene.grid;

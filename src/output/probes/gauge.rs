@@ -21,8 +21,8 @@ use plan::scene::Scene;
 pub(super) struct Gauge {
     axis: usize,
     rises: bool,
-    /// Cell at the bottom of the column: its index along the axis is 0.
-    foot: [usize; 3],
+    /// Cell at the bottom of the column, with index 0 along the axis.
+    bottom_cell: [usize; 3],
     height: f64,
     /// Fill levels of the column from bottom to top, in quanta; the buffer is reused.
     levels: Vec<u128>,
@@ -32,12 +32,12 @@ impl Gauge {
     /// Returns the column that contains a cell of the domain.
     pub(super) fn new(scene: &Scene, cell: [usize; 3]) -> Result<Self, Error> {
         let surface = scene.surface.as_ref().ok_or_else(no_fluid)?;
-        let mut foot = cell;
-        foot[surface.axis] = 0;
+        let mut bottom_cell = cell;
+        bottom_cell[surface.axis] = 0;
         Ok(Self {
             axis: surface.axis,
             rises: surface.rises,
-            foot,
+            bottom_cell,
             height: scene.grid.spacing,
             levels: vec![0; scene.grid.cells[surface.axis]],
         })
@@ -48,7 +48,7 @@ impl Gauge {
         let (start, cells) = (fluid.start(), fluid.cells());
         let count = self.levels.len();
         for (n, level) in self.levels.iter_mut().enumerate() {
-            let mut cell = self.foot;
+            let mut cell = self.bottom_cell;
             cell[self.axis] = if self.rises { n } else { count - 1 - n };
             let local: [usize; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(start[a]));
             let mine = (0..3).all(|a| local[a] < cells[a]) && !fluid.solid_at(local);

@@ -33,7 +33,7 @@ impl Quantity for JointCell {
     }
 }
 
-/// A mouth of the joints, by its index.
+/// Mouth of the joints, by its index.
 #[derive(Debug)]
 pub(super) struct Mouth(pub(super) usize);
 
@@ -53,7 +53,7 @@ impl Quantity for Mouth {
     }
 }
 
-/// The load of the water in the joints on a block, by its index.
+/// Load of the water in the joints on a block, by its index.
 #[derive(Debug)]
 pub(super) struct BlockLoad(pub(super) usize);
 

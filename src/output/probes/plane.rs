@@ -11,7 +11,7 @@ use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// A plane normal to an axis.
+/// Plane normal to an axis.
 #[derive(Debug)]
 pub(super) struct Plane {
     pub(super) axis: usize,

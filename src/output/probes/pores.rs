@@ -9,7 +9,7 @@ use coupling::seepage::Seepage;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// A point in a seepage \[m\].
+/// Point in a seepage \[m\].
 #[derive(Debug)]
 pub(super) struct PorePoint(pub(super) [f64; 3]);
 

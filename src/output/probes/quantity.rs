@@ -7,9 +7,9 @@ use dem::space::Space;
 use plan::scene::Scene;
 use std::path::Path;
 
-/// A quantity that a probe samples.
+/// Quantity that a probe samples.
 pub(super) trait Quantity {
-    /// Returns the columns of its samples with their units, without step and time.
+    /// Returns the columns of the samples of a quantity with their units, without step and time.
     fn headings(&self, scene: &Scene) -> Vec<Heading>;
 
     /// Returns the number of rows per sample.
@@ -17,13 +17,13 @@ pub(super) trait Quantity {
         1
     }
 
-    /// Returns by how many steps a sample precedes its step: the force of what crosses links in a step is the mean over
-    /// this step.
+    /// Returns the number of steps by which a sample precedes its step: a force from populations that cross links in a
+    /// step is the mean over this step.
     fn delay(&self) -> f64 {
         0.0
     }
 
-    /// Takes what depends on the run. Collective.
+    /// Stores values that depend on the run. Collective.
     ///
     /// # Errors
     /// If the run lacks something that the quantity needs.
@@ -31,7 +31,7 @@ pub(super) trait Quantity {
         Ok(())
     }
 
-    /// Takes what later rows depend on from the table of an earlier part of the run; called on rank 0.
+    /// Reads values on which later rows depend from the table of an earlier part of the run; called on rank 0.
     ///
     /// # Errors
     /// If the table cannot be read.
@@ -39,7 +39,7 @@ pub(super) trait Quantity {
         Ok(())
     }
 
-    /// Appends the values of this step to the rows, which hold the time; the values are those of rank 0. Returns
+    /// Appends the values of this step to the rows, which already contain the time; rank 0 has the values. Returns
     /// `false` if there is nothing to sample yet. Collective.
     ///
     /// # Errors

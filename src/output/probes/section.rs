@@ -16,7 +16,7 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Section {
     pub(super) axis: usize,
-    /// Index of the plane: cells below it have smaller ones.
+    /// Index of the plane, above the indices of the cells below it.
     pub(super) plane: usize,
     /// Cells of the part; the range along the axis is not used.
     pub(super) ranges: [Range<usize>; 3],
@@ -71,7 +71,7 @@ impl Quantity for Section {
             return Ok(false);
         };
         let pressure = seepage.pressure();
-        let through = pressure.through(self.axis, self.plane, &self.ranges);
+        let through = pressure.flow_through_section(self.axis, self.plane, &self.ranges);
         let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
         for row in rows {
             row.extend([through.discharge, through.area, before, behind]);

@@ -11,10 +11,10 @@ use dem::space::Space;
 use lbm::links::Load;
 use plan::scene::Scene;
 
-/// The load on a structure.
+/// Load on a structure.
 #[derive(Debug)]
 pub(super) struct StructureLoad {
-    /// Index among the structures that water meets.
+    /// Index among the structures in contact with water.
     pub(super) index: usize,
     /// Point of the torque \[m\].
     pub(super) about: [f64; 3],

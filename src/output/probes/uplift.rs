@@ -11,7 +11,7 @@ use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// The base of a structure.
+/// Base of a structure.
 #[derive(Debug)]
 pub(super) struct Uplift {
     base: Section,

@@ -30,10 +30,10 @@ pub(super) struct Wall {
     face: Face,
     /// Faces of the patches of the scene: the fluid has these patches in this order, then one wall per face.
     faces: Vec<Face>,
-    /// Force of a fluid of density one at rest, in quanta; set at the beginning of the run.
+    /// Force of a stationary fluid of density one, in quanta; set at the beginning of the run.
     reference: [i128; 3],
     cells: f64,
-    /// Step before which nothing has crossed the face; none if the fluid has moved since it was created or read.
+    /// Step up to which no flux through the face is known; none if the fluid has moved since it was created or read.
     first: Option<u64>,
 }
 
@@ -53,8 +53,8 @@ impl Wall {
         })
     }
 
-    /// Takes the reference of the face, and the step at which the fluid was made or read back, with fluxes of no step:
-    /// a checkpoint holds none.
+    /// Sets the reference of the face, and the step at which the fluid was created or read, for which no fluxes are
+    /// known: a checkpoint contains none.
     fn start(&mut self, plan: &Plan, resumed_at: Option<u64>) -> Result<(), Error> {
         let flow = plan.scene.flow.as_ref().ok_or_else(no_fluid)?;
         let velocities = flow.lattice.velocities();
@@ -214,7 +214,7 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
     sum
 }
 
-/// Returns the condition at a face next to a cell: that of the last of the patches there.
+/// Returns the condition at a face next to a cell: that of the last patch that contains the cell.
 fn condition(face: Face, cell: [usize; 3], flow: &Flow) -> Option<&Condition> {
     let patches = flow.faces[face.index()].iter().rev();
     patches

@@ -27,7 +27,7 @@ use plan::scene::Scene;
 /// Number of columns without the time.
 const COLUMNS: usize = 16;
 
-/// A wall that grains load.
+/// Wall that grains load.
 #[derive(Debug)]
 pub(super) struct WallLoad {
     wall: usize,
@@ -36,7 +36,8 @@ pub(super) struct WallLoad {
 }
 
 impl WallLoad {
-    /// Makes the probe of a wall, by its index in the scene; `about`: point of the torque \[m\].
+    /// Returns the probe of a wall, given by its index in the scene; `about` is the reference point of the torque
+    /// \[m\].
     pub(super) fn new(wall: usize, about: [f64; 3]) -> Self {
         Self {
             wall,
@@ -45,7 +46,7 @@ impl WallLoad {
         }
     }
 
-    /// Returns the columns of this step without the time. Collective.
+    /// Returns the values of this step without the time. Collective.
     fn measure<S: Space>(&mut self, view: &StateView<S>) -> [f64; COLUMNS] {
         let Some(dem) = view.dem else {
             return [f64::NAN; COLUMNS];

@@ -7,7 +7,7 @@ use base::error::Error;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// The water balance.
+/// Water balance of the seepage.
 #[derive(Debug)]
 pub(super) struct WaterBalance;
 

@@ -10,7 +10,7 @@ use coupling::seepage::Seepage;
 use dem::space::Space;
 use plan::scene::Scene;
 
-/// The columns of cells along gravity.
+/// Columns of cells along gravity.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct WaterTable {
     axis: usize,

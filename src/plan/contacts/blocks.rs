@@ -122,7 +122,7 @@ impl Block<'_> {
     }
 
     /// Returns points of a face with weights that integrate quadratic functions exactly: the edge midpoints of its
-    /// triangles. A single point if springs do not grow with the area.
+    /// triangles. A single point suffices if springs do not grow with the area.
     fn points(&self, face: usize) -> Vec<(Vector3<f64>, f64)> {
         let corners: Vec<Vector3<f64>> = self
             .shape
@@ -152,7 +152,7 @@ impl Block<'_> {
 
 /// Damping ratio at which dashpots dissipate 1 - exp(-2 pi ratio) = 27 % of the energy of an impact, more than the
 /// 17 % that a contact at a point was observed to add.
-const DAMPS: f64 = 0.05;
+const STRONG_DAMPING: f64 = 0.05;
 
 /// Reports contacts of undamped free blocks that have no potential energy.
 ///
@@ -161,7 +161,7 @@ const DAMPS: f64 = 0.05;
 /// 1e8, 1e9 and 1e10 Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points
 /// (`dem::polyhedron::tests::energy`).
 pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
-    let bare = |pair: &&BlockPairLaw| pair.normal_damping < DAMPS;
+    let bare = |pair: &&BlockPairLaw| pair.normal_damping < STRONG_DAMPING;
     let Some(pair) = law.parameters.rows().find(bare) else {
         return;
     };

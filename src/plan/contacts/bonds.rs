@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
 /// Warns if the grains of a list or a file are to be bonded, but none touches another grain or a wall.
-pub(super) fn none(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
+pub(super) fn warn_without_bonds(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
     let source = scene.grains.as_ref().map(|grains| &grains.source);
     let Some(GrainSource::List(list) | GrainSource::File { grains: list, .. }) = source else {
         return;

@@ -1,6 +1,6 @@
 //! The initial contacts of spheres and discs, and the largest eigenvalue of their network.
 
-use super::{bonds, limit, turning};
+use super::{bonds, limit, mass_over_inertia};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::grains::GrainSource;
@@ -70,7 +70,7 @@ impl Network {
         };
         let bonded = network.bonded;
         let reach = if bonded { law.bonding_gap() } else { 0.0 };
-        let maker = Maker {
+        let maker = ContactBuilder {
             law,
             bonded,
             reach,
@@ -146,7 +146,7 @@ impl Network {
         }
     }
 
-    fn touch_each_other(&mut self, grid: &Grid, maker: &Maker<'_>) {
+    fn touch_each_other(&mut self, grid: &Grid, maker: &ContactBuilder<'_>) {
         let ball = |node: &Node| Ball {
             at: node.position,
             reach: node.radius + 0.5 * maker.reach,
@@ -166,7 +166,7 @@ impl Network {
         });
     }
 
-    fn touch_walls(&mut self, scene: &Scene, maker: &Maker<'_>) {
+    fn touch_walls(&mut self, scene: &Scene, maker: &ContactBuilder<'_>) {
         for wall in scene
             .walls
             .iter()
@@ -298,7 +298,7 @@ impl Network {
 }
 
 /// Data from which the contacts are computed.
-struct Maker<'a> {
+struct ContactBuilder<'a> {
     law: &'a dyn ContactModel,
     bonded: bool,
     /// Maximum gap of a bond \[m\].
@@ -306,7 +306,7 @@ struct Maker<'a> {
     depth: Depth,
 }
 
-impl Maker<'_> {
+impl ContactBuilder<'_> {
     fn between(&self, nodes: &[Node], [i, j]: [usize; 2], grid: &Grid) -> Option<Spring> {
         let (one, two) = (&nodes[i], &nodes[j]);
         if one.roots[0] == 0.0 && two.roots[0] == 0.0 {
@@ -435,7 +435,7 @@ fn nodes(scene: &Scene, listed: bool) -> Vec<Node> {
     let node = |position: [f64; 3], radius: f64, material: usize, free: bool| {
         let mass = scene.mass(material, radius);
         let inverse = if free && mass > 0.0 { 1.0 / mass } else { 0.0 };
-        let turning = turning(scene.grid.dimension) / (radius * radius);
+        let turning = mass_over_inertia(scene.grid.dimension) / (radius * radius);
         Node {
             position: if flat {
                 [position[0], position[1], 0.0]

@@ -1,7 +1,7 @@
 //! Limits against frequencies known in closed form.
 
 use super::network::Network;
-use super::{Depth, Limits, blocks, of_densest};
+use super::{Depth, Limits, blocks, densest_limit};
 use crate::Plan;
 use crate::scene::Scene;
 use approx::assert_relative_eq;
@@ -17,8 +17,7 @@ fn plan(case: &Value) -> Result<Plan, Vec<base::error::Problem>> {
 
 const STIFFNESS: f64 = 1e5;
 
-/// Returns equal grains of radius 1 cm at `places` in a box that repeats itself, with a shear spring as stiff as the
-/// normal one.
+/// Returns equal grains of radius 1 cm at `places` in a periodic box, with a shear spring as stiff as the normal one.
 fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Value {
     let axes = &["x", "y", "z"][..size.len()];
     let list = places
@@ -36,7 +35,7 @@ fn grains(size: &[f64], places: &[Vec<f64>], friction: f64, damping: f64) -> Val
     })
 }
 
-/// Returns w² m/k that a limit 2/w stands for.
+/// Returns w² m/k for the frequency w of a limit 2/w.
 fn eigenvalue(scene: &Scene, limit: f64) -> f64 {
     4.0 * scene.mass(0, 0.01) / STIFFNESS / (limit * limit)
 }
@@ -46,7 +45,7 @@ fn network(scene: &Scene) -> f64 {
     Network::for_scene(scene, law, true, Depth::Start).limit()
 }
 
-/// w² = 2 k/m of two grains; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.
+/// Checks two grains, for which w² = 2 k/m; a dashpot shortens the step by sqrt(1 + zeta²) - zeta.
 #[test]
 fn two_grains_swing_against_each_other() {
     let places = [vec![0.1, 0.1], vec![0.1199, 0.1]];
@@ -97,8 +96,8 @@ fn cubic(n: u32) -> (Vec<f64>, Vec<Vec<f64>>) {
     (vec![a * f64::from(n); 3], places)
 }
 
-/// Smooth grains in the densest lattices come to the bound of a packing; rough ones have twice the partners of a random
-/// packing, or half as many again in the plane.
+/// Checks that smooth grains in the densest lattices reach the bound of a packing; rough ones have twice the partners
+/// of a random packing, or 1.5 times as many in the plane.
 #[test]
 fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
     for (size, places, smooth, rough) in [
@@ -116,7 +115,7 @@ fn the_densest_lattices_have_the_frequencies_of_the_bounds() {
             let found = eigenvalue(&scene, network(&scene));
             assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
             let law = scene.contact.as_ref().unwrap().model();
-            let bound = of_densest(&scene, law, (0, 0.01), 12.0);
+            let bound = densest_limit(&scene, law, (0, 0.01), 12.0);
             assert_relative_eq!(eigenvalue(&scene, bound), packing, max_relative = 1e-9);
         }
     }
@@ -169,8 +168,9 @@ fn what_may_come_to_touch_is_a_warning() {
     assert_eq!(plan(&case).unwrap().warnings.len(), 1);
 }
 
-/// A cube with springs k_n and k_s over its faces of area A turns with 16 k_s A/m against neighbours that turn alike,
-/// and shifts with (4 k_n + 8 k_s) A/m against those that shift the other way; a face alone gives k_n A/m.
+/// Checks a cube with springs k_n and k_s over its faces of area A: w² is 16 k_s A/m for rotation against neighbours
+/// that rotate alike, (4 k_n + 8 k_s) A/m for translation against neighbours that move the other way, and k_n A/m with
+/// a single face in contact.
 #[test]
 fn a_cube_with_all_its_faces_in_touch() {
     let cube = |friction: f64, ratio: f64| {
@@ -213,7 +213,7 @@ fn strong_dashpots_shorten_the_step_of_a_packing() {
     let ratio = |damping: f64| {
         let mut case = grains(&[0.2, 0.2, 0.2], &places, 30.0, damping);
         case["contact"]["linear"]["shear_damping_ratio"] = damping.into();
-        super::of_packing(&plan(&case).unwrap().scene)
+        super::packing_limit(&plan(&case).unwrap().scene)
     };
     let mut last = f64::INFINITY;
     for damping in [0.0, 0.2, 0.5, 0.8, 1.0] {

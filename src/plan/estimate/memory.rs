@@ -27,7 +27,7 @@ const SATURATED: f64 = 8.0;
 const COVERED: f64 = 100.0;
 /// Memory per cell for owner and mark, if solids use links \[bytes\].
 const LINKED: f64 = 8.0;
-/// Ghost layers of that map.
+/// Number of ghost layers of the map of owners.
 const MAP_GHOSTS: f64 = 4.0;
 /// Memory of the links of a cell at the surface of a solid \[bytes\].
 const SURFACE: f64 = 300.0;
@@ -38,19 +38,19 @@ const SEEPAGE: f64 = 1150.0;
 /// Measured: 900.
 const GRAINS_IN_SEEPAGE: f64 = 900.0;
 /// Memory per cell of the seepage next to structures for its cuts \[bytes\]. Measured: 146.
-const CUTS: f64 = 150.0;
+const CUT_BYTES: f64 = 150.0;
 /// Memory per cell of unsaturated ground \[bytes\]: states, face fluxes with their derivatives, vectors of the
 /// linear solver.
 const DRAINS: f64 = 380.0;
 /// Memory per cell of a transient flow \[bytes\]: stored water, and its part of the multigrid levels.
-const STORES: f64 = 160.0;
+const STORAGE_BYTES: f64 = 160.0;
 /// Memory per grain with its neighbours, contacts and contact history \[bytes\].
 const GRAIN: f64 = 1700.0;
 /// Memory per block \[bytes\]: its shape, in the state and in the scene, and the longer history of its contacts.
 const BLOCK: f64 = 17_000.0;
 
 /// Size of a part of a checkpoint that is written or read at once \[bytes\].
-const PIECE: f64 = 4.2e6;
+const CHECKPOINT_PART: f64 = 4.2e6;
 
 /// Adds the memory to the estimate.
 pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuantities) {
@@ -97,11 +97,15 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
         } else {
             0.0
         };
-        let stores = if seepage.is_transient() { STORES } else { 0.0 };
+        let stores = if seepage.is_transient() {
+            STORAGE_BYTES
+        } else {
+            0.0
+        };
         let cuts = if scene.structures.is_empty() {
             0.0
         } else {
-            CUTS
+            CUT_BYTES
         };
         let grains = if amounts.moving() > 0.0 {
             GRAINS_IN_SEEPAGE
@@ -115,6 +119,6 @@ pub(super) fn count(estimate: &mut Estimate, scene: &Scene, amounts: &CostQuanti
     // Files are gathered in memory, one at a time. The lattice is written to a checkpoint in parts, and everything
     // is read back in parts.
     memory += disk::tables(amounts).max(estimate.fluid_output_bytes);
-    memory += estimate.checkpoint_bytes.min(PIECE);
+    memory += estimate.checkpoint_bytes.min(CHECKPOINT_PART);
     estimate.memory_bytes = memory;
 }

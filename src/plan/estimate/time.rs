@@ -39,7 +39,7 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// Returns all phases together \[s\].
+    /// Returns the sum of the times of all phases \[s\].
     #[must_use]
     pub fn sum(&self) -> f64 {
         self.start_and_end
@@ -55,7 +55,7 @@ impl Seconds {
 }
 
 /// Speed of the pass with arithmetic in f32 relative to that with f64 arithmetic and f32 storage.
-const IN_SINGLE: f64 = 1.5;
+const SINGLE_SPEED_UP: f64 = 1.5;
 
 /// Returns the updates per second of one core in cells without solids, in millions.
 pub(super) fn mlups(flow: &Flow) -> f64 {
@@ -69,7 +69,7 @@ pub(super) fn mlups(flow: &Flow) -> f64 {
     };
     let nanoseconds = match flow.arithmetic {
         Precision::F64 => nanoseconds,
-        Precision::F32 => nanoseconds / IN_SINGLE,
+        Precision::F32 => nanoseconds / SINGLE_SPEED_UP,
     };
     let eddies = match flow.lattice {
         _ if flow.turbulence.is_none() => 0.0,
@@ -101,9 +101,9 @@ const COVERED_EDDIES: f64 = 6e-8;
 /// Time to map a cell at the surface of a moving disc or sphere, and of a moving block \[s\].
 const MAPPED: [f64; 2] = [5.5e-8, 1.2e-7];
 /// Additional time of a surface cell with an eddy viscosity, in each step in which bodies move \[s\].
-const BESIDE_EDDIES: f64 = 4e-8;
+const EDDY_CELL_TIME: f64 = 4e-8;
 /// Time of a grain in a bonded bed, where most grains are stationary \[s\].
-const RESTING: f64 = 6e-10;
+const STATIONARY_GRAIN_TIME: f64 = 6e-10;
 /// Time of a guard check per population \[s\].
 const GUARD: f64 = 1.05e-9;
 /// Steps between two guard checks.
@@ -146,7 +146,7 @@ pub struct Parts {
     pub covered: f64,
     /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
     pub linked: f64,
-    /// Cost of the map of such a cell, of a grain in a bed and of another solid.
+    /// Cost of mapping a cell at the surface of a grain in a bed, and of another solid.
     pub mapped: [f64; 2],
     /// Cost of the solid steps of a grain or round body, and of a block.
     pub solid: [f64; 2],
@@ -183,7 +183,11 @@ impl Parts {
                 }
                 None => {}
             }
-            let bed = if bonds { RESTING } else { MAPPED[0] };
+            let bed = if bonds {
+                STATIONARY_GRAIN_TIME
+            } else {
+                MAPPED[0]
+            };
             all.mapped = [bed, MAPPED[usize::from(blocks > 0)]];
         }
         let grain = GRAIN[three] + if bonds && three == 1 { BONDS } else { 0.0 };
@@ -236,7 +240,7 @@ impl Seconds {
             let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
             let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));
             if saturated && flow.turbulence.is_some() && mapped > 0.0 {
-                mapped += amounts.surface * BESIDE_EDDIES;
+                mapped += amounts.surface * EDDY_CELL_TIME;
             }
             all.mapping = real(clock.steps) * mapped / machine.grains;
             let populations = amounts.cells * real(flow.lattice.count());

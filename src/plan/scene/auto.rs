@@ -86,7 +86,7 @@ pub struct Limit {
 impl Chosen {
     /// Returns the reason of a choice; none if it was not made automatically.
     #[must_use]
-    pub fn why(&self, what: &str) -> Option<&str> {
+    pub fn reason_of(&self, what: &str) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);
         found.map(|reason| reason.text.as_str())
     }
@@ -108,7 +108,7 @@ impl Chosen {
 }
 
 /// Returns the accuracy of the automatic choices; none if the case states all values and no accuracy.
-pub(crate) fn asked(case: &Case) -> Option<Accuracy> {
+pub(crate) fn requested_accuracy(case: &Case) -> Option<Accuracy> {
     let lbm = features::lattice(case);
     let no_step = lbm.is_some_and(|lbm| {
         lbm.relaxation_time.is_none()
@@ -128,7 +128,11 @@ pub(crate) fn coupling_of(case: &Case) -> Option<Coupling> {
 }
 
 /// Returns the case with its spacing, whole cells along every edge of its domain, and its coupling filled in.
-pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen) -> Cow<'a, Case> {
+pub(crate) fn with_choices<'a>(
+    case: &'a Case,
+    spacing: &Spacing,
+    chosen: &mut Chosen,
+) -> Cow<'a, Case> {
     let mut filled = Cow::Borrowed(case);
     if case.domain.spacing.is_none() {
         filled.to_mut().domain.spacing = Some(spacing.value);
@@ -147,7 +151,7 @@ pub(crate) fn filled<'a>(case: &'a Case, spacing: &Spacing, chosen: &mut Chosen)
 }
 
 /// Copies the resolved choices of the scene being continued; end time, outputs and drives do not change them.
-pub(crate) fn keep(scene: &mut Scene, written: &Case, like: &Scene) {
+pub(crate) fn keep_choices(scene: &mut Scene, written: &Case, like: &Scene) {
     if let (Some(flow), Some(chosen)) = (&mut scene.flow, &like.flow) {
         flow.time_step = chosen.time_step;
         flow.relaxation_time = chosen.relaxation_time;
@@ -183,7 +187,7 @@ fn hold_means_in_eddies(scene: &mut Scene) {
 }
 
 /// Reports solids that touch each other from wall to wall, so that no water passes.
-fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
+fn report_blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
     for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width <= 0.0) {
         let axis = ["x", "y", "z"][*axis];
         let path = if case.bodies.is_empty() {
@@ -204,34 +208,39 @@ fn blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
 }
 
 /// Makes the choices that depend on the resolved scene, from the case as filled and as written.
-pub(crate) fn settle(scene: &mut Scene, case: &Case, written: &Case, findings: &mut Findings) {
+pub(crate) fn choose_remaining(
+    scene: &mut Scene,
+    case: &Case,
+    written: &Case,
+    findings: &mut Findings,
+) {
     let lattice = features::lattice(case);
     let ways = lattice.map_or_else(Vec::new, |lbm| {
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
-        gaps::case_gaps(case, lbm, factor).ways
+        gaps::case_gaps(case, lbm, factor).passages
     });
     if let Some(flow) = &scene.flow {
-        scene.density_causes = density::causes(scene, flow, &ways);
+        scene.density_causes = density::flow_causes(scene, flow, &ways);
         let of_bodies = moving::causes(scene, flow);
         scene.density_causes.extend(of_bodies);
     }
-    if let (Some(accuracy), Some(lbm)) = (asked(written), lattice) {
+    if let (Some(accuracy), Some(lbm)) = (requested_accuracy(written), lattice) {
         scene.chosen.accuracy = Some(accuracy);
-        blocked(case, &ways, findings);
+        report_blocked(case, &ways, findings);
         step::choose(scene, lbm, accuracy.target(), &ways, findings);
-        promise::judge(scene, case, lbm, accuracy.target(), findings);
+        promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
     }
     hold_means_in_eddies(scene);
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);
     }
-    let target = asked(written).map(Accuracy::target);
+    let target = requested_accuracy(written).map(Accuracy::target);
     if case.contact.is_none() || solids::without_stiffness(case) {
         solids::choose_contact(scene, case, target, findings);
     }
     if let (Some(target), Some(_)) = (target, &scene.seepage) {
-        scene.chosen.accuracy = asked(written);
+        scene.chosen.accuracy = requested_accuracy(written);
         seepage::choose(scene, target, findings);
     }
 }

@@ -62,7 +62,7 @@ pub struct RockBlock {
     pub angular_velocity: [f64; 3],
     /// Index of its material.
     pub material: usize,
-    /// `true` if it never moves.
+    /// `true` if the block never moves.
     pub fixed: bool,
 }
 

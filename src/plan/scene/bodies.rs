@@ -15,7 +15,7 @@ use serde::Serialize;
 /// Named disc (2-D), or sphere or polyhedron (3-D).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NamedBody {
-    /// Name.
+    /// Name of the body.
     pub name: String,
     /// Radius \[m\]; for a polyhedron that of the enclosing sphere about its centroid.
     pub radius: f64,
@@ -142,7 +142,7 @@ fn check_width(
     findings: &mut Findings,
 ) {
     let longer = match solid {
-        Some(solid) => wider(grid, solid, &[true; 3]).map(|(axis, _)| axis),
+        Some(solid) => longer_than_domain(grid, solid, &[true; 3]).map(|(axis, _)| axis),
         None => (0..grid.dimension).find(|a| 2.0 * radius > grid.size[*a] * (1.0 + 1e-9)),
     };
     if let Some(axis) = longer {
@@ -158,7 +158,7 @@ fn check_width(
 }
 
 /// Returns the first of these axes along which a polyhedron is longer than the domain, and its length \[m\].
-pub(crate) fn wider(
+pub(crate) fn longer_than_domain(
     grid: &Grid,
     solid: &PlacedPolyhedron,
     axes: &[bool; 3],
@@ -175,17 +175,17 @@ pub(crate) fn wider(
 }
 
 /// Motion of a body.
-struct Moves {
+struct BodyMotion {
     mobility: Mobility,
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
 }
 
 /// Resolves the motion of a body.
-fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findings) -> Moves {
+fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findings) -> BodyMotion {
     let (mobility, name, velocity, rotation) = match written {
         WrittenMotion::Fixed {} => {
-            return Moves {
+            return BodyMotion {
                 mobility: Mobility::Fixed,
                 velocity: [0.0; 3],
                 angular_velocity: [0.0; 3],
@@ -203,7 +203,7 @@ fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findin
     let path = format!("{path}.{name}");
     let (velocity, rotation) = (velocity.as_ref(), rotation.as_ref());
     let (velocity, angular_velocity) = motion(grid, velocity, rotation, &path, findings);
-    Moves {
+    BodyMotion {
         mobility,
         velocity,
         angular_velocity,

@@ -27,11 +27,11 @@ pub struct ScenePatch {
     /// Lower and upper ends along each axis, in cells: those of its cells, except for an imposed velocity, which
     /// may end within a cell.
     pub ends: [[f64; 2]; 3],
-    /// `true` for the faces of the domain that are walls, by axis, lower face first.
+    /// For each axis, lower face first: `true` if the face of the domain is a wall.
     pub walls: [[bool; 2]; 3],
     /// Condition imposed on these cells.
     pub condition: Condition,
-    /// Position in the list of boundaries of the case; none for a default wall.
+    /// Index in the list of boundaries of the case; none for a default wall.
     pub index: Option<usize>,
 }
 
@@ -178,7 +178,7 @@ fn closed(grid: &Grid, walls: [[bool; 2]; 3]) -> [Vec<ScenePatch>; 6] {
     faces
 }
 
-/// Returns a whole face as a wall without a name.
+/// Returns a patch that covers a whole face as a wall without a name.
 fn closed_face(grid: &Grid, face: Face, walls: [[bool; 2]; 3]) -> ScenePatch {
     let mut to = grid.cells;
     to[face.axis()] = 1;
@@ -256,7 +256,7 @@ fn part(
 
 /// Returns a coordinate in cells, moved to a face between cells if it differs from it by rounding.
 fn on_face(x: f64) -> f64 {
-    if (x - x.round()).abs() < AT_FACE {
+    if (x - x.round()).abs() < ON_FACE {
         x.round()
     } else {
         x
@@ -278,11 +278,11 @@ fn check_overlap(patch: &ScenePatch, others: &[ScenePatch], path: &str, findings
 }
 
 /// Distance in cells between an end of a patch and a face between cells below which it counts as on the face.
-const AT_FACE: f64 = 1e-6;
+const ON_FACE: f64 = 1e-6;
 /// Fraction of the width of an opening by which an end may be moved to a face between cells without a warning.
-const MOVES: f64 = 0.02;
+const MAX_SHIFT: f64 = 0.02;
 
-/// Warns of an opening whose ends lie between faces of cells, as it is made as wide as its cells.
+/// Warns of an opening whose ends lie between faces of cells, because its width is rounded to whole cells.
 fn moved(
     grid: &Grid,
     patch: &ScenePatch,
@@ -295,7 +295,7 @@ fn moved(
         let asked = [written.from[a], written.to[a]];
         let width = asked[1] - asked[0];
         let most = (ends[0] - asked[0]).abs().max((ends[1] - asked[1]).abs());
-        if ends[0] < ends[1] && most > MOVES * width {
+        if ends[0] < ends[1] && most > MAX_SHIFT * width {
             let axis = ["x", "y", "z"][a];
             findings.warn(
                 path,

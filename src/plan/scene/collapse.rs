@@ -42,9 +42,9 @@ pub struct GroundCollapse {
 /// Point through which grains leave the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SeepagePoint {
-    /// Name.
+    /// Name of the point.
     pub name: String,
-    /// Box.
+    /// Box of the point.
     pub block: AlignedBox,
     /// Region of this name, whose removals count; if none, all removals within the box count.
     pub region: Option<usize>,

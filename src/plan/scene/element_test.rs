@@ -32,7 +32,7 @@ pub struct ElementTest {
 const PATH: &str = "analysis.element_test";
 
 /// Cosine from which normals are along one line.
-const ALONG: f64 = 1.0 - 1e-9;
+const PARALLEL_COSINE: f64 = 1.0 - 1e-9;
 
 /// Resolves the element test of a case; none if there is none or its probes are wrong.
 pub(crate) fn resolve(
@@ -69,7 +69,7 @@ pub(crate) fn resolve(
     let apart = Vector3::from(other.point) - Vector3::from(one.point);
     let height = apart.dot(&normals[0]);
     let planes = one.surface.is_none() && other.surface.is_none();
-    if !planes || normals[0].dot(&normals[1]) > -ALONG || height <= 0.0 {
+    if !planes || normals[0].dot(&normals[1]) > -PARALLEL_COSINE || height <= 0.0 {
         findings.error(
             &format!("{PATH}.axial"),
             "the two walls are not planes that face each other",
@@ -78,7 +78,7 @@ pub(crate) fn resolve(
         findings.depends(&["probes", "walls", "box_walls"]);
     }
     let axis = normals[0].iamax();
-    if inside.is_some() && normals[0][axis].abs() < ALONG {
+    if inside.is_some() && normals[0][axis].abs() < PARALLEL_COSINE {
         findings.error(
             &path,
             "the inner stress is known along the axes of the domain only, and the test acts along another \
@@ -155,7 +155,7 @@ fn find(
     found
 }
 
-/// Returns the wall of a probe of a wall.
+/// Returns the wall that a wall probe measures.
 fn loaded<'a>(probe: &Probe, walls: &'a [SceneWall]) -> Option<&'a SceneWall> {
     match probe.at {
         ProbeAt::WallLoad { wall, .. } => walls.get(wall),
@@ -163,7 +163,8 @@ fn loaded<'a>(probe: &Probe, walls: &'a [SceneWall]) -> Option<&'a SceneWall> {
     }
 }
 
-/// Refuses answers without a lateral stress that need one, two kinds of it, and a test without answers.
+/// Refuses answers that need a lateral stress if none is measured, two kinds of lateral stress, and a test without
+/// answers.
 fn check_answers(case: &Case, test: &ElementTest, findings: &mut Findings) {
     let sides = !test.lateral.is_empty();
     if sides && test.inside.is_some() {

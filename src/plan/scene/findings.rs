@@ -12,7 +12,7 @@ use std::cell::OnceCell;
 pub(crate) const LATTICE_PATH: &str = "fluid.lattice_boltzmann";
 
 /// Sections of a case on which neither its plan nor other sections depend.
-const OBSERVING: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
+const OUTPUT_SECTIONS: [&str; 5] = ["output", "probes", "checkpoint", "analysis", "title"];
 
 /// Returns `true` if a path is that of a section or of a field below it.
 fn within(path: &str, section: &str) -> bool {
@@ -29,11 +29,12 @@ pub(crate) struct Findings<'a> {
     tree: OnceCell<Value>,
     /// Problems in the order found.
     pub(crate) problems: Vec<Problem>,
-    /// Severity of findings that are only counted, the index of their line in `problems`, and their number.
+    /// Severity of findings that are counted but not listed, the index of their line in `problems`, and their number.
     unlisted: Vec<(Severity, usize, usize)>,
     /// Paths of fields that the schema refuses.
     wrong: Vec<String>,
-    /// Indices of findings that are valid only if the fields of some sections are right, with these sections.
+    /// Indices of findings that are valid only if the fields of some sections have no errors, with the names of these
+    /// sections.
     dependent: Vec<(usize, &'static [&'static str])>,
     /// `true` if a wrong field prevents the automatic choices, so that none were made.
     pub(crate) stopped: bool,
@@ -44,7 +45,7 @@ impl<'a> Findings<'a> {
         Self::with_wrong(case, &[])
     }
 
-    /// Returns an empty collection with the paths of fields that the schema refuses.
+    /// Returns an empty collection for a case; `wrong` are the paths of fields that the schema refuses.
     pub(crate) fn with_wrong(case: &'a Case, wrong: &[String]) -> Self {
         Self {
             case,
@@ -57,14 +58,14 @@ impl<'a> Findings<'a> {
         }
     }
 
-    /// Marks the last finding as valid only if the fields of some sections are right.
+    /// Marks the last finding as valid only if the fields of some sections have no errors.
     pub(crate) fn depends(&mut self, sections: &'static [&'static str]) {
         if let Some(last) = self.problems.len().checked_sub(1) {
             self.dependent.push((last, sections));
         }
     }
 
-    /// Returns the paths of all wrong fields.
+    /// Returns the paths of all fields with errors.
     fn errors(&self) -> impl Iterator<Item = &str> {
         let errors = self
             .problems
@@ -74,16 +75,16 @@ impl<'a> Findings<'a> {
         wrong.chain(errors.map(|p| p.path.as_str()))
     }
 
-    /// Returns `true` if a field of one of the sections is wrong.
+    /// Returns `true` if a field of one of the sections has an error.
     pub(crate) fn wrong_in(&self, sections: &[&str]) -> bool {
         self.errors()
             .any(|path| sections.iter().any(|section| within(path, section)))
     }
 
-    /// Returns `true` if a field on which the plan depends is wrong.
+    /// Returns `true` if a field on which the plan depends has an error.
     pub(crate) fn stop_plan(&self) -> bool {
         self.errors()
-            .any(|path| !OBSERVING.iter().any(|section| within(path, section)))
+            .any(|path| !OUTPUT_SECTIONS.iter().any(|section| within(path, section)))
     }
 
     /// Drops findings that follow from others: those that depend on a section with an error, and those about a
@@ -192,7 +193,7 @@ impl<'a> Findings<'a> {
         });
     }
 
-    /// Adds to the line that counts the findings not listed.
+    /// Increases the number in the line that counts the findings not listed.
     fn only_count(&mut self, severity: Severity) {
         let known = self.unlisted.iter_mut().find(|rest| rest.0 == severity);
         let (_, at, count) = match known {

@@ -22,7 +22,7 @@ use serde_json::json;
 
 /// Minimum relaxation time at which, without an eddy viscosity, flow is slow enough for the viscosity-matched
 /// operator, whose cells resist by viscosity alone.
-const SLOW: f64 = 0.52;
+const SLOW_RELAXATION_TIME: f64 = 0.52;
 
 /// A resolved lattice Boltzmann fluid, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -41,7 +41,7 @@ pub struct Flow {
     pub storage: Precision,
     /// Precision of the collisions.
     pub arithmetic: Precision,
-    /// Device that it runs on.
+    /// Device that computes the fluid.
     pub device: Device,
     /// Time step \[s\].
     pub time_step: f64,
@@ -72,7 +72,7 @@ impl Flow {
         let slow = self.collision.model().antisymmetric_rate().is_some()
             && self.turbulence.is_none()
             && !self.free_surface
-            && self.relaxation_time >= SLOW;
+            && self.relaxation_time >= SLOW_RELAXATION_TIME;
         written.solid_operator.unwrap_or(if slow {
             SolidOperator::ViscosityMatched
         } else {
@@ -104,7 +104,7 @@ impl Flow {
         let body_force = body_force(lbm, grid, findings);
         let mut initial = initial(lbm, grid, &case.directory, findings);
         let faces = faces(lbm, grid, &case.directory, findings);
-        let acts = gravity::acts(case, lbm, grid, (&faces, &body_force), findings);
+        let acts = gravity::gravity_axes(case, lbm, grid, (&faces, &body_force), findings);
         if let (fluid::Initial::Rest {}, Initial::Uniform { weight, .. }, Some(gravity)) =
             (&lbm.initial, &mut initial, &case.gravity)
             && lbm.surface.is_none()
@@ -207,8 +207,8 @@ struct FixedStep {
     by: &'static str,
 }
 
-/// Returns the time step from the way that the case uses to state it; if it states none, a placeholder until the
-/// speeds are known.
+/// Returns the time step from the fields by which the case states it; if it states none, a placeholder until the speeds
+/// are known.
 fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
     let ways = [
         ("relaxation_time", lbm.relaxation_time),

@@ -135,7 +135,7 @@ impl FreeSurface {
         sum / real(count(0) * count(1) * count(2))
     }
 
-    /// Returns the depth of a point \[m\] below the first surface above it; 0 outside the water.
+    /// Returns the depth of a point \[m\] below the nearest surface above it; 0 outside the water.
     #[must_use]
     pub fn depth(&self, at: [f64; 3]) -> f64 {
         let axis = self.axis;
@@ -188,12 +188,12 @@ impl FreeSurface {
         wave.level + self.upwards() * wave.elevation(at)
     }
 
-    /// Returns 1 if up is towards larger coordinates, else -1.
+    /// Returns 1 if the coordinate along the axis of gravity increases upwards, else -1.
     fn upwards(&self) -> f64 {
         if self.rises { 1.0 } else { -1.0 }
     }
 
-    /// Returns the velocity [m/s] that the waves of the start have at a place; zero in the air.
+    /// Returns the velocity [m/s] that the initial waves have at a point; zero in the air.
     #[must_use]
     pub fn velocity(&self, at: [f64; 3]) -> [f64; 3] {
         let mut velocity = [0.0; 3];
@@ -223,9 +223,9 @@ impl FreeSurface {
         }
     }
 
-    /// Returns the height by which water can fall \[m\]: from the highest water, initially or outside, to the
-    /// lowest level or outfall, or to the lowest point of the domain if a shape contains water and there is no
-    /// level below it.
+    /// Returns the height through which water can fall \[m\]: from the highest water, initially or outside, to the
+    /// lowest level or outfall; or to the lowest point of the domain if a shape contains water and no level lies below
+    /// the shape.
     #[must_use]
     pub fn drop(&self) -> f64 {
         let lowest = |part: &WaterPart| match part {

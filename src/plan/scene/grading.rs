@@ -61,7 +61,7 @@ impl Grading {
         Self::Sieve(spans(curve).map(class).collect())
     }
 
-    /// Returns the classes.
+    /// Returns the classes of sizes.
     #[must_use]
     pub fn classes(&self) -> &[Class] {
         match self {
@@ -194,7 +194,7 @@ impl Grading {
     }
 }
 
-/// Purpose number of the random numbers for sizes.
+/// Number that identifies the random numbers for sizes.
 const SIZES: u32 = 11;
 
 /// Returns the largest solid fraction of a cloud placed without overlap: random sequential addition ends at 0.547

@@ -81,13 +81,13 @@ impl Grains {
 pub struct Cloud {
     /// Name of the layer; none for the first cloud.
     pub name: Option<String>,
-    /// The box.
+    /// Box in which the grains start.
     pub block: AlignedBox,
-    /// Sizes.
+    /// Grading of the grains.
     pub grading: grading::Grading,
     /// Number of grains.
     pub number: usize,
-    /// Index of their material.
+    /// Index of the material of the grains.
     pub material: usize,
 }
 
@@ -96,7 +96,7 @@ pub struct Cloud {
 pub enum GrainSource {
     /// Growth of a loose cloud in a box.
     Growth {
-        /// The box.
+        /// Box in which the grains grow.
         block: AlignedBox,
         /// Number of grains.
         number: usize,
@@ -110,11 +110,11 @@ pub enum GrainSource {
         /// Other fields as written.
         deposition: WrittenDeposition,
     },
-    /// Saved sample, which is already read.
+    /// Sample that was saved in a file and is already read.
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Grains.
+        /// Grains of the file.
         #[serde(skip)]
         grains: Vec<ListedGrain>,
     },
@@ -125,7 +125,7 @@ pub enum GrainSource {
 /// Region whose grains have a material of their own.
 #[derive(Clone, Debug, Serialize)]
 pub struct MaterialZone {
-    /// Name.
+    /// Name of the zone.
     pub name: String,
     /// Lower corner \[m\]; infinite along axes without a bound.
     pub from: [f64; 3],
@@ -289,7 +289,8 @@ pub(crate) fn grains(
     findings: &mut Findings,
 ) -> Option<Grains> {
     let grains = case.grains.as_ref()?;
-    let usual = material(names, &grains.material, "grains.material", findings).unwrap_or(0);
+    let default_material =
+        material(names, &grains.material, "grains.material", findings).unwrap_or(0);
     needs_density(case, &grains.material, findings);
     let mut known = Vec::new();
     let cut = grains
@@ -306,16 +307,21 @@ pub(crate) fn grains(
         })
         .collect();
     let mut zones = zones(case, &grains.zones, grid, names, findings);
-    let materials = Materials { names, usual };
+    let materials = Materials {
+        names,
+        default_material,
+    };
     let (mut source, radii, expected) = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
-        Written::Deposition(written) => falls(case, written, grid, materials, findings)?,
+        Written::Deposition(written) => {
+            resolve_deposition(case, written, grid, materials, findings)?
+        }
         Written::File(file) => sample(case, file, grid, materials, findings),
-        Written::List(list) => listed(case, list, grid, materials, findings),
+        Written::List(list) => resolve_list(case, list, grid, materials, findings),
     };
-    count(&mut zones, grains.zones.len(), &mut source, findings);
+    assign_zones(&mut zones, grains.zones.len(), &mut source, findings);
     Some(Grains {
-        material: usual,
+        material: default_material,
         source,
         save: grains.save.clone(),
         zones,
@@ -327,7 +333,7 @@ pub(crate) fn grains(
 }
 
 /// Assigns zones to listed grains, and warns of zones without grains.
-fn count(
+fn assign_zones(
     zones: &mut [MaterialZone],
     written: usize,
     source: &mut GrainSource,
@@ -352,7 +358,7 @@ fn count(
 }
 
 /// Resolves grains that are listed one by one.
-fn listed(
+fn resolve_list(
     case: &Case,
     list: &[WrittenGrain],
     grid: &Grid,
@@ -385,7 +391,7 @@ fn listed(
                 radius: grain.radius,
                 velocity: [0.0; 3],
                 angular_velocity: [0.0; 3],
-                material: materials.usual,
+                material: materials.default_material,
             });
             continue;
         }
@@ -430,7 +436,7 @@ fn listed_grain(
         radius: grain.radius,
         velocity,
         angular_velocity,
-        material: own.unwrap_or(materials.usual),
+        material: own.unwrap_or(materials.default_material),
     }
 }
 
@@ -438,7 +444,7 @@ fn listed_grain(
 #[derive(Clone, Copy)]
 struct Materials<'a> {
     names: &'a [String],
-    usual: usize,
+    default_material: usize,
 }
 
 type Source = (GrainSource, Option<(f64, f64)>, usize);
@@ -474,7 +480,7 @@ fn sample(
     grid: &Grid,
     Materials {
         names,
-        usual: material,
+        default_material: material,
     }: Materials,
     findings: &mut Findings,
 ) -> Source {
@@ -701,13 +707,13 @@ fn cloud(
 }
 
 /// Resolves and checks a gravity deposition.
-fn falls(
+fn resolve_deposition(
     case: &Case,
     written: &WrittenDeposition,
     grid: &Grid,
     Materials {
         names,
-        usual: default,
+        default_material: default,
     }: Materials,
     findings: &mut Findings,
 ) -> Option<Source> {

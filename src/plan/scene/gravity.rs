@@ -26,7 +26,7 @@ use lbm::boundary::SurfaceKind;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Relative difference below which a body force is considered to be the weight of the water.
-const ALIKE: f64 = 0.1;
+const SAME_WEIGHT: f64 = 0.1;
 
 /// Maximum acceleration of gravity [m/s²]: ten times that of the fastest centrifuges.
 const LARGEST: f64 = 1e8;
@@ -48,7 +48,7 @@ pub(super) fn check_size(gravity: [f64; 3], findings: &mut Findings) {
 }
 
 /// Returns `true` for the axes along which gravity acts on the water; reports contradictions.
-pub(super) fn acts(
+pub(super) fn gravity_axes(
     case: &Case,
     lbm: &LatticeBoltzmann,
     grid: &Grid,
@@ -105,7 +105,7 @@ pub(super) fn acts(
     };
     for a in (0..3).filter(|&a| along(a)) {
         let weight = lbm.density * gravity[a];
-        if (force[a] - weight).abs() > ALIKE * weight.abs() {
+        if (force[a] - weight).abs() > SAME_WEIGHT * weight.abs() {
             continue;
         }
         let alone = (0..3).all(|other| other == a || force[other] == 0.0);

@@ -19,7 +19,7 @@ pub struct Grid {
     pub spacing: f64,
     /// `true` for each periodic axis; false along z in 2-D.
     pub periodic: [bool; 3],
-    /// Axis along which the domain is divided into slabs: 0, 1 or 2.
+    /// First plane of every slab after the first one; none if the slabs have equal cost.
     pub split_axis: usize,
     /// First plane of every slab after the first; none for slabs of equal cost.
     pub slab_bounds: Option<Vec<usize>>,

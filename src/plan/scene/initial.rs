@@ -74,7 +74,7 @@ pub struct Weight {
 }
 
 impl Weight {
-    /// Returns the pressure at a place \[Pa\].
+    /// Returns the pressure at a point \[Pa\].
     #[must_use]
     pub fn pressure(&self, at: [f64; 3]) -> f64 {
         let rise = |a: usize| self.force[a] * (at[a] - self.place[a]);
@@ -83,7 +83,7 @@ impl Weight {
 }
 
 /// Maximum deviation of openings from one hydrostatic pressure, as a fraction of the pressure of the water column.
-const ALIKE: f64 = 0.5;
+const HYDROSTATIC_DEVIATION: f64 = 0.5;
 
 /// Returns the hydrostatic pressure of stationary water: that of openings with a pressure, or with a mean of zero
 /// if there are none. None if there is no weight to support, or if the openings contradict it, like those above and
@@ -126,7 +126,7 @@ pub(super) fn weight(
         .fold((f64::INFINITY, f64::NEG_INFINITY), |b, p| {
             (b.0.min(*p), b.1.max(*p))
         });
-    if high - low > ALIKE * column {
+    if high - low > HYDROSTATIC_DEVIATION * column {
         return None;
     }
     let mean = stated.iter().sum::<f64>() / real(stated.len().max(1));

@@ -24,8 +24,8 @@ use serde::Serialize;
 use serde_json::json;
 
 /// Path of the water in joints without a lattice, and under one.
-const ALONE: &str = "fluid.joints";
-const UNDER: &str = "fluid.lattice_boltzmann.joints";
+const JOINTS_PATH: &str = "fluid.joints";
+const LATTICE_JOINTS_PATH: &str = "fluid.lattice_boltzmann.joints";
 /// Maximum number of cells: every rank stores and solves all of them.
 const MOST_CELLS: f64 = 2e5;
 
@@ -52,7 +52,7 @@ pub struct JointScene {
     pub movers: usize,
     /// Memory of the network with its factors, on every rank \[bytes\].
     pub bytes: usize,
-    /// Numbers of the water in a checkpoint.
+    /// Number of values that the water in the joints adds to a checkpoint.
     pub numbers: usize,
 }
 
@@ -72,7 +72,7 @@ pub struct Counts {
 /// Mouth of the joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneMouth {
-    /// Name.
+    /// Name of the mouth.
     pub name: String,
     /// Box that contains the midpoints of its edges.
     pub block: AlignedBox,
@@ -138,18 +138,18 @@ impl JointScene {
         findings: &mut Findings,
     ) -> Option<Self> {
         let (written, path) = match &case.fluid {
-            Some(Fluid::Joints(written)) => (written.clone(), ALONE),
+            Some(Fluid::Joints(written)) => (written.clone(), JOINTS_PATH),
             Some(Fluid::LatticeBoltzmann(water)) => {
                 let written = water.joints.as_ref()?;
                 let step = flow.map_or(1.0, |flow| flow.time_step);
                 (
                     written.network([water.density, water.kinematic_viscosity], step),
-                    UNDER,
+                    LATTICE_JOINTS_PATH,
                 )
             }
             _ => return None,
         };
-        let (written, under_lattice) = (&written, path == UNDER);
+        let (written, under_lattice) = (&written, path == LATTICE_JOINTS_PATH);
         check_water(written, path, findings);
         let mouths = if under_lattice {
             refuse_lattice(case, written, grid, findings);
@@ -322,7 +322,7 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
     }
 }
 
-/// Refuses what does not work with a lattice over joints.
+/// Refuses features that do not work with a lattice over joints.
 fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) {
     let Some(Fluid::LatticeBoltzmann(water)) = &case.fluid else {
         return;
@@ -336,7 +336,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
     }
     let limit = 0.5 * grid.spacing;
     if written.joints.largest_aperture > limit * (1.0 + 1e-9) {
-        let path = format!("{UNDER}.largest_aperture");
+        let path = format!("{LATTICE_JOINTS_PATH}.largest_aperture");
         findings.error(
             &path,
             "in joints wider than half a cell, lattice cells may have their centres in the joint",
@@ -353,7 +353,7 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
         (
             "arithmetic",
             water.arithmetic == Precision::F32,
-            "collisions in f32, which do not keep the water of small discharges",
+            "collisions in f32, which lose the water of small discharges by rounding",
         ),
         ("device", water.device == Device::Gpu, "a GPU"),
     ];
@@ -404,7 +404,7 @@ fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Finding
             if joint.normal.dot(&offset).abs() <= half && edges.all(inside) {
                 let [x, y, z] = centre.into();
                 findings.error(
-                    UNDER,
+                    LATTICE_JOINTS_PATH,
                     format!(
                         "the lattice cell at ({}, {}, {}) m has its centre in a joint",
                         number(x),
@@ -427,7 +427,7 @@ fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Finding
     }
 }
 
-/// Refuses what does not work with blocks that the water moves.
+/// Refuses features that do not work with blocks that the water moves.
 fn refuse_for_motion(case: &Case, contact: Option<&ContactTable>, findings: &mut Findings) {
     let law = contact.and_then(|contact| contact.model().blocks());
     let damped = law.is_some_and(|law| law.mass_damping > 0.0);
@@ -481,7 +481,7 @@ fn mouths(
 ) -> Vec<SceneMouth> {
     if written.mouths.is_empty() {
         findings.error(
-            &format!("{ALONE}.mouths"),
+            &format!("{JOINTS_PATH}.mouths"),
             "there is no mouth, so that no pressure drives the water",
             "add a mouth with a box that contains ends of joints",
         );
@@ -489,7 +489,7 @@ fn mouths(
     let mut known = Vec::new();
     let mut mouths = Vec::new();
     for (n, mouth) in written.mouths.iter().enumerate() {
-        let path = format!("{ALONE}.mouths[{n}]");
+        let path = format!("{JOINTS_PATH}.mouths[{n}]");
         unique(&mut known, &mouth.name, &format!("{path}.name"), findings);
         let block = AlignedBox::resolve(grid, &mouth.region, &format!("{path}.box"), findings);
         check_pressure(case, written, &mouth.pressure, &path, findings);
@@ -529,13 +529,13 @@ fn check_pressure(
         if steps < 20.0 {
             let step = at_most(0.05 / frequency);
             findings.warn(
-                &format!("{ALONE}.time_step"),
+                &format!("{JOINTS_PATH}.time_step"),
                 format!("a period of the pressure has only {} steps", number(steps)),
                 Remedy::from(format!(
                     "use a time step of at most {} s, for twenty steps per period",
                     number(step)
                 ))
-                .set(format!("{ALONE}.time_step"), step),
+                .set(format!("{JOINTS_PATH}.time_step"), step),
             );
         }
     }

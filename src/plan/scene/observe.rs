@@ -23,7 +23,7 @@ use serde::Serialize;
 /// Box in which grains are removed, generated or recorded.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ObservedRegion {
-    /// Name.
+    /// Name of the region.
     pub name: String,
     /// Box of the region.
     pub block: AlignedBox,
@@ -136,14 +136,14 @@ pub enum ProbeAt {
     WallLoad {
         /// Index in [`super::Scene::walls`].
         wall: usize,
-        /// Point of the torque \[m\].
+        /// Reference point of the torque \[m\].
         about: [f64; 3],
     },
     /// Surface elevation in the column of this cell.
     Gauge([usize; 3]),
     /// Cell of a joint nearest to a point \[m\].
     Joint([f64; 3]),
-    /// Mouth of the joints, by index.
+    /// Mouth of the joints, by its index.
     Mouth(usize),
     /// Load on a block, by its index in [`super::blocks::PlacedBlocks`].
     Block(usize),
@@ -153,7 +153,7 @@ pub enum ProbeAt {
     Bed(Box<ObservedBed>),
     /// Grains in a box.
     Grains {
-        /// The box.
+        /// Box in which the grains are measured.
         part: AlignedBox,
         /// Start of the time means \[s\].
         mean_from: f64,
@@ -252,7 +252,7 @@ fn generated(
 }
 
 /// Returns the start of the time means of a probe \[s\].
-fn means(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
+fn averaging_start(case: &Case, from: Option<f64>, path: &str, findings: &mut Findings) -> f64 {
     let end = case.time.end;
     if from.is_some_and(|from| from >= end) {
         findings.error(

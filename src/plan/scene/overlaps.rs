@@ -9,7 +9,7 @@
 
 use super::block::AlignedBox;
 use super::blocks::PlacedBlocks;
-use super::bodies::{Mobility, NamedBody, wider};
+use super::bodies::{Mobility, NamedBody, longer_than_domain};
 use super::findings::{Findings, number};
 use super::grains::{GrainSource, Grains};
 use super::grid::Grid;
@@ -32,15 +32,15 @@ const COUNTED: usize = 100_000;
 
 /// Initial solids of a scene.
 pub(crate) struct Start<'a> {
-    /// The case.
+    /// Case from which the scene is resolved.
     pub(crate) case: &'a Case,
     /// Grid of the domain.
     pub(crate) grid: &'a Grid,
     /// Acceleration of gravity [m/s2].
     pub(crate) gravity: [f64; 3],
-    /// The grains, if any.
+    /// Grains, if any.
     pub(crate) grains: Option<&'a Grains>,
-    /// The blocks, if any.
+    /// Blocks, if any.
     pub(crate) blocks: Option<&'a PlacedBlocks>,
     /// Named bodies.
     pub(crate) bodies: &'a [NamedBody],
@@ -50,7 +50,7 @@ pub(crate) struct Start<'a> {
     pub(crate) structures: &'a [Structure],
 }
 
-/// Source of a solid, with its index there.
+/// Source of a solid, with the index of the solid in it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Origin {
     Listed(usize),
@@ -183,7 +183,7 @@ struct Pair {
     one: usize,
     other: usize,
     depth: f64,
-    /// `true` if they overlap across a periodic face.
+    /// `true` if the solids overlap across a periodic face.
     across: bool,
 }
 
@@ -271,7 +271,8 @@ impl<'a> Start<'a> {
             .filter(|one| matches!(one.origin, Origin::ListedBlock(_) | Origin::Block(_)));
         let mut named = 0;
         for (one, solid) in blocks.filter_map(|one| Some((one, one.solid?))) {
-            let Some((axis, width)) = wider(self.grid, solid, &self.grid.periodic) else {
+            let Some((axis, width)) = longer_than_domain(self.grid, solid, &self.grid.periodic)
+            else {
                 continue;
             };
             let path = match one.origin {
@@ -445,7 +446,7 @@ impl<'a> Start<'a> {
         format!("{other} overlaps {one} by {depth} m at the start{across}")
     }
 
-    /// Refuses prepared grains where there are obstacles unknown to their preparation: bodies and blocks, and for
+    /// Refuses prepared grains near obstacles that their preparation does not include: bodies and blocks, and for
     /// growing grains also walls. Boxes emptied by a cut are exempt.
     fn prepared(&self, findings: &mut Findings) {
         let Some(grains) = self.grains else {
@@ -622,7 +623,8 @@ mod tests {
         assert_eq!(problems(0.015, true), 0, "in a hole");
     }
 
-    /// Returns the errors of a case with these parts: glass in a box of 0.1 m that is periodic along x.
+    /// Returns the errors of a case of glass in a box of 0.1 m that is periodic along x; `parts` are the other fields
+    /// of the case.
     fn errors(parts: &serde_json::Value, folder: &Path) -> Vec<Problem> {
         let mut case = serde_json::json!({
             "domain": {"size": [0.1, 0.1, 0.1], "spacing": 0.005, "periodic": ["x"]},

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, Range};
 
-/// Disc or sphere, enlarged by the gap within which another one is near.
+/// Disc or sphere, enlarged by the gap within which another ball is near.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
     /// Centre \[m\].

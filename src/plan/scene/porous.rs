@@ -39,17 +39,17 @@ impl PartialEq for PorousZone {
 /// Thickness of a zone along an axis.
 struct Thickness {
     /// Smallest and largest thickness \[m\].
-    least: f64,
-    most: f64,
+    smallest: f64,
+    largest: f64,
     /// Fraction of the section that the zone leaves open.
     open: f64,
 }
 
 /// Maximum resistance of a step, a + b |u| in lattice units, for which the trapezoidal rule does not oscillate.
-const WITHOUT_SWINGS: f64 = 2.0;
+const MAX_WITHOUT_OSCILLATION: f64 = 2.0;
 /// Maximum resistance of a step in a zone with an eddy viscosity: the velocity read by the model is wrong by half
 /// of it.
-const BESIDE_EDDIES: f64 = 0.2;
+const MAX_WITH_EDDIES: f64 = 0.2;
 /// Number of columns along each transverse axis on which the thickness of a zone is sampled.
 const COLUMNS: usize = 16;
 /// Number of samples along a column.
@@ -115,8 +115,8 @@ impl PorousZone {
         let columns = COLUMNS.pow(u32::try_from(across.len()).unwrap_or(1));
         let step = grid.size[axis] / real(SAMPLES);
         let mut found = Thickness {
-            least: f64::INFINITY,
-            most: 0.0,
+            smallest: f64::INFINITY,
+            largest: 0.0,
             open: 0.0,
         };
         for column in 0..columns {
@@ -131,8 +131,8 @@ impl PorousZone {
                 (0.5 - self.solid.distance(at) / step).clamp(0.0, 1.0)
             });
             let thickness = step * parts.sum::<f64>();
-            found.least = found.least.min(thickness);
-            found.most = found.most.max(thickness);
+            found.smallest = found.smallest.min(thickness);
+            found.largest = found.largest.max(thickness);
             if thickness == 0.0 {
                 found.open += 1.0 / real(columns);
             }
@@ -192,9 +192,9 @@ pub fn cells(
 /// through zones that close a section; infinite if the water can bypass all zones.
 pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
     let bounds = zones.iter().map(|zone| {
-        let Thickness { least, .. } = zone.thickness(grid, axis);
-        if least > 0.0 {
-            zone.coefficients.velocity(drop / least)
+        let Thickness { smallest, .. } = zone.thickness(grid, axis);
+        if smallest > 0.0 {
+            zone.coefficients.velocity(drop / smallest)
         } else {
             f64::INFINITY
         }
@@ -213,9 +213,9 @@ pub(crate) fn losses<'a>(
     let across = (0..grid.dimension).filter(move |a| *a != axis);
     let area: f64 = across.map(|a| grid.size[a]).product();
     zones.iter().map(move |zone| {
-        let Thickness { most, open, .. } = zone.thickness(grid, axis);
+        let Thickness { largest, open, .. } = zone.thickness(grid, axis);
         let speed = discharge / area;
-        let through = zone.coefficients.deceleration(speed) * most;
+        let through = zone.coefficients.deceleration(speed) * largest;
         // If the zone leaves a part of the section open, all the water may pass there: a contraction loses at most
         // (U/open)².
         let past = (speed / open).powi(2);
@@ -239,7 +239,7 @@ pub(crate) fn step_limit(zones: &[PorousZone], speed: f64) -> Option<StepLimit<'
     let zone = zones.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
     Some(StepLimit {
         zone,
-        stable: WITHOUT_SWINGS / rate(zone),
-        beside_eddies: BESIDE_EDDIES / rate(zone),
+        stable: MAX_WITHOUT_OSCILLATION / rate(zone),
+        beside_eddies: MAX_WITH_EDDIES / rate(zone),
     })
 }

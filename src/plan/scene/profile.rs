@@ -20,7 +20,7 @@ const COORDINATES: [(&str, &[(&str, f64)]); 3] = [
     ("y", &[("points_1", 1.0)]),
     ("z", &[("points_2", 1.0)]),
 ];
-/// Begin of the names by which tables of points of ParaView are known.
+/// Beginning of the column names in tables of points that ParaView exports.
 const POINTS: &str = "points_";
 /// Names of the velocity columns, by axis.
 const VELOCITIES: [(&str, &[(&str, f64)]); 3] = [
@@ -73,9 +73,9 @@ pub(crate) fn read(path: &Path, dimension: usize, axis: usize) -> Result<Velocit
 fn columns(dimension: usize, axis: usize) -> Vec<Column> {
     let column = |(name, others), unit| Column {
         name,
-        others,
+        aliases: others,
         unit,
-        needed: true,
+        required: true,
     };
     let tangential = (0..dimension).filter(|a| *a != axis);
     let coordinates = tangential.map(|a| column(COORDINATES[a], Unit::Length));

@@ -114,7 +114,7 @@ impl RockMass {
         done.push((rest, line));
     }
 
-    /// Returns `true` if a part is thick and large enough.
+    /// Returns `true` if a part is thick and large enough to remain a block.
     fn lasts(&self, part: &Piece) -> bool {
         part.volume() >= self.smallest_volume && part.thickness() >= self.smallest_thickness
     }

@@ -11,13 +11,13 @@ use super::flow::Flow;
 use base::number::{real, single};
 use std::f64::consts::PI;
 
-/// Largest rounding error of a number in f32, relative to it.
+/// Largest rounding error of a number in f32, relative to the number.
 const UNIT: f64 = 1.0 / 16_777_216.0;
 
-/// Roundings of a step that add up: the largest number of the flows in `benches/precision.rs` is 1.2.
+/// Number of roundings in a step that add up: the largest number of the flows in `benches/precision.rs` is 1.2.
 const ROUNDINGS: f64 = 2.0;
 
-/// Returns the largest relative change of velocities by collisions in f32.
+/// Returns the largest relative change of velocities by the rounding of collisions in f32.
 #[must_use]
 pub fn of_single(scene: &Scene, flow: &Flow) -> f64 {
     let viscosity = (flow.relaxation_time - 0.5) / 3.0;

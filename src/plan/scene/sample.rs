@@ -45,12 +45,13 @@ pub(crate) const PATH: &str = "grains.initial.file.path";
 /// Remedy for a file that cannot be read.
 pub(crate) const REMEDY: &str = "correct the path (relative to the case) or the file";
 
-/// Numbers that a case may have.
+/// Range of the magnitudes that a case may contain.
 const SCALES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
-/// Reads the sample of a case, in m and where the case puts it.
+/// Reads the sample of a case, converts it to m and moves it to the position given in the case.
 ///
 /// # Errors
+///
 /// If the file is not a valid sample; the text names the file, the line or the column.
 pub(crate) fn load(case: &Case, written: &SampleFile) -> Result<Vec<ListedGrain>, String> {
     let text = io::plain::text(
@@ -238,9 +239,9 @@ impl Columns {
         let mut add = |name, others, unit, needed| {
             list.push(Column {
                 name,
-                others,
+                aliases: others,
                 unit,
-                needed,
+                required: needed,
             });
             list.len() - 1
         };
@@ -271,9 +272,9 @@ impl Columns {
         self.plane = Some(self.list.len());
         self.list.push(Column {
             name: POSITION[2],
-            others: OTHERS[2],
+            aliases: OTHERS[2],
             unit: Unit::Length,
-            needed: false,
+            required: false,
         });
     }
 
@@ -494,7 +495,7 @@ mod tests {
         }
     }
 
-    /// Files of other programs that begin with a title.
+    /// Checks the message about files of other programs that begin with a title.
     #[test]
     fn a_first_line_that_names_no_column_is_called_so() {
         for (text, example) in [

@@ -6,7 +6,7 @@ use case::Case;
 use std::path::Path;
 
 /// File names reserved for the program.
-const OWN: [&str; 23] = [
+const RESERVED_NAMES: [&str; 23] = [
     "averages_profile.csv",
     "bonds.csv",
     "case.json",
@@ -46,7 +46,7 @@ pub(crate) fn names(case: &Case, findings: &mut Findings) {
         ("grains.save", grains, "sample.csv"),
         ("blocks.save", blocks, "blocks.json"),
     ] {
-        if let Some(reason) = written.and_then(|name| wrong(name)) {
+        if let Some(reason) = written.and_then(|name| invalid_name(name)) {
             let remedy = format!("write a file name such as \"{example}\"");
             findings.error(path, reason, remedy);
         }
@@ -61,7 +61,7 @@ pub(crate) fn names(case: &Case, findings: &mut Findings) {
 }
 
 /// Returns the reason why a name is not valid in the folder of the run; none if it is.
-fn wrong(written: &Path) -> Option<String> {
+fn invalid_name(written: &Path) -> Option<String> {
     let name = written.to_str().unwrap_or_default();
     let plain = |c: char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_' | '.' | '+');
     if name.is_empty() || name.len() > LONGEST || !name.chars().all(plain) {
@@ -71,7 +71,7 @@ fn wrong(written: &Path) -> Option<String> {
         ));
     }
     let lower = name.to_lowercase();
-    let own = OWN.contains(&lower.as_str())
+    let own = RESERVED_NAMES.contains(&lower.as_str())
         || OWN_ENDINGS.iter().any(|end| lower.ends_with(end))
         || OWN_BEGINNINGS.iter().any(|begin| lower.starts_with(begin));
     own.then(|| "this name is reserved for files of the program, or it begins with a dot".into())
@@ -90,20 +90,21 @@ mod tests {
             "grün.csv",
             "probe.csv",
         ] {
-            assert_eq!(wrong(Path::new(good)), None, "{good}");
+            assert_eq!(invalid_name(Path::new(good)), None, "{good}");
         }
         for bad in [
             "", ".", "..", "/abs.csv", "../x.csv", "a/b.csv", "a\\b.csv", "a\nb", "a\0b", "~",
             "a:b", "*",
         ] {
             assert!(
-                wrong(Path::new(bad)).is_some_and(|r| r.contains("folder")) || bad.starts_with('.'),
+                invalid_name(Path::new(bad)).is_some_and(|r| r.contains("folder"))
+                    || bad.starts_with('.'),
                 "{bad:?}"
             );
-            assert!(wrong(Path::new(bad)).is_some(), "{bad:?}");
+            assert!(invalid_name(Path::new(bad)).is_some(), "{bad:?}");
         }
-        assert!(wrong(Path::new(&"a".repeat(201))).is_some());
-        for own in OWN.into_iter().chain([
+        assert!(invalid_name(Path::new(&"a".repeat(201))).is_some());
+        for own in RESERVED_NAMES.into_iter().chain([
             "CASE.JSON",
             "STOP",
             "probe_a.csv",
@@ -113,7 +114,7 @@ mod tests {
             "x.part",
             ".hidden",
         ]) {
-            assert!(wrong(Path::new(own)).is_some(), "{own}");
+            assert!(invalid_name(Path::new(own)).is_some(), "{own}");
         }
     }
 }

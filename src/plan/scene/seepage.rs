@@ -55,9 +55,9 @@ pub struct Seepage {
     /// `true` for the faces of the grid that are walls for grains and open water, lower and upper face along each
     /// axis.
     pub walls: [[bool; 2]; 3],
-    /// Boundary conditions, in the order of the case.
+    /// Name of the boundary.
     pub patches: Vec<SeepagePatch>,
-    /// Drains and wells inside the ground, in the order of the case.
+    /// Face on which the condition acts.
     pub drains: Vec<Drain>,
     /// Permeabilities and porosities by zone, on the grid.
     #[serde(skip)]
@@ -540,7 +540,7 @@ impl Seepage {
         }
     }
 
-    /// Checks that some condition determines the pressure, and that conditions that need gravity have it.
+    /// Checks that a condition determines the pressure, and that there is gravity if a condition needs it.
     fn check_conditions(&self, case: &Case, findings: &mut Findings) {
         if !self.conditions().any(|condition| condition.holds()) {
             findings.error(
@@ -587,7 +587,11 @@ impl Seepage {
                     .set(format!("{PATH}.least_porosity"), 0.5 * cap),
             );
         }
-        if !written.resistance().model().goes_with(written.equations) {
+        if !written
+            .resistance()
+            .model()
+            .supports_equations(written.equations)
+        {
             findings.error(
                 &format!("{PATH}.resistance"),
                 "the equations \"as_printed\" allow only the resistance of Kozeny and Carman",

@@ -40,7 +40,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
             path: format!("{PATH}.pilot.speed"),
             value: PILOT_MARGIN * pilot.speed,
         });
-        speeds.extend(settles(scene, flow));
+        speeds.extend(settling_speed(scene, flow));
         return speeds;
     }
     speeds.extend(driven_by_pressure(scene, flow));
@@ -51,7 +51,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
             value,
         });
     }
-    speeds.extend(settles(scene, flow));
+    speeds.extend(settling_speed(scene, flow));
     speeds
 }
 
@@ -78,7 +78,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     }
     // The estimate is an upper bound: it counts only if it exceeds the limit of a run.
     let most = scene.guards.max_lattice_velocity * scene.grid.spacing / flow.time_step;
-    speeds.extend(settles(scene, flow).filter(|speed| speed.value > most));
+    speeds.extend(settling_speed(scene, flow).filter(|speed| speed.value > most));
     speeds
 }
 
@@ -86,7 +86,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
 pub(crate) const SETTLING: &str = "settling (estimate)";
 
 /// Returns the speed of settling or rising bodies.
-fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
+fn settling_speed(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
     let what = SETTLING.into();
     Some(Speed { what, path, value })
@@ -96,14 +96,14 @@ fn settles(scene: &Scene, flow: &Flow) -> Option<Speed> {
 pub(crate) fn imposed(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed_on_fluid(flow);
     speeds.extend(of_bodies(scene, false));
-    speeds.extend(falls(scene));
+    speeds.extend(fall_speed(scene));
     speeds
 }
 
 /// Returns the speed of water that falls from its highest to the lowest point of the domain, and that of water that
 /// flows down a slope between openings: limited by its fall along the whole domain, and by the speed of a film as
 /// thick as the highest water level.
-fn falls(scene: &Scene) -> Option<Speed> {
+fn fall_speed(scene: &Scene) -> Option<Speed> {
     let surface = scene.surface.as_ref()?;
     let head = surface.head();
     let fall = 2.0 * surface.gravity * head;
@@ -216,7 +216,7 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
         path: format!("bodies[{n}].motion"),
         value: norm(body.velocity),
     });
-    let speeds = driven.chain(settles(scene, flow));
+    let speeds = driven.chain(settling_speed(scene, flow));
     speeds
         .filter(|speed| speed.value > 0.0)
         .max_by(|a, b| a.value.total_cmp(&b.value))

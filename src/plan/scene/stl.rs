@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use std::collections::HashMap;
 
 /// Maximum distance of corners that are merged, relative to the extent of the surface.
-const MERGE: f64 = 1e-7;
+const MERGE_DISTANCE: f64 = 1e-7;
 
 /// Returns the surface of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
 ///
@@ -77,7 +77,7 @@ fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector
     Ok(corners)
 }
 
-/// Length of what stands above the triangles of a binary file: a text of 80 bytes and their number.
+/// Length of the header of a binary file \[bytes\]: a text of 80 bytes and the number of triangles.
 const HEADER: usize = 84;
 
 /// Returns the corners of a binary file, which is at least as long as its number of triangles requires, whatever
@@ -208,7 +208,7 @@ fn merged(corners: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<u32>) {
         low = low.inf(corner);
         high = high.sup(corner);
     }
-    let near = (MERGE * (high - low).norm()).max(f64::MIN_POSITIVE);
+    let near = (MERGE_DISTANCE * (high - low).norm()).max(f64::MIN_POSITIVE);
     let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
     let mut vertices: Vec<Vector3<f64>> = Vec::new();
     let mut numbers = Vec::with_capacity(corners.len());

@@ -17,12 +17,12 @@ use structure::{Frame, Images, Shape};
 /// Stationary solid.
 #[derive(Clone, Debug, Serialize)]
 pub struct Structure {
-    /// Name.
+    /// Name of the structure.
     pub name: String,
-    /// The solid with its periodic images.
+    /// Solid with its periodic images.
     #[serde(skip)]
     pub solid: Arc<Images>,
-    /// Materials that it stops: water, grains or both.
+    /// Materials that the structure stops: water, grains or both.
     pub stops: Stops,
     /// Index of its material.
     pub material: Option<usize>,

@@ -38,7 +38,7 @@ pub struct SceneWall {
     pub surface: Option<Arc<FacetSurface>>,
     /// Velocity [m/s].
     pub velocity: [f64; 3],
-    /// Control by the mean normal stress, of a plane; none if there is none.
+    /// Control by the mean normal stress; none for a surface, or for a plane without a control.
     pub servo: Option<SceneServo>,
     /// Index of its material.
     pub material: usize,
@@ -50,7 +50,7 @@ pub struct SceneWall {
     pub until: Option<f64>,
     /// Face of the domain, if this is a box wall.
     pub face: Option<Face>,
-    /// Structure of which this is the surface, by index in [`super::Scene::structures`].
+    /// Structure whose surface this wall is, by index in [`super::Scene::structures`].
     pub structure: Option<usize>,
 }
 
@@ -61,7 +61,7 @@ impl SceneWall {
         self.from.is_some() || self.until.is_some()
     }
 
-    /// Returns the velocity at which it moves [m/s], with a servo the largest one towards the grains.
+    /// Returns the velocity of the wall [m/s]; with a servo the largest velocity towards the grains.
     pub(crate) fn largest_velocity(&self) -> [f64; 3] {
         let limit = self.servo.as_ref().map_or(0.0, |s| s.velocity_limit);
         std::array::from_fn(|a| self.velocity[a] + limit * self.normal[a])
@@ -123,7 +123,7 @@ pub(crate) fn walls(
         unique(&mut known, &wall.name, &format!("{path}.name"), findings);
         walls.push(written_wall(case, grid, names, wall, &path, findings));
     }
-    walls.extend(in_water::of_structures(case, grid, solids, findings));
+    walls.extend(in_water::walls_of_structures(case, grid, solids, findings));
     no_floor(case, grid, walls.is_empty(), findings);
     let mut taken = [false; 6];
     for (n, face) in case.box_walls.iter().enumerate() {
@@ -233,7 +233,7 @@ impl Plane {
     }
 }
 
-/// Refuses a wall on a face that does not exist, is periodic, or already has one.
+/// Refuses a wall on a face that does not exist, is periodic, or already has a wall.
 fn check_face(grid: &Grid, face: Face, twice: bool, path: &str, findings: &mut Findings) {
     if face.axis() >= grid.dimension {
         findings.error(path, "a 2-D problem does not have this face", "remove it");
@@ -294,7 +294,7 @@ fn periods(grid: &Grid) -> [f64; 3] {
 }
 
 /// Reports grains that are too large for facets in a domain with a short period.
-fn reaches(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
+fn report_large_grains(case: &Case, surface: &FacetSurface, path: &str, findings: &mut Findings) {
     let largest = grain_diameters(case).map_or(0.0, |(_, high)| 0.5 * high);
     let reach = surface.longest_reach();
     if largest >= reach {
@@ -477,7 +477,7 @@ fn facets(
     });
     match made {
         Ok(surface) => {
-            reaches(case, &surface, &path, findings);
+            report_large_grains(case, &surface, &path, findings);
             Some(surface)
         }
         Err(reason) => {

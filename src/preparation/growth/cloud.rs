@@ -89,7 +89,7 @@ pub(super) fn scatter<S: Space>(
     Ok(places)
 }
 
-/// Calls `visit` for the cell itself and all its neighbours.
+/// Calls `visit` with the offsets of the cell itself and of all its neighbours.
 fn for_each_step<S: Space>(mut visit: impl FnMut([isize; 3])) {
     let deep = if S::DIMENSION == 3 { -1..=1 } else { 0..=0 };
     for z in deep {

@@ -21,12 +21,12 @@ pub(super) struct Gathered {
 /// Returns all grains and the bonds between loose ones on rank 0; none on other ranks. Collective.
 pub(super) fn gather<S: Space>(
     view: &StateView<'_, S>,
-    asked: &GroundCollapse,
+    settings: &GroundCollapse,
     loose: f64,
 ) -> Result<Option<Gathered>, Error> {
     let grid = &view.plan.scene.grid;
     let particles = view.particles;
-    let up = if asked.upright { 1.0 } else { -1.0 };
+    let up = if settings.upright { 1.0 } else { -1.0 };
     let mut bytes = Vec::new();
     for k in 0..particles.owned() {
         let body = &particles.body[k];
@@ -35,8 +35,8 @@ pub(super) fn gather<S: Space>(
         }
         let moved = moved(view, k);
         let at = boxed(&particles.motion[k].position, grid);
-        let [x, y, z] = asked.axes;
-        let height = if asked.upright {
+        let [x, y, z] = settings.axes;
+        let height = if settings.upright {
             at[z]
         } else {
             grid.size[z] - at[z]
@@ -115,11 +115,11 @@ pub(super) fn length(v: [f64; 3]) -> f64 {
 }
 
 /// Returns the box of a seepage point in the frame of the analysis.
-pub(super) fn in_frame(asked: &GroundCollapse, domain: [f64; 3], point: &SeepagePoint) -> Point {
-    let turn = |corner: [f64; 3]| asked.axes.map(|axis| corner[axis]);
+pub(super) fn in_frame(settings: &GroundCollapse, domain: [f64; 3], point: &SeepagePoint) -> Point {
+    let turn = |corner: [f64; 3]| settings.axes.map(|axis| corner[axis]);
     let (mut from, mut to) = (turn(point.block.from), turn(point.block.to));
-    if !asked.upright {
-        let height = domain[asked.axes[2]];
+    if !settings.upright {
+        let height = domain[settings.axes[2]];
         (from[2], to[2]) = (height - to[2], height - from[2]);
     }
     Point { from, to }

@@ -13,11 +13,11 @@ use plan::Plan;
 use plan::scene::observe::ErosionLaw;
 
 /// Maximum depth of a grain behind a face, in mean diameters, to count for the traction.
-pub(super) const BEHIND: f64 = 2.0;
+pub(super) const DEPTH_BEHIND: f64 = 2.0;
 /// Maximum distance of a grain in front of a face, in mean diameters, to count for the traction: rough
 /// faces protrude.
-const BEFORE: f64 = 0.5;
-/// Box of the hole in the case, with its axes named.
+const DISTANCE_BEFORE: f64 = 0.5;
+/// Box of the hole in the case, and its axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hole {
     pub(super) along: usize,
@@ -74,7 +74,7 @@ impl Hole {
         0.5 * (self.from[self.across] + self.to[self.across])
     }
 
-    /// Returns `true` if a coordinate is in the box along an axis, which in 2-D includes the third.
+    /// Returns `true` if a coordinate is in the box along an axis. In 2-D the box has no bounds along the third axis.
     pub(super) fn spans(&self, axis: usize, x: f64, dimension: usize) -> bool {
         axis >= dimension || (self.from[axis]..self.to[axis]).contains(&x)
     }
@@ -92,8 +92,7 @@ pub(super) struct Sums {
     pub(super) solid: Vec<i64>,
     pub(super) cells: Vec<i64>,
     pub(super) middle: Vec<Fixed>,
-    /// Sums per row in the planes just before and behind the hole: density deviation and number of
-    /// water cells.
+    /// Sums per row in the planes directly before and behind the hole: density deviation and number of water cells.
     pub(super) deviation: [Vec<Fixed>; 2],
     pub(super) water: [Vec<i64>; 2],
     /// Largest speed of the water.
@@ -168,8 +167,8 @@ impl Sums {
         })
     }
 
-    /// Returns the discharge per depth between the faces \[m²/s\]; in 3-D the mean over the depth of
-    /// the box.
+    /// Returns the discharge per depth between the faces of the hole \[m²/s\]; in 3-D the mean over the depth of the
+    /// box.
     pub(super) fn discharge(
         &self,
         units: &LatticeUnits,
@@ -268,7 +267,10 @@ pub(super) fn excess_force<S: Space>(
     gradient: f64,
 ) -> f64 {
     let grid = &view.plan.scene.grid;
-    let (behind, before) = (BEHIND * start.diameter, BEFORE * start.diameter);
+    let (behind, before) = (
+        DEPTH_BEHIND * start.diameter,
+        DISTANCE_BEFORE * start.diameter,
+    );
     let first_grain = view.plan.scene.first_grain();
     let (mut force, mut volume) = (ExactSum::new(), ExactSum::new());
     for k in 0..view.particles.owned() {

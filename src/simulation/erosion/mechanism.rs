@@ -8,10 +8,10 @@
 //!   before the fraction [`FIRST`] of the mass had left.
 //! - **Displacement of the bulk**: mean distance, in mean diameters, of the grains from their initial
 //!   positions. The bulk
-//!   are the grains that started next to the hole and more than [`BEHIND`] mean diameters behind its present faces and
-//!   from its ends, as far as they are still there.
+//!   consists of the grains that started next to the hole, that are more than [`DEPTH_BEHIND`] mean diameters
+//!   behind its present faces and from its ends, and that are still in the packing.
 
-use super::hole::{BEHIND, Hole, depth};
+use super::hole::{DEPTH_BEHIND, Hole, depth};
 use crate::removal::boxed;
 use crate::view::StateView;
 use analysis::erosion_law::HoleFaces;
@@ -104,7 +104,7 @@ pub(super) fn bulk_displacement<S: Space>(
 ) -> f64 {
     let grid = &view.plan.scene.grid;
     let first_grain = view.plan.scene.first_grain();
-    let deep = BEHIND * diameter;
+    let deep = DEPTH_BEHIND * diameter;
     let between = hole.from[hole.along] + deep..hole.to[hole.along] - deep;
     let (mut sum, mut grains) = (ExactSum::new(), 0_u64);
     for k in 0..view.particles.owned() {

@@ -216,7 +216,8 @@ fn three_shear_stresses_agree_for_poiseuille_flow_between_packings() {
     );
 }
 
-/// The traction of momentum exchange on real discs, against the other two: independent measures of the same stress.
+/// Compares the traction from the momentum exchange on discs with the other two measures of the same stress, which are
+/// independent of it.
 #[test]
 fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     let plan = plan();
@@ -279,8 +280,8 @@ fn traction_by_momentum_exchange_agrees_with_the_velocity_gradient() {
     assert!(row.shear_balance < 1.6 * row.shear_traction, "{row:?}");
 }
 
-fn departed(step: u64, id: u64, region: usize) -> Departed {
-    Departed {
+fn departed(step: u64, id: u64, region: usize) -> DepartedGrain {
+    DepartedGrain {
         at: [0.0; 3],
         region,
         grain: RemovedGrain {
@@ -356,13 +357,13 @@ fn the_ledger_is_ordered_and_says_where_bonds_broke() {
     );
 }
 
-/// Returns the step of half interval `n`.
+/// Returns the step of half interval `n`, where two half intervals are the interval between rows.
 fn half(plan: &Plan, n: u64) -> u64 {
     let every = plan.clock.every(0.01);
     every.step(n / 2) + (n % 2) * every.step(1) / 2
 }
 
-/// Runs half intervals `from..=to`, each with a grain gone through either region and a broken bond.
+/// Runs half intervals `from..=to`; in each, a grain leaves through either region and a bond breaks.
 fn run(recorder: &mut ErosionRecorder, plan: &Plan, from: u64, to: u64) {
     let (domain, fluid, particles) = (domain(), Channel::new(plan), packing(0.7e-4));
     for step in from..=to {

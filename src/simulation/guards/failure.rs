@@ -3,12 +3,12 @@
 //! A remedy is named only if it worked in a similar case. Those cases are in `tests/suite/guards.rs`, which records
 //! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
-use super::look::Order;
+use super::look::LatticeOrder;
 use base::error::Error;
 use base::number::real;
 use coupling::lattice::LatticeFlow;
 use decomposition::Communicator;
-use dem::deepest::{Deepest, With};
+use dem::deepest::{Deepest, OtherSide};
 use dem::escape::Escape;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
@@ -37,8 +37,8 @@ pub(super) struct Failure {
 }
 
 impl Failure {
-    /// Returns the complete message, on every rank; `flows` are inflow and outflow through the openings in words,
-    /// and `true` if water only enters or only leaves. Collective.
+    /// Returns the complete message, on every rank; `flows` are inflow and outflow through the openings in words, and
+    /// `true` if water only enters or only leaves the domain. Collective.
     pub(super) fn describe<Sp: Space, S: Stored>(
         self,
         flow: &dyn LatticeFlow<Sp, S>,
@@ -47,7 +47,7 @@ impl Failure {
         flows: Option<(String, bool)>,
         communicator: &Communicator,
     ) -> String {
-        let cell = Order::from_flow(flow).cell(self.place);
+        let cell = LatticeOrder::from_flow(flow).cell(self.place);
         let centre = plan.scene.grid.centre(cell);
         let state = state(self.kind, cell, flow, plan);
         // One rank holds the cell and reports for all.
@@ -248,14 +248,14 @@ pub(super) fn of_grain(id: u64, plan: &Plan) -> String {
 /// Returns the message for a contact deeper than `guards.max_overlap`.
 pub(super) fn of_overlap(deepest: &Deepest, plan: &Plan) -> String {
     let with = match deepest.with {
-        With::Unknown => "another body".into(),
-        With::Body(id) => name(id, plan),
-        With::Wall(wall) => {
+        OtherSide::Unknown => "another body".into(),
+        OtherSide::Body(id) => name(id, plan),
+        OtherSide::Wall(wall) => {
             let wall = plan.scene.walls.get(wall as usize);
             wall.map_or_else(|| "a wall".into(), |wall| format!("wall {}", wall.name))
         }
     };
-    let body = if deepest.with == With::Unknown {
+    let body = if deepest.with == OtherSide::Unknown {
         "a body".into()
     } else {
         name(deepest.body, plan)

@@ -20,7 +20,7 @@ pub(super) struct Extreme {
 }
 
 impl Extreme {
-    const NOWHERE: Self = Self {
+    const NO_CELL: Self = Self {
         value: 0.0,
         cell: u64::MAX,
     };
@@ -36,24 +36,24 @@ impl Extreme {
 
 /// Results of a check on this rank.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct CheckResult {
     /// Largest squared speed of the water, over C².
     pub(super) fastest: Extreme,
     /// Density deviation of the largest magnitude in the water, except in cells enclosed by bodies, which moving
     /// bodies squeeze.
     pub(super) squeezed: Extreme,
-    /// The first cell whose numbers are not finite.
+    /// First cell whose values are not finite.
     pub(super) broken: Option<u64>,
 }
 
 /// Cells of the whole domain in the order of the lattice: slowest axis, middle, fastest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Order {
+pub(super) struct LatticeOrder {
     axes: [usize; 3],
     cells: [usize; 3],
 }
 
-impl Order {
+impl LatticeOrder {
     pub(super) fn from_flow<Sp: Space, S: Stored>(flow: &dyn LatticeFlow<Sp, S>) -> Self {
         Self {
             axes: flow.fluid().populations().order(),
@@ -96,21 +96,21 @@ impl StateCheck {
     pub(super) fn check_cells<Sp: Space, S: Stored>(
         &mut self,
         flow: &dyn LatticeFlow<Sp, S>,
-    ) -> Seen {
+    ) -> CheckResult {
         self.rows.check(flow.fluid());
-        let mut seen = Seen {
-            fastest: Extreme::NOWHERE,
-            squeezed: Extreme::NOWHERE,
+        let mut seen = CheckResult {
+            fastest: Extreme::NO_CELL,
+            squeezed: Extreme::NO_CELL,
             broken: None,
         };
         let rows = || self.rows.iter();
         for (row, found) in rows().enumerate() {
             if !found.finite {
-                go_through(flow, row, (&mut self.row, &mut self.covered), &mut seen);
+                check_row(flow, row, (&mut self.row, &mut self.covered), &mut seen);
             }
         }
         let order = &mut self.order;
-        let mut descend = |size: fn(&Extremes) -> f64, known: fn(&Seen) -> Extreme| {
+        let mut descend = |size: fn(&Extremes) -> f64, known: fn(&CheckResult) -> Extreme| {
             order.clear();
             order.extend(rows().enumerate().map(|(row, found)| (size(found), row)));
             order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -121,7 +121,7 @@ impl StateCheck {
                 if size <= 0.0 || size < value || (size <= value && row > best) {
                     break;
                 }
-                go_through(flow, row, (&mut self.row, &mut self.covered), &mut seen);
+                check_row(flow, row, (&mut self.row, &mut self.covered), &mut seen);
                 if known(&seen) != so_far {
                     best = row;
                 }
@@ -133,12 +133,12 @@ impl StateCheck {
     }
 }
 
-/// Checks each cell of a row of the slab.
-fn go_through<Sp: Space, S: Stored>(
+/// Checks the cells of a row of the slab one by one.
+fn check_row<Sp: Space, S: Stored>(
     flow: &dyn LatticeFlow<Sp, S>,
     row: usize,
     (moments, covered): (&mut [Vec<f64>; 4], &mut Vec<f32>),
-    seen: &mut Seen,
+    seen: &mut CheckResult,
 ) {
     let fluid = flow.fluid();
     let populations = fluid.populations();
@@ -152,7 +152,7 @@ fn go_through<Sp: Space, S: Stored>(
     fluid.row_fractions(first, covered);
     let (half, water) = (fluid.half_force(), flow.balanced());
     let all = water.holds_all();
-    let (order, start) = (Order::from_flow(flow), fluid.start());
+    let (order, start) = (LatticeOrder::from_flow(flow), fluid.start());
     for k in 0..cells[fast] {
         at[fast] = k;
         let place = order.index(std::array::from_fn(|a| at[a] + start[a]));

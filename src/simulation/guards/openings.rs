@@ -3,13 +3,13 @@
 //! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies,
 //! exactly and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow.
 //! Both are averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain,
-//! and at least [`LEAST_LOOKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while
+//! and at least [`LEAST_CHECKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while
 //! pressure builds up. They are compared when all ramps of the boundaries have ended and two whole windows have
 //! passed since:
 //!
 //! * *imbalance*: the magnitude of (inflow - outflow) / max(inflow, outflow) of the window is larger than
 //!   [`IMBALANCE`];
-//! * *only fills*: an outflow below [`NOTHING`] of the inflow, or the reverse.
+//! * *only fills*: an outflow below [`ZERO_FLOW_RATIO`] of the inflow, or the reverse.
 //!
 //! Both are warnings only: if a domain continues to fill, its density ends the run (`guards.max_compression`).
 
@@ -29,13 +29,13 @@ use plan::scene::boundaries::ScenePatch;
 /// Number of times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
 /// Minimum number of checks in a window.
-const LEAST_LOOKS: usize = 10;
+const LEAST_CHECKS: usize = 10;
 /// Minimum imbalance for a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
 /// Ratio of the smaller to the larger flow below which the smaller counts as zero.
-pub(super) const NOTHING: f64 = 1e-3;
+pub(super) const ZERO_FLOW_RATIO: f64 = 1e-3;
 /// Mass per step, relative to the mass of the domain, below which the flow counts as zero.
-const STILL: f64 = 1e-9;
+const ZERO_FLOW: f64 = 1e-9;
 
 /// Inflow and outflow as mass per step, in lattice units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -71,7 +71,7 @@ pub(super) fn unit(dimension: usize) -> &'static str {
 #[serde(default)]
 pub(super) struct State {
     settled: usize,
-    /// Inflow and outflow of each check.
+    /// Inflow and outflow at each check.
     looks: Vec<[Option<f64>; 2]>,
 }
 
@@ -80,17 +80,17 @@ pub(super) struct State {
 pub(super) struct Openings {
     /// `true` if the lattice has openings.
     exist: bool,
-    /// Number of checks in a window; 0 before the first.
+    /// Number of checks in a window; 0 before the first check.
     window: usize,
     /// Step at which all ramps have ended.
     ramps_end: u64,
     /// Mass per step below which the flow counts as zero.
-    still: f64,
+    zero_flow: f64,
     /// Number of checks since the end of the ramps.
     settled: usize,
-    /// Rates at the checks of the window.
+    /// Rates at the checks of the window, oldest first.
     looks: VecDeque<Rates>,
-    /// Sums since the last call, and their number of steps.
+    /// Sums since the last call of [`Self::since_last`], and the number of steps in them.
     since: (Rates, u64),
     masses: Vec<i128>,
     sums: Vec<u128>,
@@ -164,9 +164,9 @@ impl Openings {
         // Sound travels 1/sqrt(3) of a cell in a step.
         let steps = CROSSINGS * real(longest) * 3.0_f64.sqrt();
         let looks = (steps / real(every)).ceil();
-        self.window = base::number::whole(looks).max(LEAST_LOOKS);
+        self.window = base::number::whole(looks).max(LEAST_CHECKS);
         self.ramps_end = base::number::whole(fluid.boundaries().ramps_end()) as u64;
-        self.still = STILL * cells.map(real).iter().product::<f64>();
+        self.zero_flow = ZERO_FLOW * cells.map(real).iter().product::<f64>();
         self.looks.reserve(self.window);
         self.sums.reserve(fluid.boundaries().names().count());
         self.masses.reserve(fluid.boundaries().names().count());
@@ -183,7 +183,7 @@ impl Openings {
 
     /// Returns `true` if a mean differs from zero by more than rounding.
     pub(super) fn flows(&self, mean: &Rates) -> bool {
-        mean.inflow.max(mean.outflow) > self.still
+        mean.inflow.max(mean.outflow) > self.zero_flow
     }
 
     /// Returns the means since the last call.

@@ -7,7 +7,7 @@ use super::super::resume::{self, Stage};
 use super::super::setup;
 use super::outside::Outside;
 use super::restore::{self, Origin, Source};
-use ::preparation::rest::Rest;
+use ::preparation::rest::BondRelaxation;
 use ::preparation::supervision::Request;
 use base::error::Error;
 use base::number::real;
@@ -136,19 +136,19 @@ pub(super) fn settle<Sp: Space, S: SavedNumber>(
     notes: &mut Value,
     outside: &mut Outside,
 ) -> Result<(), Error> {
-    if origin.flowed() {
+    if origin.fluid_has_advanced() {
         return Ok(());
     }
     let Some(engine) = &mut now.dem else {
         return Ok(());
     };
     let rest = match &origin.stage {
-        Some(Stage::Rest(state)) => Some(Rest::restore(state.clone())),
-        _ => Rest::begin(&now.plan.scene, engine, &mut now.particles, &now.domain)?,
+        Some(Stage::Rest(state)) => Some(BondRelaxation::restore(state.clone())),
+        _ => BondRelaxation::begin(&now.plan.scene, engine, &mut now.particles, &now.domain)?,
     };
     if let Some(rest) = rest {
         let mut attributes = attributes(&now.plan, notes);
-        let keep = |rest: &Rest,
+        let keep = |rest: &BondRelaxation,
                     particles: &Particles<Sp>,
                     dem: &Dem<Sp>,
                     outside: &mut Outside,

@@ -91,7 +91,7 @@ impl Outside {
             }
             Err(error) => return Err(Error::Io(error.to_string())),
         }
-        self.watch.wrote(begun.elapsed());
+        self.watch.record_checkpoint(begun.elapsed());
         if request == Request::Stop {
             if self.communicator.rank() == 0 {
                 self.watch.forget_file();

@@ -33,7 +33,7 @@ pub(super) enum Source {
     },
 }
 
-/// The checkpoint from which a run continues, if any, and the stage in which it was saved.
+/// Checkpoint from which a run continues, if any, and the stage in which it was saved.
 pub(super) struct Origin {
     resumed: Option<Resumed>,
     pub(super) stage: Option<Stage>,
@@ -89,10 +89,10 @@ impl Origin {
     }
 
     /// Returns `true` if the time averages continue from those of the checkpoint.
-    pub(super) fn sums_go_on(&self) -> bool {
+    pub(super) fn averages_continue(&self) -> bool {
         self.resumed
             .as_ref()
-            .is_none_or(|resumed| resumed.sums_go_on)
+            .is_none_or(|resumed| resumed.averages_continue)
     }
 
     /// Returns `true` if the preparation was complete at the checkpoint.
@@ -101,7 +101,7 @@ impl Origin {
     }
 
     /// Returns `true` if the fluid had already been advanced at the checkpoint.
-    pub(super) fn flowed(&self) -> bool {
+    pub(super) fn fluid_has_advanced(&self) -> bool {
         matches!(self.stage, Some(Stage::Run | Stage::WarmUp(_)))
     }
 
@@ -198,7 +198,7 @@ fn flow<Sp: Space, S: SavedNumber>(
     parts: &mut Parts,
 ) -> Result<(), Error> {
     let communicator = now.domain.communicator();
-    if origin.flowed()
+    if origin.fluid_has_advanced()
         && let Some(flow) = now.flow.as_mut().and_then(Water::lattice_mut)
     {
         let read = checkpoint::read_fluid(flow.fluid_mut(), reader);
@@ -239,7 +239,7 @@ fn solids<Sp: Space, S: SavedNumber>(
     let mut engine = setup::dem::<Sp>(plan, radius)?;
     if !plan.scene.marks_start() {
         particles.forget_start();
-    } else if origin.flowed() && plan.scene.follows_grains() && !particles.has_start() {
+    } else if origin.fluid_has_advanced() && plan.scene.follows_grains() && !particles.has_start() {
         return Err(Error::Io(format!(
             "{} does not contain the initial positions of the grains, because its run had no displacements; \
              remove `output.grains.displacement` and `analysis.ground_collapse`, or start a new run",
@@ -252,7 +252,7 @@ fn solids<Sp: Space, S: SavedNumber>(
         let new = (walls, &parts.gates, now.step);
         resume::clear_of_new_walls(plan, new, particles, &now.domain)?;
     }
-    if origin.flowed() {
+    if origin.fluid_has_advanced() {
         engine.open_walls(&setup::temporary_walls(plan));
         parts.gates.restore(now.step, &mut engine);
     }

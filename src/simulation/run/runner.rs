@@ -28,8 +28,8 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     pub(super) simulation: Simulation<Sp, S>,
     pub(super) folder: RunFolder,
     pub(super) final_checkpoint: bool,
-    /// Step of the newest checkpoint, if this run has or knows one.
-    pub(super) saved: Option<u64>,
+    /// Step of the newest checkpoint; none if the run has no checkpoint yet.
+    pub(super) newest_checkpoint: Option<u64>,
     pub(super) watch: Watch,
     pub(super) progress: Progress,
     pub(super) threads: usize,
@@ -38,7 +38,7 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
     /// `true` if the slabs may change: the case does not list them.
     pub(super) may_cut: bool,
     /// Slabs that cost less than the present ones, found at the newest checkpoint.
-    pub(super) better: Option<Slabs>,
+    pub(super) cheaper_slabs: Option<Slabs>,
     pub(super) first_step: u64,
     pub(super) notes: Value,
     pub(super) initial_mass: f64,
@@ -47,7 +47,11 @@ pub(super) struct Runner<Sp: Space, S: SavedNumber> {
 }
 
 impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
-    pub(super) fn go(plan: Plan, communicator: Communicator, start: Start) -> Result<(), Ended> {
+    pub(super) fn run_to_end(
+        plan: Plan,
+        communicator: Communicator,
+        start: Start,
+    ) -> Result<(), Ended> {
         let (json, quiet) = (start.json, start.quiet);
         let options = (start.parent.clone(), start.limit, start.begun);
         let begun = Self::begin(plan, communicator, start);
@@ -77,7 +81,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         };
         let outcome = outcome.map_err(|error| {
             let now = &runner.simulation.now;
-            escape::explained(error, &now.plan, now.step, now.time())
+            escape::with_remedy(error, &now.plan, now.step, now.time())
         });
         let text = match &outcome {
             Ok(()) => "done",
@@ -195,10 +199,13 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             .every
             .map(|t| self.simulation.now.plan.clock.every(t));
         let mut ask_at = self.simulation.now.step + self.watch.steps();
-        if self.first_step > 0 && self.first_step == self.simulation.now.step && self.goes_on() {
+        if self.first_step > 0
+            && self.first_step == self.simulation.now.step
+            && self.has_steps_left()
+        {
             self.simulation.drop_end()?;
         }
-        while self.goes_on() {
+        while self.has_steps_left() {
             let stepped = self.simulation.step();
             if matches!(stepped, Err(Error::Stopped(_))) {
                 return Err(self.stop()?);
@@ -215,10 +222,10 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             }
             let step = self.simulation.now.step;
             if save_every.is_some_and(|every| every.falls_on(step)) && step < steps {
-                self.save(Occasion::Asked)?;
+                self.save(Occasion::Requested)?;
             }
-            if let Some(slabs) = self.better.take()
-                && self.goes_on()
+            if let Some(slabs) = self.cheaper_slabs.take()
+                && self.has_steps_left()
             {
                 return Ok(Pause::NewSlabs(slabs));
             }
@@ -229,11 +236,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 self.report();
                 let request = self.watch.ask(self.simulation.now.domain.communicator());
                 ask_at = step + self.watch.steps();
-                self.folder.beat();
+                self.folder.touch_lock();
                 self.simulation.phases.done(Phase::Guards);
                 match request {
                     Request::None => {}
-                    Request::Checkpoint => self.save(Occasion::Asked)?,
+                    Request::Checkpoint => self.save(Occasion::Requested)?,
                     // Nothing is left to stop, but the file `STOP` would stop the next run.
                     Request::Stop if step >= steps => {
                         if self.simulation.now.domain.rank() == 0 {
@@ -252,7 +259,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 self.folder.path().display()
             ));
         }
-        if self.final_checkpoint && self.saved != Some(self.simulation.now.step) {
+        if self.final_checkpoint && self.newest_checkpoint != Some(self.simulation.now.step) {
             self.save(Occasion::End)?;
         }
         self.folder.forget_preparation();
@@ -290,7 +297,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     }
 
     /// Returns `true` if there is a step left to do; equal on every rank.
-    fn goes_on(&self) -> bool {
+    fn has_steps_left(&self) -> bool {
         self.simulation.now.step < self.simulation.now.plan.clock.steps && !self.eroded()
     }
 
@@ -395,26 +402,28 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         );
         match written {
             Ok(()) => {
-                self.saved = Some(step);
+                self.newest_checkpoint = Some(step);
                 self.folder.forget_preparation();
-                if occasion == Occasion::Asked {
-                    self.better = self.better_slabs();
+                if occasion == Occasion::Requested {
+                    self.cheaper_slabs = self.better_slabs();
                 }
             }
             Err(io::Error::Space { needed, free, path }) => {
                 let lack = format!("it needs {needed} bytes, but {path} has only {free} free");
                 self.unsaved.get_or_insert_with(|| (step, lack.clone()));
                 match occasion {
-                    Occasion::Asked => self.progress.note(&format!(
+                    Occasion::Requested => self.progress.note(&format!(
                         "no checkpoint at step {step}: {lack}; the run continues"
                     )),
                     Occasion::End => self.progress.note(&format!(
                         "no final checkpoint: {lack}; the run cannot be extended from its end"
                     )),
                     Occasion::Stop => {
-                        let newest = self.saved.map_or_else(
+                        let newest = self.newest_checkpoint.map_or_else(
                             || "there is no earlier checkpoint".to_owned(),
-                            |saved| format!("the newest checkpoint is that of step {saved}"),
+                            |newest_checkpoint| {
+                                format!("the newest checkpoint is that of step {newest_checkpoint}")
+                            },
                         );
                         return Err(Error::Io(format!(
                             "stop requested at step {step}, but there is no space for a checkpoint: {lack}; {newest}; \
@@ -427,7 +436,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             }
             Err(error) => return Err(Error::Io(error.to_string())),
         }
-        self.watch.wrote(begun.elapsed());
+        self.watch.record_checkpoint(begun.elapsed());
         self.simulation.phases.done(Phase::Checkpoint);
         Ok(())
     }
@@ -445,7 +454,7 @@ enum Pause {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Occasion {
     /// The checkpoint is due, or a signal requested it.
-    Asked,
+    Requested,
     /// The run stops.
     Stop,
     /// The run is complete.

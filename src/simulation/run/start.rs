@@ -85,7 +85,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let mut runner = Self::new(now, parts, records, outside);
         runner.may_cut = may_cut;
         if origin.runs() {
-            runner.saved = Some(runner.first_step);
+            runner.newest_checkpoint = Some(runner.first_step);
         } else {
             runner.record_first()?;
         }
@@ -114,13 +114,13 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             },
             folder: start.folder,
             final_checkpoint: start.final_checkpoint,
-            saved: None,
+            newest_checkpoint: None,
             unsaved: None,
             watch,
             progress,
             threads: start.threads,
             may_cut: false,
-            better: None,
+            cheaper_slabs: None,
             first_step,
             notes: parts.notes,
             initial_mass: 0.0,
@@ -162,7 +162,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
 /// Reads the file of the initial flow, if the case names one and the run does not continue with a later flow.
 fn read_field(plan: &Plan, origin: &Origin) -> Result<Option<Box<dyn Field>>, Error> {
     match (&plan.scene.flow, plan.units) {
-        (Some(scene), Some(units)) if !origin.flowed() => match &scene.initial {
+        (Some(scene), Some(units)) if !origin.fluid_has_advanced() => match &scene.initial {
             Initial::File(path) => setup::initial::file(path, plan, units).map(Some),
             _ => Ok(None),
         },
@@ -202,7 +202,7 @@ fn build_flow<Sp: Space, S: SavedNumber>(
         return Ok(seepage.map(|seepage| Water::Seepage(Box::new(seepage))));
     };
     let mut fluid = build_fluid::<S>(plan, scene, &units, domain)?;
-    if !origin.flowed()
+    if !origin.fluid_has_advanced()
         && let Some(field) = setup::initial::formula(plan, scene, units).or(field)
     {
         fluid.initialise(field.as_ref());
@@ -214,7 +214,7 @@ fn build_flow<Sp: Space, S: SavedNumber>(
     if let Some(joints) = setup::joints(plan)? {
         flow = flow.with_joints(joints);
     }
-    if let (Some(surface), false) = (&plan.scene.surface, origin.flowed())
+    if let (Some(surface), false) = (&plan.scene.surface, origin.fluid_has_advanced())
         && let Some(lattice) = flow.lattice_mut()
     {
         lattice.fluid_mut().fill(&|cell| surface.fill(cell));
@@ -282,7 +282,7 @@ fn read_averages<Sp: Space, S: SavedNumber>(
         return Ok(None);
     };
     let mut averages = Averages::new(&now.plan, flow);
-    let goes_on = origin.runs() && origin.sums_go_on();
+    let goes_on = origin.runs() && origin.averages_continue();
     if let (Some(averages), Some(found), true) = (&mut averages, origin.found(), goes_on) {
         let reader = restore::reader(found)?;
         let read = checkpoint::read_averages(averages, flow.fluid(), &reader);

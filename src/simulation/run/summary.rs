@@ -6,7 +6,7 @@ use super::super::element_test::TestResults;
 use super::super::energy;
 use super::super::guards;
 use super::super::means::{self, Means};
-use super::super::phases::Account;
+use super::super::phases::PhaseTimes;
 use super::super::progress::clock;
 use super::super::settled;
 use super::super::versions::versions;
@@ -25,14 +25,14 @@ use plan::scene::seepage::Seepage as SeepageScene;
 use serde_json::{Value, json};
 
 /// Relative change of the mass of enclosed water above which a run warns.
-const LOST: f64 = 1e-3;
+const WARNED_MASS_LOSS: f64 = 1e-3;
 
-/// Part of the water with a free surface that is lost, from which a run warns.
+/// Fraction of the water with a free surface whose loss causes a warning.
 const LOST_WATER: f64 = 1e-2;
 
 /// Ratio of the speed of a grain to the largest speed that water can give it, above which the grain counts as
 /// thrown by contacts.
-const LEAPS: f64 = 1.1;
+const THROWN_SPEED_RATIO: f64 = 1.1;
 
 /// Returns the largest speed \[m/s\] that grains can reach by Bernoulli: from the largest difference of the reduced
 /// pressure of the water, a fall over the height of the domain, and the initial speed.
@@ -50,9 +50,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     fn lost_mass(&self, change: f64) -> Option<String> {
         let plan = &self.simulation.now.plan;
         let units = plan.units.as_ref()?;
-        let enclosed =
-            self.simulation.guards.through(plan).is_none() && plan.scene.surface.is_none();
-        (enclosed && change.abs() > LOST).then(|| {
+        let enclosed = self.simulation.guards.inflow_and_outflow(plan).is_none()
+            && plan.scene.surface.is_none();
+        (enclosed && change.abs() > WARNED_MASS_LOSS).then(|| {
             format!(
                 "the mass of the enclosed water changed by {:.2} %, and its mean pressure therefore by {:.3e} \
                  Pa: interpolated links and grains that cover and uncover cells do not conserve mass; partially \
@@ -79,7 +79,10 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             self.add_joints(joints, &mut values);
         }
         values["warnings"] = json!(warnings);
-        let feeds = self.simulation.removal.feeds(&self.simulation.now.plan);
+        let feeds = self
+            .simulation
+            .removal
+            .feed_counts(&self.simulation.now.plan);
         if !feeds.is_empty() {
             values["feeds"] = json!(feeds);
         }
@@ -155,8 +158,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     }
 
     /// Returns a warning for each region that generated fewer grains than were due.
-    fn late_feeds(&self) -> Vec<String> {
-        let feeds = self.simulation.removal.feeds(&self.simulation.now.plan);
+    fn feed_warnings(&self) -> Vec<String> {
+        let feeds = self
+            .simulation
+            .removal
+            .feed_counts(&self.simulation.now.plan);
         let late = feeds.iter().filter(|feed| feed.generated < feed.due);
         late.map(|feed| {
             format!(
@@ -180,9 +186,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                     .into(),
             );
         }
-        warnings.extend(self.late_feeds());
+        warnings.extend(self.feed_warnings());
         if let Some((step, lack)) = &self.unsaved {
-            let newest = self.saved.map_or_else(
+            let newest = self.newest_checkpoint.map_or_else(
                 || "there is no checkpoint".to_owned(),
                 |saved| format!("the newest checkpoint is that of step {saved}"),
             );
@@ -196,14 +202,14 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         let extremes = &measures.extremes;
         let bernoulli = bernoulli_speed(&now.plan.scene, extremes);
-        if now.dem.is_some() && extremes.speed > LEAPS * bernoulli {
+        if now.dem.is_some() && extremes.speed > THROWN_SPEED_RATIO * bernoulli {
             warnings.push(format!(
                 "a grain reached {:.3e} m/s, but differences of pressure and height explain at most \
                  {bernoulli:.3e} m/s (Bernoulli): the elastic energy of overlapping contacts accelerated it",
                 extremes.speed
             ));
         }
-        if extremes.water > LEAPS * bernoulli && bernoulli > 0.0 {
+        if extremes.water > THROWN_SPEED_RATIO * bernoulli && bernoulli > 0.0 {
             warnings.push(format!(
                 "the water reached {:.3e} m/s in a cell, but differences of pressure and height explain at most \
                  {bernoulli:.3e} m/s (Bernoulli): moving grains accelerated it, or an imposed flux drives it \
@@ -252,15 +258,15 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "notes": self.notes,
             "versions": versions(communicator),
         });
-        if let Some([inflow, outflow]) = guards.through(&now.plan) {
+        if let Some([inflow, outflow]) = guards.inflow_and_outflow(&now.plan) {
             values["inflow"] = inflow.into();
             values["outflow"] = outflow.into();
         }
         values
     }
 
-    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], what of it is lost, and what entered and left
-    /// through the openings. Returns a warning if much is lost. Collective.
+    /// Adds the water below a free surface: its mass [kg; kg/m in 2-D], the mass lost, and the masses that entered and
+    /// left through the openings. Returns a warning if much is lost. Collective.
     fn add_water(&self, values: &mut Value) -> Option<String> {
         let now = &self.simulation.now;
         let surface = now.lattice().and_then(|flow| flow.fluid().surface())?;
@@ -399,7 +405,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let now = &self.simulation.now;
         let communicator = now.domain.communicator();
         if now.dem.is_some() {
-            values["kinetic_energy"] = energy::of_motion(&now.particles, communicator).into();
+            values["kinetic_energy"] = energy::kinetic_energy(&now.particles, communicator).into();
         }
         if let Some(report) = blocks::summary(&now.plan, &now.particles, communicator) {
             values["blocks"] = report;
@@ -520,7 +526,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
 
 /// Measurements of a run at its end.
 struct Measures {
-    account: Account,
+    account: PhaseTimes,
     /// Wall-clock time of the whole run \[s\], then that of its loop.
     wall: f64,
     looped: f64,
@@ -575,8 +581,8 @@ fn exits(pressure: &Pressure, scene: Option<&SeepageScene>) -> Value {
     found.collect::<serde_json::Map<String, Value>>().into()
 }
 
-/// Returns the safety factors against heave of the probes for it, by their names: for Terzaghi's width of half the
-/// depth, and the minimum with its width.
+/// Returns the safety factors against heave of the heave probes, by name: for Terzaghi's width of half the depth, and
+/// the minimum with its width.
 fn heave(pressure: &Pressure, probes: &[Probe]) -> Value {
     let found = probes.iter().filter_map(|probe| {
         let ProbeAt::Heave(prisms) = &probe.at else {

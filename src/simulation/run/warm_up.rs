@@ -25,7 +25,7 @@ pub(super) struct Reached {
 }
 
 /// Lets the fluid flow around stationary grains from `reached` until it is steady, and returns the total number of
-/// steps. `attributes` go into the checkpoints that are requested meanwhile. Collective.
+/// steps. `attributes` are stored in checkpoints that are requested during the warm-up. Collective.
 ///
 /// # Errors
 /// If the fluid fails or a checkpoint cannot be written, and after a request to stop.

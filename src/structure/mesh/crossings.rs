@@ -4,14 +4,14 @@
 //! crossings on a line from it is positive: inside at least one of several intersecting shells, and outside in a
 //! cavity.
 //!
-//! A line through an edge or a vertex, or in the plane of a triangle, is shifted by [`ASIDE`] of its own size, in a
-//! direction that occurs in no drawing. It then crosses each triangle in its interior or not at all, and
+//! A line through an edge or a vertex, or in the plane of a triangle, is shifted by [`LINE_SHIFT`] of its own size,
+//! in a direction that occurs in no drawing. It then crosses each triangle in its interior or not at all, and
 //! neighbouring triangles agree because they use the same numbers for their common edge.
 
 use super::super::{Point, cross, dot, minus, norm, plus, times};
 
 /// Distance by which a line is shifted, relative to its length plus its distance from the origin.
-const ASIDE: f64 = 1e-11;
+const LINE_SHIFT: f64 = 1e-11;
 /// Direction of the shift: no two of its components have a simple ratio.
 const DIRECTION: Point = [0.577_215_6, 0.691_462_5, 0.433_012_7];
 
@@ -36,7 +36,7 @@ impl Line {
             aside,
             times(cross(along, aside), 0.3 / length.max(f64::MIN_POSITIVE)),
         );
-        let aside = times(aside, ASIDE * far / norm(aside).max(f64::MIN_POSITIVE));
+        let aside = times(aside, LINE_SHIFT * far / norm(aside).max(f64::MIN_POSITIVE));
         let longest = (0..3).max_by(|&a, &b| along[a].abs().total_cmp(&along[b].abs()));
         let z = longest.unwrap_or(2);
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);

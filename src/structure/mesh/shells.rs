@@ -107,8 +107,8 @@ pub(super) fn wind(triangles: &mut [[u32; 3]]) -> Result<Shells, String> {
     })
 }
 
-/// Reverses the shells of a closed surface that are inside out: all of them if their total volume is negative, and
-/// then those that do not lie in another one.
+/// Reverses the shells of a closed surface that are inside out: all of them if their total volume is negative, and then
+/// those that do not lie in another shell.
 pub(super) fn turn_outward(shells: &Shells, vertices: &[Point], triangles: &mut [[u32; 3]]) {
     let volume = |triangles: &[[u32; 3]], shell: Option<usize>| -> f64 {
         let base = vertices[0];

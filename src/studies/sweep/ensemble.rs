@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 /// Means of the groups of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
-    /// Index of the variation over which is averaged.
+    /// Index of the variation over which the outputs are averaged.
     varied: usize,
     /// Names of the outputs that are numbers.
     outputs: Vec<String>,
@@ -109,7 +109,7 @@ impl Ensemble {
             let mut cells = group.labels.clone();
             cells.extend([group.members.to_string(), group.finished.to_string()]);
             for mean in &group.means {
-                cells.extend(cells_of(mean.as_ref()));
+                cells.extend(statistics_cells(mean.as_ref()));
             }
             push_line(&mut text, &cells);
         }
@@ -144,8 +144,8 @@ impl Ensemble {
     }
 }
 
-/// Returns mean, scatter and both ends of the interval; empty where they are unknown.
-fn cells_of(mean: Option<&SampleMean>) -> [String; 4] {
+/// Returns the mean, the standard deviation and both ends of the interval; empty where they are unknown.
+fn statistics_cells(mean: Option<&SampleMean>) -> [String; 4] {
     let Some(mean) = mean else {
         return [const { String::new() }; 4];
     };

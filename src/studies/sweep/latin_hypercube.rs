@@ -48,7 +48,7 @@ pub struct LatinHypercube {
     pub crossed: Vec<String>,
 }
 
-/// A range of numbers of a variation.
+/// Range of numbers of a variation.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
@@ -175,8 +175,8 @@ mod tests {
         assert_eq!(hypercube(9, 1).places(0), hypercube(9, 1).places(0));
     }
 
-    /// For a sum of functions of one variable each, the variance of the mean is far below that of independent
-    /// draws, which is 2/12/n here (McKay, Beckman and Conover, section 2).
+    /// Checks a sum of functions of one variable each: the variance of its mean is far below that of independent draws,
+    /// which is 2/12/n here (McKay, Beckman and Conover, section 2).
     #[test]
     fn the_mean_of_a_sum_varies_less_than_with_independent_draws() {
         let (count, repeats) = (16_u32, 200_u32);

@@ -18,7 +18,7 @@ const MOST_FORMULAS: usize = 100;
 /// Field that allows a member beyond the limits to run.
 const LIMITS: &str = "guards.limits";
 
-/// A member of a study.
+/// Member of a study.
 #[derive(Clone, Debug)]
 pub struct Member {
     /// Name of the member and of its folder.
@@ -27,18 +27,18 @@ pub struct Member {
     pub labels: Vec<Option<String>>,
     /// Case as a JSON tree.
     pub case: Value,
-    /// The verdict of the plan on the case.
+    /// Verdict of the plan on the case.
     pub verdict: Verdict,
-    /// The findings of the plan.
+    /// Findings of the plan.
     pub problems: Vec<Problem>,
     /// Case to run; none if the case cannot be run.
     pub prepared: Option<Prepared>,
 }
 
-/// A case that can be run.
+/// Case that can be run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prepared {
-    /// The case as text.
+    /// Case as text.
     pub text: String,
     /// Hash of the text.
     pub hash: String,
@@ -62,7 +62,7 @@ impl Member {
     }
 }
 
-/// The name, labels and settings of a member before its case is made.
+/// Name, labels and settings of a member before its case is made.
 struct Draft {
     name: String,
     labels: Vec<Option<String>>,
@@ -202,7 +202,7 @@ fn varied(study: &Study) -> Vec<Draft> {
             }
             continue;
         }
-        let short = file_name(short(field, study));
+        let short = file_name(short_name(field, study));
         let labels = variation.labels();
         grid = grid
             .iter()
@@ -257,7 +257,7 @@ impl Variation {
 }
 
 /// Returns the last word of a path, or the whole path where two varied fields share that word.
-fn short<'a>(field: &'a str, study: &Study) -> &'a str {
+fn short_name<'a>(field: &'a str, study: &Study) -> &'a str {
     let last = |path: &'a str| path.rsplit('.').next().unwrap_or(path);
     let same = study
         .vary
@@ -371,7 +371,8 @@ fn make(study: &Study, base: &Value, directory: &Path, draft: Draft) -> (Member,
     (member, found)
 }
 
-/// Returns the formula to evaluate next: one that uses no field still to be set; in a cycle, the first.
+/// Returns the formula to evaluate next: one that uses no field that is still to be set, or the first formula if they
+/// form a cycle.
 fn next_formula(formulas: &[(String, String)]) -> Option<usize> {
     let waits = |(own, formula): &(String, String)| {
         let others = formulas.iter().filter(|(path, _)| path != own);

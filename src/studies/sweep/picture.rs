@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 const ANSWERS: usize = 6;
 
 /// Returns a figure of each output against the first numerical variation, or against the number of the member.
-fn answers(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
+fn output_figures(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     let varied = study.vary.0.iter().position(|(_, v)| v.is_numeric());
     let x = varied.map_or_else(
         || PlotAxis::linear("member", ""),
@@ -76,9 +76,9 @@ fn answers(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
 
 /// Returns a figure of error against cost, with a panel for each cost; without known errors, that of the outputs.
 #[must_use]
-pub fn front(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
+pub fn cost_figure(study: &Study, members: &[Member], table: &SweepTable) -> Figure {
     if table.rows.iter().all(|row| row.error.is_none()) {
-        return answers(study, members, table);
+        return output_figures(study, members, table);
     }
     let front = Front {
         study,
@@ -156,7 +156,7 @@ impl Front<'_> {
         let words = words
             .map(|(n, (x, y))| (*x, *y, (n + 1).to_string()))
             .collect();
-        layers.push(Layer::new(Shape::Words { words }, CATEGORY[0], ""));
+        layers.push(Layer::new(Shape::Texts { words }, CATEGORY[0], ""));
         let error = self.study.error.as_ref();
         Panel {
             title: title.to_owned(),
@@ -211,7 +211,7 @@ impl Front<'_> {
     }
 }
 
-/// Prediction of the plan and outcome of a member.
+/// Prediction of the plan and outcome of a member, with its coordinates on the map.
 #[derive(Clone, Debug)]
 struct Place {
     name: String,

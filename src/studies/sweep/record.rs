@@ -138,5 +138,5 @@ impl Record {
     }
 }
 
-/// Name of the record in the folder of the member.
+/// Name of the file with the record, in the folder of the member.
 pub const FILE: &str = "member.json";

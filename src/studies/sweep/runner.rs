@@ -72,14 +72,14 @@ fn solver() -> Result<PathBuf, Error> {
 /// If it cannot be started, [`Error::Io`].
 pub fn solver_version() -> Result<String, Error> {
     let path = solver()?;
-    let done = alone(Command::new(&path).arg("-V"))
+    let done = remove_rank_variables(Command::new(&path).arg("-V"))
         .output()
         .map_err(|e| Error::Io(format!("{}: {e}", path.display())))?;
     Ok(String::from_utf8_lossy(&done.stdout).trim().to_owned())
 }
 
 /// Removes the environment variables that would make the process a rank of another MPI job.
-fn alone(command: &mut Command) -> &mut Command {
+fn remove_rank_variables(command: &mut Command) -> &mut Command {
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
         let of_a_rank = ["OMPI_COMM_WORLD_", "PMI_", "SLURM_PROCID"];
@@ -289,7 +289,7 @@ impl<'a> Runner<'a> {
                 command
             }
         };
-        alone(&mut command);
+        remove_rank_variables(&mut command);
         // Ctrl-C reaches this process only: mpirun would end its ranks before they can write a checkpoint.
         command.process_group(0);
         command

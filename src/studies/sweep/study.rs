@@ -130,7 +130,7 @@ pub enum Reference {
     Number(f64),
     /// Formula of numbers of the case by path.
     Formula(String),
-    /// A reference that is read.
+    /// Reference read from a table or from another member.
     Found(FoundReference),
 }
 
@@ -213,7 +213,7 @@ impl<T> Default for Ordered<T> {
 }
 
 impl<T> Ordered<T> {
-    /// Returns the place and value of a key.
+    /// Returns the index and value of a key.
     #[must_use]
     pub fn find(&self, key: &str) -> Option<(usize, &T)> {
         let mut all = self.0.iter().enumerate();
@@ -274,7 +274,7 @@ pub(crate) fn read_document<T: DeserializeOwned>(
 ) -> Result<T, Vec<Problem>> {
     let (tree, mut problems) = text::parse(text);
     if let Some(mut tree) = tree {
-        problems.extend(check::against(schema, &mut tree));
+        problems.extend(check::problems_against(schema, &mut tree));
     }
     if !problems.is_empty() {
         for problem in problems.iter_mut().filter(|p| p.path == "the case") {
@@ -431,7 +431,7 @@ impl Study {
 }
 
 impl Variation {
-    /// Returns the labels of what it takes, in order; none for a range, whose values are drawn.
+    /// Returns the labels of the values or choices, in order; none for a range, whose values are drawn.
     pub(crate) fn labels(&self) -> Vec<String> {
         match self {
             Self::Range(_) => Vec::new(),
@@ -509,7 +509,7 @@ impl Output {
     }
 }
 
-/// Reports a formula that no names could make readable.
+/// Adds a problem if a formula cannot be read whatever names are defined.
 pub(crate) fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
@@ -517,7 +517,7 @@ pub(crate) fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
     }
 }
 
-/// Adds the problems of the sample of a study and of its ranges.
+/// Adds the problems of the sample of a study and of the ranges that it uses.
 fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     for (name, variation) in &study.vary.0 {
         let Variation::Range(range) = variation else {

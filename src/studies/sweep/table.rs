@@ -35,7 +35,7 @@ pub struct MemberRow {
     pub core_seconds: Option<f64>,
     /// Core-seconds of the whole run; none if they are unknown.
     pub run_core_seconds: Option<f64>,
-    /// Processor time \[s\]: less than the core-seconds where the run shared its cores with others.
+    /// Processor time \[s\]: less than the core-seconds if the run shared its cores with other processes.
     pub processor_seconds: Option<f64>,
     /// Peak memory of all ranks together \[bytes\].
     pub memory: Option<f64>,
@@ -47,17 +47,17 @@ pub struct MemberRow {
     pub pareto_time: bool,
     /// `true` if the member is in the Pareto set of error against memory.
     pub pareto_memory: bool,
-    /// Hash of the last state.
+    /// Hash of the final state.
     pub state_hash: String,
     /// Commit of the program.
     pub commit: String,
-    /// Remarks.
+    /// Remarks on the member.
     pub note: String,
 }
 
 /// Output of a member as read.
 #[derive(Clone, Debug)]
-enum Found {
+enum ReadOutput {
     Number(f64),
     Profile(Profile),
 }
@@ -265,7 +265,7 @@ impl MemberRow {
         member: &Member,
         beside: &Path,
         folder: &Path,
-    ) -> Vec<Option<Found>> {
+    ) -> Vec<Option<ReadOutput>> {
         let mut named: BTreeMap<&str, f64> = BTreeMap::new();
         let mut all = Vec::new();
         for (name, output) in &study.outputs.0 {
@@ -274,7 +274,7 @@ impl MemberRow {
             let found = found
                 .map_err(|why| self.add_note(&format!("{name}: {why}")))
                 .ok();
-            if let Some(Found::Number(number)) = &found {
+            if let Some(ReadOutput::Number(number)) = &found {
                 named.insert(name, *number);
             }
             self.outputs.push(named.get(name.as_str()).copied());
@@ -344,20 +344,20 @@ fn read_output(
     beside: &Path,
     folder: &Path,
     known: &dyn Fn(&str) -> Option<f64>,
-) -> Result<Found, String> {
+) -> Result<ReadOutput, String> {
     if let Some(formula) = &output.is {
-        return evaluate(formula, known).map(Found::Number);
+        return evaluate(formula, known).map(ReadOutput::Number);
     }
     if let Some(over) = &output.over {
         return output
             .measure
             .profile(folder, over, known)
-            .map(Found::Profile);
+            .map(ReadOutput::Profile);
     }
     output
         .measure
         .number(folder, beside, known)
-        .map(Found::Number)
+        .map(ReadOutput::Number)
 }
 
 /// Comparison of a member with the references.
@@ -365,7 +365,7 @@ struct Comparison<'a> {
     study: &'a Study,
     members: &'a [Member],
     beside: &'a Path,
-    found: &'a [Vec<Option<Found>>],
+    found: &'a [Vec<Option<ReadOutput>>],
     at: usize,
 }
 
@@ -382,12 +382,12 @@ impl Comparison<'_> {
         };
         let member = &self.members[self.at];
         let wanted = match reference {
-            Reference::Number(number) => Found::Number(*number),
+            Reference::Number(number) => ReadOutput::Number(*number),
             Reference::Formula(formula) => {
-                Found::Number(evaluate(formula, &|word| member.number(word))?)
+                ReadOutput::Number(evaluate(formula, &|word| member.number(word))?)
             }
             Reference::Found(FoundReference::Table(path)) => {
-                Found::Profile(Profile::read(&self.beside.join(path))?)
+                ReadOutput::Profile(Profile::read(&self.beside.join(path))?)
             }
             Reference::Found(FoundReference::Member(other)) => {
                 let other = self.members.iter().position(|m| m.name == *other);
@@ -405,21 +405,21 @@ impl Comparison<'_> {
         };
         let mine = self.found[self.at].get(n).cloned().flatten();
         Ok(match (mine, wanted) {
-            (Some(Found::Number(mine)), Found::Number(wanted)) => {
+            (Some(ReadOutput::Number(mine)), ReadOutput::Number(wanted)) => {
                 // A reference of exactly 0 requires the absolute error.
                 let size = if wanted == 0.0 { 1.0 } else { wanted.abs() };
                 (Some(wanted), Some((mine - wanted).abs() / size))
             }
-            (Some(Found::Profile(mine)), Found::Profile(wanted)) => {
+            (Some(ReadOutput::Profile(mine)), ReadOutput::Profile(wanted)) => {
                 (None, Some(mine.error(&wanted, output.norm)?))
             }
-            (_, Found::Number(wanted)) => (Some(wanted), None),
+            (_, ReadOutput::Number(wanted)) => (Some(wanted), None),
             _ => (None, None),
         })
     }
 
     /// Returns an output of another member; none for the member itself.
-    fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<Found>, String> {
+    fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<ReadOutput>, String> {
         let other = other.filter(|other| *other != self.at);
         let Some(other) = other else { return Ok(None) };
         let found = self.found[other].get(output).cloned().flatten();

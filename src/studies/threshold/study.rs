@@ -143,13 +143,14 @@ impl ThresholdStudy {
             found.push(problem("search.from", &from.to_string(), reason, remedy));
         }
         if !(to - from).is_finite() {
-            let reason = "the width of the interval is no number".into();
+            let reason = "the width of the interval is not a finite number".into();
             let remedy = "use a narrower interval";
             found.push(problem("search.to", &to.to_string(), reason, remedy));
         }
         if matches!(tolerance, Tolerance::Relative(_)) && from <= 0.0 && to >= 0.0 {
-            let reason =
-                format!("the interval from {from} to {to} contains 0, where no width is a share");
+            let reason = format!(
+                "the interval from {from} to {to} contains 0, where a relative width is not defined"
+            );
             let remedy = "write {\"absolute\": ..} in the unit of the field";
             found.push(problem("search.tolerance", "relative", reason, remedy));
         }
@@ -162,7 +163,7 @@ impl ThresholdStudy {
             found.push(problem("run.at_once", &value, reason, &remedy));
         }
         if self.set.contains_key(field) {
-            let reason = "the field is searched, and has no other value".into();
+            let reason = "the search sets this field, so that it cannot have another value".into();
             let remedy = "leave it out of `set`";
             found.push(problem(&format!("set.{field}"), "searched", reason, remedy));
         }

@@ -41,7 +41,7 @@ const NO_ANSWERS: &[&str] = &[
     "known",
     "difference",
 ];
-/// Columns of probes that are given by the case.
+/// Columns of probes that do not depend on the solution.
 const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];
 /// Maximum number of values of a list in `summary.json` that are answers.
 const LONGEST_LIST: usize = 20;
@@ -49,9 +49,9 @@ const LONGEST_LIST: usize = 20;
 /// Numerical result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// Unit; empty if the file states none.
+    /// Unit; empty if the file states no unit.
     pub unit: String,
-    /// Value.
+    /// Value of the result.
     pub value: f64,
     /// Scale with which differences are compared: the magnitude of the value, or of the vector of which it is a
     /// component.
@@ -84,7 +84,7 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
         .map_err(|e| e.to_string())?;
     let summary: Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
     for entry in SUMMARY {
-        walk(entry, &summary[*entry], &mut found);
+        collect_numbers(entry, &summary[*entry], &mut found);
     }
     let flux = if plan.scene.grid.dimension == 2 {
         "m2/s"
@@ -100,7 +100,7 @@ pub fn read(plan: &Plan, folder: &Path) -> Result<Answers, String> {
 }
 
 /// Collects the numbers below an entry of the summary.
-fn walk(path: &str, value: &Value, found: &mut Answers) {
+fn collect_numbers(path: &str, value: &Value, found: &mut Answers) {
     match value {
         Value::Number(number) => {
             if let Some(value) = number.as_f64().filter(|v| v.is_finite()) {
@@ -112,13 +112,13 @@ fn walk(path: &str, value: &Value, found: &mut Answers) {
                 .iter()
                 .filter(|(key, _)| !NO_ANSWERS.contains(&key.as_str()));
             for (key, child) in children {
-                walk(&format!("{path}.{key}"), child, found);
+                collect_numbers(&format!("{path}.{key}"), child, found);
             }
             share_scale(path, found);
         }
         Value::Array(list) if list.len() <= LONGEST_LIST => {
             for (n, child) in list.iter().enumerate() {
-                walk(&format!("{path}[{n}]"), child, found);
+                collect_numbers(&format!("{path}[{n}]"), child, found);
             }
             // The openings of a seepage are not axes.
             if list.len() <= 3 && !path.ends_with("patch_inflows") {
@@ -396,7 +396,7 @@ mod tests {
         let mut found = Answers::new();
         let summary = json!({"inflow": 2.0, "iterations": 4,
             "force_on_grains": [3.0, 0.0, 4.0], "patch_inflows": [5.0, -5.0], "mean": {"x": 6.0, "y": 8.0}});
-        walk("seepage", &summary, &mut found);
+        collect_numbers("seepage", &summary, &mut found);
         assert_eq!(found["seepage.inflow"].value, 2.0);
         assert_eq!(found["seepage.force_on_grains[1]"].scale, 5.0);
         assert_eq!(found["seepage.mean.x"].scale, 10.0);

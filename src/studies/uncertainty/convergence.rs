@@ -34,9 +34,9 @@ use base::number::real;
 use serde::Serialize;
 
 /// Factor of safety for three grids in the asymptotic range.
-const SAFE: f64 = 1.25;
+const SAFETY_FACTOR: f64 = 1.25;
 /// Factor of safety for two grids and unclear orders.
-const CAUTIOUS: f64 = 3.0;
+const CAUTIOUS_FACTOR: f64 = 3.0;
 /// Maximum relative deviation of the apparent order from the formal one in the asymptotic range.
 const ASYMPTOTIC: f64 = 0.1;
 /// Minimum order used.
@@ -166,8 +166,8 @@ impl Series {
         if range <= self.rounding {
             return Estimate {
                 extrapolated: Some(first.1),
-                factor: Some(CAUTIOUS),
-                uncertainty: Some(CAUTIOUS * range),
+                factor: Some(CAUTIOUS_FACTOR),
+                uncertainty: Some(CAUTIOUS_FACTOR * range),
                 ..none(Behaviour::Equal)
             };
         }
@@ -184,10 +184,10 @@ impl Series {
             }
         };
         let Some(third) = rest.first() else {
-            let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS);
+            let mut found = by_order(Behaviour::TwoGrids, None, self.formal, CAUTIOUS_FACTOR);
             // Errors of staircases may cancel in a single difference.
             let first_order = richardson([first.1, second.1], ratio, self.formal.min(1.0));
-            found.uncertainty = Some(CAUTIOUS * (own - first_order).abs());
+            found.uncertainty = Some(CAUTIOUS_FACTOR * (own - first_order).abs());
             return found;
         };
         let values = [first.1, second.1, third.1];
@@ -202,9 +202,9 @@ impl Series {
         }
         let order = observed.clamp(LEAST_ORDER, self.formal);
         if observed >= (1.0 - ASYMPTOTIC) * self.formal {
-            by_order(Behaviour::Asymptotic, Some(observed), order, SAFE)
+            by_order(Behaviour::Asymptotic, Some(observed), order, SAFETY_FACTOR)
         } else {
-            by_order(Behaviour::Monotone, Some(observed), order, CAUTIOUS)
+            by_order(Behaviour::Monotone, Some(observed), order, CAUTIOUS_FACTOR)
         }
     }
 
@@ -224,13 +224,13 @@ impl Series {
         };
         let there = fit.value + fit.slope * self.values[self.at].0.powf(fit.order);
         let error = (there - fit.value).abs();
-        let sum = CAUTIOUS * error + fit.deviation + (own - there).abs();
+        let sum = CAUTIOUS_FACTOR * error + fit.deviation + (own - there).abs();
         Estimate {
             behaviour,
             observed_order: Some(observed),
             order: Some(fit.order),
             extrapolated: Some(fit.value),
-            factor: Some(CAUTIOUS),
+            factor: Some(CAUTIOUS_FACTOR),
             uncertainty: Some(sum.max(least)),
         }
     }
@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
 
-    /// The three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
+    /// Three columns of the sample calculations of Celik et al. 2008: cells of the grids in the plane; values; p,
     /// extrapolated value, index [%]. The third series oscillates.
     const CELIK: [([f64; 3], [f64; 3], [f64; 3]); 3] = [
         (
@@ -351,7 +351,7 @@ mod tests {
                 (phi - extrapolated).abs() < 1e-4,
                 "{phi} for {extrapolated}"
             );
-            let found = 100.0 * SAFE * (phi - values[0]).abs() / values[0];
+            let found = 100.0 * SAFETY_FACTOR * (phi - values[0]).abs() / values[0];
             assert!((found - index).abs() < 0.05, "{found} for {index}");
         }
     }
@@ -365,7 +365,7 @@ mod tests {
         }
     }
 
-    /// Returns 3 + a h^p on three grids whose ratios differ.
+    /// Returns 3 + a h^p on three grids with two different ratios.
     fn power(a: f64, p: f64) -> Vec<(f64, f64)> {
         let grids: [f64; 3] = [0.1, 0.16, 0.3];
         grids.iter().map(|h| (*h, 3.0 + a * h.powf(p))).collect()
@@ -421,8 +421,8 @@ mod tests {
         assert!(found.uncertainty.unwrap() >= 0.5 * (6.0909 - 5.9624));
     }
 
-    /// Drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2 % from
-    /// the published 1.1159e-2.
+    /// Checks the drag of a cylinder at Re 20 on cells of 5, 8.9 and 15.8 mm: the two finer values agree by chance, 0.2
+    /// % from the published 1.1159e-2.
     #[test]
     fn a_fine_difference_that_is_small_by_chance_is_not_taken_for_the_error() {
         let values = [

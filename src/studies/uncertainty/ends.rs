@@ -1,9 +1,9 @@
 //! The case with the closed ends of its seepage moved outwards.
 //!
-//! The ends move to three leakage lengths from the imposed heads ([`plan::ends`]), and at least to twice
-//! their distance. Everything that has a position moves with the lower end: patches, zones, planes, structures
-//! and probes. Patches, boxes and layers that reach an end reach the new one. A case without ends, or with a
-//! position that is not known here, cannot be moved.
+//! The ends move to three leakage lengths from the imposed heads ([`plan::ends`]), and at least to twice their
+//! distance. Everything that has a position moves with the lower end: patches, zones, planes, structures and probes.
+//! Patches, boxes and layers that reach an end reach the new one. A case without ends, or with a field that this module
+//! does not know to be a position, cannot be moved.
 
 use super::grids;
 use base::number::whole;
@@ -18,9 +18,9 @@ const SECTIONS: [&str; 4] = [
     "/fluid/darcy/enclosure",
     "/structures",
 ];
-/// Fields that contain a point.
+/// Fields whose value is a point.
 const POINTS: [&str; 6] = ["from", "to", "point", "position", "centre", "origin"];
-/// Fields that contain a vector or a list without a position.
+/// Fields whose value is a vector or a list without a position.
 const FREE: [&str; 2] = ["normal", "cells"];
 
 /// Positions along an axis before and after the ends move.
@@ -29,7 +29,7 @@ struct Shift {
     dimension: usize,
     /// Old ends \[m\].
     old: [f64; 2],
-    /// Displacement of all positions, and the new ends \[m\].
+    /// Displacement of all positions \[m\].
     by: f64,
     new: [f64; 2],
 }
@@ -182,7 +182,8 @@ mod tests {
     use case::Document;
     use std::path::Path;
 
-    /// A dam of 20 m on 4 m of gravel under a cover of 2 m, ends `beyond` the heads; the leakage length is 44.7 m.
+    /// Returns the plan of a dam of 20 m on 4 m of gravel under a cover of 2 m, with ends at a distance `beyond` from
+    /// the heads; the leakage length is 44.7 m.
     fn plan(beyond: f64) -> Plan {
         let length = 20.0 + 2.0 * beyond;
         let case = json!({
@@ -214,7 +215,7 @@ mod tests {
     #[test]
     fn ends_move_to_three_leakage_lengths_with_all_that_lies_between() {
         let plan = plan(40.0);
-        let mut case = grids::stated(&plan).unwrap();
+        let mut case = grids::with_choices_stated(&plan).unwrap();
         let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("40.0000 to 135.0000 m"), "{change}");
         assert_eq!(case["domain"]["size"][0], json!(290.0));
@@ -237,7 +238,7 @@ mod tests {
     #[test]
     fn ends_far_away_move_to_twice_their_distance() {
         let plan = plan(140.0);
-        let mut case = grids::stated(&plan).unwrap();
+        let mut case = grids::with_choices_stated(&plan).unwrap();
         let change = move_ends(&mut case, &plan).unwrap();
         assert!(change.contains("140.0000 to 280.0000 m"), "{change}");
     }

@@ -142,7 +142,7 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     let allowed =
         smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
     let mut chosen = Vec::new();
-    let coarser = pick(common, wanted, allowed, if finer { 1 } else { 2 });
+    let coarser = coarser_ratios(common, wanted, allowed, if finer { 1 } else { 2 });
     // If no coarser cells divide the edges, a finer grid is used.
     if finer || coarser.is_empty() {
         let cells = whole((FINER_RATIO * real(common)).round()).max(common + 1);
@@ -157,7 +157,7 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
 /// that failed, and is as near as possible to the middle between these and the next finer ones that ran. If no
 /// coarser grid failed, it is coarser than all that ran. The last choice is a grid finer than that of the case.
 #[must_use]
-pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
+pub fn replacement_grid(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let grid = &scene.grid;
     if scene.seepage.is_some() {
         return None;
@@ -168,11 +168,17 @@ pub fn another(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
     let wanted = RATIO[usize::from(grid.dimension == 3)];
     let allowed =
         smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
-    other(common, wanted, allowed, usable, failed)
+    common_divisor_grid(common, wanted, allowed, usable, failed)
 }
 
-/// Returns the result of [`another`] for edges with `common` cells in their common divisor.
-fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64]) -> Option<f64> {
+/// Returns the result of [`replacement_grid`] for edges with `common` cells in their common divisor.
+fn common_divisor_grid(
+    common: usize,
+    wanted: f64,
+    allowed: f64,
+    usable: &[f64],
+    failed: &[f64],
+) -> Option<f64> {
     let apart = |a: f64, b: f64| (a / b).max(b / a);
     let new = |ratio: f64| {
         usable
@@ -205,7 +211,7 @@ fn other(common: usize, wanted: f64, allowed: f64, usable: &[f64], failed: &[f64
 
 /// Returns up to `number` coarser grids, each as near as possible to the wanted ratio to the previous one, with
 /// cells at most `allowed` times as large.
-fn pick(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
+fn coarser_ratios(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
     let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
     let mut before = common;
@@ -262,7 +268,7 @@ pub fn formal_order(scene: &Scene) -> f64 {
 ///
 /// # Errors
 /// If the plan is not that of a case, [`Error::Internal`].
-pub fn stated(plan: &Plan) -> Result<Value, Error> {
+pub fn with_choices_stated(plan: &Plan) -> Result<Value, Error> {
     let wrong = |e: serde_json::Error| Error::Internal(format!("the case as planned: {e}"));
     let mut tree: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
     let scene = &plan.scene;
@@ -411,7 +417,7 @@ mod tests {
             (2, 1),
             (1, 0),
         ] {
-            let found = pick(cells, 1.8, f64::INFINITY, 2);
+            let found = coarser_ratios(cells, 1.8, f64::INFINITY, 2);
             assert_eq!(found.len(), number, "{cells}: {found:?}");
             let mut before = 1.0;
             for ratio in found {
@@ -422,14 +428,14 @@ mod tests {
             }
         }
         // 40, 22, 12 cells: 1.82 and 1.83. They cost 0.09 and 0.008 of the case in 2-D.
-        let found = pick(40, 1.8, f64::INFINITY, 2);
+        let found = coarser_ratios(40, 1.8, f64::INFINITY, 2);
         assert_eq!(found, [40.0 / 22.0, 40.0 / 12.0]);
         // A body of eight cells keeps four of them, one of six cells allows one grid, one of five none.
-        let found = pick(40, 1.8, 2.0, 2);
+        let found = coarser_ratios(40, 1.8, 2.0, 2);
         assert!(found.len() == 2 && found[1] <= 2.0, "{found:?}");
-        let found = pick(40, 1.8, 1.5, 2);
+        let found = coarser_ratios(40, 1.8, 1.5, 2);
         assert!(found.len() == 1 && found[0] <= 1.5, "{found:?}");
-        assert!(pick(40, 1.8, 1.25, 2).is_empty());
+        assert!(coarser_ratios(40, 1.8, 1.25, 2).is_empty());
     }
 
     #[test]
@@ -441,24 +447,52 @@ mod tests {
         // Of 40, 22 and 12 cells, 12 fail: ratios from 2.36 to 3.33 are possible, their middle is 2.82, and 14
         // cells give 2.86.
         let usable = [1.0, 40.0 / 22.0];
-        near(other(40, 1.8, none, &usable, &[40.0 / 12.0]), 14.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &usable, &[40.0 / 12.0]),
+            14.0,
+            40.0,
+        );
         // Next 15 cells; 17 are within a ratio of 1.3 of 22, and 29 are between those that ran. The finer grid is
         // the last choice.
         let mut failed = vec![40.0 / 14.0, 40.0 / 12.0];
-        near(other(40, 1.8, none, &usable, &failed), 15.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &usable, &failed),
+            15.0,
+            40.0,
+        );
         failed[0] = 40.0 / 16.0;
-        near(other(40, 1.8, none, &usable, &failed), 29.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &usable, &failed),
+            29.0,
+            40.0,
+        );
         failed[0] = 40.0 / 29.0;
-        near(other(40, 1.8, none, &usable, &failed), 60.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &usable, &failed),
+            60.0,
+            40.0,
+        );
         let usable = [2.0 / 3.0, 1.0, 40.0 / 22.0];
-        assert_eq!(other(40, 1.8, none, &usable, &failed), None);
+        assert_eq!(common_divisor_grid(40, 1.8, none, &usable, &failed), None);
         // All coarser ones failed: 26 cells lie between the ratios 1.3 and 1.82.
         let failed = [40.0 / 22.0, 40.0 / 12.0];
-        near(other(40, 1.8, none, &[1.0], &failed), 26.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &[1.0], &failed),
+            26.0,
+            40.0,
+        );
         // The finer one failed: the new one is coarser than all.
         let usable = [1.0, 40.0 / 22.0];
-        near(other(40, 1.8, none, &usable, &[2.0 / 3.0]), 12.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, none, &usable, &[2.0 / 3.0]),
+            12.0,
+            40.0,
+        );
         // If a body requires its cells, one grid between the others.
-        near(other(40, 1.8, 2.0, &usable, &[2.0 / 3.0]), 29.0, 40.0);
+        near(
+            common_divisor_grid(40, 1.8, 2.0, &usable, &[2.0 / 3.0]),
+            29.0,
+            40.0,
+        );
     }
 }

@@ -73,7 +73,7 @@ fn wrong(e: serde_json::Error) -> Error {
 
 /// Returns the case on the coarsest cells that can run, and their spacing divided by that of the case.
 fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
-    let stated = grids::stated(plan)?;
+    let stated = grids::with_choices_stated(plan)?;
     let ratios = grids::ratios(&plan.scene, false);
     let most = MOST_COST * plan.estimate.seconds_on_one_core;
     let (mut problems, mut costly) = (Vec::new(), false);

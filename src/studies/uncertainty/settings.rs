@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 /// Setting with the case under its next more accurate value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Name in words.
+    /// Name of the setting in words.
     pub name: &'static str,
     /// Name as part of a folder's name.
     pub folder: &'static str,
@@ -40,8 +40,8 @@ const STIFFER: f64 = 4.0;
 /// Constant of WALE in the comparison.
 const OTHER_WALE: f64 = 0.325;
 
-/// Function that changes a setting of the case, stated on the cells of the comparison; `None` if the scene does not
-/// have the setting.
+/// Function that changes a setting of the case with stated cells and returns a description of the change; `None` if the
+/// scene does not have the setting.
 type Change = fn(&mut Value, &Plan, Scaling) -> Option<String>;
 
 /// All settings.

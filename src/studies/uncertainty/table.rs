@@ -9,12 +9,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 /// Drift above which an answer has not settled.
-const SETTLED: f64 = 1e-3;
+const LEAST_UNSETTLED_DRIFT: f64 = 1e-3;
 /// Maximum difference, relative to the scale of an answer, that is attributed to rounding, for populations in f64
 /// and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
 /// Rounding in lattice units for f64 and f32, applied to pressure, force and other quantities.
-const OF_UNIT: [f64; 2] = [1e-12, 1e-6];
+const LATTICE_ROUNDING: [f64; 2] = [1e-12, 1e-6];
 /// Fraction of the magnitude of a vector below which a component counts as zero.
 const ZERO: f64 = 1e-9;
 
@@ -42,7 +42,7 @@ impl Noise {
             "rad/s" => 1.0 / units.time_step,
             _ => 0.0,
         });
-        scale * OF_UNIT[usize::from(self.single)]
+        scale * LATTICE_ROUNDING[usize::from(self.single)]
     }
 
     /// Returns `true` if values are zero within rounding.
@@ -79,9 +79,9 @@ pub struct GridData {
 /// Row of the table: an answer with its uncertainty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AnswerRow {
-    /// The answer.
+    /// Name of the answer.
     pub answer: String,
-    /// Unit.
+    /// Unit of the answer.
     pub unit: String,
     /// Value in the run of the case.
     pub value: f64,
@@ -90,7 +90,7 @@ pub struct AnswerRow {
     /// Estimate from the grids.
     #[serde(flatten)]
     pub estimate: Estimate,
-    /// Change in time between the last two tenths of the run.
+    /// Drift: change in time between the last two tenths of the run.
     pub drift: Option<f64>,
     /// `true` if the answer has settled; none if the drift was not measured.
     pub settled: Option<bool>,
@@ -101,24 +101,24 @@ pub struct AnswerRow {
 /// Changes of the answers under another value of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
-    /// The setting.
+    /// Name of the setting.
     pub setting: String,
     /// Description of the change: old value to new value.
     pub change: String,
     /// Folder of the run.
     pub folder: String,
-    /// Folder of the run with which it is compared.
+    /// Folder of the run that the changes are relative to.
     pub beside: String,
     /// Reason for missing changes; empty if there are changes.
     pub missing: String,
     /// Changes of the answers.
-    pub changes: Vec<Change>,
+    pub changes: Vec<AnswerChange>,
 }
 
-/// The change of an answer.
+/// Change of an answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Change {
-    /// The answer.
+pub struct AnswerChange {
+    /// Name of the answer.
     pub answer: String,
     /// Value under the setting of the case.
     pub before: f64,
@@ -137,7 +137,7 @@ pub struct UncertaintyTable {
     pub formal_order: f64,
     /// Consequence of the number of grids with answers; empty if all have answers.
     pub conclusion: String,
-    /// The grids, from fine to coarse.
+    /// Grids, from fine to coarse.
     pub grids: Vec<GridData>,
     /// Answers with their uncertainties.
     pub answers: Vec<AnswerRow>,
@@ -201,7 +201,7 @@ pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<Ans
             values: series.values.iter().map(|v| v.1).collect(),
             estimate: series.estimate(),
             drift: answer.drift,
-            settled: answer.drift.map(|drift| drift <= SETTLED),
+            settled: answer.drift.map(|drift| drift <= LEAST_UNSETTLED_DRIFT),
             scale: answer.scale,
         })
     };
@@ -224,7 +224,7 @@ pub fn sensitivity(
             let zero = noise.is_zero([old.value, new.value].into_iter(), old);
             let relative = (new.value - old.value) / old.scale.max(f64::MIN_POSITIVE);
             if !zero && relative.is_finite() {
-                changes.push(Change {
+                changes.push(AnswerChange {
                     answer: name.clone(),
                     before: old.value,
                     after: new.value,
@@ -256,9 +256,9 @@ impl AnswerRow {
     /// interval.
     #[must_use]
     pub fn why_wide(&self) -> Option<String> {
-        self.relative().filter(|half| *half > WIDE)?;
+        self.relative().filter(|half| *half > WIDE_INTERVAL)?;
         let mut causes: Vec<String> = Vec::new();
-        if self.value.abs() < SMALL * self.scale {
+        if self.value.abs() < SMALL_VALUE * self.scale {
             causes.push(format!(
                 "the value is only {} of {:.3e}, the scale of its quantity: it is a small difference of large \
                  terms",
@@ -298,7 +298,7 @@ impl AnswerRow {
         Some(causes.join("; "))
     }
 
-    /// Returns a description of the drift.
+    /// Returns a description of the drift of an answer.
     #[must_use]
     pub fn rest(&self) -> String {
         match (self.settled, self.drift) {
@@ -310,7 +310,7 @@ impl AnswerRow {
 }
 
 /// Returns a number with five digits, or a dash.
-fn short(number: Option<f64>) -> String {
+fn five_digits(number: Option<f64>) -> String {
     number.map_or_else(|| "-".to_owned(), |x| format!("{x:.5e}"))
 }
 
@@ -320,7 +320,7 @@ fn percent(number: Option<f64>) -> String {
 
 /// Returns the answers that the terminal shows: of a line of probes, the one with the largest uncertainty relative
 /// to the scale of the line.
-fn shown(rows: &[AnswerRow]) -> Vec<(&AnswerRow, usize)> {
+fn shown_answers(rows: &[AnswerRow]) -> Vec<(&AnswerRow, usize)> {
     let mut shown: Vec<(&AnswerRow, usize)> = Vec::new();
     let family = |row: &AnswerRow| {
         row.answer
@@ -384,10 +384,12 @@ impl UncertaintyTable {
 
     /// Returns a line for each wide interval among the answers that the terminal shows.
     fn wide_lines(&self) -> impl Iterator<Item = String> + '_ {
-        shown(&self.answers).into_iter().filter_map(|(row, _)| {
-            let why = row.why_wide()?;
-            Some(format!("wide interval of {}: {why}", row.answer))
-        })
+        shown_answers(&self.answers)
+            .into_iter()
+            .filter_map(|(row, _)| {
+                let why = row.why_wide()?;
+                Some(format!("wide interval of {}: {why}", row.answer))
+            })
     }
 
     /// Returns lines on the grids and the conclusion.
@@ -426,7 +428,7 @@ impl UncertaintyTable {
             "in time",
         ];
         let mut cells = vec![head.map(str::to_owned)];
-        for (row, number) in shown(&self.answers) {
+        for (row, number) in shown_answers(&self.answers) {
             let estimate = &row.estimate;
             let others = if number > 1 {
                 format!(" (worst of {number})")
@@ -440,13 +442,13 @@ impl UncertaintyTable {
             };
             cells.push([
                 format!("{}{others}", row.answer),
-                format!("{}{unit}", short(Some(row.value))),
+                format!("{}{unit}", five_digits(Some(row.value))),
                 match estimate.uncertainty {
-                    Some(_) => short(estimate.uncertainty),
+                    Some(_) => five_digits(estimate.uncertainty),
                     None => "not promised".to_owned(),
                 },
                 percent(row.relative()),
-                short(estimate.extrapolated),
+                five_digits(estimate.extrapolated),
                 estimate
                     .observed_order
                     .map_or_else(|| "-".to_owned(), |p| format!("{p:.2}")),
@@ -466,7 +468,7 @@ impl UncertaintyTable {
                 let (name, change) = (setting.setting.clone(), setting.change.clone());
                 [name, change, answer.to_owned(), a, b, c]
             };
-            let seen: Vec<&Change> = setting
+            let seen: Vec<&AnswerChange> = setting
                 .changes
                 .iter()
                 .filter(|change| change.relative.abs() >= LEAST_CHANGE)
@@ -482,8 +484,8 @@ impl UncertaintyTable {
             }
             for change in seen.iter().take(MOST_CHANGES) {
                 let numbers = [
-                    short(Some(change.before)),
-                    short(Some(change.after)),
+                    five_digits(Some(change.before)),
+                    five_digits(Some(change.after)),
                     percent(Some(change.relative)),
                 ];
                 cells.push(row(&change.answer, numbers));
@@ -590,11 +592,11 @@ const MOST_CHANGES: usize = 6;
 const LEAST_CHANGE: f64 = 1e-4;
 
 /// Half width divided by the value above which an interval counts as wide.
-const WIDE: f64 = 0.2;
+const WIDE_INTERVAL: f64 = 0.2;
 
 /// Value divided by its scale below which rounding and staircase errors of larger terms dominate its relative
 /// width.
-const SMALL: f64 = 0.1;
+const SMALL_VALUE: f64 = 0.1;
 
 /// Returns the rows with columns of equal width.
 fn aligned<const N: usize>(rows: &[[String; N]]) -> Vec<String> {

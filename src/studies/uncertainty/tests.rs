@@ -25,7 +25,7 @@ fn what_the_program_chose_is_stated_on_the_same_cells() {
             continue;
         };
         let own = plan(found.text, &[]);
-        let stated = grids::stated(&own).unwrap();
+        let stated = grids::with_choices_stated(&own).unwrap();
         let again = plan(&stated.to_string(), &[]);
         assert_eq!(again.scene.grid, own.scene.grid, "{name}");
         assert_eq!(again.scene.contact, own.scene.contact, "{name}");
@@ -108,7 +108,7 @@ fn fast_flow_keeps_its_lattice_velocity_and_halves_it_once() {
     approx::assert_relative_eq!(velocity(&slow), 0.5 * velocity(&own), max_relative = 0.02);
 }
 
-/// A seepage through loose grains.
+/// Seepage through loose grains.
 const SEEPAGE: &str = r#"{
     "domain": {"size": [0.02, 0.02, 0.04], "spacing": 0.01}, "gravity": [0, 0, -9.81],
     "materials": {"sand": {"density": 2650}},
@@ -173,8 +173,8 @@ fn seepage_has_one_grid_and_its_settings_one_run_each() {
     }
 }
 
-/// A seepage round a sheet pile has no grains and no time step: its own cells are changed, and its openings stay where
-/// they are.
+/// Checks that a seepage round a sheet pile, which has no grains and no time step, is refined by its own cells while
+/// its openings keep their positions.
 #[test]
 fn seepage_without_grains_has_grids_of_its_own_cells() {
     let own = example("sheet-pile", &[]);

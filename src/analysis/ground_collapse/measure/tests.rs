@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Spacing of the grains, their diameter too \[m\].
+/// Spacing of the grains, equal to their diameter \[m\].
 const D: f64 = 0.01;
 /// Edge of a cell \[m\].
 const EDGE: f64 = 2.0 * D;
@@ -10,7 +10,8 @@ const EDGE: f64 = 2.0 * D;
 const COUNT: [usize; 3] = [12, 4, 8];
 const LAYERS: usize = 6;
 
-/// A grain lies wholly in the cell of its centre here: 8 of them in a cell of 2 x 2 x 2 diameters.
+/// Returns the solid volume of a grain in a cell. A grain is treated as lying wholly in the cell of its centre: there
+/// are 8 grains in a cell of 2 x 2 x 2 diameters.
 fn overlap(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f64 {
     let inside = (0..3).all(|a| (lower[a]..upper[a]).contains(&centre[a]));
     if inside {
@@ -20,7 +21,7 @@ fn overlap(centre: [f64; 3], radius: f64, lower: [f64; 3], upper: [f64; 3]) -> f
     }
 }
 
-/// Returns a cubic packing; `edit` takes a grain out (false) or moves it.
+/// Returns a cubic packing; `edit` moves a grain, or removes it by returning `false`.
 fn packing(edit: impl Fn(&mut MeasuredGrain) -> bool) -> Vec<MeasuredGrain> {
     let mut grains = Vec::new();
     for z in 0..2 * LAYERS {
@@ -50,8 +51,8 @@ fn cells() -> Cells {
     Cells::new(COUNT.map(|n| real(n) * EDGE), COUNT)
 }
 
-fn ground() -> Ground {
-    Ground::new(cells(), &packing(|_| true), D, overlap)
+fn ground() -> InitialGround {
+    InitialGround::new(cells(), &packing(|_| true), D, overlap)
 }
 
 /// Returns an opening two cells long and two wide in the bottom.
@@ -90,7 +91,7 @@ fn whole_ground_has_no_void_and_does_not_move() {
     }
 }
 
-/// A box-shaped cavity three cells high over the first point, and a closed one that belongs to no point.
+/// Checks a box-shaped cavity three cells high over the first point, and a closed cavity that belongs to no point.
 #[test]
 fn a_cavity_under_an_arch_is_measured_and_a_closed_one_is_not_its() {
     let cavity = |at: [f64; 3]| {
@@ -123,7 +124,7 @@ fn voids_that_have_met_are_one() {
     assert_eq!(seen.points[0].void_volume, seen.points[1].void_volume);
 }
 
-/// Less than half of the solid must be left.
+/// Checks that a cell is void if less than half of its solid remains.
 #[test]
 fn a_cell_with_a_quarter_of_its_solid_is_void_and_one_with_three_quarters_is_not() {
     // Of the 2 x 2 x 2 grains of each cell of the lowest layer one edge is gone, or all but one edge.
@@ -138,7 +139,7 @@ fn a_cell_with_a_quarter_of_its_solid_is_void_and_one_with_three_quarters_is_not
     assert!(near(seen.void_volume, missing), "{}", seen.void_volume);
 }
 
-/// A cone of depth 4 d: the settlement of a column is that of the highest grain left in it.
+/// Checks a cone of depth 4 d: the settlement of a column is that of the highest grain left in it.
 #[test]
 fn a_cone_settles_as_deep_as_it_is() {
     let middle = [6.0 * EDGE, 2.0 * EDGE];
@@ -173,7 +174,7 @@ fn a_cone_settles_as_deep_as_it_is() {
     assert!(seen.depression.length >= 2.0 * EDGE && seen.depression.length <= 4.0 * EDGE);
 }
 
-/// Two trenches of 3 and 2 cells across the whole width, one and two diameters deep.
+/// Checks two trenches of 3 and 2 cells across the whole width, one and two diameters deep.
 #[test]
 fn trenches_have_the_length_and_depth_they_were_dug_with() {
     let surface = real(LAYERS) * EDGE;
@@ -197,8 +198,8 @@ fn trenches_have_the_length_and_depth_they_were_dug_with() {
     assert!(near(seen.settlement_percentile, 2.0 * D));
 }
 
-/// Leaves out single grains in flight: grains that fall together are ground, and a column without any grain goes down
-/// to its lowest ground.
+/// Leaves out single grains in flight: grains that fall together are ground, and the elevation of a column without
+/// grains is that of its lowest ground.
 #[test]
 fn a_grain_in_flight_is_no_ground() {
     let mut flying = packing(|grain| grain.at[0] > 2.0 * EDGE);
@@ -232,11 +233,11 @@ fn perched() -> MeasuredGrain {
     }
 }
 
-/// Returns the ground with that grain on it, once as it was and once as `edit` leaves it.
+/// Returns the ground with a perched grain, before and after `edit` is applied to the grain.
 fn with_perched(edit: impl Fn(&mut MeasuredGrain)) -> Sample {
     let mut grains = packing(|_| true);
     grains.push(perched());
-    let ground = Ground::new(cells(), &grains, D, overlap);
+    let ground = InitialGround::new(cells(), &grains, D, overlap);
     grains.iter_mut().for_each(edit);
     ground.measure(&grains, &[point(5)], &LIMITS, overlap)
 }
@@ -275,8 +276,8 @@ fn one_column_that_sinks_with_its_grains_is_a_depression() {
     );
 }
 
-/// A column over the point is a sinkhole alone; away from it two side by side or corner to corner are, by the smaller
-/// settlement.
+/// Checks sinkholes: a single column over the point is one; away from the point two columns side by side or corner to
+/// corner are, with the smaller settlement.
 #[test]
 fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
     let sunk = |columns: &[([usize; 2], f64)]| {
@@ -300,7 +301,7 @@ fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
     assert_eq!(sunk(&[([5, 2], 1.5 * D), ([7, 2], D)]), 0.0);
 }
 
-/// The ground over a point has gone down within a triangle, then a rectangle.
+/// Checks ground over a point that has moved down within a triangle, then within a rectangle.
 #[test]
 fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     let point = Point {
@@ -335,7 +336,7 @@ fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
     assert!(near(sample(&low, &[point]).points[0].front, 4.0 / 6.0));
 }
 
-/// A fissure that widens upwards: the layers are two, three and four cells wide. Ground that moves over the same
+/// Checks a fissure that widens upwards: the layers are two, three and four cells wide. Ground that moves over the same
 /// length at every height is a rectangle, though the upper half of the moving ground has more cells.
 #[test]
 fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
@@ -350,7 +351,7 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
             (1..(z + 3).min(4)).contains(&y) || (y == 0 && z >= 3)
         })
     };
-    let ground = Ground::new(cells(), &v(&|_| ()), D, overlap);
+    let ground = InitialGround::new(cells(), &v(&|_| ()), D, overlap);
     let shape = |moves: fn([usize; 3]) -> bool| {
         let grains = v(&|grain| {
             if moves(cells().cell_of(grain.at)) {
@@ -364,8 +365,8 @@ fn the_shape_of_a_front_is_that_of_the_long_section_in_a_widening_fissure() {
     assert!(near(shape(|[x, _, z]| x >= z && x < 12 - z), 12.0 / 30.0));
 }
 
-/// Soil moves from both sides towards the nearest point; soil further away than the thickness of the cover does not
-/// count.
+/// Checks soil that moves from both sides towards the nearest point; soil further away than the thickness of the cover
+/// does not count.
 #[test]
 fn soil_beside_a_point_moves_inward() {
     let grains = packing(|grain| {
@@ -385,5 +386,8 @@ fn ground_survives_a_checkpoint() {
     ground.surface[3] = None;
     ground.surface[4] = Some(0.1 + 0.2);
     let text = serde_json::to_string(&ground).unwrap();
-    assert_eq!(serde_json::from_str::<Ground>(&text).unwrap(), ground);
+    assert_eq!(
+        serde_json::from_str::<InitialGround>(&text).unwrap(),
+        ground
+    );
 }

@@ -27,7 +27,7 @@ fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
     }
 }
 
-/// Returns a patch for each face of the boundary, with the condition of its middle.
+/// Returns a patch for each face of the boundary, with the condition at the middle of the face.
 fn around(
     grid: &SeepageGrid,
     condition: impl Fn(usize, bool, [f64; 2]) -> Condition,
@@ -99,8 +99,8 @@ fn still(conductivity: &[f64]) -> Medium<'_> {
     }
 }
 
-/// Uniform flow at any angle is exact, with pressures or with fluxes on a face: pressures, fluxes, gradients, and
-/// discharges through the boundary.
+/// Checks that uniform flow at any angle is exact, with pressures or with fluxes on a face: pressures, fluxes,
+/// gradients, and discharges through the boundary.
 #[test]
 fn uniform_flow_is_exact() {
     let grid = plane([12, 7], [3.0, 2.0]);
@@ -135,7 +135,7 @@ fn uniform_flow_is_exact() {
             }
             for (axis, q, length) in [(0, qx, 2.0), (1, qy, 3.0)] {
                 for plane in [0, 3, grid.cells[axis]] {
-                    let through = solver.through(axis, plane, &[0..12, 0..7, 0..1]);
+                    let through = solver.flow_through_section(axis, plane, &[0..12, 0..7, 0..1]);
                     assert!(
                         (through.discharge - q * length).abs() < 1e-9,
                         "{degrees} {plane}"
@@ -146,8 +146,8 @@ fn uniform_flow_is_exact() {
     }
 }
 
-/// Two tensors on both sides of a plane: the head is linear on each side, with one gradient along the plane and one
-/// flux through it.
+/// Checks two tensors on both sides of a plane: the head is linear on each side, with one gradient along the plane and
+/// one flux through it.
 #[test]
 fn two_beds_with_a_plane_between_are_exact() {
     let grid = plane([10, 9], [2.0, 1.8]);
@@ -181,7 +181,7 @@ fn two_beds_with_a_plane_between_are_exact() {
     }
 }
 
-/// Between tight walls the flux is K1 K2/Kyy times the gradient along them, far from the ends.
+/// Checks that between impermeable walls, far from the ends, the flux is K1 K2/Kyy times the gradient along the walls.
 #[test]
 fn walls_turn_the_flow() {
     let grid = plane([240, 20], [12.0, 1.0]);
@@ -196,7 +196,9 @@ fn walls_turn_the_flow() {
         solver.solve(still(&k)).unwrap();
         let row = |x: usize| solver.pressure(grid.index([x, 9, 0]));
         let gradient = (row(105) - row(135)) / 1.5;
-        let discharge = solver.through(0, 120, &[0..240, 0..20, 0..1]).discharge;
+        let discharge = solver
+            .flow_through_section(0, 120, &[0..240, 0..20, 0..1])
+            .discharge;
         let exact = 0.1 / ky;
         assert!(
             (discharge / gradient / exact - 1.0).abs() < 1e-4,
@@ -206,7 +208,7 @@ fn walls_turn_the_flow() {
     }
 }
 
-/// A smooth head with a source: second order.
+/// Checks the second order of convergence for a smooth head with a source.
 #[test]
 fn a_smooth_head_converges_with_the_second_order() {
     let [kx, ky, kxy] = tensor(35.0);
@@ -239,7 +241,7 @@ fn a_smooth_head_converges_with_the_second_order() {
     assert!(coarse / fine > 3.5, "{coarse} {fine}");
 }
 
-/// Without a cross term the scheme is that of two points.
+/// Checks that without a cross term the scheme is the two-point scheme.
 #[test]
 fn level_beds_are_those_of_two_points() {
     let grid = plane([6, 5], [1.0, 1.0]);

@@ -48,7 +48,7 @@ pub(super) struct Krylov {
     second_product: Vec<f64>,
     /// Reciprocal pivots of the columns along gravity, and the residual after the columns.
     pivot: Vec<f64>,
-    rest: Vec<f64>,
+    column_residual: Vec<f64>,
 }
 
 impl Krylov {
@@ -64,7 +64,7 @@ impl Krylov {
             second: zeros(),
             second_product: zeros(),
             pivot: zeros(),
-            rest: zeros(),
+            column_residual: zeros(),
         }
     }
 }
@@ -242,7 +242,7 @@ impl Pressure {
             self.precondition(
                 own,
                 &mut all.direction,
-                (&all.pivot, &mut all.rest),
+                (&all.pivot, &mut all.column_residual),
                 &mut all.ready,
             );
             self.multiply(own, &all.ready, &mut all.product);
@@ -259,7 +259,7 @@ impl Pressure {
             self.precondition(
                 own,
                 &mut all.residual,
-                (&all.pivot, &mut all.rest),
+                (&all.pivot, &mut all.column_residual),
                 &mut all.second,
             );
             self.multiply(own, &all.second, &mut all.second_product);
@@ -323,7 +323,7 @@ impl Pressure {
         &mut self,
         own: &Unsaturated,
         vector: &mut [f64],
-        (pivot, rest): (&[f64], &mut [f64]),
+        (pivot, column_residual): (&[f64], &mut [f64]),
         out: &mut [f64],
     ) {
         let (layout, part) = (self.slab.layout, self.slab.part.clone());
@@ -344,22 +344,22 @@ impl Pressure {
                 out[at] = (out[at] + faces[above].upper * out[above]) * pivot[at];
             }
         }
-        self.multiply(own, out, rest);
-        layout.sweep(&part, rest, |start, rest| {
-            for (rest, v) in rest.iter_mut().zip(&vector[start..]) {
-                *rest = v - *rest;
+        self.multiply(own, out, column_residual);
+        layout.sweep(&part, column_residual, |start, column_residual| {
+            for (column_residual, v) in column_residual.iter_mut().zip(&vector[start..]) {
+                *column_residual = v - *column_residual;
             }
         });
-        let largest = self.largest(rest);
+        let largest = self.largest(column_residual);
         // The cycle uses single precision, so that the vector is scaled to near 1.
         let unit = 1.0 / power_above(largest.max(f64::MIN_POSITIVE));
         layout.sweep(&part, self.system.multigrid.right_side(), |start, out| {
-            for (b, r) in out.iter_mut().zip(&rest[start..]) {
+            for (b, r) in out.iter_mut().zip(&column_residual[start..]) {
                 *b = single(r * unit);
             }
         });
         self.system.multigrid.cycle();
-        let found = self.system.multigrid.result();
+        let found = self.system.multigrid.solution();
         // Vector and matrix of the cycle are scaled by powers of two.
         let back = own.matrix_scale / unit;
         layout.sweep(&part, out, |start, out| {

@@ -36,7 +36,7 @@ fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
     }
 }
 
-/// A face of a grid of a plane between two heights or places.
+/// Returns the condition on a part of a face of a plane grid, between two heights or coordinates.
 fn patch(
     grid: &SeepageGrid,
     axis: usize,
@@ -79,8 +79,8 @@ fn still(conductivity: &[f64]) -> Medium<'_> {
     }
 }
 
-/// A dam of a height above impervious ground between water of two levels, of hydraulic conductivity 1 m/s: its
-/// discharge and the height where the phreatic surface leaves it.
+/// Solves for a dam of this height above impervious ground between two water levels, with a hydraulic conductivity of 1
+/// m/s; returns its discharge and the height at which the phreatic surface leaves it.
 fn dam(
     cells: [usize; 2],
     length: f64,
@@ -115,9 +115,9 @@ fn dam(
     (report, exit)
 }
 
-/// Discharge k (h1^2 - h2^2)/(2 L) of A. Dupuit, exact after I. A. Charny, and the exit of the phreatic surface after
-/// the integrals of P. Ya. Polubarinova-Kochina (Theory of Ground Water Movement, 1962, chapter VII). The height of
-/// the exit is of first order in the cells.
+/// Checks the discharge k (h1^2 - h2^2)/(2 L) of A. Dupuit, exact after I. A. Charny, and the exit of the phreatic
+/// surface after the integrals of P. Ya. Polubarinova-Kochina (Theory of Ground Water Movement, 1962, chapter VII). The
+/// height of the exit is of first order in the cells.
 #[test]
 fn discharge_and_seepage_face_of_a_rectangular_dam() {
     for (length, levels, exit) in [
@@ -152,9 +152,9 @@ fn discharge_and_seepage_face_of_a_rectangular_dam() {
     }
 }
 
-/// The dam of T. P. Clement, W. R. Wise, F. J. Molz and M. Wen (J. Hydrol. 181 (1996) 189) with its capillary zone: 10
-/// m between levels of 10 m and 2 m, discharge 6.076e-5 m2/s at 1.1574e-5 m/s, exit between 4.8 m and 5.0 m in three
-/// programs.
+/// Checks the dam of T. P. Clement, W. R. Wise, F. J. Molz and M. Wen (J. Hydrol. 181 (1996) 189) with its capillary
+/// zone: 10 m between levels of 10 m and 2 m, discharge 6.076e-5 m2/s at 1.1574e-5 m/s, exit between 4.8 m and 5.0 m in
+/// three programs.
 #[test]
 fn a_dam_with_a_capillary_zone() {
     let soil = Retention::VanGenuchten(VanGenuchten {
@@ -171,7 +171,7 @@ fn a_dam_with_a_capillary_zone() {
     assert!((4.75..5.05).contains(&exit), "{exit}");
 }
 
-/// Below the water table nothing depends on the soil: the same pressures as in saturated ground.
+/// Checks that below the water table the pressures do not depend on the soil: they are those of saturated ground.
 #[test]
 fn saturated_ground_is_as_without_a_soil() {
     let grid = plane([12, 9], [1.2, 0.9]);
@@ -198,7 +198,7 @@ fn saturated_ground_is_as_without_a_soil() {
     }
 }
 
-/// Water at rest above and below its table: hydrostatic to rounding, nothing flows.
+/// Checks that stationary water is hydrostatic to rounding above and below its table, and does not flow.
 #[test]
 fn water_at_rest_stays_at_rest() {
     let grid = plane([4, 20], [0.4, 2.0]);
@@ -222,8 +222,8 @@ fn water_at_rest_stays_at_rest() {
     assert!(report.outflow < 1e-12);
 }
 
-/// Rain R on Gardner's soil above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z), at the centres of cells
-/// of any height.
+/// Checks rain R on Gardner's soil above a water table: e^(alpha psi) = R/K + (1 - R/K) e^(-alpha z), at the centres of
+/// cells of any height.
 #[test]
 fn rain_on_an_exponential_soil() {
     for rows in [5, 20, 80] {
@@ -251,7 +251,7 @@ fn rain_on_an_exponential_soil() {
     }
 }
 
-/// Rain above the hydraulic conductivity: the column takes up as much as it drains under its own weight, and the
+/// Checks rain above the hydraulic conductivity: the column takes up as much as it drains under its own weight, and the
 /// rest runs off.
 #[test]
 fn rain_that_the_soil_does_not_take_runs_off() {
@@ -278,8 +278,8 @@ fn rain_that_the_soil_does_not_take_runs_off() {
     assert!((run(0.9e-5) / 0.9e-5 - 1.0).abs() < 1e-7);
 }
 
-/// Rain through two exponential soils in layers: in each, e^(alpha psi) = R/K + C e^(-alpha z), with one pressure at
-/// the boundary between them. Water at rest stays at rest across it.
+/// Checks rain through two layers of exponential soils: in each, e^(alpha psi) = R/K + C e^(-alpha z), with one
+/// pressure at the boundary between them. Stationary water across it remains stationary.
 #[test]
 fn rain_through_layers_has_one_pressure_at_their_boundary() {
     let gardner = |alpha: f64| {

@@ -28,8 +28,8 @@ const NEWTON_STEPS: u32 = 20;
 const FIRST_STEP: f64 = 1e-3;
 /// Minimum ratio of a step to the interval.
 const SHORTEST_STEP: f64 = 1e-12;
-/// Maximum number of steps of an interval that may fail. Where more fail, the conditions ask for what the ground
-/// cannot give, such as the discharge of a well that has run dry, and the steps would stay short for hours.
+/// Maximum number of steps of an interval that may fail. More failures mean that the conditions demand more than the
+/// ground can deliver, such as the discharge of a well that has run dry, and the steps would remain short for hours.
 const MOST_FAILURES: u32 = 50;
 /// Factors of the next step: safety factor on the step with the stated error, minimum, maximum, and after a
 /// failure.
@@ -67,7 +67,7 @@ pub struct TransientSettings {
 /// Values of the condition of a patch over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConditionHistory {
-    /// The patch.
+    /// Index of the patch.
     pub patch: usize,
     /// Values by time \[s\].
     pub values: TimeTable,
@@ -111,7 +111,7 @@ pub(super) struct Transient {
     known: Vec<f64>,
     content: Vec<f64>,
     stored: Vec<f64>,
-    /// Sum of the fluxes into each cell, and that of the first stage \[m³/s\].
+    /// Sum of the fluxes into each cell \[m³/s\]; the next field is that of the first stage.
     net: Vec<f64>,
     first: Vec<f64>,
     /// Derivative of the stored water with respect to the reduced pressure, divided by the time of a stage.

@@ -136,8 +136,8 @@ fn pair(
     (dem, particles)
 }
 
-/// Equal and unequal spheres, pulled apart slowly: the force is the exact one at the gaps of the table, the bridge
-/// breaks at its gap, and it does not form before contact.
+/// Checks that equal and unequal spheres that are pulled apart slowly have the exact force at the gaps of the table,
+/// and that the bridge breaks at its gap and does not form before contact.
 #[test]
 fn a_bridge_pulls_with_the_exact_force_until_it_breaks() {
     let ([ratio, _, _, exact_rupture], forces) = EXACT[1];
@@ -187,8 +187,8 @@ fn a_bridge_pulls_with_the_exact_force_until_it_breaks() {
     }
 }
 
-/// A collision of elastic spheres with a bridge loses the work of the bridge from contact to rupture, whatever its
-/// speed; a slower sphere stays.
+/// Checks that a collision of elastic spheres with a bridge loses the work of the bridge from contact to rupture,
+/// whatever its speed, and that a slower sphere sticks.
 #[test]
 fn a_collision_loses_the_work_of_its_bridge() {
     let ratio = 0.01;
@@ -234,7 +234,8 @@ fn a_collision_loses_the_work_of_its_bridge() {
     assert!(particles.motion[1].position.x < 2.0 * RADIUS + reach * RADIUS);
 }
 
-/// A drop of water at a plane: 2 pi (2 r) gamma F, and the grain hangs from a ceiling if that exceeds its weight.
+/// Checks a drop of water between a sphere and a plane: the force is 2 pi (2 r) gamma F, and the grain hangs from a
+/// ceiling if the force exceeds its weight.
 #[test]
 fn a_grain_hangs_from_a_ceiling_up_to_its_weight() {
     let ratio = 0.01;
@@ -268,7 +269,8 @@ fn a_grain_hangs_from_a_ceiling_up_to_its_weight() {
     }
 }
 
-/// Volume from the moisture, the loss of force where bridges merge, and the state of a bridge in a checkpoint.
+/// Checks the volume of bridges from the moisture, the loss of force where bridges merge, and the state of a bridge in
+/// a checkpoint.
 #[test]
 fn moisture_makes_bridges_and_takes_them() {
     type L = Bridged<Linear>;

@@ -42,7 +42,7 @@ impl<F: From<Toy>> ContactParameters<F> for Input {
     }
 }
 
-/// Toy law with its parameters for every pair of materials.
+/// Minimal law with its parameters for every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Toy {
     parameters: PairTable<Input>,

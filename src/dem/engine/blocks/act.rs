@@ -4,7 +4,7 @@ use super::*;
 
 /// Input data of the pairs in a step.
 #[derive(Clone, Copy)]
-pub(super) struct World<'a, S: Space> {
+pub(super) struct StepInput<'a, S: Space> {
     pub(super) view: ParticlesView<'a, S>,
     pub(super) poses: &'a [Pose],
     pub(super) rows: &'a PairTable<polyhedron::BlockPairLaw>,
@@ -17,7 +17,7 @@ pub(super) struct World<'a, S: Space> {
 }
 
 /// Counts in a piece of work.
-pub(super) struct Tally {
+pub(super) struct StepCounts {
     /// Number of calls of the narrow phase.
     pub(super) calls: u64,
     pub(super) deepest: Record,
@@ -31,7 +31,7 @@ pub(super) struct Span<S: Space> {
     pub(super) near: bool,
 }
 
-impl<'a, S: Space> World<'a, S> {
+impl<'a, S: Space> StepInput<'a, S> {
     pub(super) fn span(&self, pair: &BlockPair) -> Span<S> {
         let ends = pair.ends();
         let offset = &self.offsets[pair.offset as usize];
@@ -51,8 +51,8 @@ impl<'a, S: Space> World<'a, S> {
         self.view.polyhedron(k).map(|(shape, _)| shape)
     }
 
-    /// Computes the contact of a block with a block or a sphere. Returns also `true` if the second body of the pair
-    /// is the first one of the contact: a block precedes a sphere.
+    /// Computes the contact of a block with a block or a sphere. Also returns `true` if the second body of the pair
+    /// comes first in the contact: a block precedes a sphere.
     pub(super) fn meet(
         &self,
         pair: &BlockPair,
@@ -82,7 +82,7 @@ impl<'a, S: Space> World<'a, S> {
         &self,
         pair: &mut BlockPair,
         narrow: &mut Narrow,
-        tally: &mut Tally,
+        tally: &mut StepCounts,
     ) -> Option<Action<S>> {
         let span = self.span(pair);
         if !span.near {
@@ -103,7 +103,7 @@ impl<'a, S: Space> World<'a, S> {
         let (touch, swapped) = self.meet(pair, &between, &mut history, narrow);
         if let Some(touch) = &touch {
             let smaller = self.inner(i).min(self.inner(j));
-            let other = Other::Entry(pair.second);
+            let other = Partner::Entry(pair.second);
             tally.deepest.note(touch.depth, smaller, pair.first, other);
         }
         let action = touch.map(|touch| {
@@ -171,7 +171,7 @@ impl<'a, S: Space> World<'a, S> {
         pairs: &mut [BlockPair],
         actions: &mut [Action<S>],
         narrows: &mut [Narrow],
-    ) -> Tally {
+    ) -> StepCounts {
         if narrows.len() > 1 && active.len() > 1 {
             let middle = active.len() / 2;
             let cut = active[middle] as usize;
@@ -183,12 +183,12 @@ impl<'a, S: Space> World<'a, S> {
                 || self.act_on_pieces((left, base), left_pairs, left_actions, left_narrows),
                 || self.act_on_pieces((right, cut), right_pairs, right_actions, right_narrows),
             );
-            return Tally {
+            return StepCounts {
                 calls: a.calls + b.calls,
                 deepest: a.deepest.or(b.deepest),
             };
         }
-        let mut tally = Tally {
+        let mut tally = StepCounts {
             calls: 0,
             deepest: Record::beyond(self.deepest),
         };
@@ -207,7 +207,7 @@ impl<'a, S: Space> World<'a, S> {
             .map_or_else(|| self.view.body[k].radius, inner_radius)
     }
 
-    /// Returns the contact of a block with a plane; none if there is none.
+    /// Returns the contact of a block with a plane, or none.
     pub(super) fn meet_plane(
         &self,
         pair: &BlockAtPlane,
@@ -257,8 +257,7 @@ impl<'a, S: Space> World<'a, S> {
         action
     }
 
-    /// Returns the force and moment on block `k` of a contact with a wall; `part` and `damped` are those of
-    /// [`Approach`].
+    /// Returns the force and moment on block `k` of a contact with a wall; see [`Approach`] for `part` and `damped`.
     pub(super) fn act_at_wall(
         &self,
         k: usize,
@@ -286,7 +285,7 @@ impl<'a, S: Space> World<'a, S> {
 
     /// Records the depth of block `k` in a wall.
     pub(super) fn note_at_wall(&self, touch: &Geometry, k: u32, wall: u32, record: &mut Record) {
-        record.note(touch.depth, self.inner(k as usize), k, Other::Wall(wall));
+        record.note(touch.depth, self.inner(k as usize), k, Partner::Wall(wall));
     }
 
     /// Visits the contacts of block `k` with the faces of a wall, given by the nearby facets; returns the number of
@@ -362,9 +361,9 @@ impl<'a, S: Space> World<'a, S> {
             let facet = facet as usize;
             let corners = surface.corners(facet).map(|corner| corner - centre);
             if surface.normal(facet).dot(&normal) > 0.0 {
-                narrow.hide(&placed, corners, &normal, &mut hidden);
+                narrow.add_hidden_part(&placed, corners, &normal, &mut hidden);
             } else {
-                narrow.hide(&placed, corners.rev(), &normal, &mut hidden);
+                narrow.add_hidden_part(&placed, corners.rev(), &normal, &mut hidden);
             }
         }
         hidden.contact(&placed, &normal, height.abs())

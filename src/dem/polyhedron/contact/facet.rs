@@ -14,12 +14,12 @@ use super::{Geometry, Narrow, Placed};
 const ROUNDING: f64 = 1e-11;
 
 /// Parts of a block hidden by the facets of one plane, as sums over the facets in the frame of the block: see
-/// [`Narrow::hide`].
+/// [`Narrow::add_hidden_part`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hidden {
     /// Volume [m³] and its first moment [m⁴].
     part: Overlap,
-    /// Area [m²] of the facets inside the block, its first [m³] and second [m⁴] moments about the centroid.
+    /// Area [m²] of the facets inside the block, and its first [m³] and second [m⁴] moments about the centroid.
     area: f64,
     first: Vector3<f64>,
     second: Matrix3<f64>,
@@ -29,7 +29,7 @@ impl Narrow {
     /// Adds to `sum` the part of a block that a convex facet hides from its centroid: the points whose line of
     /// sight to the centroid the facet cuts. `corners` \[m\] are relative to the centroid, in the axes of space and
     /// counter-clockwise about `normal`, which points to the side of the centroid.
-    pub fn hide(
+    pub fn add_hidden_part(
         &mut self,
         block: &Placed,
         corners: impl Iterator<Item = Vector3<f64>>,

@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use super::super::linear_program::AFRESH;
+use super::super::linear_program::NO_BASIS;
 
 /// History of a pair as plain data of 17 numbers. Lengths in m, forces in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockHistory {
-    /// Axis that separated the pair at the last test, in the frame of the first block; zero if none did.
+    /// Axis that separated the pair at the last test, in the frame of the first block; zero if no axis did.
     pub(super) axis: Vector3<f64>,
     /// Last contact point, in the frame of the first block.
     pub(super) point: Vector3<f64>,
@@ -26,7 +26,7 @@ impl Default for BlockHistory {
         Self {
             axis: Vector3::zeros(),
             point: Vector3::zeros(),
-            basis: AFRESH,
+            basis: NO_BASIS,
             normal: Vector3::zeros(),
             shear: Vector3::zeros(),
             twist: 0.0,

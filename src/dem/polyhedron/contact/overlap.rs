@@ -13,10 +13,10 @@ use super::{BlockContactModel, Geometry, Narrow, Other};
 
 /// Relative enlargement of the second block where surfaces are cut (2^-36), which separates coplanar faces of both
 /// blocks: otherwise rounding could count both of them as inside, or neither.
-const GROWN: f64 = 1.0 / 68_719_476_736.0;
+const ENLARGEMENT: f64 = 1.0 / 68_719_476_736.0;
 
 /// Ratio of vector area to area below which the direction of the vector area is unreliable.
-const CANCELLED: f64 = 0.05;
+const LEAST_AREA_RATIO: f64 = 0.05;
 
 /// Overlap of two solids: volume [m³], position relative to the first centre [m], and the vector area [m²] of the
 /// first block's surface in it.
@@ -51,12 +51,12 @@ impl Narrow {
             } => {
                 for plane in shape.half_spaces() {
                     let normal = turn * plane.normal;
-                    let offset = plane.offset * (1.0 + GROWN) + normal.dot(separation);
+                    let offset = plane.offset * (1.0 + ENLARGEMENT) + normal.dot(separation);
                     self.grown.push(HalfSpace { normal, offset });
                 }
                 for vertex in shape.vertices() {
                     self.vertices
-                        .push(separation + turn * (vertex * (1.0 + GROWN)));
+                        .push(separation + turn * (vertex * (1.0 + ENLARGEMENT)));
                 }
             }
             Other::Plane(plane) => self.grown.push(*plane),
@@ -87,7 +87,7 @@ impl Narrow {
             if presses {
                 let normal = first.half_spaces()[face].normal;
                 let planes = self.grown.len();
-                self.press(
+                self.add_pressure(
                     planes,
                     |narrow, k| narrow.grown[k],
                     &normal,
@@ -104,11 +104,16 @@ impl Narrow {
                     let corners = shape.face(face).iter();
                     self.polygon
                         .extend(corners.map(|&v| self.vertices[v as usize]));
-                    self.rest(first, near, &mut sum);
+                    self.add_inner_part(first, near, &mut sum);
                     if presses {
                         let normal = -self.grown[face].normal;
                         let planes = first.half_spaces();
-                        self.press(planes.len(), |_, k| planes[k], &normal, &mut sum.pressure);
+                        self.add_pressure(
+                            planes.len(),
+                            |_, k| planes[k],
+                            &normal,
+                            &mut sum.pressure,
+                        );
                     }
                 }
             }
@@ -117,7 +122,7 @@ impl Narrow {
                 square(&mut self.polygon, &middle, &plane.normal, first.radius());
                 self.vertices.extend_from_slice(&self.polygon);
                 cutters(first.half_spaces(), &self.vertices, &mut self.cutting);
-                self.rest(first, near, &mut sum);
+                self.add_inner_part(first, near, &mut sum);
             }
         }
         sum.centroid = near + sum.centroid / sum.volume;
@@ -125,7 +130,12 @@ impl Narrow {
     }
 
     /// Adds the part of the polygon inside the first block.
-    pub(super) fn rest(&mut self, first: &Polyhedron, near: &Vector3<f64>, sum: &mut Overlap) {
+    pub(super) fn add_inner_part(
+        &mut self,
+        first: &Polyhedron,
+        near: &Vector3<f64>,
+        sum: &mut Overlap,
+    ) {
         for k in 0..self.cutting.len() {
             let plane = self.cutting[k].1;
             if !self.cut(|_| first.half_spaces()[plane]) {
@@ -170,7 +180,7 @@ impl Narrow {
         !self.polygon.is_empty()
     }
 
-    /// Returns the contact of an overlap; none if its surface has no direction.
+    /// Returns the contact of an overlap; none if the surface of the overlap has no direction.
     pub(super) fn patch(&self, other: &Other, overlap: &Overlap) -> Option<Geometry> {
         let area = overlap.area.norm();
         let normal = match other {
@@ -181,7 +191,7 @@ impl Narrow {
         // If both surfaces nearly cancel, one block penetrates the other, and the vector area is meaningless.
         let [one, two] = overlap.surfaces;
         let sound = overlap.volume > 0.0
-            && area > CANCELLED * one.min(two)
+            && area > LEAST_AREA_RATIO * one.min(two)
             && overlap.centroid.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: overlap.centroid,
@@ -194,13 +204,13 @@ impl Narrow {
         })
     }
 
-    /// Returns the contact of two blocks by pressure; none if only rounding errors are left of the overlap.
+    /// Returns the contact of two blocks by pressure; none if the overlap consists of rounding errors.
     pub(super) fn pressed(&self, overlap: &Overlap) -> Option<Geometry> {
         let push = overlap.pressure.push_at(&overlap.centroid)?;
         // If one block penetrates the other, the vectors of a surface nearly cancel: the force remains, with an
         // area that does not vanish.
         let [one, two] = overlap.surfaces;
-        let area = overlap.area.norm().max(CANCELLED * one.min(two));
+        let area = overlap.area.norm().max(LEAST_AREA_RATIO * one.min(two));
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: push.point,

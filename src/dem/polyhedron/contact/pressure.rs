@@ -38,7 +38,7 @@ pub(super) struct Wrench {
 }
 
 /// Force at a point, with a moment.
-pub(super) struct Push {
+pub(super) struct PointForce {
     pub(super) point: Vector3<f64>,
     /// Unit vector of the force.
     pub(super) direction: Vector3<f64>,
@@ -50,12 +50,12 @@ pub(super) struct Push {
 
 impl Wrench {
     /// Returns the equivalent force at a point; none if the force is zero.
-    pub(super) fn push_at(&self, point: &Vector3<f64>) -> Option<Push> {
+    pub(super) fn push_at(&self, point: &Vector3<f64>) -> Option<PointForce> {
         let size = self.force.norm();
         let direction = self.force.try_normalize(0.0)?;
         let couple = (self.moment - point.cross(&self.force)) / size;
         let sound = size.is_finite() && couple.iter().all(|part| part.is_finite());
-        sound.then_some(Push {
+        sound.then_some(PointForce {
             point: *point,
             direction,
             size,
@@ -67,7 +67,7 @@ impl Wrench {
 impl Narrow {
     /// Adds half the pressure on the polygon along `normal` from the depth behind `count` planes of the other
     /// block.
-    pub(super) fn press(
+    pub(super) fn add_pressure(
         &mut self,
         count: usize,
         plane: impl Fn(&Self, usize) -> HalfSpace,

@@ -43,7 +43,7 @@ impl Narrow {
     }
 }
 
-/// Returns the point of a block's surface closest to a point in its frame, the unit normal from there, and the
+/// Returns the point of a block's surface closest to a point in the frame of the block, the unit normal at it, and the
 /// signed distance \[m\].
 fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>, f64) {
     let mut highest = (f64::NEG_INFINITY, Vector3::z());

@@ -75,7 +75,7 @@ fn per_area(normal: f64) -> Stiffness {
     Stiffness::PerArea { normal, shear }
 }
 
-/// A thousand impacts of corners, edges and faces, from soft to stiff contacts.
+/// Checks the energy over a thousand impacts of corners, edges and faces, from soft to stiff contacts.
 #[test]
 fn a_thousand_impacts_keep_the_energy() {
     for stiffness in [1e8_f64, 1e9] {
@@ -91,7 +91,7 @@ fn a_thousand_impacts_keep_the_energy() {
     }
 }
 
-/// The published form has no potential.
+/// Checks that the published form, which has no potential, does not conserve energy.
 #[test]
 fn points_of_contact_do_not_keep_it() {
     let per_contact = Stiffness::PerContact {

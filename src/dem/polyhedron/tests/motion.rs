@@ -10,7 +10,7 @@ use super::super::{
 };
 
 const GRAVITY: f64 = 9.81;
-const BOON: BlockContactModel = BlockContactModel::Point { rounding: 2e-3 };
+const BOON_MODEL: BlockContactModel = BlockContactModel::Point { rounding: 2e-3 };
 
 pub(super) struct Block {
     shape: Polyhedron,
@@ -269,7 +269,11 @@ pub(super) fn law(normal: f64, friction: f64, damping: f64) -> BlockPairLaw {
 #[test]
 fn a_block_slides_and_sticks_on_a_slope() {
     // block_incline.csv: slope, friction angle, acceleration.
-    for model in [BlockContactModel::Pressure, BlockContactModel::Patch, BOON] {
+    for model in [
+        BlockContactModel::Pressure,
+        BlockContactModel::Patch,
+        BOON_MODEL,
+    ] {
         for (slope, friction, rate) in [
             (15.0_f64, 20.0_f64, 0.0),
             (25.0, 20.0, 0.90987),
@@ -376,9 +380,9 @@ fn a_tilted_block_topples_at_its_angle() {
     }
 }
 
-/// Pressure contacts have a potential. Patch contacts have one if one of the two surfaces is a plane, and
-/// approximately otherwise. Boon's point and normal have none: they conserve momenta, and energy within some per
-/// cent.
+/// Checks energy and momenta in collisions. Pressure contacts have a potential. Patch contacts have one if one of the
+/// two surfaces is a plane, and approximately otherwise. Boon's point and normal have none: they conserve momenta, and
+/// energy within some per cent.
 #[test]
 fn collisions_keep_energy_and_momenta() {
     let turn = |x, y, z| UnitQuaternion::from_euler_angles(x, y, z);
@@ -392,9 +396,13 @@ fn collisions_keep_energy_and_momenta() {
         ),
         ("edge on edge", turn(0.0, 0.8, 0.7), 0.9, [1e-6, 1e-3, 1e-1]),
     ] {
-        for (model, tolerance) in [BlockContactModel::Pressure, BlockContactModel::Patch, BOON]
-            .into_iter()
-            .zip(tolerances)
+        for (model, tolerance) in [
+            BlockContactModel::Pressure,
+            BlockContactModel::Patch,
+            BOON_MODEL,
+        ]
+        .into_iter()
+        .zip(tolerances)
         {
             let mut one = Block::cuboid(1.0, 1.0, 1.0, Vector3::zeros());
             one.velocity.x = 1.0;
@@ -402,7 +410,7 @@ fn collisions_keep_energy_and_momenta() {
             two.rotation =
                 RotationState::new(orientation, &Vector3::new(0.0, 0.1, 0.0), &two.inertia);
             let mut law = law(1e9, 0.0, 0.0);
-            if model == BOON {
+            if model == BOON_MODEL {
                 law.stiffness = Stiffness::PerContact {
                     normal: 1e9,
                     shear: 5e8,
@@ -430,7 +438,10 @@ fn collisions_keep_energy_and_momenta() {
             assert!((after.0.0 - before.0.0).norm() < 1e-11 * size, "{name}");
             assert!((after.0.1 - before.0.1).norm() < 1e-10 * size, "{name}");
             let off = after.1 / before.1 - 1.0;
-            println!("{name} {model:?}: energy {off:e}, {:?}", world.narrow.ways);
+            println!(
+                "{name} {model:?}: energy {off:e}, {:?}",
+                world.narrow.method_counts
+            );
             assert!(off.abs() < tolerance, "{name} {model:?}: {off}");
             assert!(!world.pairs[0].2.touching(), "{name}: still touching");
         }
@@ -454,7 +465,7 @@ fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
         blocks.push(block);
     }
     let mut world = World::new(blocks, law(stiffness, 0.5, 0.1), model, 1e-4);
-    if model == BOON {
+    if model == BOON_MODEL {
         world.law.stiffness = Stiffness::PerContact {
             normal: stiffness,
             shear: 0.5 * stiffness,
@@ -475,13 +486,13 @@ fn stack(model: BlockContactModel, damping: f64, steps: u64) -> [f64; 3] {
     }
     println!(
         "{model:?}: speed {:e}, moved {:e}, lean {:e}, {:?}",
-        worst[0], worst[1], worst[2], world.narrow.ways
+        worst[0], worst[1], worst[2], world.narrow.method_counts
     );
     worst
 }
 
-/// The stack is stable over a million steps too: the numbers in the module documentation were measured with more
-/// steps.
+/// Checks a stack, which is stable over a million steps as well: the numbers in the module documentation were measured
+/// with more steps.
 #[test]
 fn ten_blocks_stand() {
     let [speed, moved, lean] = stack(BlockContactModel::Pressure, 100.0, 8000);

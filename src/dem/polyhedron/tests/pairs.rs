@@ -9,7 +9,7 @@ use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::contact::Geometry;
-use super::super::linear_program::{AFRESH, Verdict, solve};
+use super::super::linear_program::{NO_BASIS, Verdict, solve};
 use super::super::separating_axes::widest_gap;
 use super::super::{BlockContactModel, BlockHistory, Narrow, Polyhedron};
 use super::values::together;
@@ -120,8 +120,8 @@ fn shapes() -> Vec<Polyhedron> {
     found
 }
 
-/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow and deep; some turned
-/// alike.
+/// Returns the pair number `id`: apart, near touching by 1e-3 … 1e-10 m on either side, shallow or deep; some of the
+/// pairs have parallel faces.
 fn pair<'a>(shapes: &'a [Polyhedron], id: u64) -> Pair<'a> {
     let mut draw = Stream::new(22, id, 0);
     let mut pick = || &shapes[draw.bits() as usize % shapes.len()];
@@ -188,7 +188,7 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
             assert!(touch.arm.norm() <= pair.shapes[0].radius() + 1e-9);
         }
         // Warm start: the answer is the same, and separated pairs need no further linear program.
-        let before = narrow.ways.programs;
+        let before = narrow.method_counts.programs;
         let again = pair.meet(&mut narrow, &model, &mut history);
         assert_eq!(again.is_some(), touch.is_some());
         if let (Some(a), Some(b)) = (again, touch) {
@@ -197,12 +197,12 @@ fn ten_thousand_pairs_agree_with_the_oracle() {
                 "pair {id}: {a:?} {b:?}"
             );
         } else {
-            assert_eq!(narrow.ways.programs, before);
+            assert_eq!(narrow.method_counts.programs, before);
         }
     }
     println!(
         "{contacts} contacts, {near} within 1e-6, {within} in the band, {:?}",
-        narrow.ways
+        narrow.method_counts
     );
     assert!(contacts > 3000 && near > 1500 && within < 1500);
 }
@@ -227,7 +227,7 @@ fn the_exhaustive_test_and_the_program_agree() {
         let planes = together(pair.shapes, &pair.orientations, &pair.separation);
         let own = pair.shapes[0].half_spaces().len();
         let far = 4.0 * pair.shapes[0].radius();
-        match solve(&planes, own, far, &mut AFRESH.clone()) {
+        match solve(&planes, own, far, &mut NO_BASIS.clone()) {
             Verdict::Overlap { depth, .. } => assert!(gap < BAND && 2.0 * depth <= -gap + 1e-9),
             Verdict::Apart { gap: bound, .. } => assert!(gap > -BAND && bound <= gap + 1e-12),
             Verdict::Open => panic!("pair {id} left open"),
@@ -259,9 +259,9 @@ fn the_patch_has_the_overlaps_volume() {
         // Small distance by which the second block is enlarged.
         let trifle = 1e-10 * size * size;
         let patch = touch.depth * touch.area;
-        if narrow.ways.exhaustive > 0 {
+        if narrow.method_counts.exhaustive > 0 {
             // The normal is the shortest way out: depth and area are not the volume's.
-            narrow.ways.exhaustive = 0;
+            narrow.method_counts.exhaustive = 0;
             continue;
         }
         assert!(
@@ -326,7 +326,7 @@ fn contacts_move_with_the_pair_and_turn_round_with_its_order() {
             };
             let other = swapped.meet(&mut narrow, &model, &mut BlockHistory::default());
             // For deep overlaps the exhaustive test decides, and two answers may be equally good.
-            if std::mem::take(&mut narrow.ways.exhaustive) > 0 {
+            if std::mem::take(&mut narrow.method_counts.exhaustive) > 0 {
                 continue;
             }
             let deep = touch.depth > 1e-6;
@@ -413,6 +413,6 @@ fn a_pebble_on_a_mountain() {
             }
         }
     }
-    println!("{:?}", narrow.ways);
-    assert_eq!(narrow.ways.exhaustive, 0);
+    println!("{:?}", narrow.method_counts);
+    assert_eq!(narrow.method_counts.exhaustive, 0);
 }

@@ -5,7 +5,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::rotation::{Damping, RotationState};
 
-/// Returns the quaternion of a symmetric top: turn by the space precession about L, then by the body's about its axis.
+/// Returns the quaternion of a symmetric top: the precession in space about L, then the rotation of the body about its
+/// axis.
 fn symmetric(start: &RotationState, inertia: &Vector3<f64>, time: f64) -> UnitQuaternion<f64> {
     let spin = start.body_spin(inertia);
     let about_l = start.angular_momentum * (time / inertia.x);

@@ -6,7 +6,7 @@ use approx::assert_relative_eq;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::super::force::Approach;
-use super::super::linear_program::{AFRESH, Verdict, solve};
+use super::super::linear_program::{NO_BASIS, Verdict, solve};
 use super::super::{
     BlockContactModel, BlockHistory, BlockPairLaw, HalfSpace, Narrow, Polyhedron, Stiffness,
 };
@@ -113,7 +113,8 @@ fn cubes_touch_where_the_table_says() {
     for case in cases() {
         let name = case.name;
         let planes = together([&cube, &cube], &case.orientations, &case.separation);
-        let Verdict::Overlap { point, depth } = solve(&planes, 6, 4.0, &mut AFRESH.clone()) else {
+        let Verdict::Overlap { point, depth } = solve(&planes, 6, 4.0, &mut NO_BASIS.clone())
+        else {
             panic!("{name}: no overlap");
         };
         assert_relative_eq!(depth, case.depth, epsilon = 1e-9);
@@ -157,8 +158,8 @@ fn cubes_touch_where_the_table_says() {
         );
         assert!(touch.polar() > 0.0);
     }
-    assert_eq!(narrow.ways.exhaustive, 0);
-    assert_eq!(narrow.ways.off_centre, 0);
+    assert_eq!(narrow.method_counts.exhaustive, 0);
+    assert_eq!(narrow.method_counts.off_centre, 0);
 }
 
 #[test]
@@ -178,12 +179,12 @@ fn a_gap_is_a_gap() {
         )
     };
     assert!(look(&mut narrow, &mut history, 1.01).is_none());
-    assert_eq!(narrow.ways.programs, 1);
+    assert_eq!(narrow.method_counts.programs, 1);
     // The axis is stored: no linear program is solved until the axis no longer separates the blocks.
     assert!(look(&mut narrow, &mut history, 1.000001).is_none());
-    assert_eq!(narrow.ways.programs, 1);
+    assert_eq!(narrow.method_counts.programs, 1);
     assert!(look(&mut narrow, &mut history, 0.999999).is_some());
-    assert_eq!(narrow.ways.programs, 2);
+    assert_eq!(narrow.method_counts.programs, 2);
     // Exact touching is not a contact.
     assert!(look(&mut narrow, &mut history, 1.0).is_none());
 }
@@ -222,8 +223,8 @@ fn thin_overlaps_have_a_centre() {
             assert!(flat.x.abs() < 0.5 && flat.y.abs() < 0.5, "{flat:?}");
         }
     }
-    assert_eq!(narrow.ways.off_centre, 0);
-    assert_eq!(narrow.ways.exhaustive, 0);
+    assert_eq!(narrow.method_counts.off_centre, 0);
+    assert_eq!(narrow.method_counts.exhaustive, 0);
 }
 
 #[test]
@@ -342,8 +343,8 @@ fn spheres_touch_the_closest_point() {
     }
 }
 
-/// A box on its edge, a strip of length L: the dashpots resist a rotation normal to the edge like a beam, with c_n
-/// L²/12, but hardly a rotation about the edge, because the strip has almost no width.
+/// Checks a box on its edge, a strip of length L: the dashpots resist a rotation normal to the edge like a beam, with
+/// c_n L²/12, but hardly a rotation about the edge, because the strip has almost no width.
 #[test]
 fn a_block_turns_freely_about_its_edge() {
     let (length, depth, tilt) = (0.4, 1e-5, 0.3);

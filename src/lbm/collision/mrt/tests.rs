@@ -60,12 +60,12 @@ fn rows(omega: f64, k: &Rates) -> Vec<([f64; 27], f64)> {
         .collect()
 }
 
-/// An inner product of moments in which a matrix is orthogonal.
+/// Inner product of moments in which a matrix is orthogonal.
 #[derive(Clone, Copy, PartialEq)]
 pub(in super::super) enum Orthogonal {
-    /// Each velocity counts once: the matrix of Suga.
+    /// Product in which each velocity counts once: the matrix of Suga.
     Plain,
-    /// Each velocity counts by its weight: Gram-Schmidt of the rows of Suga, in their order.
+    /// Product in which each velocity counts by its weight: Gram-Schmidt of the rows of Suga, in their order.
     Weighted,
 }
 
@@ -170,7 +170,7 @@ fn the_factorised_form_is_the_matrix() {
     }
 }
 
-/// Equal rates are BGK; one rate for even and one for odd moments are TRT.
+/// Checks that equal rates are BGK, and that one rate for even and one for odd moments are TRT.
 #[test]
 fn equal_rates_are_bgk_and_paired_rates_are_trt() {
     for seed in 0..20 {
@@ -242,7 +242,7 @@ fn equal_rates_are_bgk_and_paired_rates_are_trt() {
     }
 }
 
-/// Rates for single cells equal the uniform ones if the viscosity is the same.
+/// Checks that rates for single cells equal the uniform rates if the viscosity is the same.
 #[test]
 fn local_rates_are_those_of_the_viscosity() {
     let operator = Trt::<false> {

@@ -8,7 +8,7 @@ use base::family::Description;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Toy operator, which scales the incoming populations.
+/// Operator of this test, which scales the incoming populations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]

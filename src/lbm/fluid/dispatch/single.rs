@@ -11,10 +11,10 @@ use crate::turbulence::Resolved;
 use std::any::Any;
 use std::marker::PhantomData;
 
-/// Receiver of kernels that only counts that there are some.
-struct Exists;
+/// Receiver of kernels that only detects that there are any.
+struct Existence;
 
-impl Dispatch for Exists {
+impl Dispatch for Existence {
     type Output = ();
 
     fn on_any_set<K: Kernels>(self, _: K) {}
@@ -25,7 +25,7 @@ impl Dispatch for Exists {
 /// Returns `true` if an operator has a pass with arithmetic in f32, for open cells without eddy viscosity.
 #[must_use]
 pub fn collides_in_single(operator: Operator) -> bool {
-    operator.dispatch_single(Exists).is_some()
+    operator.dispatch_single(Existence).is_some()
 }
 
 impl Choice {
@@ -45,9 +45,15 @@ impl Choice {
             return None;
         }
         match set {
-            VelocitySet::D2Q9 => self.operator.dispatch_single(On::<D2Q9, 9>::new(self)),
-            VelocitySet::D3Q19 => self.operator.dispatch_single(On::<D3Q19, 19>::new(self)),
-            VelocitySet::D3Q27 => self.operator.dispatch_single(On::<D3Q27, 27>::new(self)),
+            VelocitySet::D2Q9 => self
+                .operator
+                .dispatch_single(ForVelocitySet::<D2Q9, 9>::new(self)),
+            VelocitySet::D3Q19 => self
+                .operator
+                .dispatch_single(ForVelocitySet::<D3Q19, 19>::new(self)),
+            VelocitySet::D3Q27 => self
+                .operator
+                .dispatch_single(ForVelocitySet::<D3Q27, 27>::new(self)),
         }
     }
 
@@ -70,7 +76,7 @@ impl Choice {
             eddies: Resolved,
             viscosity: (self.relaxation_time - 0.5) / 3.0,
             // No kernel of a GPU has this arithmetic.
-            bare: None,
+            without_eddies: None,
             covered: false,
             #[cfg(test)]
             cells: cell_by_cell::<L, K::Uniform<FORCED>, f32, Q>,
@@ -79,19 +85,19 @@ impl Choice {
 }
 
 /// Choice for a given velocity set.
-struct On<L, const Q: usize> {
+struct ForVelocitySet<L, const Q: usize> {
     choice: Choice,
     lattice: PhantomData<L>,
 }
 
-impl<L: Lattice<Q>, const Q: usize> On<L, Q> {
+impl<L: Lattice<Q>, const Q: usize> ForVelocitySet<L, Q> {
     fn new(choice: Choice) -> Self {
         let lattice = PhantomData;
         Self { choice, lattice }
     }
 }
 
-impl<L: Lattice<Q>, const Q: usize> Dispatch for On<L, Q> {
+impl<L: Lattice<Q>, const Q: usize> Dispatch for ForVelocitySet<L, Q> {
     type Output = Box<dyn Step<f32>>;
 
     fn on_any_set<K: Kernels>(self, kernels: K) -> Self::Output {

@@ -85,7 +85,7 @@ fn bits(fluid: &Fluid<f32>, cells: [usize; 3]) -> Vec<u32> {
     all
 }
 
-/// Rows of whole vectors of some widths and of others with a part of one.
+/// Checks rows of whole vectors of several widths, and rows that end with a part of a vector.
 #[test]
 fn every_width_of_lanes_gives_the_same_bits() {
     let mut levels = vec![Level::Scalar, Level::best()];
@@ -139,7 +139,7 @@ fn every_width_of_lanes_gives_the_same_bits() {
     }
 }
 
-/// No axis of the slabs, no thread and no sweep changes a bit.
+/// Checks that no axis of the slabs, number of threads or sweep changes a bit.
 #[test]
 fn slabs_threads_and_sweeps_do_not_show() {
     for (set, cells) in [
@@ -177,7 +177,7 @@ fn slabs_threads_and_sweeps_do_not_show() {
     }
 }
 
-/// Deviations from the state at rest are exact where the water is at rest.
+/// Checks that deviations from the state at rest are exact in stationary water.
 #[test]
 fn water_at_rest_stays_at_rest() {
     for set in [VelocitySet::D2Q9, VelocitySet::D3Q19, VelocitySet::D3Q27] {
@@ -196,8 +196,8 @@ fn water_at_rest_stays_at_rest() {
     }
 }
 
-/// Decay of a shear wave, u = U exp(-nu k² t) sin ky: the velocity differs from the exact solution of the lattice in
-/// f64 by no more than a few roundings in each step, and the viscosity is right.
+/// Checks the decay of a shear wave, u = U exp(-nu k² t) sin ky: the velocity differs from the exact solution of the
+/// lattice in f64 by no more than a few roundings in each step, and the viscosity is right.
 #[test]
 fn a_shear_wave_decays_as_in_f64() {
     let n = 32;

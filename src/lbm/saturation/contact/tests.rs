@@ -55,9 +55,9 @@ fn solid(id: u64, u: f64) -> CoveringBody {
     }
 }
 
-/// Adds bodies on top of each other up to `TOP`: each with its first cell, its velocity, and the fraction of that
-/// cell that it fills; the body below fills the rest. Ghost cells of the periodic faces are covered as by the map
-/// of bodies.
+/// Adds bodies on top of each other up to `TOP`: each with its first cell, its velocity, and the fraction of this cell
+/// that it fills; the body below fills the remainder. Ghost cells of the periodic faces are covered as by the map of
+/// bodies.
 fn stack(fluid: &mut Fluid<f64>, bodies: &[(usize, f64, f32)]) {
     let [nx, _, nz] = fluid.populations().cells().map(usize::cast_signed);
     let deep_z = if nz > 1 { -1..nz + 1 } else { 0..1 };
@@ -119,8 +119,8 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
     loads(fluid, bodies)
 }
 
-/// A block slides on a stationary one, which lies on the floor: the upper block receives the drag of the water
-/// above, the lower none, for a joint between cells and within them.
+/// Checks a block that slides on a stationary block on the floor: the upper block receives the drag of the water above,
+/// the lower block none, for a joint between cells and within them.
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
     for solid_operator in OPERATORS {
@@ -174,8 +174,8 @@ fn a_wall_at_rest_does_not_drag() {
     }
 }
 
-/// The pressure is transferred: the water presses on the upper block, and the joint and the floor carry this force,
-/// at rest and during sliding.
+/// Checks that the pressure is transferred: the water presses on the upper block, and the joint and the floor carry
+/// this force, at rest and during sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
     for solid_operator in OPERATORS {

@@ -38,7 +38,7 @@ impl Box {
         along(0) * along(1) * along(2)
     }
 
-    /// Covers the cells of a fluid where the box is.
+    /// Covers the cells of a fluid that the box contains.
     fn cover(&mut self, fluid: &mut Fluid<f64>) {
         let cells = fluid.populations().cells().map(usize::cast_signed);
         let flat = fluid.populations().velocities().dimension == 2;
@@ -79,7 +79,7 @@ impl Box {
         fluid.meet_bodies(self.covered.iter().copied());
     }
 
-    /// Makes a step and moves the box; returns its load.
+    /// Advances the fluid by a step and moves the box; returns the load on the box.
     fn step(&mut self, fluid: &mut Fluid<f64>) -> [f64; 3] {
         fluid.advance();
         fluid.move_surface();

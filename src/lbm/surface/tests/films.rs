@@ -51,8 +51,8 @@ fn errors(thickness: f64, cells: [usize; 3], across: f64) -> [f64; 2] {
     [through / (mean * thickness) - 1.0, largest]
 }
 
-/// Along an axis of the lattice the film is exact to the order of the scheme: the error decreases with the square
-/// of the cell size, for any position of the surface in its cell.
+/// Checks a film along an axis of the lattice, which is exact to the order of the scheme: the error decreases with the
+/// square of the cell size, for any position of the surface in its cell.
 #[test]
 fn a_film_down_a_plane_converges_in_the_second_order() {
     for offset in [0.0, 0.3, 0.5, 0.8] {
@@ -66,7 +66,7 @@ fn a_film_down_a_plane_converges_in_the_second_order() {
     }
 }
 
-/// In three dimensions a film runs along the plane at any angle to the lattice.
+/// Checks that in three dimensions a film flows along the plane at any angle to the lattice.
 #[test]
 fn a_film_in_three_dimensions_runs_at_any_angle() {
     for across in [0.0, 0.4, 1.0] {

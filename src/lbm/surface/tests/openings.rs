@@ -49,7 +49,7 @@ fn channel() -> Tank {
     tank
 }
 
-/// Water at rest between two levels remains at rest for any position of the level in its cell.
+/// Checks that stationary water between two levels remains stationary for any position of the level in its cell.
 #[test]
 fn water_between_equal_levels_stays_at_rest() {
     for level in [8.0, 8.25, 8.5, 8.9] {
@@ -74,7 +74,7 @@ fn water_between_equal_levels_stays_at_rest() {
     }
 }
 
-/// The water level in a closed end follows the table of the level outside, upwards and downwards.
+/// Checks that the water level in a closed end follows the table of the level outside, upwards and downwards.
 #[test]
 fn water_follows_a_level_in_time() {
     let mut tank = channel();
@@ -105,7 +105,8 @@ fn water_follows_a_level_in_time() {
     assert!((mean - 6.2).abs() < 0.1, "{mean}");
 }
 
-/// A discharge enters exactly within rounding, into water and onto a dry bed, and flows to the level downstream.
+/// Checks that a discharge enters exactly within rounding, into water and onto a dry bed, and flows to the level
+/// downstream.
 #[test]
 fn a_discharge_enters_and_leaves() {
     for (start, end) in [(9.0, Outside::Level(constant(9.0))), (0.0, Outside::Air)] {
@@ -138,8 +139,8 @@ fn a_discharge_enters_and_leaves() {
     }
 }
 
-/// A jet from a nozzle into air has the discharge of its velocity. The cells at its rims touch the wall of the
-/// nozzle, so that it widens by about 1.3 cells for any width, and is slower accordingly; then it falls like a
+/// Checks that a jet from a nozzle into air has the discharge of its velocity. The cells at its rims touch the wall of
+/// the nozzle, so that the jet widens by about 1.3 cells for any width, and is slower accordingly; then it falls like a
 /// projectile.
 #[test]
 fn a_jet_enters_a_dry_box() {
@@ -171,7 +172,7 @@ fn a_jet_enters_a_dry_box() {
     }
 }
 
-/// The bits depend neither on the axis of the slabs nor on the threads.
+/// Checks that the bits depend neither on the axis of the slabs nor on the threads.
 #[test]
 fn openings_have_the_same_bits_along_any_axis_of_slabs() {
     let states: Vec<_> = (0..3)

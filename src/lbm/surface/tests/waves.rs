@@ -5,7 +5,7 @@ use super::{Tank, step};
 use crate::fluid::Fluid;
 use std::f64::consts::TAU;
 
-/// A complex number.
+/// Complex number.
 #[derive(Clone, Copy)]
 struct Complex(f64, f64);
 
@@ -122,8 +122,8 @@ impl Wave {
         each.collect()
     }
 
-    /// Returns frequency and damping over those of the theory: the least squares of a damped wave from the second
-    /// period on.
+    /// Returns frequency and damping divided by those of the theory, from a least-squares fit of a damped wave from the
+    /// second period on.
     fn ratios(&self) -> [f64; 2] {
         let found = self.run(4.0);
         let [omega, gamma] = self.theory();
@@ -181,8 +181,8 @@ impl Wave {
     }
 }
 
-/// Checks 1 % of the frequency and 5 % of the damping at 40 cells a wave length. With a relaxation time of 0.55 the
-/// frequency of the shallowest wave is 1.2 % low: its surface stands at a face between cells.
+/// Checks 1 % of the frequency and 5 % of the damping at 40 cells per wave length. With a relaxation time of 0.55 the
+/// frequency of the shallowest wave is 1.2 % too low, because its surface lies at a face between cells.
 #[test]
 fn a_standing_wave_has_its_frequency_and_damping() {
     let mut worst = [0.0_f64; 2];
@@ -205,7 +205,7 @@ fn a_standing_wave_has_its_frequency_and_damping() {
     assert!(worst[0] < 0.01 && worst[1] < 0.05, "{worst:?}");
 }
 
-/// The error of the frequency and the lost part of the amplitude fall with the square of the cell.
+/// Checks that the error of the frequency and the lost part of the amplitude decrease with the square of the cell size.
 #[test]
 fn a_standing_wave_converges_in_the_second_order() {
     let errors = [20, 40].map(|length| {

@@ -37,7 +37,7 @@ fn position(fluid: &Fluid<f64>, at: [usize; 3]) -> usize {
     fluid.populations().cell(at.map(usize::cast_signed))
 }
 
-/// Covers parts of the cells of the lower layers by a body with this motion parts of the cells of the lower layers.
+/// Covers parts of the cells of the lower layers by a body with this motion.
 fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
     let cells = fluid.populations().cells();
     let mut covered = Vec::new();
@@ -137,7 +137,7 @@ fn rigid_motion_has_its_gradient_beside_a_body_that_joins_in() {
     }
 }
 
-/// A disturbance without mass and momentum leaves its cell times 1 - ω.
+/// Checks that a disturbance without mass and momentum leaves its cell multiplied by 1 - ω.
 #[test]
 fn the_pass_has_the_rate_of_the_gradient_beside_a_body() {
     let mut fluid = fluid([4, 8, 5]);

@@ -204,7 +204,7 @@ mod tests {
         judged: usize,
         kept: usize,
         /// Largest ratio of error to bound; 0 if nothing is judged.
-        worst: f64,
+        largest_ratio: f64,
     }
 
     fn left_out() -> Vec<LeftOut> {
@@ -231,7 +231,7 @@ mod tests {
                     rows: own.count(),
                     judged: ratios.len(),
                     kept: ratios.iter().filter(|ratio| **ratio <= 1.0).count(),
-                    worst: ratios.iter().copied().fold(0.0, f64::max),
+                    largest_ratio: ratios.iter().copied().fold(0.0, f64::max),
                 });
             }
         }
@@ -239,18 +239,22 @@ mod tests {
     }
 
     /// Minimum number of other problems: a single one shows no differences between problems.
-    const ENOUGH: usize = 2;
+    const LEAST_PROBLEMS: usize = 2;
 
     /// Checks that bounds computed without a problem hold for it: for 95 % of its rows, with a largest excess below
     /// twice the bound.
     #[test]
     fn a_problem_that_is_left_out_keeps_the_bound_of_the_others() {
         let (mut judged, mut kept) = (0, 0);
-        for one in left_out().iter().filter(|one| one.others >= ENOUGH) {
+        for one in left_out().iter().filter(|one| one.others >= LEAST_PROBLEMS) {
             judged += one.judged;
             kept += one.kept;
             let (key, problem) = (one.key, one.problem);
-            assert!(one.worst <= 2.0, "{key:?}, {problem}: {}", one.worst);
+            assert!(
+                one.largest_ratio <= 2.0,
+                "{key:?}, {problem}: {}",
+                one.largest_ratio
+            );
         }
         assert!(
             judged > 1000 && 20 * kept >= 19 * judged,
@@ -266,7 +270,7 @@ mod tests {
         for one in left_out() {
             let (dimension, obstacle) = one.key;
             let worst = if one.judged > 0 {
-                format!("{:.2}", one.worst)
+                format!("{:.2}", one.largest_ratio)
             } else {
                 String::new()
             };

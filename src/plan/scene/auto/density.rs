@@ -33,10 +33,10 @@ use lbm::boundary::{Condition, Inflow, Strength, SurfaceKind};
 use serde::Serialize;
 
 /// Factor of the sound pressure of a sudden start behind a uniform profile between walls.
-const AT_A_RIM: f64 = 1.1;
+const RIM_SOUND_FACTOR: f64 = 1.1;
 /// Velocity that determines the sound pressure of a start behind a profile that vanishes at walls, relative to the
 /// mean of the profile.
-const OVER_THE_MEAN: f64 = 1.2;
+const PROFILE_SOUND_FACTOR: f64 = 1.2;
 /// Coefficients of the pressure at the rim of an inlet: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
 const RIM_OF_INERTIA: f64 = 0.2;
 const RIM_OF_FRICTION: [f64; 2] = [1.8, 3.9];
@@ -50,10 +50,10 @@ const LID_OF_FRICTION: [f64; 2] = [2.8, 3.15];
 
 /// Ratio of the estimates to the results of runs: behind inlets 1.2 to 1.5; in the corners of fast lids the change
 /// grows faster than the velocity.
-const OVER: f64 = 1.3;
-const OVER_AT_A_LID: f64 = 0.9;
+const ESTIMATE_RATIO: f64 = 1.3;
+const LID_ESTIMATE_RATIO: f64 = 0.9;
 /// Ratio for the sound of a start, which is exact except for spreading.
-const OVER_AT_A_START: f64 = 1.0;
+const START_ESTIMATE_RATIO: f64 = 1.0;
 
 /// Cause of a density change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -83,7 +83,7 @@ impl Cause {
             velocity: 0.0,
             sound: 0.0,
             most: f64::INFINITY,
-            over: OVER,
+            over: ESTIMATE_RATIO,
         }
     }
 
@@ -109,7 +109,7 @@ pub(crate) fn total(causes: &[Cause], time_step: f64, spacing: f64, density: f64
 }
 
 /// Returns the smallest density change that a run is expected to show at a time step.
-pub(crate) fn least(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
+pub(crate) fn smallest_change(causes: &[Cause], time_step: f64, spacing: f64, density: f64) -> f64 {
     let changes = causes
         .iter()
         .map(|cause| cause.change(time_step, spacing, density) / cause.over);
@@ -156,7 +156,7 @@ pub(crate) fn longest_step(
 
 /// Returns the causes of density changes by the flow of a scene, in addition to the pressures stated in the case.
 /// `ways` are the narrow gaps along axes.
-pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
+pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
         let imposed = |patch: &ScenePatch| imposes_a_velocity(patch) && patch.face.axis() == axis;
         let open = flow.patches().any(imposed);
@@ -168,7 +168,7 @@ pub(crate) fn causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<C
     for inlet in &inlets {
         let open = sections[inlet.axis].as_ref().map(|found| found.open);
         causes.extend(inlet.start(scene, flow, open));
-        causes.extend(inlet.rim(scene, flow));
+        causes.extend(inlet.rim_pressure(scene, flow));
     }
     causes.extend(flow.patches().filter_map(|patch| lid(scene, flow, patch)));
     for (axis, sections) in sections.iter().enumerate() {
@@ -211,7 +211,7 @@ fn imposes_a_velocity(patch: &ScenePatch) -> bool {
 struct Inlet<'a> {
     patch: &'a ScenePatch,
     axis: usize,
-    /// JSON path of the field that determines the speed.
+    /// Speed imposed by the opening [m/s].
     speed: f64,
     /// JSON path of the field that determines the speed.
     path: String,
@@ -248,7 +248,7 @@ impl<'a> Inlet<'a> {
             // Waves across the face decay within some steps.
             None => {
                 let own = match model.inflow(&self.patch.imposed_at(&scene.grid, PATH)) {
-                    Inflow::Mean(mean) => (OVER_THE_MEAN * mean.abs()).min(self.speed),
+                    Inflow::Mean(mean) => (PROFILE_SOUND_FACTOR * mean.abs()).min(self.speed),
                     _ => self.speed,
                 };
                 own + start[axis].abs()
@@ -264,17 +264,21 @@ impl<'a> Inlet<'a> {
             path: self.path.clone(),
             pressure: 0.0,
             velocity: normal,
-            sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { AT_A_RIM } else { 1.0 },
+            sound: 3.0_f64.sqrt() * (1.0 + 2.0 * back) * if rim { RIM_SOUND_FACTOR } else { 1.0 },
             most: if ramp > 0.0 {
                 2.0 * flow.density * normal * scene.grid.size[axis] / ramp
             } else {
                 f64::INFINITY
             },
-            over: if rim { OVER } else { OVER_AT_A_START },
+            over: if rim {
+                ESTIMATE_RATIO
+            } else {
+                START_ESTIMATE_RATIO
+            },
         })
     }
 
-    fn rim(&self, scene: &Scene, flow: &Flow) -> Option<Cause> {
+    fn rim_pressure(&self, scene: &Scene, flow: &Flow) -> Option<Cause> {
         let normal = self.uniform_at_walls(flow)?[self.axis].abs();
         let friction = RIM_OF_FRICTION[scene.grid.dimension - 2];
         Some(Cause {
@@ -285,7 +289,7 @@ impl<'a> Inlet<'a> {
             velocity: normal,
             sound: 3.0 * RIM_OF_INERTIA,
             most: f64::INFINITY,
-            over: OVER,
+            over: ESTIMATE_RATIO,
         })
     }
 
@@ -317,7 +321,7 @@ fn lid(scene: &Scene, flow: &Flow, patch: &ScenePatch) -> Option<Cause> {
         velocity: speed.value,
         sound: 3.0 * LID_OF_INERTIA,
         most: f64::INFINITY,
-        over: OVER_AT_A_LID,
+        over: LID_ESTIMATE_RATIO,
     })
 }
 
@@ -347,7 +351,7 @@ fn loss(
     });
     let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
     let narrow = narrow.map(|(_, gap)| {
-        let resistance = sound::resistance(&sound::Way::through_gap(gap));
+        let resistance = sound::resistance(&sound::Passage::through_gap(gap));
         let speed = discharge / gap.width;
         let pressure = density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
         ("a narrow way", pressure)

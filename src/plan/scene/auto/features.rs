@@ -2,7 +2,7 @@
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
-use super::ways::{self, Beside, Way};
+use super::ways::{self, AdjacentKind, NarrowPlace};
 use crate::scene::Scene;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
@@ -100,7 +100,7 @@ fn beside_moving(obstacle: &'static str) -> &'static str {
 }
 
 /// Returns the table rows for spheres that are closer together than [`DENSE`] diameters.
-fn packed(obstacle: &'static str) -> &'static str {
+fn dense_rows(obstacle: &'static str) -> &'static str {
     match obstacle {
         "half-way links" => "packed spheres: half-way links",
         "interpolated links" => "packed spheres: interpolated links",
@@ -122,7 +122,7 @@ pub(crate) fn case_features(
         list.extend(
             ways::widest_ways(scene, flow)
                 .into_iter()
-                .filter_map(|way| of_way(way, case, flow)),
+                .filter_map(|way| passage_feature(way, case, flow)),
         );
     }
     let mut walls = |what: String, size: f64| {
@@ -217,20 +217,23 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     let mut list: Vec<Feature> = bodies.chain(grains).collect();
     let found = gaps::case_gaps(case, lbm, factor);
     let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
-    let ways = found.ways.iter().map(|(_, gap)| (gap, in_gap(beside(gap))));
+    let ways = found
+        .passages
+        .iter()
+        .map(|(_, gap)| (gap, in_gap(beside(gap))));
     let moving = found
         .moving
         .iter()
         .map(|gap| (gap, beside_moving(beside(gap))));
     let open = ways.chain(moving).filter(|(gap, _)| gap.width > 0.0);
-    list.extend(open.map(|(gap, obstacle)| of_gap(gap, obstacle)));
+    list.extend(open.map(|(gap, obstacle)| gap_feature(gap, obstacle)));
     let dense = found
         .narrowest
-        .filter(|gap| gap.width < DENSE * gap.beside && !gap.faces);
+        .filter(|gap| gap.width < DENSE * gap.adjacent_width && !gap.faces);
     list.extend(dense.map(|gap| Feature {
         what: format!("pores beside the {}", gap.what),
-        size: gap.beside * pores(found.solid),
-        obstacle: packed(round),
+        size: gap.adjacent_width * pores(found.solid),
+        obstacle: dense_rows(round),
     }));
     list
 }
@@ -244,11 +247,11 @@ fn pores(solid: f64) -> f64 {
 
 /// Returns the feature of a gap through which water flows. For gaps next to flat faces the table uses the mean of
 /// width and gap.
-fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
+fn gap_feature(gap: &Gap, obstacle: &'static str) -> Feature {
     Feature {
         what: gap.what.clone(),
         size: if gap.faces {
-            (gap.width * gap.beside).sqrt()
+            (gap.width * gap.adjacent_width).sqrt()
         } else {
             gap.width
         },
@@ -257,7 +260,7 @@ fn of_gap(gap: &Gap, obstacle: &'static str) -> Feature {
 }
 
 /// Returns the feature of a narrowest passage; none if other features cover it.
-fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
+fn passage_feature(way: NarrowPlace, case: &Case, flow: &Flow) -> Option<Feature> {
     let coupling = coupling_of(case);
     let beside = |round| {
         coupling
@@ -266,11 +269,13 @@ fn of_way(way: Way, case: &Case, flow: &Flow) -> Option<Feature> {
     };
     let obstacle = match way.beside {
         // In the plane the gaps of all pairs are known, and for packed spheres the pores are used.
-        Beside::Balls => return None,
-        Beside::BallAndWall | Beside::Faces if case.domain.size.0.len() == 2 => return None,
-        Beside::BallAndWall => beside_a_wall(beside(true)?),
-        Beside::Faces => between_faces(beside(false)?),
-        Beside::Structure => STRUCTURES,
+        AdjacentKind::Balls => return None,
+        AdjacentKind::BallAndWall | AdjacentKind::Faces if case.domain.size.0.len() == 2 => {
+            return None;
+        }
+        AdjacentKind::BallAndWall => beside_a_wall(beside(true)?),
+        AdjacentKind::Faces => between_faces(beside(false)?),
+        AdjacentKind::Structure => STRUCTURES,
     };
     Some(Feature {
         what: way.what,
@@ -336,8 +341,8 @@ fn narrow_gap(case: &Case, lbm: &LatticeBoltzmann, body: &Body) -> Option<(f64, 
     (gap < width).then_some((width, gap))
 }
 
-/// Returns the smallest width of a shape \[m\]; for a hull between a face and the corner farthest from it. None if
-/// it is not known yet.
+/// Returns the smallest width of a shape \[m\]; for a hull the smallest distance from a face to the corner farthest
+/// from it. None if the shape is known only after it is generated.
 pub(crate) fn width(shape: &Shape) -> Option<f64> {
     match shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Some(2.0 * radius),

@@ -32,7 +32,7 @@ pub(crate) struct Gap {
     /// Width \[m\]; zero or negative if the solids touch.
     pub(crate) width: f64,
     /// Smallest width of the adjacent solids \[m\].
-    pub(crate) beside: f64,
+    pub(crate) adjacent_width: f64,
     /// `true` if an adjacent solid is not round.
     pub(crate) faces: bool,
     /// Inverse of the sum of the curvatures of both sides \[m\]: the radius next to a flat wall, half the radius
@@ -44,7 +44,7 @@ pub(crate) struct Gap {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Gaps {
     /// Narrowest gap of the widest path along each axis of flow; 2-D only.
-    pub(crate) ways: Vec<(usize, Gap)>,
+    pub(crate) passages: Vec<(usize, Gap)>,
     /// Narrowest gap next to each moving body.
     pub(crate) moving: Vec<Gap>,
     /// Narrowest gap of all; 3-D only.
@@ -191,7 +191,7 @@ impl Places<'_> {
     }
 
     /// Returns `true` if water may flow through the domain along an axis.
-    fn through(&self, axis: usize) -> bool {
+    fn may_flow_along(&self, axis: usize) -> bool {
         !self.walls.contains(&(axis, false)) && !self.walls.contains(&(axis, true))
     }
 }
@@ -211,14 +211,14 @@ pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gap
         ..Gaps::default()
     };
     if places.size.len() == 2 {
-        let axes = (0..2).filter(|axis| places.through(*axis));
+        let axes = (0..2).filter(|axis| places.may_flow_along(*axis));
         let way = |axis| {
             Some((
                 axis,
                 narrowest_of_the_widest_way(&places, &solids, &near, axis)?,
             ))
         };
-        gaps.ways = axes.filter_map(way).collect();
+        gaps.passages = axes.filter_map(way).collect();
     } else {
         gaps.narrowest = near.first().map(|link| link.gap(&solids));
         gaps.solid = solid_fraction(&places, &solids);
@@ -269,7 +269,7 @@ impl Link {
         Gap {
             what: format!("gap between `{}` and {name}", one.name),
             width: self.width,
-            beside: sides().map(|side| side.width).fold(f64::INFINITY, f64::min),
+            adjacent_width: sides().map(|side| side.width).fold(f64::INFINITY, f64::min),
             faces: sides().any(|side| matches!(side.form, Form::Hull(..))),
             radius: 1.0 / sides().map(Solid::curvature).sum::<f64>(),
         }
@@ -373,7 +373,7 @@ impl JoinedSolids {
         (k, by)
     }
 
-    /// Joins two solids; returns the periods around the ring if this closes one.
+    /// Joins two solids; returns the periods around the ring if the joint closes a ring.
     pub(super) fn join(&mut self, one: usize, other: usize, by: [i32; 3]) -> Option<[i32; 3]> {
         let (a, of_one) = self.root(one);
         let (b, of_other) = self.root(other);
@@ -413,7 +413,7 @@ fn narrowest_of_the_widest_way(
                 && sets.root(lower).0 == sets.root(upper).0);
         if closed {
             let gap = link.gap(solids);
-            return (gap.width < WIDE * gap.beside).then_some(gap);
+            return (gap.width < WIDE * gap.adjacent_width).then_some(gap);
         }
     }
     None
@@ -434,7 +434,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
     };
     let mut list: Vec<Solid> = Vec::new();
     for body in &case.bodies {
-        list.extend(of_body(body, at(&body.position.0), factor));
+        list.extend(body_solid(body, at(&body.position.0), factor));
     }
     let mut grain = |n: usize, at: Vector3<f64>, radius: f64| {
         list.push(Solid {
@@ -466,7 +466,7 @@ fn solids(case: &Case, factor: f64) -> Option<Vec<Solid>> {
 }
 
 /// Returns a body; none for shapes that are known only after they are generated.
-fn of_body(body: &Body, at: Vector3<f64>, factor: f64) -> Option<Solid> {
+fn body_solid(body: &Body, at: Vector3<f64>, factor: f64) -> Option<Solid> {
     let form = match &body.shape {
         Shape::Disc { radius } | Shape::Sphere { radius } => Form::Ball(radius * factor),
         Shape::Cuboid { edges } => {
@@ -565,8 +565,8 @@ mod tests {
             &case([1.0, 1.0], &["x", "y"], &[fixed([0.51, 0.47], 0.45)]),
             1.0,
         );
-        assert_eq!(gaps.ways.len(), 2);
-        for (axis, (way, gap)) in gaps.ways.iter().enumerate() {
+        assert_eq!(gaps.passages.len(), 2);
+        for (axis, (way, gap)) in gaps.passages.iter().enumerate() {
             assert_eq!(*way, axis);
             assert_relative_eq!(gap.width, 0.1, epsilon = 1e-12);
             assert_eq!(gap.what, "gap between `d0` and its periodic image");
@@ -576,21 +576,21 @@ mod tests {
             &case([1.0, 1.0], &["x", "y"], &[fixed([0.51, 0.47], 0.45)]),
             0.8,
         );
-        assert_relative_eq!(gaps.ways[0].1.width, 0.28, epsilon = 1e-12);
+        assert_relative_eq!(gaps.passages[0].1.width, 0.28, epsilon = 1e-12);
     }
 
     #[test]
     fn the_wide_side_of_an_obstacle_is_the_way() {
         // The slit at the lower wall is 0.05, the upper one 0.55: wider than the disc, so that there is no narrow
         // gap.
-        let beside = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.25], 0.2)]);
-        assert_eq!(found(&beside, 1.0).ways, Vec::new());
+        let adjacent_width = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.25], 0.2)]);
+        assert_eq!(found(&adjacent_width, 1.0).passages, Vec::new());
         // In a nearly filled channel the upper gap of 0.2 decides, not the lower gap of 0.1.
         let filling = case([4.0, 1.0], &["x"], &[fixed([2.0, 0.45], 0.35)]);
         let gaps = found(&filling, 1.0);
-        assert_relative_eq!(gaps.ways[0].1.width, 0.2, epsilon = 1e-12);
+        assert_relative_eq!(gaps.passages[0].1.width, 0.2, epsilon = 1e-12);
         assert_eq!(
-            gaps.ways[0].1.what,
+            gaps.passages[0].1.what,
             "gap between `d0` and the upper wall along y"
         );
     }
@@ -600,20 +600,20 @@ mod tests {
         let wires = [0.1, 0.32, 0.6, 0.85].map(|y| fixed([1.0, y], 0.09));
         let gaps = found(&case([2.0, 1.0], &["x"], &wires), 1.0);
         // Gaps 0.01, 0.04, 0.10, 0.07, 0.06.
-        assert_relative_eq!(gaps.ways[0].1.width, 0.1, epsilon = 1e-12);
-        assert_eq!(gaps.ways[0].1.what, "gap between `d1` and `d2`");
+        assert_relative_eq!(gaps.passages[0].1.width, 0.1, epsilon = 1e-12);
+        assert_eq!(gaps.passages[0].1.what, "gap between `d1` and `d2`");
         // With a staggered second row, the path through both has the width of the narrower one.
         let second = [0.15, 0.40, 0.62, 0.87].map(|y| fixed([1.5, y], 0.09));
         let both: Vec<_> = wires.into_iter().chain(second).collect();
         let gaps = found(&case([2.0, 1.0], &["x"], &both), 1.0);
-        assert_relative_eq!(gaps.ways[0].1.width, 0.07, epsilon = 1e-12);
+        assert_relative_eq!(gaps.passages[0].1.width, 0.07, epsilon = 1e-12);
     }
 
     #[test]
     fn a_gap_is_as_curved_as_both_of_its_sides() {
         let radius = |periodic: &[&str], discs: &[_]| {
             let gaps = found(&case([4.0, 1.0], periodic, discs), 1.0);
-            gaps.ways[0].1.radius
+            gaps.passages[0].1.radius
         };
         let wall = radius(&["x"], &[fixed([2.0, 0.45], 0.35)]);
         assert_relative_eq!(wall, 0.35, epsilon = 1e-12);
@@ -628,7 +628,7 @@ mod tests {
     fn touching_from_wall_to_wall_leaves_no_way() {
         let wires = [0.15, 0.5, 0.85].map(|y| fixed([1.0, y], 0.175));
         let gaps = found(&case([2.0, 1.0], &["x"], &wires), 1.0);
-        assert!(gaps.ways[0].1.width <= 1e-12, "{gaps:?}");
+        assert!(gaps.passages[0].1.width <= 1e-12, "{gaps:?}");
     }
 
     #[test]
@@ -636,7 +636,7 @@ mod tests {
         // A column along x, periodic in x, does not block the flow along x: 0.7 above it is water.
         let column = [0.125, 0.375, 0.625, 0.875].map(|x| fixed([x, 0.15], 0.12));
         let gaps = found(&case([1.0, 1.0], &["x"], &column), 1.0);
-        assert!(gaps.ways.iter().all(|(axis, _)| *axis != 0), "{gaps:?}");
+        assert!(gaps.passages.iter().all(|(axis, _)| *axis != 0), "{gaps:?}");
     }
 
     #[test]
@@ -645,6 +645,6 @@ mod tests {
         let gaps = found(&case([4.0, 4.0], &["x"], &[turning]), 1.0);
         assert_eq!(gaps.moving.len(), 1);
         assert_relative_eq!(gaps.moving[0].width, 0.02, epsilon = 1e-12);
-        assert_eq!(gaps.ways, Vec::new());
+        assert_eq!(gaps.passages, Vec::new());
     }
 }

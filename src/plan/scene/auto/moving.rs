@@ -23,11 +23,11 @@ use crate::scene::flow::Flow;
 use crate::scene::speed::settling;
 use std::f64::consts::PI;
 
-/// Minimum factors of the estimates over the results of runs: the sound of a start spreads, and guards check only
-/// at intervals.
-const OVER_AT_A_START: [f64; 2] = [3.0, 6.0];
-const OVER: f64 = 2.5;
-const OVER_IN_A_FILM: f64 = 2.0;
+/// Minimum ratio of the estimates to the results of runs: the sound of a start spreads, and guards check only at
+/// intervals.
+const START_ESTIMATE_RATIOS: [f64; 2] = [3.0, 6.0];
+const ESTIMATE_RATIO: f64 = 2.5;
+const FILM_ESTIMATE_RATIO: f64 = 2.0;
 
 /// Pressure coefficients of potential flow at a disc and a sphere.
 const SUCTION: [f64; 2] = [3.0, 1.25];
@@ -57,7 +57,7 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
             }
             Mobility::Free => {
                 let path = format!("bodies[{n}].motion.free");
-                let speed = settling::of_body(scene, flow, 2.0 * radius, body.material)
+                let speed = settling::body_settling_speed(scene, flow, 2.0 * radius, body.material)
                     .max(size(body.velocity));
                 causes.extend(impact(scene, flow, &path, (body, radius), speed));
                 causes.extend(squeeze(scene, flow, &path, (body, radius), speed));
@@ -90,7 +90,7 @@ fn start(scene: &Scene, path: &str, speed: f64) -> Option<Cause> {
         velocity: speed,
         sound: 3.0_f64.sqrt(),
         most: f64::INFINITY,
-        over: OVER_AT_A_START[scene.grid.dimension - 2],
+        over: START_ESTIMATE_RATIOS[scene.grid.dimension - 2],
     })
 }
 
@@ -110,7 +110,7 @@ fn impact(
         velocity: speed,
         sound: 2.0 * 3.0_f64.sqrt(),
         most: f64::INFINITY,
-        over: OVER_AT_A_START[scene.grid.dimension - 2],
+        over: START_ESTIMATE_RATIOS[scene.grid.dimension - 2],
     })
 }
 
@@ -125,7 +125,7 @@ fn around(scene: &Scene, flow: &Flow, path: String, radius: f64, speed: f64) -> 
         velocity: speed,
         sound: 0.0,
         most: f64::INFINITY,
-        over: OVER,
+        over: ESTIMATE_RATIO,
     })
 }
 
@@ -158,7 +158,7 @@ fn squeeze(
         velocity: speed,
         sound: 0.0,
         most: f64::INFINITY,
-        over: OVER_IN_A_FILM,
+        over: FILM_ESTIMATE_RATIO,
     })
 }
 
@@ -212,8 +212,8 @@ mod tests {
             .collect()
     }
 
-    /// A cylinder that moves at speed U in an ideal fluid has the pressure -3/2 rho U² at its sides; a driven one
-    /// also causes the sound of its start.
+    /// Checks that a cylinder that moves at speed U in an ideal fluid has the pressure -3/2 rho U² at its sides, and
+    /// that a driven one also causes the sound of its start.
     #[test]
     fn a_driven_disc_sounds_once_and_sucks() {
         let found = causes(&json!({"driven": {"velocity": [0.002, 0]}}), 1.0);

@@ -29,7 +29,7 @@ struct Judged<'a> {
 }
 
 /// Computes the promised error for the cells of a scene, chosen or stated.
-pub(crate) fn judge(
+pub(crate) fn compute_promise(
     scene: &mut Scene,
     case: &Case,
     lbm: &LatticeBoltzmann,
@@ -107,7 +107,7 @@ pub(crate) fn judge(
     }
 }
 
-/// Returns what of a scene no measured error covers.
+/// Returns the features and motions of a scene that no measured error covers.
 fn unmeasured(
     scene: &Scene,
     case: &Case,
@@ -120,9 +120,9 @@ fn unmeasured(
     if scene.surface.is_some() {
         new.push("no error was measured for water with a free surface".to_owned());
     }
-    new.extend(of_models(scene, flow, lattice_velocity));
-    new.extend(of_motion(case));
-    new.extend(of_sound(scene, flow, target));
+    new.extend(uncovered_models(scene, flow, lattice_velocity));
+    new.extend(free_grain_warning(case));
+    new.extend(sound_warning(scene, flow, target));
     let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
     let wet = scene.structures.iter().any(|s| s.stops.water());
     if wet && !judged.iter().any(|judged| beside(judged.feature)) {
@@ -152,7 +152,7 @@ fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Finding
     );
 }
 
-/// Records what the promise is for where bodies move.
+/// Records in which sense the promise holds if bodies move.
 fn qualify_bodies(scene: &mut Scene) {
     let crosses = |body: &NamedBody| {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
@@ -235,7 +235,7 @@ fn of_feature<'a>(
 }
 
 /// Returns the models and parameters of the lattice that no row covers.
-fn of_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
+fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
         new.push("no error was measured for flow next to porous zones".to_owned());
@@ -270,24 +270,24 @@ const LEAST_TAU: f64 = 0.51;
 const MOST_TAU: f64 = 1.5 + 1e-9;
 
 /// Reports the sound of a sudden start, which oscillates in the forces until it decays.
-fn of_sound(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
+fn sound_warning(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {
     let (body, left) = sound::left_of_a_start(scene, flow)?;
-    (left > SOUND * target).then(|| {
+    (left > SOUND_SHARE * target).then(|| {
         format!(
             "the pressure waves of a sudden start are too large at the end of the run: {} % of those of `{}` \
              remain, and at most {} % are acceptable; run longer, or use a shorter time step",
             number(100.0 * left),
             body.name,
-            number(100.0 * SOUND * target)
+            number(100.0 * SOUND_SHARE * target)
         )
     })
 }
 
 /// Largest fraction of the target that the sound of a sudden start may contribute.
-const SOUND: f64 = 0.25;
+const SOUND_SHARE: f64 = 0.25;
 
 /// Reports free grains: grains that approach each other leave gaps that no cells resolve.
-fn of_motion(case: &Case) -> Option<String> {
+fn free_grain_warning(case: &Case) -> Option<String> {
     let grains = case.grains.as_ref()?;
     let many = match &grains.initial {
         GrainSource::List(list) => list.len() > 1,

@@ -44,7 +44,7 @@ const MOST_REYNOLDS: f64 = 1000.0;
 /// Maximum Reynolds number of creeping flow.
 const CREEPING: f64 = 1.0;
 /// Relative errors of the formula: in creeping flow, and with inertia.
-const OF_FORMULA: (f64, f64) = (0.03, 0.08);
+const FORMULA_ERRORS: (f64, f64) = (0.03, 0.08);
 /// Maximum ratio of the largest to the smallest diameter for which all mean diameters are the same.
 const EQUAL: f64 = 1.02;
 const TRIALS: usize = 8;
@@ -166,9 +166,9 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         ));
     }
     let formula = if fastest <= CREEPING {
-        OF_FORMULA.0
+        FORMULA_ERRORS.0
     } else {
-        OF_FORMULA.1
+        FORMULA_ERRORS.1
     };
     let text = format!(
         "{}: {} % from resolved flow through random beds and cubic arrays of spheres, solid fraction {} to {} \
@@ -187,7 +187,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
 fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
     match &grains.source {
         GrainSource::List(list) | GrainSource::File { grains: list, .. } => {
-            let filled = filled(list, dimension);
+            let filled = packed_fraction(list, dimension);
             (filled, filled.max(BED.1))
         }
         _ => BED,
@@ -195,7 +195,7 @@ fn solid_fractions(grains: &Grains, dimension: usize) -> (f64, f64) {
 }
 
 /// Returns the volume of spheres divided by that of their bounding box.
-fn filled(grains: &[ListedGrain], dimension: usize) -> f64 {
+fn packed_fraction(grains: &[ListedGrain], dimension: usize) -> f64 {
     let volume: f64 = grains
         .iter()
         .map(|g| 4.0 / 3.0 * PI * g.radius.powi(3))

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 const ALONG: [usize; 2] = [240, 64];
 const ACROSS: [usize; 2] = [240, 40];
 /// Maximum number of pairs of a sample and a solid.
-const MOST_LOOKS: usize = 30_000_000;
+const MAX_PAIRS: usize = 30_000_000;
 
 /// Resistance of the sections along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +32,7 @@ pub(crate) struct Sections {
     pub(crate) friction: f64,
     /// The smallest open section: width \[m\] in 2-D, area \[m2\] in 3-D.
     pub(crate) smallest: f64,
-    /// Smallest open section divided by the whole section.
+    /// Width or area of the smallest open section, divided by that of the whole section.
     pub(crate) open: f64,
 }
 
@@ -51,9 +51,9 @@ struct Body {
 pub(crate) enum End {
     /// Wall with friction.
     Wall,
-    /// A surface without friction.
+    /// Surface without friction.
     Slip,
-    /// The other end of the line.
+    /// Periodic image of the other end of the line.
     Periodic,
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn along(
     for a in &across {
         count[*a] = ACROSS[n];
     }
-    if count.iter().product::<usize>().saturating_mul(solids) > MOST_LOOKS {
+    if count.iter().product::<usize>().saturating_mul(solids) > MAX_PAIRS {
         return None;
     }
     let step: [f64; 3] = std::array::from_fn(|a| grid.size[a] / real(count[a]));

@@ -33,8 +33,8 @@ use std::sync::LazyLock;
 const TABLE: &str = include_str!("measured_seepage.csv");
 /// Fractions of the target for the error of the contacts and for that of the interval. Together they are a half,
 /// because another bed may differ from the measured ones.
-const OF_CONTACTS: f64 = 0.3;
-const OF_INTERVAL: f64 = 0.2;
+const CONTACT_SHARE: f64 = 0.3;
+const INTERVAL_SHARE: f64 = 0.2;
 /// Maximum solid fraction of a bed; of the order of random packings of spheres.
 const SOLID: f64 = 0.6;
 /// Maximum overlap of an impact in diameters: falling grains come to rest before the run.
@@ -81,14 +81,14 @@ fn all() -> &'static [Row] {
 
 /// Returns the row with the largest value, which is cheapest, whose error is within a bound; if there is none, the
 /// row with the smallest error.
-fn needed(what: &str, bound: f64) -> Option<&'static Row> {
+fn cheapest_row(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
 /// Returns the row that covers a value; none above all rows.
-fn covering(what: &str, value: f64) -> Option<&'static Row> {
+fn covering_row(what: &str, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
         .min_by(|a, b| a.value.total_cmp(&b.value))
@@ -147,7 +147,7 @@ pub(super) fn stiffness(
     impact: impl Fn(f64) -> f64,
 ) -> Option<(f64, String)> {
     let bed = Bed::new(scene)?;
-    let row = needed("overlap", OF_CONTACTS * target)?;
+    let row = cheapest_row("overlap", CONTACT_SHARE * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
         "{} N/m: contacts overlap by at most {} % of a diameter under {} Pa, and by {} % for falling grains",
@@ -171,7 +171,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         scene.chosen.note("accuracy", text);
         return;
     }
-    let Some(interval) = needed("interval", OF_INTERVAL * target) else {
+    let Some(interval) = cheapest_row("interval", INTERVAL_SHARE * target) else {
         return;
     };
     let time = interval.value * bed.time();
@@ -182,15 +182,21 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         number(interval.value)
     );
     scene.chosen.note("coupling interval", text);
-    judge(scene, &bed, interval, target, findings);
+    report_error(scene, &bed, interval, target, findings);
 }
 
 /// Reports the combined error of the chosen interval and the contacts, chosen or stated.
-fn judge(scene: &mut Scene, bed: &Bed, interval: &Row, target: f64, findings: &mut Findings) {
+fn report_error(
+    scene: &mut Scene,
+    bed: &Bed,
+    interval: &Row,
+    target: f64,
+    findings: &mut Findings,
+) {
     let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
         return;
     };
-    let Some(contacts) = covering("overlap", overlap) else {
+    let Some(contacts) = covering_row("overlap", overlap) else {
         findings.warn(
             "accuracy",
             format!(
@@ -282,7 +288,7 @@ mod tests {
     #[test]
     fn a_smaller_target_is_never_softer_nor_coupled_more_rarely() {
         for what in ["overlap", "interval"] {
-            let value = |bound| needed(what, bound).unwrap().value;
+            let value = |bound| cheapest_row(what, bound).unwrap().value;
             assert!(
                 value(0.03) >= value(0.015) && value(0.015) >= value(0.001),
                 "{what}"
@@ -293,12 +299,12 @@ mod tests {
     #[test]
     fn what_no_row_covers_is_not_promised() {
         let softest = rows("overlap").last().unwrap();
-        assert!(covering("overlap", 0.99 * softest.value).is_some());
-        assert!(covering("overlap", 1.01 * softest.value).is_none());
+        assert!(covering_row("overlap", 0.99 * softest.value).is_some());
+        assert!(covering_row("overlap", 1.01 * softest.value).is_none());
     }
 
-    /// A column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains
-    /// of at most 4 mm and accelerates them by (1471.19 / 159) m/s².
+    /// Column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains of at
+    /// most 4 mm and accelerates them by (1471.19 / 159) m/s².
     const COLUMN: &str = r#"{
         "accuracy": "draft",
         "domain": {"size": [0.02, 0.02, 0.1], "spacing": 0.01},

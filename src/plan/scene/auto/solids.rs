@@ -127,7 +127,7 @@ pub(crate) fn choose_contact(
         };
         (Contact::Linear(law), text)
     } else if move_without_law(case) {
-        of_spheres(scene, case, target)
+        sphere_law(scene, case, target)
     } else if !moves && scene.polyhedra().next().is_some() {
         let law = blocks::BlockInput::without_use();
         (
@@ -155,7 +155,7 @@ pub(crate) fn choose_contact(
 }
 
 /// Returns the law of discs and spheres, and the reason.
-fn of_spheres(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
+fn sphere_law(scene: &Scene, case: &Case, target: Option<f64>) -> (Contact, String) {
     let elastic =
         |m: &case::domain::Material| m.young_modulus.is_some() && m.poisson_ratio.is_some();
     if scene.grid.dimension == 3 && case.materials.values().all(elastic) {

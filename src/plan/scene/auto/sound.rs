@@ -48,8 +48,8 @@ const PASSAGES: f64 = 4.0;
 /// Number of time constants after which the pressure upstream of a narrow passage has risen to within one per cent.
 const TIME_CONSTANTS: f64 = 4.6;
 
-/// Returns the time from which values are used \[s\]: the start of averages, or the end of the run.
-fn when(scene: &Scene) -> f64 {
+/// Returns the time at which results are used first \[s\]: the start of averages, or the end of the run.
+fn first_use_time(scene: &Scene) -> f64 {
     let averages = scene.output.averages.iter().map(|averages| averages.from);
     averages
         .filter(|from| *from > 0.0)
@@ -75,7 +75,7 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     }
     let lengths = (0..3).filter(|a| axes[*a]).map(|a| scene.grid.size[a]);
     let length = lengths.fold(0.0, f64::max);
-    let time = when(scene);
+    let time = first_use_time(scene);
     let what = format!(
         "sound that passes {PASSAGES} times the {} m between openings in {} s",
         number(length),
@@ -96,7 +96,7 @@ pub fn damping(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 
     }
 }
 
-/// Returns the rate [1/s] of friction in boundary layers, or in layers that fill the passage.
+/// Returns the decay rate [1/s] of sound by friction in boundary layers, or in layers that fill the passage.
 fn damping_of(frequency: f64, viscosity: f64, surface_over_volume: f64) -> f64 {
     let layers = 0.5 * surface_over_volume * (0.5 * viscosity * frequency).sqrt();
     let filled = 1.5 * viscosity * surface_over_volume * surface_over_volume;
@@ -124,7 +124,7 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
     let slowest = frequency.fold(f64::INFINITY, f64::min);
     let over = surface_over_volume(scene);
     let rate = damping(slowest, flow.kinematic_viscosity, over);
-    Some((body, (-rate * when(scene)).exp()))
+    Some((body, (-rate * first_use_time(scene)).exp()))
 }
 
 /// Returns the longest standing wave along an axis \[m\]: a period, or twice the distance between walls.
@@ -227,31 +227,31 @@ impl Waves {
 
 /// Narrow passage of the water.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct Passage {
     /// Width \[m\].
     pub width: f64,
     /// Kind of the adjacent solids.
-    pub beside: Beside,
+    pub adjacent: AdjacentSolids,
 }
 
-impl Way {
+impl Passage {
     /// Returns the passage through a gap.
     pub(crate) fn through_gap(gap: &Gap) -> Self {
-        let beside = if gap.faces {
-            Beside::Flat(gap.beside)
+        let adjacent = if gap.faces {
+            AdjacentSolids::Flat(gap.adjacent_width)
         } else {
-            Beside::Round(gap.radius)
+            AdjacentSolids::Round(gap.radius)
         };
         Self {
             width: gap.width,
-            beside,
+            adjacent,
         }
     }
 }
 
 /// Kind of solids next to a narrow passage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Beside {
+pub enum AdjacentSolids {
     /// Round solids: the inverse of the sum of the curvatures of both sides \[m\], half the radius between equal
     /// discs.
     Round(f64),
@@ -261,11 +261,13 @@ pub enum Beside {
 
 /// Returns the resistance I of a passage [1/m²].
 #[must_use]
-pub fn resistance(way: &Way) -> f64 {
-    let Way { width, beside } = *way;
-    match beside {
-        Beside::Round(radius) => 3.0 * PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3),
-        Beside::Flat(length) => length / width.powi(3),
+pub fn resistance(way: &Passage) -> f64 {
+    let Passage { width, adjacent } = *way;
+    match adjacent {
+        AdjacentSolids::Round(radius) => {
+            3.0 * PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3)
+        }
+        AdjacentSolids::Flat(length) => length / width.powi(3),
     }
 }
 
@@ -273,7 +275,7 @@ pub fn resistance(way: &Way) -> f64 {
 /// after `time`. Each passage fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
-    way: &Way,
+    way: &Passage,
     rows: usize,
     [length, height]: [f64; 2],
     (spacing, viscosity, time): (f64, f64, f64),
@@ -286,12 +288,12 @@ pub fn filling(
 /// Returns the longest time step \[s\] for which the pressure upstream of a narrow gap along `axis` rises in time,
 /// and a description of the requirement. The gap fills the volume of the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
-    let way = Way::through_gap(gap);
+    let way = Passage::through_gap(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
     let across = sides
         .map(|side| scene.grid.size[side])
-        .fold(gap.beside + gap.width, f64::min);
-    let time = when(scene);
+        .fold(gap.adjacent_width + gap.width, f64::min);
+    let time = first_use_time(scene);
     let scale = (scene.grid.spacing, viscosity, time);
     let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
     let what = format!(
@@ -312,9 +314,9 @@ mod tests {
     /// 0.57 and 1.17 s.
     #[test]
     fn a_chamber_fills_in_the_time_of_a_run() {
-        let way = Way {
+        let way = Passage {
             width: 1.2e-4,
-            beside: Beside::Round(2.5e-4),
+            adjacent: AdjacentSolids::Round(2.5e-4),
         };
         let (spacing, viscosity) = (2e-5, 1e-6);
         let measured = 0.325;
@@ -334,9 +336,9 @@ mod tests {
     #[test]
     fn slots_over_the_whole_length_are_a_channel() {
         let (width, length) = (1e-4, 5e-3);
-        let way = Way {
+        let way = Passage {
             width,
-            beside: Beside::Flat(length),
+            adjacent: AdjacentSolids::Flat(length),
         };
         let (spacing, viscosity, time) = (1e-5, 1e-6, 2.0);
         let step = filling(&way, 1, [length, width], (spacing, viscosity, time));

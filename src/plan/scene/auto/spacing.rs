@@ -3,7 +3,7 @@
 
 use super::bound::Bound;
 use super::features::{self, Feature};
-use super::{Chosen, asked, step};
+use super::{Chosen, requested_accuracy, step};
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::{Scene, sample};
 use base::error::Remedy;
@@ -25,7 +25,7 @@ pub(crate) struct Spacing {
 
 impl Spacing {
     /// Returns the spacing of another scene, which needs no reason.
-    pub(crate) fn like(scene: &Scene) -> Self {
+    pub(crate) fn of_scene(scene: &Scene) -> Self {
         Self {
             value: scene.grid.spacing,
             reason: None,
@@ -70,9 +70,9 @@ const SEEPAGE_DIAMETERS: f64 = 3.0;
 const SEEPAGE_LAYERS: f64 = 50.0;
 const SEEPAGE_CELLS: f64 = 1e6;
 /// Fraction of the target for the error of the spacing; the rest is for the time step.
-const SHARE: f64 = 0.75;
+const SPACING_SHARE: f64 = 0.75;
 /// Maximum refinement factor to move bodies away from positions of symmetry.
-const ASIDE: f64 = 1.05;
+const SHIFT_REFINEMENT: f64 = 1.05;
 /// Distance from a centre, face or corner of a cell that counts as zero [half cells].
 const ON_LATTICE: f64 = 0.1;
 /// Maximum refinement factor to keep a fast flow stable in 2-D.
@@ -107,7 +107,7 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     }
     let (wanted, reason) = match features::lattice(case) {
         Some(lbm) => {
-            let need = needs(case, lbm, None, None);
+            let need = required_spacings(case, lbm, None, None);
             need.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?
         }
         None => without_lattice(case, findings)?,
@@ -116,17 +116,18 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
 }
 
 /// Returns a finer spacing than that of the scene, if its velocities require one.
-pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
+pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;
     let finest = |a: (f64, String), b: (f64, String)| if b.0 < a.0 { b } else { a };
-    let mut wanted = needs(case, lbm, Some(scene), Some(speed))
+    let mut wanted = required_spacings(case, lbm, Some(scene), Some(speed))
         .into_iter()
         .reduce(finest)?;
     if scene.grid.dimension == 2
         && lbm.turbulence.is_none()
-        && let Some(h) = step::stable_spacing(scene, flow, speed, asked(case)?.target())
+        && let Some(h) =
+            step::stable_spacing(scene, flow, speed, requested_accuracy(case)?.target())
         && h * MOST_FINER >= wanted.0
     {
         let reason = format!(
@@ -143,17 +144,17 @@ pub(crate) fn finer(case: &Case, scene: &Scene) -> Option<Spacing> {
 }
 
 /// Returns the spacing \[m\] that each feature requires, with a sentence.
-fn needs(
+fn required_spacings(
     case: &Case,
     lbm: &LatticeBoltzmann,
     scene: Option<&Scene>,
     speed: Option<f64>,
 ) -> Vec<(f64, String)> {
-    let Some(accuracy) = asked(case) else {
+    let Some(accuracy) = requested_accuracy(case) else {
         return Vec::new();
     };
     let dimension = case.domain.size.0.len();
-    let target = SHARE * accuracy.target();
+    let target = SPACING_SHARE * accuracy.target();
     let need = |feature: &Feature| {
         let reynolds = speed.map_or(0.0, |u| u * feature.size / lbm.kinematic_viscosity);
         let bound = Bound::for_obstacle(dimension, feature.obstacle)?;
@@ -241,7 +242,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
 }
 
 /// Returns the coarsest spacing between half the wanted one and the wanted one that divides every edge. Up to
-/// [`ASIDE`] finer, a spacing is preferred that puts no round obstacle at a position of symmetry.
+/// [`SHIFT_REFINEMENT`] finer, a spacing is preferred that puts no round obstacle at a position of symmetry.
 ///
 /// If there is none, the shortest edge stays as written, since the flow is resolved across it, and the others are
 /// lengthened to the next whole number of cells. Among the spacings in this range, the one with the smallest
@@ -268,7 +269,7 @@ fn whole_cells(
     if let Some(coarsest) = spacings().find(fits) {
         let mut near = spacings()
             .filter(fits)
-            .take_while(|h| *h * ASIDE * (1.0 + 1e-9) >= coarsest);
+            .take_while(|h| *h * SHIFT_REFINEMENT * (1.0 + 1e-9) >= coarsest);
         let value = near.find(|h| !symmetric(case, *h)).unwrap_or(coarsest);
         return Some(Spacing {
             value,

@@ -52,7 +52,7 @@ const MOST_CELL_REYNOLDS: f64 = 7.0;
 /// Usual upper bound of the lattice velocity, stated as "typically lower than" by Sibille, Lominé and Marot (2012).
 const USUAL_MACH: f64 = 0.1;
 /// Fraction of `guards.max_compression` that the sum of all density changes may reach.
-const OF_THE_GUARD: f64 = 0.75;
+const GUARD_SHARE: f64 = 0.75;
 /// Maximum relative density change.
 const MOST_COMPRESSION: f64 = 0.03;
 /// Minimum number of steps in a period of an oscillation, and in the run.
@@ -102,7 +102,7 @@ pub(crate) fn stable_spacing(scene: &Scene, flow: &Flow, speed: f64, target: f64
         .iter()
         .map(|cause| cause.sound * cause.velocity)
         .sum();
-    let most = OF_THE_GUARD * scene.guards.max_compression * speed / sound;
+    let most = GUARD_SHARE * scene.guards.max_compression * speed / sound;
     let mach = if sound > 0.0 {
         mach(target).min(0.9 * most)
     } else {
@@ -135,19 +135,19 @@ pub(crate) fn choose(
 }
 
 /// Fraction of the target for the density change along the flow.
-const OF_LOSSES: f64 = 0.25;
+const LOSS_SHARE: f64 = 0.25;
 
 /// Fraction of the target for sound in an oscillating flow.
-const OF_SOUND: f64 = 0.125;
+const SOUND_SHARE: f64 = 0.125;
 
 /// Minimum fraction of the longest time step to which it may be shortened to match sampling intervals.
 const SHORTEST: f64 = 0.75;
 
-/// Relative difference of intervals that rounding explains.
+/// Relative difference of intervals that is attributed to rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns the longest interval of which both are multiples, to rounding; it approaches 0 if there is none.
-fn common(a: f64, b: f64) -> f64 {
+/// Returns the longest interval of which both intervals are multiples, to rounding; it approaches 0 if there is none.
+fn common_interval(a: f64, b: f64) -> f64 {
     let (mut long, mut short) = (a.max(b), a.min(b));
     let least = ROUNDING * long;
     while short > least {
@@ -165,8 +165,8 @@ fn dividing(scene: &Scene, longest: f64) -> f64 {
     let probes = scene.probes.iter().map(|probe| probe.every).filter(finite);
     let shortest = all.iter().copied().reduce(f64::min);
     let candidates = [
-        all.iter().copied().reduce(common),
-        probes.reduce(common),
+        all.iter().copied().reduce(common_interval),
+        probes.reduce(common_interval),
         shortest,
     ];
     let fits = |every: &f64| *every >= longest * (1.0 - ROUNDING);
@@ -306,7 +306,7 @@ fn limits(
         add(what, time_step.max(stable));
     }
     if let Some(waves) = sound::waves(scene, flow) {
-        let (what, time_step) = waves.longest_step(h, OF_SOUND * target);
+        let (what, time_step) = waves.longest_step(h, SOUND_SHARE * target);
         add(what, time_step.max(stable));
     }
     for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
@@ -321,7 +321,7 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
     let h = scene.grid.spacing;
     let mut limits = Vec::new();
     let mut add = |what: String, time_step: f64| limits.push(Limit { what, time_step });
-    let compression = MOST_COMPRESSION.min(OF_LOSSES * target);
+    let compression = MOST_COMPRESSION.min(LOSS_SHARE * target);
     let pressure = largest_pressure(scene, flow);
     add(
         format!(
@@ -331,7 +331,7 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
         ),
         h * (compression * flow.density / (3.0 * pressure)).sqrt(),
     );
-    let guard = OF_THE_GUARD * scene.guards.max_compression;
+    let guard = GUARD_SHARE * scene.guards.max_compression;
     for (bound, steady) in [(guard, false), (compression, true)] {
         let of = (bound, h, flow.density);
         let causes: Vec<density::Cause> = scene
@@ -408,7 +408,7 @@ pub(super) fn intervals(scene: &Scene) -> impl Iterator<Item = f64> {
     fields.chain(grains).chain(averages).chain(probes)
 }
 
-/// Returns the size of the smallest obstacle in the water \[m\], which sheds the eddies.
+/// Returns the size of the smallest obstacle in the water \[m\], which determines the size of the eddies.
 fn smallest(scene: &Scene) -> f64 {
     let bodies = scene.bodies.iter().map(|body| 2.0 * body.radius);
     let grains = scene.grains.iter().filter_map(|g| g.radii);
@@ -526,10 +526,10 @@ mod tests {
     #[test]
     fn intervals_have_the_common_divisor_of_their_decimals() {
         let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
-        close(common(1e-3, 2.5e-3), 5e-4);
-        close(common(0.1, 0.3), 0.1);
-        close(common(0.7, 0.7), 0.7);
-        assert!(common(1.0, std::f64::consts::SQRT_2) < 1e-6);
+        close(common_interval(1e-3, 2.5e-3), 5e-4);
+        close(common_interval(0.1, 0.3), 0.1);
+        close(common_interval(0.7, 0.7), 0.7);
+        assert!(common_interval(1.0, std::f64::consts::SQRT_2) < 1e-6);
     }
 
     fn plan(every: &Value) -> Plan {

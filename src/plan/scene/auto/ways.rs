@@ -23,9 +23,9 @@ const CROWDED: f64 = 4.0;
 const FEWEST: f64 = 8.0;
 /// Refinement of the samples about the narrowest place, in 2-D and 3-D; odd, so that the coarser samples are among
 /// the finer ones.
-const FINER: [usize; 2] = [15, 5];
+const REFINEMENT: [usize; 2] = [15, 5];
 /// Number of samples on each side of the narrowest place that are refined.
-const ABOUT: usize = 2;
+const REFINED_SAMPLES: usize = 2;
 /// Width of a gap, relative to the adjacent bodies, above which it is open water.
 const WIDE: f64 = 1.0;
 /// Maximum number of solids.
@@ -36,7 +36,7 @@ const NEAREST: usize = 4;
 
 /// Kinds of solids next to a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Beside {
+pub(crate) enum AdjacentKind {
     /// Spheres or discs only, no wall.
     Balls,
     /// A sphere or a disc, and a wall.
@@ -49,13 +49,13 @@ pub(crate) enum Beside {
 
 /// Narrowest place of a path.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Way {
+pub(crate) struct NarrowPlace {
     /// Text that names the gap and the adjacent solids.
     pub(crate) what: String,
     /// Width \[m\].
     pub(crate) width: f64,
     /// Kind of the adjacent solids.
-    pub(crate) beside: Beside,
+    pub(crate) beside: AdjacentKind,
 }
 
 enum Form {
@@ -111,7 +111,7 @@ impl Body {
     }
 
     /// Returns a lower bound of the distance of a point given relative to the centre \[m\].
-    fn at_least(&self, from: Point) -> f64 {
+    fn distance_bound(&self, from: Point) -> f64 {
         let about = Vector3::from(from).norm() - self.reach;
         let Form::Hull(mesh) = &self.form else {
             return about;
@@ -245,7 +245,7 @@ impl<'a> Ground<'a> {
             );
         }
         self.each_image(at, |k, body, from| {
-            if body.at_least(from) < found[NEAREST - 1].0 {
+            if body.distance_bound(from) < found[NEAREST - 1].0 {
                 offer(&mut found, body.distance(from), Neighbour::Body(k));
             }
         });
@@ -279,7 +279,7 @@ impl<'a> Ground<'a> {
             .map(|(_, structure)| structure.solid.distance(at));
         let mut least = walls.chain(structures).fold(f64::INFINITY, f64::min);
         self.each_image(at, |_, body, from| {
-            if body.at_least(from) < least {
+            if body.distance_bound(from) < least {
                 least = least.min(body.distance(from));
             }
         });
@@ -308,7 +308,7 @@ impl<'a> Ground<'a> {
     }
 
     /// Returns the passage whose narrowest place is at `at`, within a distance `apart`; none if it is open water.
-    fn way(&self, at: Point, apart: f64) -> Option<Way> {
+    fn passage_at(&self, at: Point, apart: f64) -> Option<NarrowPlace> {
         let near = self.nearest(at);
         let width = 2.0 * near[0].0;
         let far = near[1].0 + apart;
@@ -330,21 +330,21 @@ impl<'a> Ground<'a> {
             .any(|side| matches!(side, Neighbour::Structure(_)));
         let wall = sides.iter().any(|side| matches!(side, Neighbour::Wall(..)));
         let beside = match (structure, faces, bodies.count() > 0, wall) {
-            (true, ..) => Beside::Structure,
-            (_, true, ..) => Beside::Faces,
-            (_, _, true, true) => Beside::BallAndWall,
-            (_, _, true, false) => Beside::Balls,
+            (true, ..) => AdjacentKind::Structure,
+            (_, true, ..) => AdjacentKind::Faces,
+            (_, _, true, true) => AdjacentKind::BallAndWall,
+            (_, _, true, false) => AdjacentKind::Balls,
             _ => return None,
         };
-        let open =
-            beside != Beside::Structure && thinnest.is_some_and(|least| width >= WIDE * least);
+        let open = beside != AdjacentKind::Structure
+            && thinnest.is_some_and(|least| width >= WIDE * least);
         let mut names: Vec<String> = Vec::new();
         for name in sides.iter().map(|side| self.name(*side)) {
             if !names.contains(&name) {
                 names.push(name);
             }
         }
-        (width > 0.0 && !open).then(|| Way {
+        (width > 0.0 && !open).then(|| NarrowPlace {
             what: format!("narrowest opening, next to {}", names.join(" and ")),
             width,
             beside,
@@ -390,11 +390,11 @@ impl Samples {
 
     /// Returns for each water sample the largest clearance among it and its neighbours, since no sample lies
     /// exactly in the middle of a gap.
-    fn widened(&self, periodic: [bool; 3]) -> Vec<f64> {
+    fn largest_near_clearance(&self, periodic: [bool; 3]) -> Vec<f64> {
         let one = |k: usize| {
             let mut widest = self.clearance[k];
             if widest > 0.0 {
-                self.beside(k, periodic, |other, _| {
+                self.adjacent(k, periodic, |other, _| {
                     widest = widest.max(self.clearance[other])
                 });
             }
@@ -404,7 +404,7 @@ impl Samples {
     }
 
     /// Calls `each` with the neighbours of a sample, and the period that is crossed.
-    fn beside(&self, k: usize, periodic: [bool; 3], mut each: impl FnMut(usize, [i32; 3])) {
+    fn adjacent(&self, k: usize, periodic: [bool; 3], mut each: impl FnMut(usize, [i32; 3])) {
         let cell = self.cell(k);
         for axis in 0..3 {
             for up in [false, true] {
@@ -426,7 +426,7 @@ impl Samples {
 }
 
 /// Returns the narrowest places of the widest paths between openings and around periodic axes.
-pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<Way> {
+pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<NarrowPlace> {
     let structures = scene.structures.iter().any(|s| s.stops.water());
     let bodies = scene.bodies.len() + scene.blocks.as_ref().map_or(0, |blocks| blocks.list.len());
     // Gaps between discs are known exactly.
@@ -437,10 +437,14 @@ pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<Way> {
     let ground = Ground::new(scene, flow);
     let samples = sampled(&ground);
     let apart = samples.step.into_iter().fold(0.0, f64::max);
-    let mut ways: Vec<Way> = Vec::new();
+    let mut ways: Vec<NarrowPlace> = Vec::new();
     for place in narrowest(&ground, &samples) {
         let at = refined(&ground, &samples, &place);
-        ways.extend(ground.way(at, apart).filter(|way| !ways.contains(way)));
+        ways.extend(
+            ground
+                .passage_at(at, apart)
+                .filter(|way| !ways.contains(way)),
+        );
     }
     ways
 }
@@ -562,11 +566,11 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     has_opening.extend(vec![true; openings.len()]);
     let mut found = Vec::new();
     let mut beside: Vec<(usize, [i32; 3])> = Vec::new();
-    let widths = samples.widened(periodic);
+    let widths = samples.largest_near_clearance(periodic);
     for k in samples.order(&widths) {
         there[k] = true;
         beside.clear();
-        samples.beside(k, periodic, |other, by| {
+        samples.adjacent(k, periodic, |other, by| {
             if there[other] {
                 beside.push((other, by));
             }
@@ -627,11 +631,11 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
             at[a] - turns * ground.size[a]
         })
     });
-    let finer = FINER[ground.dimension - 2];
+    let finer = REFINEMENT[ground.dimension - 2];
     let step: Point = std::array::from_fn(|a| samples.step[a] / real(finer));
     let count = std::array::from_fn(|a| {
         if a < ground.dimension {
-            (2 * ABOUT + 1) * finer
+            (2 * REFINED_SAMPLES + 1) * finer
         } else {
             1
         }
@@ -688,7 +692,7 @@ fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
     for k in samples.order(&samples.clearance) {
         there[k] = true;
         beside.clear();
-        samples.beside(k, [false; 3], |other, _| {
+        samples.adjacent(k, [false; 3], |other, _| {
             if there[other] {
                 beside.push(other);
             }
@@ -709,7 +713,7 @@ mod tests {
     use serde_json::{Value, json};
 
     /// Returns widths and kinds of the passages in water under a force along x.
-    fn ways(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, Beside)> {
+    fn ways(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, AdjacentKind)> {
         let [bodies, structures] = solids;
         let force: Vec<f64> = (0..size.as_array().unwrap().len())
             .map(|a| if a == 0 { 0.1 } else { 0.0 })
@@ -768,7 +772,7 @@ mod tests {
         ]);
         let found = ways(&json!([2e-3, 1e-3]), &["x"], [json!([]), baffles]);
         assert!(
-            found.len() == 1 && found[0].1 == Beside::Structure && near(found[0].0, 3.3e-4),
+            found.len() == 1 && found[0].1 == AdjacentKind::Structure && near(found[0].0, 3.3e-4),
             "{found:?}"
         );
         let disc = json!([{"name": "d", "shape": {"disc": {"centre": [1.03e-3, 5.2e-4], "radius": 3.9e-4}}}]);
@@ -785,7 +789,9 @@ mod tests {
             let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]);
             let exact = 2.0 * (0.5_f64.sqrt() * 1e-3 - radius) / (1.0 + 2.0_f64.sqrt());
             assert!(
-                found.len() == 1 && found[0].1 == Beside::BallAndWall && near(found[0].0, exact),
+                found.len() == 1
+                    && found[0].1 == AdjacentKind::BallAndWall
+                    && near(found[0].0, exact),
                 "{found:?} {exact}"
             );
         }
@@ -809,7 +815,7 @@ mod tests {
         );
         let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [block, json!([])]);
         assert!(
-            found.len() == 1 && found[0].1 == Beside::Faces && near(found[0].0, 2e-4),
+            found.len() == 1 && found[0].1 == AdjacentKind::Faces && near(found[0].0, 2e-4),
             "{found:?}"
         );
     }

@@ -86,7 +86,8 @@ fn a_file_holds_what_the_joints_made() {
     }
 }
 
-/// A block of a list is at the position of its vertices or at its stated position, and rotates about its centroid.
+/// Checks that a block of a list is at the position of its vertices or at its stated position, and rotates about its
+/// centroid.
 #[test]
 fn blocks_of_a_list_stand_and_turn() {
     let hull = json!({"vertices": [[1, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]]});
@@ -173,7 +174,7 @@ fn overlaps_are_named_with_both() {
     assert!(plan(&mixed, Path::new("")).is_ok());
 }
 
-/// Places a cube next to a polygon: the sphere inside, of radius 0.5 m, may be 0.025 m in it.
+/// Places a cube next to a polygon: the inscribed sphere, of radius 0.5 m, may overlap the polygon by 0.025 m.
 #[test]
 fn a_wall_of_facets_is_not_inside_a_block() {
     let beside = |x: f64| {
@@ -196,7 +197,7 @@ fn a_wall_of_facets_is_not_inside_a_block() {
     }
 }
 
-/// A cube of mass m between six neighbours: K = 2 k_n A + 4 k_s A, and the step is a tenth of sqrt(2 m/K).
+/// Checks the solid step of a cube of mass m between six neighbours: a tenth of sqrt(2 m/K) with K = 2 k_n A + 4 k_s A.
 #[test]
 fn the_step_follows_from_mass_and_faces() {
     let cube = json!([{"shape": {"cuboid": {"edges": [0.5, 0.5, 0.5]}}, "position": [2, 2, 2]}]);

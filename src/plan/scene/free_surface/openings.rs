@@ -151,7 +151,7 @@ pub(super) fn resolve(
     found.collect()
 }
 
-/// Returns an opening.
+/// Returns the opening of a patch, or reports why it does not work with a free surface.
 fn one(
     surface: &FreeSurface,
     grid: &Grid,

@@ -23,38 +23,38 @@ use case::free_surface::SolitaryWave;
 use serde::Serialize;
 
 /// Height over depth from which on a solitary wave breaks (J. McCowan, Phil. Mag. 38 (1894) 351).
-const BREAKS: f64 = 0.78;
+const BREAKING_HEIGHT: f64 = 0.78;
 
-/// Height over depth above which the third order is off by more than 5 % of the velocity at the surface.
-const FAR: f64 = 0.4;
+/// Height over depth above which the error of the third order exceeds 5 % of the velocity at the surface.
+const LARGE_HEIGHT: f64 = 0.4;
 
 /// A solitary wave in SI.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SolitaryForm {
-    /// Height of the water at rest, and depth of the water below it \[m\].
+    /// Height of the undisturbed water surface, and depth of the water below it \[m\].
     pub(super) level: f64,
     depth: f64,
     /// Height over depth.
     steepness: f64,
     axis: usize,
     crest: f64,
-    /// 1, or -1 for a wave that runs towards smaller coordinates.
+    /// 1, or -1 for a wave that travels towards smaller coordinates.
     direction: f64,
     gravity: f64,
 }
 
 impl SolitaryForm {
-    /// Returns the axis along which it runs.
+    /// Returns the axis along which the wave travels.
     pub(super) fn axis(&self) -> usize {
         self.axis
     }
 
-    /// Returns the height of the crest above the water at rest \[m\].
+    /// Returns the height of the crest above the undisturbed surface \[m\].
     pub(super) fn crest_height(&self) -> f64 {
         self.steepness * self.depth
     }
 
-    /// Returns sech² and tanh of αX at a place.
+    /// Returns sech² and tanh of αX at a point.
     fn shape(&self, at: [f64; 3]) -> [f64; 2] {
         let e = self.steepness;
         let alpha = (0.75 * e).sqrt() * (1.0 - 5.0 / 8.0 * e + 71.0 / 128.0 * e * e);
@@ -64,7 +64,7 @@ impl SolitaryForm {
         [x.cosh().powi(-2), t]
     }
 
-    /// Returns the elevation above the water at rest \[m\].
+    /// Returns the elevation above the undisturbed surface \[m\].
     pub(super) fn elevation(&self, at: [f64; 3]) -> f64 {
         let [s2, t] = self.shape(at);
         let (e, t2) = (self.steepness, t * t);
@@ -72,7 +72,8 @@ impl SolitaryForm {
         self.depth * (e * s2 - 0.75 * e * e * s2 * t2 + e * e * e * third)
     }
 
-    /// Returns the velocities along the axis of the wave and upwards [m/s] at a height above the water at rest \[m\].
+    /// Returns the velocities along the axis of the wave and upwards [m/s] at a height above the undisturbed surface
+    /// \[m\].
     pub(super) fn velocity(&self, at: [f64; 3], height: f64) -> [f64; 2] {
         let [s2, t] = self.shape(at);
         let e = self.steepness;
@@ -94,8 +95,8 @@ impl SolitaryForm {
     }
 }
 
-/// Returns a wave; what is wrong with it goes to the findings. `up` is the axis of gravity, `weight` the acceleration
-/// along it, and `above` the height of the level over the lowest place of the domain.
+/// Returns a wave, or reports findings about its fields. `up` is the axis of gravity, `weight` the acceleration along
+/// it, and `above` the height of the level above the lowest point of the domain.
 pub(super) fn resolve(
     grid: &Grid,
     (up, weight): (usize, f64),
@@ -128,16 +129,16 @@ pub(super) fn resolve(
         return None;
     }
     let steepness = wave.height / depth;
-    if !(steepness > 0.0 && steepness <= BREAKS) {
+    if !(steepness > 0.0 && steepness <= BREAKING_HEIGHT) {
         findings.error(
             &format!("{path}.height"),
             format!(
-                "a solitary wave of {} m on water {} m deep does not exist, because waves higher than {BREAKS} \
-                 of the depth break",
+                "a solitary wave of {} m on water {} m deep does not exist, because waves higher than \
+                 {BREAKING_HEIGHT} of the depth break",
                 number(wave.height),
                 number(depth)
             ),
-            format!("use a height above 0 and of at most {} m", number(BREAKS * depth)),
+            format!("use a height above 0 and of at most {} m", number(BREAKING_HEIGHT * depth)),
         );
         return None;
     }
@@ -152,7 +153,7 @@ pub(super) fn resolve(
         );
         return None;
     }
-    if steepness > FAR {
+    if steepness > LARGE_HEIGHT {
         findings.warn(
             &format!("{path}.height"),
             format!(
@@ -160,7 +161,7 @@ pub(super) fn resolve(
                  in the velocity at 0.4",
                 number(steepness)
             ),
-            format!("use a height of at most {} m", number(FAR * depth)),
+            format!("use a height of at most {} m", number(LARGE_HEIGHT * depth)),
         );
     }
     Some(SolitaryForm {
@@ -214,8 +215,8 @@ mod tests {
         errors
     }
 
-    /// The residuals of the equations of water with a surface fall with the fourth power of the height, and their
-    /// derivatives along the wave with half a power more.
+    /// Checks that the residuals of the equations at the surface decrease with the fourth power of the wave height, and
+    /// those along the wave with half a power more.
     #[test]
     fn a_wave_solves_the_equations_to_the_third_order() {
         for direction in [1.0, -1.0] {

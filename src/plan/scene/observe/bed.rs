@@ -15,7 +15,7 @@ use serde::Serialize;
 pub struct ObservedBed {
     /// Axis of the stream, axis normal to the bed, and the transverse axis, which has no extent in 2-D.
     pub axes: [usize; 3],
-    /// Magnitude of gravity normal to the bed [m/s²].
+    /// Component of gravity normal to the bed, as a magnitude [m/s²].
     pub gravity: f64,
     /// Cells of the measured part along each axis: first cell, and one past the last.
     pub cells: [[usize; 2]; 3],
@@ -97,11 +97,11 @@ pub(super) fn resolve(
         threshold: (written.threshold).unwrap_or(if grid.dimension == 2 { 0.4 } else { 0.3 }),
         diameter: written.diameter,
         level: written.level,
-        mean_from: super::means(case, written.mean_from, path, findings),
+        mean_from: super::averaging_start(case, written.mean_from, path, findings),
     })
 }
 
-/// Returns `true` if gravity points to the lower face; otherwise reports a finding.
+/// Returns `true` if gravity points to the lower face of the bed; otherwise reports a finding.
 fn check_pull(pull: f64, normal: &str, flow: &str, path: &str, findings: &mut Findings) -> bool {
     let upward = pull >= 0.0;
     if upward {

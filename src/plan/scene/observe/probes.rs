@@ -1,6 +1,6 @@
 //! Resolution of the probes of a scene.
 
-use super::{Probe, ProbeAt, bed, due, means, seepage};
+use super::{Probe, ProbeAt, averaging_start, bed, due, seepage};
 use crate::scene::block::AlignedBox;
 use crate::scene::blocks::PlacedBlocks;
 use crate::scene::bodies::NamedBody;
@@ -110,7 +110,7 @@ fn check_fluid(case: &Case, at: &Written, path: &str, findings: &mut Findings) {
 }
 
 impl Measured<'_> {
-    /// Returns the location of a probe; none if there is nothing to measure, which is reported.
+    /// Returns the location of a probe; reports a finding and returns none if there is nothing to measure.
     fn resolve(&self, at: &Written, path: &str, findings: &mut Findings) -> Option<ProbeAt> {
         Some(match at {
             Written::Point { position } => {
@@ -242,7 +242,7 @@ impl Measured<'_> {
         }
     }
 
-    /// Returns the water balance, and refuses one of flow that does not change with time.
+    /// Returns the water balance; reports a finding if the flow does not change with time.
     fn water_balance(&self, path: &str, findings: &mut Findings) -> ProbeAt {
         let transient = match &self.case.fluid {
             Some(Fluid::Darcy(written)) => written.unsaturated.as_ref(),
@@ -517,7 +517,7 @@ impl Measured<'_> {
                     dimension: grid.dimension,
                 },
             },
-            mean_from: means(case, written.mean_from, path, findings),
+            mean_from: averaging_start(case, written.mean_from, path, findings),
         }
     }
 }

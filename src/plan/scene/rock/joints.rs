@@ -39,21 +39,21 @@ pub enum Spacing {
     Constant(f64),
     /// Uniform distribution between two bounds.
     Uniform {
-        /// Lower bound.
+        /// Lower bound \[m\].
         min: f64,
-        /// Upper bound.
+        /// Upper bound \[m\].
         max: f64,
     },
     /// Negative exponential distribution.
     Exponential {
-        /// Mean.
+        /// Mean of the distribution \[m\].
         mean: f64,
     },
     /// Normal distribution; values that are not positive are drawn again.
     Normal {
-        /// Mean.
+        /// Mean of the distribution \[m\].
         mean: f64,
-        /// Standard deviation.
+        /// Standard deviation \[m\].
         standard_deviation: f64,
     },
 }

@@ -24,7 +24,7 @@ use serde_json::Value;
 use dem::polyhedron::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
 
 /// Maximum number of errors listed for one file.
-const MOST: usize = 20;
+const MAX_LISTED_ERRORS: usize = 20;
 
 /// Block of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Listed {
     pub solid: PlacedPolyhedron,
     /// Name of its material; none for the default material.
     pub material: Option<String>,
-    /// `true` if it never moves.
+    /// `true` if the block never moves.
     pub fixed: bool,
 }
 
@@ -180,9 +180,9 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
             Err(problem) => problems.push(problem),
         }
     }
-    if problems.len() > MOST {
-        let more = problems.len() - MOST;
-        problems.truncate(MOST);
+    if problems.len() > MAX_LISTED_ERRORS {
+        let more = problems.len() - MAX_LISTED_ERRORS;
+        problems.truncate(MAX_LISTED_ERRORS);
         problems.push(format!("{more} more blocks cannot be used"));
     }
     match (blocks.is_empty(), problems.is_empty()) {

@@ -84,8 +84,8 @@ fn dip_and_dip_direction_are_those_of_a_compass() {
     assert_eq!(upward_normal(90.0, 270.0), -Vector3::x());
 }
 
-/// A cube under planes of 45° that dip to the east: the part below the k-th plane from the lower edge is a wedge of
-/// volume (k s)².
+/// Checks a cube cut by planes of 45° that dip to the east: the part below the k-th plane from the lower edge is a
+/// wedge of volume (k s)².
 #[test]
 fn planes_of_45_degrees_cut_wedges() {
     let s = 0.5_f64.sqrt() / 4.0;
@@ -104,7 +104,7 @@ fn planes_of_45_degrees_cut_wedges() {
     assert_relative_eq!(volume(&blocks), 1.0, max_relative = 1e-13);
 }
 
-/// Every point of the mass is in one block.
+/// Checks that every point of the mass is in exactly one block.
 #[test]
 fn blocks_fill_the_mass_and_do_not_overlap() {
     for persistence in [1.0, 0.6] {
@@ -150,7 +150,7 @@ fn a_seed_gives_the_same_blocks_and_another_others() {
     assert_ne!(with(7), with(8));
 }
 
-/// Mean and mean square of many gaps: those of the distribution, to four standard errors.
+/// Checks the mean and the mean square of many gaps against those of the distribution, to four standard errors.
 #[test]
 fn gaps_have_the_statistics_of_their_distribution() {
     let exponential = Spacing::Exponential { mean: 0.5 };
@@ -197,7 +197,7 @@ fn slivers_are_not_cut_off() {
     }
 }
 
-/// An open joint moves both of its walls back by half; the faces of the mass stay.
+/// Checks that an open joint moves both of its walls back by half of the aperture, while the faces of the mass stay.
 #[test]
 fn joints_open_by_the_aperture() {
     let mut mass = mass([1.0; 3], bricks([0.5; 3], 1.0));

@@ -83,7 +83,7 @@ fn without_attributes<'t>(mut found: Header<'t>, format: &str) -> Header<'t> {
 /// First word of a sphere pack.
 const PERIODIC: &str = "##PERIODIC::";
 
-/// Converts a sphere pack, whose rows have no names: the number of a shape and its kind may come first.
+/// Converts a sphere pack, whose rows have no column names: the number and the kind of a shape may come first.
 fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
     let above = text[..at].lines().count() + 1;
     let rows = text[at..].split_once('\n').map_or("", |(_, rows)| rows);

@@ -12,9 +12,9 @@ use serde::Serialize;
 /// Drain inside the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drain {
-    /// Name.
+    /// Name of the drain.
     pub name: String,
-    /// Its cells, or its plane between cells.
+    /// Cells of the drain, or its plane between cells.
     #[serde(skip)]
     pub cells: DrainCells,
     /// Condition at time 0.

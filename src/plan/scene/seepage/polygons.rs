@@ -71,9 +71,9 @@ pub(super) fn polygon(
 fn corners(text: &str) -> Result<Vec<[f64; 2]>, String> {
     let column = |name| Column {
         name,
-        others: &[],
+        aliases: &[],
         unit: Unit::Length,
-        needed: true,
+        required: true,
     };
     let sheet = Sheet::new(text, &[column("x"), column("y")]).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => sentence,

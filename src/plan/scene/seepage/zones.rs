@@ -61,7 +61,7 @@ impl Seepage {
                 );
             }
             if let Some(ZonePermeability::Resistance(law)) = zone.permeability
-                && !law.model().goes_with(written.equations)
+                && !law.model().supports_equations(written.equations)
             {
                 findings.error(
                     &format!("{path}.permeability.resistance"),
@@ -329,9 +329,9 @@ fn raster(
 fn columns(axes: &[&'static str]) -> Vec<Column> {
     let column = |name, unit, needed| Column {
         name,
-        others: &[],
+        aliases: &[],
         unit,
-        needed,
+        required: needed,
     };
     let coordinates = axes.iter().map(|name| column(*name, Unit::Length, true));
     let permeabilities = PERMEABILITIES.iter().map(|name| {

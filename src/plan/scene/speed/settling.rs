@@ -63,7 +63,7 @@ pub(crate) fn diameter(body: &NamedBody) -> f64 {
 
 /// Returns JSON path, diameter \[m\] (for a polyhedron that of the sphere of equal volume) and material of each
 /// freely moving body.
-fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
+fn free_bodies(scene: &Scene) -> Vec<(String, f64, usize)> {
     let mut list = Vec::new();
     for (n, body) in scene.bodies.iter().enumerate() {
         if body.mobility == Mobility::Free {
@@ -95,7 +95,12 @@ fn free(scene: &Scene) -> Vec<(String, f64, usize)> {
 
 /// Returns the settling or rising speed [m/s] of a sphere (2-D: a disc) of a diameter \[m\] and a material, limited
 /// by a free fall through the domain or over the duration of the run.
-pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize) -> f64 {
+pub(crate) fn body_settling_speed(
+    scene: &Scene,
+    flow: &Flow,
+    diameter: f64,
+    material: usize,
+) -> f64 {
     let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let lighter = (scene.density(material) / flow.density - 1.0).abs() * size(scene.gravity);
     let force = lighter * scene.mass(material, 0.5 * diameter) / scene.density(material);
@@ -106,9 +111,11 @@ pub(crate) fn of_body(scene: &Scene, flow: &Flow, diameter: f64, material: usize
 
 /// Returns the largest settling or rising speed under gravity [m/s], and the JSON path of the body.
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
-    free(scene)
+    free_bodies(scene)
         .into_iter()
-        .map(|(path, diameter, material)| (path, of_body(scene, flow, diameter, material)))
+        .map(|(path, diameter, material)| {
+            (path, body_settling_speed(scene, flow, diameter, material))
+        })
         .filter(|(_, speed)| *speed > 0.0)
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }

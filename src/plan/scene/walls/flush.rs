@@ -6,7 +6,7 @@ use case::Case;
 use nalgebra::Vector3;
 
 /// Maximum distance of a corner from a plane, in facet sizes, at which it lies in the plane.
-const IN_PLANE: f64 = 1e-6;
+const IN_PLANE_DISTANCE: f64 = 1e-6;
 
 /// Returns `true` if a facet of `wall` that faces the grains lies in a plane.
 fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
@@ -17,7 +17,7 @@ fn has_a_facet_in(wall: &SceneWall, plane: &SceneWall) -> bool {
     // Both sides of a single facet face the grains; of a solid only the outer sides do.
     let two_sided = surface.len() == 1;
     (0..surface.len()).any(|facet| {
-        let reach = IN_PLANE * surface.size(facet);
+        let reach = IN_PLANE_DISTANCE * surface.size(facet);
         let mut corners = surface.corners(facet);
         (two_sided || surface.normal(facet).dot(&normal) > 0.0)
             && corners.all(|corner| normal.dot(&(corner - point)).abs() <= reach)

@@ -1,6 +1,6 @@
 //! Walls for grains at the surfaces of structures, and a check for walls that do not stop water.
 
-use super::{SceneWall, across_periodic, periods, reaches};
+use super::{SceneWall, across_periodic, periods, report_large_grains};
 use crate::scene::auto::features::grain_diameters;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
@@ -22,11 +22,11 @@ use structure::{Facets, Images};
 const SAGITTA: f64 = 0.01;
 /// Number of facets that the curved structures of a scene share: a million facets take seconds and 2 GB.
 const FACETS: usize = 400_000;
-/// Number of facets that each structure may have in any case.
+/// Number of facets that every structure may have, however many structures share the total.
 const LEAST_FACETS: usize = 1_000;
 
 /// Returns the walls of structures for grains.
-pub(super) fn of_structures(
+pub(super) fn walls_of_structures(
     case: &Case,
     grid: &Grid,
     structures: &[Structure],
@@ -118,7 +118,7 @@ pub(super) fn of_structures(
         }
         if let Some(surface) = &wall.surface {
             let path = format!("structures[{n}]");
-            reaches(case, surface, &path, findings);
+            report_large_grains(case, surface, &path, findings);
             walls.push(wall);
         }
     }
@@ -156,7 +156,7 @@ fn divided(solid: &Images, radius: f64, extent: f64, share: usize) -> (Facets, f
 /// Maximum thickness \[cells\] of a water layer behind a wall that counts as a joint under blocks.
 const JOINT: f64 = 3.0;
 /// Number of points along an axis at which water behind a wall is sought.
-const LOOKS: usize = 10;
+const SEARCH_POINTS: usize = 10;
 
 /// Half-space `normal . x <= offset` \[m\] that is filled with water, at least in part.
 type Bound = ([f64; 3], f64);
@@ -226,12 +226,16 @@ pub(crate) fn walls_in_water(
     };
     let deep = JOINT * grid.spacing;
     let behind = |wall: &SceneWall| {
-        let by = |a: usize| if a < grid.dimension { LOOKS } else { 1 };
+        let by = |a: usize| if a < grid.dimension { SEARCH_POINTS } else { 1 };
         (0..by(0) * by(1) * by(2)).any(|n| {
-            let place = [n % LOOKS, n / LOOKS % LOOKS, n / (LOOKS * LOOKS)];
+            let place = [
+                n % SEARCH_POINTS,
+                n / SEARCH_POINTS % SEARCH_POINTS,
+                n / (SEARCH_POINTS * SEARCH_POINTS),
+            ];
             let at: [f64; 3] = std::array::from_fn(|a| {
                 if a < grid.dimension {
-                    grid.size[a] * (real(place[a]) + 0.5) / real(LOOKS)
+                    grid.size[a] * (real(place[a]) + 0.5) / real(SEARCH_POINTS)
                 } else {
                     0.0
                 }

@@ -1,4 +1,4 @@
-//! Servo walls of a scene: their stress in time, and what a control cannot do.
+//! Servo walls of a scene: their stress in time, and the cases in which a control cannot work.
 
 use super::SceneWall;
 use crate::scene::auto::solids::without_stiffness;
@@ -16,11 +16,11 @@ use serde::Serialize;
 /// Control of a plane wall by the mean normal stress of its contacts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneServo {
-    /// Times \[s\] and stresses \[Pa\], by rising time; one row where the stress is constant.
+    /// Times \[s\] in ascending order, and stresses \[Pa\]; one row if the stress is constant.
     pub history: Vec<[f64; 2]>,
     /// Largest velocity along the normal [m/s].
     pub velocity_limit: f64,
-    /// Part of the missing force that the springs gain in a solid step.
+    /// Fraction of the missing force that the springs gain in a solid step.
     pub gain: f64,
 }
 
@@ -33,7 +33,7 @@ impl SceneServo {
     }
 }
 
-/// Resolves the control of a wall with this unit normal; none if there is none.
+/// Resolves the control of a wall with this unit normal; none if the case states no control.
 pub(super) fn resolve(
     case: &Case,
     wall: &WrittenWall,
@@ -78,7 +78,7 @@ pub(super) fn resolve(
     })
 }
 
-/// Returns the table of stresses in time, of one row where the stress is constant.
+/// Returns the table of stresses in time; it has one row if the stress is constant.
 fn stresses(written: &Written, path: &str, findings: &mut Findings) -> Vec<[f64; 2]> {
     let Some(table) = &written.history else {
         return vec![[0.0, written.stress]];
@@ -94,7 +94,7 @@ fn stresses(written: &Written, path: &str, findings: &mut Findings) -> Vec<[f64;
     table.clone()
 }
 
-/// Refuses a control of what does not press, or whose springs it does not know.
+/// Refuses a control if the contact law has no point contacts, or if nothing can press on the wall.
 fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
     if matches!(case.contact, Some(Contact::Blocks(_))) {
         findings.error(
@@ -124,7 +124,7 @@ fn check_contacts(case: &Case, path: &str, findings: &mut Findings) {
     }
 }
 
-/// Refuses controls of planes of which grains can reach no part.
+/// Refuses controls of planes that no grain can reach.
 pub(super) fn check_areas(walls: &[SceneWall], grid: &Grid, findings: &mut Findings) {
     let half_space = |wall: &SceneWall| HalfSpace {
         point: Vector3::from(wall.point),

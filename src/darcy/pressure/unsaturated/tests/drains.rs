@@ -4,9 +4,9 @@ use super::transient::{advancing, closes, column, suction, transient};
 use super::*;
 use crate::{DrainCells, InitialWater, TransientSettings};
 
-/// A dam with a horizontal drain at its base after J. S. Kozeny (1931): with the focus at the start of the drain the
-/// head is the real part of sqrt(2 q z/k), the phreatic line y^2 = 2 q x/k + (q/k)^2 and the drain of length q/(2 k).
-/// The head upstream is that of the solution; the surface of a tenth of a cell adds its water.
+/// Checks a dam with a horizontal drain at its base after J. S. Kozeny (1931): with the focus at the start of the drain
+/// the head is the real part of sqrt(2 q z/k), the phreatic line y^2 = 2 q x/k + (q/k)^2 and the drain of length q/(2
+/// k). The head upstream is that of the solution; the surface of a tenth of a cell adds its water.
 #[test]
 fn the_parabola_of_a_horizontal_drain() {
     let y0 = 0.25;
@@ -75,8 +75,8 @@ fn table(solver: &Pressure, x: f64) -> f64 {
     (1.0 - part) * height(first) + part * height(first + 1)
 }
 
-/// A well that pumps from a wide aquifer, seen from above: its drawdown is Q/(4 pi T) W(u), u = r^2 S/(4 T t), after C.
-/// V. Theis (Trans. AGU 16 (1935) 519). All ground stays saturated, so that gravity along y plays no part.
+/// Checks a well that pumps from a wide aquifer, in plan view: its drawdown is Q/(4 pi T) W(u), u = r^2 S/(4 T t),
+/// after C. V. Theis (Trans. AGU 16 (1935) 519). All ground remains saturated, so that gravity along y has no effect.
 #[test]
 fn the_drawdown_of_a_well() {
     let (n, spacing) = (120, 4.0);
@@ -137,7 +137,7 @@ fn the_drawdown_of_a_well() {
     }
 }
 
-/// Exponential integral of the first kind, by its series.
+/// Returns the exponential integral of the first kind, by its series.
 fn well_function(u: f64) -> f64 {
     let mut term = -1.0;
     let mut sum = -0.577_215_664_901_532_9 - u.ln();
@@ -161,8 +161,8 @@ fn the_well_function_is_the_tabled_one() {
     }
 }
 
-/// Two drains of different heads in a tight box: the discharge of one enters the other, as between the plates of a
-/// capacitor; a sheet is the end of the ground on both of its sides.
+/// Checks two drains of different heads in an impermeable box: the discharge of one enters the other, as between the
+/// plates of a capacitor; a sheet is the end of the ground on both of its sides.
 #[test]
 fn a_sheet_and_a_box_of_stated_heads() {
     let grid = plane([40, 8], [4.0, 0.8]);
@@ -203,15 +203,15 @@ fn a_sheet_and_a_box_of_stated_heads() {
     let head = |x: usize| solver.head(solver.reduced(grid.index([x, 3, 0])));
     assert!((head(4) - 3.0).abs() < 1e-9 && (head(36) - 2.0).abs() < 1e-9);
     assert!((head(20) - (3.0 - 1.05 / 2.0)).abs() < 1e-8);
-    let through = solver.through(0, 20, &[0..40, 0..8, 0..1]);
+    let through = solver.flow_through_section(0, 20, &[0..40, 0..8, 0..1]);
     assert!((through.discharge / exact - 1.0).abs() < 1e-8);
     let stream = solver.stream_function();
     assert!((stream[8 * 41 + 20] / exact - 1.0).abs() < 1e-8);
 }
 
-/// Evaporation from a water table at a depth L through an exponential soil: with a suction S at the surface the rate is
-/// K (e^(-alpha L) - e^(-alpha S))/(1 - e^(-alpha L)), at most K/(e^(alpha L) - 1) (W. R. Gardner, Soil Sci. 85 (1958)
-/// 228); a smaller potential rate is met.
+/// Checks evaporation from a water table at a depth L through an exponential soil: with a suction S at the surface the
+/// rate is K (e^(-alpha L) - e^(-alpha S))/(1 - e^(-alpha L)), at most K/(e^(alpha L) - 1) (W. R. Gardner, Soil Sci. 85
+/// (1958) 228); a smaller potential rate is reached.
 #[test]
 fn evaporation_is_limited_by_the_suction() {
     let grid = plane([1, 200], [0.01, 1.0]);
@@ -246,9 +246,10 @@ fn evaporation_is_limited_by_the_suction() {
     assert!((rate(10.0, 0.003) / 0.003 - 1.0).abs() < 1e-6);
 }
 
-/// Infiltration of ponded water with a sharp front after W. H. Green and G. A. Ampt (J. Agric. Sci. 4 (1911) 1):
-/// K t = F - P ln(1 + F/P), P the suction at the front times the deficit. The suction of a soil that drains in a narrow
-/// range of suctions is the integral of its relative permeability (S. P. Neuman, Water Resour. Res. 12 (1976) 564).
+/// Checks the infiltration of ponded water with a sharp front after W. H. Green and G. A. Ampt (J. Agric. Sci. 4 (1911)
+/// 1): K t = F - P ln(1 + F/P), P the suction at the front times the deficit. The suction of a soil that drains in a
+/// narrow range of suctions is the integral of its relative permeability (S. P. Neuman, Water Resour. Res. 12 (1976)
+/// 564).
 #[test]
 fn a_sharp_front_infiltrates_as_green_and_ampt_say() {
     let grid = plane([1, 400], [0.01, 1.0]);
@@ -288,7 +289,8 @@ fn a_sharp_front_infiltrates_as_green_and_ampt_say() {
     }
 }
 
-/// A well takes more water than dry ground can give: the run ends with a named failure, not with ever more short steps.
+/// Checks a well that takes more water than dry ground can deliver: the run ends with an error that names the well, not
+/// with ever shorter steps.
 #[test]
 fn a_well_that_runs_dry_is_a_named_failure() {
     let grid = plane([12, 21], [1.2, 2.1]);

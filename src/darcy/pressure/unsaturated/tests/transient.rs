@@ -36,7 +36,7 @@ pub(super) fn suction(head: f64) -> Condition {
     }
 }
 
-/// A column between two conditions.
+/// Returns a column between two conditions.
 pub(super) fn column(grid: &SeepageGrid, [low, high]: [Condition; 2]) -> Vec<PressurePatch> {
     let width = [0.0, grid.spacing[0]];
     vec![
@@ -50,7 +50,7 @@ pub(super) fn closes(solver: &Pressure) {
     assert!(balance.error().abs() < 1e-10, "{balance:?}");
 }
 
-/// Pressure head at a height of a column, between the centres of its cells.
+/// Returns the pressure head at a height of a column, between the centres of its cells.
 fn head_at(solver: &Pressure, height: f64) -> f64 {
     let grid = *solver.grid();
     let place = height / grid.spacing[1] - 0.5;
@@ -68,9 +68,9 @@ const NEW_MEXICO: VanGenuchten = VanGenuchten {
     exponent: 0.5,
 };
 
-/// The column of M. A. Celia, E. T. Bouloutas and R. L. Zarba (Water Resour. Res. 26 (1990) 1483), figure 3, against a
-/// converged solution of 3200 cells with another mean and another integration in time: water that entered, and depth of
-/// the pressure head -5 m.
+/// Checks the column of M. A. Celia, E. T. Bouloutas and R. L. Zarba (Water Resour. Res. 26 (1990) 1483), figure 3,
+/// against a converged solution of 3200 cells with another mean and another integration in time: water that entered,
+/// and depth of the pressure head -5 m.
 #[test]
 fn infiltration_into_a_dry_column() {
     let grid = plane([1, 400], [0.01, 1.0]);
@@ -112,9 +112,9 @@ fn infiltration_into_a_dry_column() {
     }
 }
 
-/// Absorption along a horizontal axis. In an exponential soil the diffusivity D = K/(alpha (theta_s - theta_r)) is
-/// constant, and the water that entered is 2 (theta_0 - theta_i) sqrt(D t/pi): the sorptivity of J. R. Philip
-/// (Soil Sci. 84 (1957) 257) in closed form.
+/// Checks absorption along a horizontal axis. In an exponential soil the diffusivity D = K/(alpha (theta_s - theta_r))
+/// is constant, and the water that entered is 2 (theta_0 - theta_i) sqrt(D t/pi): the sorptivity of J. R. Philip (Soil
+/// Sci. 84 (1957) 257) in closed form.
 #[test]
 fn absorption_with_the_exact_sorptivity() {
     let grid = plane([200, 1], [1.0, 0.01]);
@@ -145,8 +145,8 @@ fn absorption_with_the_exact_sorptivity() {
     }
 }
 
-/// Infiltration into an exponential soil above a water table after R. Srivastava and T.-C. J. Yeh
-/// (Water Resour. Res. 27 (1991) 753): rain of 0.1 K, then 0.9 K; pressure heads in cm at heights of 20 to 80 cm.
+/// Checks infiltration into an exponential soil above a water table after R. Srivastava and T.-C. J. Yeh (Water Resour.
+/// Res. 27 (1991) 753): rain of 0.1 K, then 0.9 K; pressure heads in cm at heights of 20 to 80 cm.
 #[test]
 fn rain_that_grows_on_an_exponential_soil() {
     let grid = plane([1, 200], [0.01, 1.0]);
@@ -186,8 +186,8 @@ fn rain_that_grows_on_an_exponential_soil() {
     }
 }
 
-/// Consolidation of K. Terzaghi: part of the water that has left a saturated layer with a tight base, over
-/// T = K t/(S_s H^2).
+/// Checks the consolidation of K. Terzaghi: fraction of the water that has left a saturated layer with an impermeable
+/// base, over T = K t/(S_s H^2).
 #[test]
 fn a_saturated_layer_drains_by_its_specific_storage() {
     let grid = plane([1, 100], [0.01, 1.0]);
@@ -215,8 +215,8 @@ fn a_saturated_layer_drains_by_its_specific_storage() {
     }
 }
 
-/// A saturated column that drains to rest above a water table at its base: the water that left is that of the curve of
-/// retention, (theta_s - theta_r) [L - asinh(alpha L)/alpha] at n = 2.
+/// Checks a saturated column that drains to equilibrium above a water table at its base: the water that left is that of
+/// the retention curve, (theta_s - theta_r) [L - asinh(alpha L)/alpha] at n = 2.
 #[test]
 fn a_column_drains_to_rest() {
     let grid = plane([1, 200], [0.01, 2.0]);
@@ -236,9 +236,9 @@ fn a_column_drains_to_rest() {
     assert!((found / exact - 1.0).abs() < 2e-3, "{found} {exact}");
 }
 
-/// A water table falls through Gardner's soil, whose capacity has a jump at saturation, in cells above and below its
-/// capillary length, in short and in long steps: the water that left in the end is that of the curve of retention over
-/// the height of the ground.
+/// Checks a water table that falls through Gardner's soil, whose capacity has a jump at saturation, in cells above and
+/// below its capillary length, in short and in long steps: the water that left in the end is that of the retention
+/// curve over the height of the ground.
 #[test]
 fn a_soil_with_a_jump_of_capacity_drains() {
     for (alpha, cells) in [(3.94, [9, 13]), (3.94, [18, 52]), (0.5, [9, 13])] {
@@ -278,7 +278,7 @@ fn a_soil_with_a_jump_of_capacity_drains() {
     }
 }
 
-/// Rain above the conductivity of a dry soil: all of it enters until the surface is wet, less from then on.
+/// Checks rain above the conductivity of a dry soil: all of it enters until the surface is wet, and less from then on.
 #[test]
 fn rain_ponds_where_the_soil_cannot_take_it() {
     let grid = plane([1, 200], [0.01, 0.5]);
@@ -305,8 +305,8 @@ fn rain_ponds_where_the_soil_cannot_take_it() {
     );
 }
 
-/// Consolidation under a head that falls in time: at once, and linearly over T_0 = 0.3 (R. E. Olson,
-/// J. Geotech. Eng. Div. ASCE 103 (1977) 55): U = T/T_0 {1 - 2/T sum [1 - exp(-M^2 T)]/M^4}, M = (m + 1/2) pi.
+/// Checks consolidation under a head that falls in time: at once, and linearly over T_0 = 0.3 (R. E. Olson, J. Geotech.
+/// Eng. Div. ASCE 103 (1977) 55): U = T/T_0 {1 - 2/T sum [1 - exp(-M^2 T)]/M^4}, M = (m + 1/2) pi.
 #[test]
 fn heads_follow_their_tables() {
     let grid = plane([1, 100], [0.01, 1.0]);
@@ -347,8 +347,8 @@ fn heads_follow_their_tables() {
     }
 }
 
-/// Sand of figure 1 of Celia, Bouloutas and Zarba (1990), against a converged solution: pressure heads in cm at depths
-/// of 2, 6, 10 and 14 cm, and the gain of water.
+/// Checks the sand of figure 1 of Celia, Bouloutas and Zarba (1990) against a converged solution: pressure heads in cm
+/// at depths of 2, 6, 10 and 14 cm, and the gain of water.
 #[test]
 fn infiltration_into_sand() {
     let grid = plane([1, 400], [0.01, 0.4]);
@@ -386,9 +386,9 @@ fn infiltration_into_sand() {
     }
 }
 
-/// Rise of a water table under rain on a part of a slab (M. Vauclin, D. Khanji and G. Vachaud, Water Resour. Res.
-/// 15 (1979) 1089): heights of the table in cm at 2 and 8 h against a converged solution, which is within 3.2 cm of
-/// the measured heights.
+/// Checks the rise of a water table under rain on a part of a slab (M. Vauclin, D. Khanji and G. Vachaud, Water Resour.
+/// Res. 15 (1979) 1089): heights of the table in cm at 2 and 8 h against a converged solution, which is within 3.2 cm
+/// of the measured heights.
 #[test]
 fn a_water_table_rises_under_rain_on_a_slab() {
     let grid = plane([60, 80], [3.0, 2.0]);
@@ -446,9 +446,9 @@ fn erf(x: f64) -> f64 {
     2.0 / std::f64::consts::PI.sqrt() * sum
 }
 
-/// Infiltration of ponded water into the linear soil of J. R. Philip (Adv. Hydrosci. 5 (1969) 215): in an exponential
-/// soil D = K/(alpha d), V = K/d with d = theta_s - theta_r, and the rate is K + (K_0 - K) of the wetted part,
-/// V/2 (1 + erf u) + sqrt(D/(pi t)) exp(-u^2), u = (V/2) sqrt(t/D).
+/// Checks the infiltration of ponded water into the linear soil of J. R. Philip (Adv. Hydrosci. 5 (1969) 215): in an
+/// exponential soil D = K/(alpha d), V = K/d with d = theta_s - theta_r, and the rate is K + (K_0 - K) of the wetted
+/// part, V/2 (1 + erf u) + sqrt(D/(pi t)) exp(-u^2), u = (V/2) sqrt(t/D).
 #[test]
 fn infiltration_of_ponded_water_into_a_linear_soil() {
     let grid = plane([1, 400], [0.01, 2.0]);

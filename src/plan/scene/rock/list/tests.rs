@@ -1,11 +1,11 @@
-//! Block lists: both forms, writing and reading back, and refusals.
+//! Block lists: both formats, writing and reading back, and refusals.
 
 use approx::assert_relative_eq;
 
 use super::*;
 
-/// Returns two unit cubes side by side, as SparkRocks writes them: one a line, planes about the centre, one normal
-/// turned round.
+/// Returns two unit cubes side by side as SparkRocks writes them: one per line, with planes relative to the centre, and
+/// one normal reversed.
 fn lines() -> String {
     let cube = |x: f64| {
         format!(

@@ -1,4 +1,4 @@
-//! Lists of grains in the forms of other programs, each with two grains of radii 0.5 and 0.25 m.
+//! Lists of grains in the formats of other programs, each with two grains of radii 0.5 and 0.25 m.
 
 use super::super::{ListedGrain, read};
 
@@ -86,7 +86,7 @@ fn grains_of_a_plane_have_one_coordinate_across_it() {
     assert!(error.contains("line 3: z is 4"), "{error}");
 }
 
-/// Dumps as fixes, variables and several forms of a coordinate make them.
+/// Checks dumps with fixes and variables, and with several kinds of coordinates.
 #[test]
 fn dumps_of_several_programs_are_read() {
     let atoms = |names: &str, rows: &str| {
@@ -122,7 +122,8 @@ fn dumps_of_several_programs_are_read() {
     assert!(error("id type xs ys zs radius mass").contains("scaled"));
 }
 
-/// Data files of `write_data`, of `create_atoms` in LIGGGHTS, and by hand without a comment of the style.
+/// Checks data files of `write_data`, of `create_atoms` in LIGGGHTS, and files written by hand without a comment that
+/// names the style.
 #[test]
 fn data_files_of_spheres_are_read() {
     let head = "LAMMPS data file via write_data, version 2 Aug 2023, timestep = 0, units = si\n\n\
@@ -156,7 +157,7 @@ fn data_files_of_spheres_are_read() {
     assert!(error.contains("line 12"), "{error}");
 }
 
-/// The header of a data file may have comments and any white space.
+/// Checks that the header of a data file may have comments and any white space.
 #[test]
 fn headers_of_data_files_are_read_as_they_are_found() {
     let text = "# made from a table\n\n\t\t#### HEADER\n2 atoms \t # rows of the table\n1\tatom types\n\
@@ -165,7 +166,7 @@ fn headers_of_data_files_are_read_as_they_are_found() {
     assert_eq!(read(text, 3, &[], 0).unwrap(), expected(false));
 }
 
-/// Styles with as many columns as `sphere`, whose third column is no diameter.
+/// Checks styles with as many columns as `sphere` whose third column is not a diameter.
 #[test]
 fn atoms_without_a_style_are_spheres_only_where_they_can_be() {
     let head = "LAMMPS Description\n\n2 atoms\n1 bonds\n1 atom types\n\n\
@@ -197,7 +198,7 @@ fn atoms_without_a_style_are_spheres_only_where_they_can_be() {
     );
 }
 
-/// Packs of YADE and Woo, and texts with attributes or numbers of clumps.
+/// Checks packs of YADE and Woo, and texts with attributes or numbers of clumps.
 #[test]
 fn packs_and_attributes_are_read() {
     for text in [
@@ -217,7 +218,7 @@ fn packs_and_attributes_are_read() {
     );
 }
 
-/// Tables of points that ParaView exports: of LIGGGHTS, of this program and of a glyph filter.
+/// Checks tables of points that ParaView exports: of LIGGGHTS, of this program and of a glyph filter.
 #[test]
 fn tables_of_points_are_read() {
     for (text, moving) in [
