@@ -118,7 +118,7 @@ impl ImpactPartners {
         all.add_blocks(scene);
         all.drop_wrong(scene);
         for block in &mut all.moving {
-            block.falls = true;
+            block.may_fall = true;
         }
         all
     }
@@ -456,7 +456,7 @@ fn deepest<'a>(
 /// and falls to the end of the domain; none without such blocks.
 pub(super) fn of_loose_blocks(scene: &Scene) -> Option<(f64, f64)> {
     let law = scene.contact.as_ref()?.model();
-    let blocks = Things::loose_blocks(scene);
+    let blocks = ImpactPartners::loose_blocks(scene);
     let impact = deepest(scene, law, &blocks.moving, &[[0.0; 3]])?;
     Some((impact.speed, impact.part))
 }
