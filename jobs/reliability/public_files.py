@@ -317,10 +317,10 @@ def profile(file):
     }
 
 
-def blocks(file):
-    """Case of a list of blocks."""
+def blocks(file, size=4):
+    """Case of a list of blocks in a cube of an edge."""
     return {
-        "domain": {"size": [4, 4, 4], "spacing": 0.5},
+        "domain": {"size": [size] * 3, "spacing": size / 8},
         "gravity": [0, 0, -9.81],
         "materials": {"granite": {"density": 2600}},
         "box_walls": ["z_min"],
@@ -330,7 +330,12 @@ def blocks(file):
     }
 
 
-CASES = {"polygon": polygon, "raster": raster, "profile": profile, "blocks": blocks}
+def blocks_of_a_grid(file):
+    """Case of the blocks of a VTK file, which are up to 120 m away from the origin."""
+    return blocks(file, 120)
+
+
+CASES = {"polygon": polygon, "raster": raster, "profile": profile, "blocks": blocks, "grid": blocks_of_a_grid}
 
 # Runs -------------------------------------------------------------------------------------------------------------------------------
 
