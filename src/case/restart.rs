@@ -20,7 +20,7 @@ const fn may(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 41] = [
+pub const CHANGEABLE: [Changeable; 42] = [
     may("title", "changes a name only"),
     may("description", "changes a text only"),
     may(
@@ -58,6 +58,10 @@ pub const CHANGEABLE: [Changeable; 41] = [
     may(
         "regions",
         "regions may be added, removed and changed; a region that keeps its name keeps its counts",
+    ),
+    may(
+        "fluid.darcy.backward_erosion",
+        "computed at the end of the run, from its last seepage",
     ),
     may("gravity", "takes effect at once"),
     may(

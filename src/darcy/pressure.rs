@@ -33,6 +33,7 @@ mod condition;
 mod iteration;
 pub mod section;
 mod tensor;
+mod twin;
 pub mod unsaturated;
 
 use super::SeepageError;

@@ -8,6 +8,7 @@ use std::path::Path;
 /// File names reserved for the program.
 const OWN: [&str; 23] = [
     "averages_profile.csv",
+    "backward_erosion.csv",
     "bonds.csv",
     "case.json",
     "checkpoints",
