@@ -6,7 +6,7 @@ use case::Case;
 use std::path::Path;
 
 /// File names reserved for the program.
-const OWN: [&str; 23] = [
+const OWN: [&str; 24] = [
     "averages_profile.csv",
     "backward_erosion.csv",
     "bonds.csv",
