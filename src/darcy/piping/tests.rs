@@ -1,3 +1,5 @@
+mod published;
+
 use super::equilibrium::HeldUnknown;
 use super::*;
 use crate::enclosure::Enclosure;
