@@ -305,7 +305,7 @@ impl Seepage {
         None
     }
 
-    /// Checks that the cells of a pipe are ground whose roof has no condition; reports a finding otherwise.
+    /// `true` if the cells of a pipe are ground whose roof has no condition; reports a finding otherwise.
     fn check_roof(
         &self,
         row: &PipePath,
