@@ -9,7 +9,7 @@ enum Kind {
     Box,
     /// Sand surfaces on both sides, as long as the dike.
     Basin,
-    /// Sand surface upstream, and a ditch of L/24 at the toe with a tight cover behind it.
+    /// Sand surface upstream, and a ditch of one cell at the toe with a tight cover behind it.
     Dike,
 }
 
@@ -156,7 +156,7 @@ fn section(sand: &Sand, cells: usize) -> (Piping, f64) {
     let toe = before + cells;
     let all = [toe + behind, down, 1];
     let mouth = if matches!(kind, Kind::Dike) {
-        toe + cells / 24
+        toe + 1
     } else {
         toe + behind
     };
@@ -191,25 +191,32 @@ fn section(sand: &Sand, cells: usize) -> (Piping, f64) {
     (found, rule)
 }
 
-/// Heads of published sands on cells of L/24 and L/48, and a bound of their limit: errors at the tip fall at least as
-/// the square root of a cell.
+/// Heads of published sands, with the limit of three grids by their own order (at least 0.5). The thickness is rounded
+/// to whole cells and the ditch is one cell, so that the grids differ in shape as well.
 ///
 /// The rule was fitted to computed results whose programs lie 9 to 20 % above it; it has a scatter of 13 % against
-/// its tests. The bound of the test is their sum. Boxes, for whose tests the rule was adapted, lie within 15 %.
+/// its tests. The bound of the test is their sum. Boxes, to whose tests the rule was adapted, lie within 15 %.
 #[test]
 fn heads_of_published_sands_and_the_rule() {
-    println!("name,L,D,d70,permeability,head_24,head_48,bound,rule,head_48/rule,length/L,known");
+    println!("name,L,D,d70,permeability,head,limit,order,rule,head/rule,length/L,known");
     for sand in &SANDS {
         let (name, kind, length, thickness, d70, permeability, _, known) = *sand;
-        let [(coarse, _), (fine, rule)] = [24, 48].map(|cells| section(sand, cells));
-        let [coarse, head] = [&coarse, &fine].map(|found| found.critical().head);
-        let bound = head + (head - coarse) / (2_f64.sqrt() - 1.0);
-        let ratio = head / rule;
+        let [coarse, middle, fine] = [12, 24, 48].map(|cells| section(sand, cells));
+        let heads = [&coarse, &middle, &fine].map(|(found, _)| found.critical().head);
+        let order = ((heads[1] - heads[0]) / (heads[2] - heads[1])).log2();
+        let held = if order.is_finite() {
+            order.clamp(0.5, 2.0)
+        } else {
+            0.5
+        };
+        let limit = heads[2] + (heads[2] - heads[1]) / (held.exp2() - 1.0);
+        let (found, rule) = &fine;
+        let ratio = heads[2] / rule;
         println!(
-            "{name},{length},{thickness},{d70:e},{permeability:e},{coarse:.4},{head:.4},{bound:.4},{rule:.4},\
-             {ratio:.3},\
-             {:.3},{}",
-            fine.critical().length / length,
+            "{name},{length},{thickness},{d70:e},{permeability:e},{:.4},{limit:.4},{order:.2},{rule:.4},\
+             {ratio:.3},{:.3},{}",
+            heads[2],
+            found.critical().length / length,
             known.map_or(String::new(), |head| head.to_string()),
         );
         assert!((0.87..1.20 * 1.13).contains(&ratio), "{name}: {ratio}");
@@ -259,7 +266,7 @@ fn in_box(length: f64, cells: usize, hole: bool) -> PipeOfLength {
             first: [cells - 1, middle, down - 1],
             axis: 0,
             rises: false,
-            count: cells - 1,
+            count: 3 * cells / 4,
             vertical: 2,
         },
         drive: 0,
@@ -281,7 +288,8 @@ fn exponent(rows: &[(f64, f64)]) -> f64 {
 }
 
 /// The exponent over a hundredfold of lengths is -1/2 but for the logarithm of width over length, which the published
-/// program has as well. The bound is a third of the difference between -1/2 and -1/3.
+/// program has as well. The bound is a third of the difference between -1/2 and -1/3. The heads are those of pipes up
+/// to three quarters of the length, at whose end they still rise slowly.
 #[test]
 fn a_pipe_to_a_hole_has_the_scale_of_the_published_model() {
     let (mut holes, mut ditches) = (Vec::new(), Vec::new());
