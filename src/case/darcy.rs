@@ -1,5 +1,6 @@
 //! Seepage through the grains on a coarse grid.
 
+use super::backward_erosion::BackwardErosion;
 use super::geometry::{Extent, Face, Region, Vector};
 use darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance, Retention};
 use schemars::JsonSchema;
@@ -39,6 +40,9 @@ pub struct Darcy {
     /// water; they do not change its flow. Default: all ground is saturated.
     #[serde(default)]
     pub unsaturated: Option<Unsaturated>,
+    /// Backward erosion piping below an impervious structure. Default: none is computed.
+    #[serde(default)]
+    pub backward_erosion: Option<BackwardErosion>,
     /// Form of the equations.
     #[serde(default)]
     pub equations: Equations,

@@ -12,7 +12,7 @@ pub struct Example {
 }
 
 /// All example cases, in the order of the list.
-pub const EXAMPLES: [Example; 40] = [
+pub const EXAMPLES: [Example; 41] = [
     Example {
         name: "piping",
         summary: "hole-erosion test: a bonded packing of discs with a hole, whose faces erode under a pressure drop",
@@ -67,6 +67,11 @@ pub const EXAMPLES: [Example; 40] = [
         name: "sheet-pile",
         summary: "seepage under a sheet pile, with the solution by conformal mapping (Harr 1962)",
         text: include_str!("examples/sheet-pile.json"),
+    },
+    Example {
+        name: "backward-erosion",
+        summary: "a pipe below a dike on sand: its head for each length, beside the rule of Sellmeijer et al. (2011)",
+        text: include_str!("examples/backward-erosion.json"),
     },
     Example {
         name: "cut-off",

@@ -33,6 +33,7 @@
 
 pub mod accuracy;
 pub mod annotation;
+pub mod backward_erosion;
 pub mod blocks;
 pub mod boundary;
 pub mod check;

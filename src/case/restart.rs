@@ -20,7 +20,7 @@ const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 41] = [
+pub const CHANGEABLE: [Changeable; 42] = [
     changeable("title", "changes a name only"),
     changeable("description", "changes a text only"),
     changeable(
@@ -58,6 +58,10 @@ pub const CHANGEABLE: [Changeable; 41] = [
     changeable(
         "regions",
         "regions may be added, removed and changed; a region that keeps its name keeps its counts",
+    ),
+    changeable(
+        "fluid.darcy.backward_erosion",
+        "computed at the end of the run, from its last seepage",
     ),
     changeable("gravity", "takes effect at once"),
     changeable(

@@ -228,6 +228,12 @@ impl<Sp: Space> Seepage<Sp> {
         &self.openness.grid
     }
 
+    /// Returns the open parts of the cells and faces.
+    #[must_use]
+    pub fn openness(&self) -> &Openness {
+        &self.openness
+    }
+
     /// Returns the pressure.
     #[must_use]
     pub fn pressure(&self) -> &Pressure {

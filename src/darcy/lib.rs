@@ -40,6 +40,7 @@ pub mod neighbourhood;
 pub mod open_water;
 pub mod overlap;
 pub mod permeability;
+pub mod piping;
 pub mod porosity;
 pub mod pressure;
 mod reproducible;
@@ -54,6 +55,7 @@ pub use enclosure::{Enclosure, Openness};
 pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
+pub use piping::{Piping, PipingSettings};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
     ConditionHistory, InitialWater, Soil, TransientSettings, WaterBalance,
@@ -126,6 +128,15 @@ pub enum SeepageError {
         /// Time \[s\].
         time: f64,
         /// Capillary length of the soil \[m\].
+        length: f64,
+    },
+    /// Pipe of backward erosion without an equilibrium.
+    #[error(
+        "no equilibrium of a pipe of {} m was found: use smaller cells along the pipe, or end the pipe earlier",
+        number(*.length)
+    )]
+    Pipe {
+        /// Length \[m\].
         length: f64,
     },
     /// Porosity, source or pressure that is not finite.

@@ -34,6 +34,7 @@ mod interruption;
 mod iteration;
 pub mod section;
 mod tensor;
+mod twin;
 pub mod unsaturated;
 
 use super::SeepageError;

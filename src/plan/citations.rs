@@ -135,6 +135,15 @@ pub const MODELS: &[(&str, Models)] = &[
             ),
             ("transient", &["celia1990", "alexander1977"]),
             ("effective_stress", &["bishop1959", "lu2010"]),
+            (
+                "backward_erosion",
+                &[
+                    "sellmeijer1988",
+                    "sellmeijer2011",
+                    "white1940",
+                    "peaceman1978",
+                ],
+            ),
         ],
     ),
     (
@@ -426,6 +435,9 @@ fn seepage_models(scene: &Scene, used: &mut Vec<(&'static str, String)>) {
     used.push(("seepage", "darcy".into()));
     if !written.zones.is_empty() {
         used.push(("seepage", "zones".into()));
+    }
+    if written.backward_erosion.is_some() {
+        used.push(("seepage", "backward_erosion".into()));
     }
     if let Some(soil) = &written.unsaturated {
         used.push(("seepage", "unsaturated".into()));

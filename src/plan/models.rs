@@ -10,12 +10,13 @@ use crate::scene::flow::Flow;
 use crate::scene::gravity;
 use crate::scene::joints::JointScene;
 use crate::scene::observe::ProbeAt;
-use crate::scene::seepage::Seepage;
+use crate::scene::seepage::{PipingScene, Seepage};
 use base::family::Description;
 use case::coupling::{Coupling, Scheme, SolidFraction};
 use case::darcy::{Darcy, Unsaturated};
 use case::fluid::Device;
 use case::fluid::Precision;
+use darcy::piping::PipeWidth;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
 
@@ -329,6 +330,9 @@ impl Choices<'_> {
                 "requested; heads may leave the range of the imposed ones where cells are too large",
             );
         }
+        if let Some(piping) = &seepage.piping {
+            self.backward_erosion(piping);
+        }
         for drain in &seepage.drains {
             let cells = match drain.cells.normal() {
                 Some(_) => "a plane between cells".to_owned(),
@@ -399,6 +403,35 @@ impl Choices<'_> {
             "not computed",
             "resistance of the water to the motion of grains, flow through ground that has moved",
             "permeability and retention remain those of the zones",
+        );
+    }
+
+    /// Adds the closure of backward erosion and its limits.
+    fn backward_erosion(&mut self, piping: &PipingScene) {
+        let (written, settings) = (&piping.written, &piping.settings);
+        let width = match settings.width {
+            None => "unit width".to_owned(),
+            Some(PipeWidth::Fixed(width)) => format!("{} m wide", number(width)),
+            Some(PipeWidth::Ratio(ratio)) => format!("{} heights wide", number(ratio)),
+        };
+        self.add(
+            "backward erosion",
+            format!(
+                "limit equilibrium of grains of {} m in a laminar pipe of {width}",
+                number(settings.grains.diameter)
+            ),
+            format!(
+                "requested; {} lengths from `{}` towards `{}`, height times slope {} m",
+                settings.path.count,
+                written.exit,
+                written.drive,
+                number(settings.grains.height_of_slope())
+            ),
+        );
+        self.add(
+            "tip of the pipe",
+            "advances where the longer pipe has an equilibrium",
+            "no gradient in front of the tip is required, and no heave of the exit is checked",
         );
     }
 

@@ -36,7 +36,8 @@ const STALE_AFTER: Duration = Duration::from_secs(600);
 const LOCK_BYTES: u64 = 4096;
 
 /// Tables and pictures that runs write in addition to series and probes.
-const FILES: [&str; 13] = [
+const FILES: [&str; 14] = [
+    "backward_erosion.csv",
     "case.json",
     "summary.json",
     "erosion.csv",

@@ -52,6 +52,7 @@ mod gates;
 pub mod guards;
 mod means;
 pub mod phases;
+mod piping;
 pub mod preparation;
 pub mod progress;
 mod recorders;

@@ -71,6 +71,7 @@ EXAMPLES = {
     "scour": (1, _fluid(0.005, **{"output.blocks.every": 0.0025})),
     "seepage": (2, _fluid(0.002, **{"output.grains.every": 0.001})),
     "sheet-pile": (1, {}),
+    "backward-erosion": (1, {}),
     "cut-off": (1, {}),
     "earth-dam": (1, {}),
     "drawdown": (

@@ -17,7 +17,7 @@ import solver_results
 from solver_results import ReadError, open_run, read_table, units
 
 # Examples in two dimensions; the others are in three.
-PLANE = ["biaxial", "broad-crested-weir", "cavity", "collision", "couette", "cut-off", "cylinder", "dam-break", "direct-shear", "drawdown", "earth-dam", "first-flow", "floating-log", "flume", "infiltration", "piping", "poiseuille", "settling-disc", "sheet-pile", "standing-wave", "taylor-green", "unconfined-compression", "weir"]
+PLANE = ["backward-erosion", "biaxial", "broad-crested-weir", "cavity", "collision", "couette", "cut-off", "cylinder", "dam-break", "direct-shear", "drawdown", "earth-dam", "first-flow", "floating-log", "flume", "infiltration", "piping", "poiseuille", "settling-disc", "sheet-pile", "standing-wave", "taylor-green", "unconfined-compression", "weir"]
 
 names = pytest.mark.parametrize("name", sorted(EXAMPLES))
 

@@ -39,6 +39,7 @@ mod layers;
 mod moist;
 mod mutants;
 mod openings;
+mod piping;
 mod porous;
 mod probes;
 mod proposals;

@@ -118,6 +118,10 @@ const BONDS: f64 = 3.1e-8;
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
 /// Time of a seepage solution without its cells, of each of its cells, and of the porosity of a grain \[s\].
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
+/// Time of a cell in a solution for a withdrawal from a cell of a pipe of backward erosion \[s\].
+const WITHDRAWAL: f64 = 2e-6;
+/// Time of the equilibria of a pipe, per fourth power of its cells \[s\].
+const EQUILIBRIA: f64 = 1e-8;
 /// Time of a link of a network of joints in a step with its part of the factors, with inertia and without \[s\].
 const JOINT_LINK: [f64; 2] = [2.5e-6, 1.5e-6];
 /// Time of a cell of unsaturated ground in the first solution, and in a later one \[s\].
@@ -252,6 +256,11 @@ impl Seconds {
             let [once, cell, _] = SEEPAGE;
             let porosity = amounts.grains * parts.porosity;
             all.seepage = steps * (once + amounts.seepage_cells * cell + porosity) / machine.grains;
+            if let Some(piping) = &seepage.piping {
+                let cells = real(piping.settings.path.count);
+                let each = once + amounts.seepage_cells * WITHDRAWAL;
+                all.seepage += (cells * each + EQUILIBRIA * cells.powi(4)) / machine.grains;
+            }
             if seepage.written.unsaturated.is_some() {
                 let [first, later] = UNSATURATED;
                 all.seepage += amounts.seepage_cells * (first + steps * later) / machine.grains;

@@ -6,8 +6,9 @@ use case::Case;
 use std::path::Path;
 
 /// File names reserved for the program.
-const RESERVED_NAMES: [&str; 23] = [
+const RESERVED_NAMES: [&str; 24] = [
     "averages_profile.csv",
+    "backward_erosion.csv",
     "bonds.csv",
     "case.json",
     "checkpoints",

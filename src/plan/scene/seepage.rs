@@ -1,11 +1,13 @@
 //! Seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
 mod drains;
+mod piping;
 mod polygons;
 mod unsaturated;
 mod zones;
 
 pub use drains::Drain;
+pub use piping::PipingScene;
 
 use super::block::AlignedBox;
 use super::findings::{Findings, number};
@@ -59,6 +61,8 @@ pub struct Seepage {
     pub patches: Vec<SeepagePatch>,
     /// Face on which the condition acts.
     pub drains: Vec<Drain>,
+    /// Backward erosion piping.
+    pub piping: Option<PipingScene>,
     /// Permeabilities and porosities by zone, on the grid.
     #[serde(skip)]
     pub zones: Option<Arc<Zones>>,
@@ -126,6 +130,7 @@ impl Seepage {
             walls: [[false; 2]; 3],
             patches: Vec::new(),
             drains: Vec::new(),
+            piping: None,
             zones: None,
             soil_of: Vec::new(),
             solids: (structures.iter().filter(|s| s.stops.water()))
@@ -149,6 +154,7 @@ impl Seepage {
         scene.drains = scene.drains_of(grid, findings);
         scene.zones = scene.zones_of(case, grid, findings);
         scene.soil_of = scene.soils(case, grid);
+        scene.piping = scene.piping_of(case, grid, findings);
         scene.check(case, grid, grains, findings);
         Some(scene)
     }

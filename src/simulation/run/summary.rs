@@ -7,6 +7,7 @@ use super::super::energy;
 use super::super::guards;
 use super::super::means::{self, Means};
 use super::super::phases::PhaseTimes;
+use super::super::piping::{self, PipingAnswers};
 use super::super::progress::clock;
 use super::super::settled;
 use super::super::versions::versions;
@@ -78,6 +79,11 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if let Some(joints) = self.simulation.now.joints() {
             self.add_joints(joints, &mut values);
         }
+        let piping = self.backward_erosion()?;
+        if let Some(piping) = &piping {
+            warnings.extend(piping.warnings());
+            values["backward_erosion"] = piping.summary();
+        }
         values["warnings"] = json!(warnings);
         let feeds = self
             .simulation
@@ -99,7 +105,12 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         self.log_lists();
         let communicator = self.simulation.now.domain.communicator();
         agreement::on_first(communicator, || {
-            io::atomic::write_json(&self.folder.path().join("summary.json"), &values)
+            let folder = self.folder.path();
+            if let Some(piping) = &piping {
+                io::atomic::write(&folder.join(piping::TABLE), piping.table().as_bytes())
+                    .map_err(|e| Error::Io(e.to_string()))?;
+            }
+            io::atomic::write_json(&folder.join("summary.json"), &values)
                 .map_err(|e| Error::Io(e.to_string()))
         })?;
         if as_json {
@@ -110,6 +121,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         self.progress.note(&measures.account.table());
         self.print_speed(outcome, &measures);
         self.print_state(&measures, &values);
+        for line in piping.iter().flat_map(PipingAnswers::lines) {
+            self.progress.note(&line);
+        }
         self.print_probes(&probes);
         for warning in &warnings {
             self.progress.note(&format!("warning: {warning}"));
@@ -119,6 +133,19 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             self.folder.path().display()
         ));
         Ok(())
+    }
+
+    /// Computes the backward erosion below the structure of the case; none without one, or if the run has not computed
+    /// its seepage yet. Collective.
+    fn backward_erosion(&self) -> Result<Option<PipingAnswers>, Error> {
+        let now = &self.simulation.now;
+        let scene = now.plan.scene.seepage.as_ref();
+        let scene = scene.and_then(|seepage| seepage.piping.as_ref());
+        let seepage = now.seepage().filter(|seepage| seepage.is_known());
+        let Some((scene, seepage)) = scene.zip(seepage) else {
+            return Ok(None);
+        };
+        PipingAnswers::compute(scene, seepage).map(Some)
     }
 
     /// Measures the speed, memory and state of the run. Collective.

@@ -23,6 +23,7 @@ const SUMMARY: &[&str] = &[
     "inflow",
     "outflow",
     "seepage",
+    "backward_erosion",
     "kinetic_energy",
     "blocks",
     "erosion",

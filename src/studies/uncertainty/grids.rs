@@ -245,11 +245,12 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
 }
 
 /// Returns the formal order of the method: 2; or 1 if surfaces of bodies are staircases or partly covered cells, or
-/// if water flows or seeps round edges of structures, where stress or velocity is singular.
+/// if water flows or seeps round edges of structures or the tip of a pipe, where stress or velocity is singular.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
     if let Some(seepage) = &scene.seepage {
-        return if seepage.solids.is_empty() { 2.0 } else { 1.0 };
+        let smooth = seepage.solids.is_empty() && seepage.piping.is_none();
+        return if smooth { 2.0 } else { 1.0 };
     }
     let stairs = match &scene.coupling {
         Some(Coupling::BounceBack(links)) => links.scheme == Scheme::HalfWay,
