@@ -41,7 +41,7 @@ struct Group {
 #[derive(Debug, Default)]
 struct Closed {
     /// Cells at the ends of the links of each group.
-    ends: Vec<Vec<closed::Ends>>,
+    ends: Vec<Vec<closed::LinkCells>>,
     reflected: Vec<Reflected>,
     sums: Vec<u128>,
     shares: Vec<f64>,
@@ -570,7 +570,7 @@ impl StructureMap {
         closed.shares.clear();
         closed.shares.extend(self.groups.iter().map(|group| {
             let first = 2 * group.structure;
-            closed::share([0, 1].map(|n| closed.sums[first + n].cast_signed()))
+            closed::rest_per_weight([0, 1].map(|n| closed.sums[first + n].cast_signed()))
         }));
         let given = (reflected, &closed.shares[..]);
         if self.dimension == 2 {

@@ -1,9 +1,10 @@
-//! Bounce-back at stationary surfaces below a free surface: interpolated links that together keep the mass of the water.
+//! Bounce-back at stationary surfaces below a free surface: interpolated links that together keep the mass of the
+//! water.
 //!
 //! Interpolation ([`super::fixed`]) returns another population than the one that left. Along a smooth flow the sum of
 //! the differences over a surface vanishes with the order of the scheme only; below a free surface the rest would raise
-//! or lower the water. It is therefore divided among the ends of the structure that are in liquid, by the weights w_i of
-//! their directions:
+//! or lower the water. It is therefore divided among the ends of the structure that are in liquid, by the weights w_i
+//! of their directions:
 //!
 //! f_ī(x, t+1) = f*_i(x) + κ [f_i(x, t+1) - f*_ī(x)] - w_i e,
 //!
@@ -24,7 +25,7 @@ use base::thread_pool;
 const PER_THREAD: usize = 4;
 
 /// Positions of the cells at both ends of a link.
-pub type Ends = [u32; 2];
+pub type LinkCells = [u32; 2];
 
 /// Populations of the links of a group during a step, and their sums; the buffer is reused.
 #[derive(Clone, Debug, Default)]
@@ -41,7 +42,7 @@ pub struct Reflected {
 /// `kinds` are those of the cells of the free surface.
 pub fn reflect<S: Stored>(
     populations: &mut Populations<S>,
-    (groups, ends): (&[Vec<FixedLink>], &[Vec<Ends>]),
+    (groups, ends): (&[Vec<FixedLink>], &[Vec<LinkCells>]),
     kinds: &[u8],
     reflected: &mut [Reflected],
 ) {
@@ -66,7 +67,7 @@ pub fn reflect<S: Stored>(
 /// Writes the populations that return and sums the loads. `shares` are the mass e of each group per weight.
 pub fn complete<S: Stored, const D: usize>(
     populations: &mut Populations<S>,
-    (groups, ends): (&[Vec<FixedLink>], &[Vec<Ends>]),
+    (groups, ends): (&[Vec<FixedLink>], &[Vec<LinkCells>]),
     kinds: &[u8],
     (reflected, shares): (&mut [Reflected], &[f64]),
 ) {
@@ -102,7 +103,7 @@ pub fn complete<S: Stored, const D: usize>(
 
 /// Returns the mass per weight that the sums of all ranks leave, e.
 #[must_use]
-pub fn share(sums: [i128; 2]) -> f64 {
+pub fn rest_per_weight(sums: [i128; 2]) -> f64 {
     if sums[1] > 0 {
         from_quanta(sums[0]) / from_quanta(sums[1])
     } else {
@@ -151,7 +152,7 @@ impl<'a, S: Stored> State<'a, S> {
 
     /// Returns `true` if an end takes part in the sum of the mass.
     #[inline(always)]
-    fn counts(&self, link: &FixedLink, ends: &Ends, end: usize) -> bool {
+    fn counts(&self, link: &FixedLink, ends: &LinkCells, end: usize) -> bool {
         link.wet[end] && self.is_liquid(ends[end] as usize)
     }
 
@@ -160,7 +161,7 @@ impl<'a, S: Stored> State<'a, S> {
     /// # Safety
     /// The positions must be those of the populations, and no thread may write the numbers.
     #[inline(always)]
-    unsafe fn returns(&self, link: &FixedLink, ends: &Ends, end: usize) -> [f64; 2] {
+    unsafe fn returns(&self, link: &FixedLink, ends: &LinkCells, end: usize) -> [f64; 2] {
         // SAFETY: promised by the caller.
         let read = |position: usize| unsafe { self.numbers.0.add(position).read().to_f64() };
         let positions = [link.link.out(self.parity), link.link.incoming(self.parity)];
