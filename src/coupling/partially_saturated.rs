@@ -109,6 +109,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
             let populations = self.fluid.populations();
             self.map
                 .close(structures.positions(populations), populations);
+            structures.bound_surface(&mut self.fluid);
             structures.register_links(&mut self.fluid);
         }
         self.structures = structures;
@@ -273,7 +274,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
         self.fluid.advance_many(1).map_err(Error::Internal)?;
         if let Some(structures) = &mut self.structures {
             self.fluid.fetch().map_err(Error::Internal)?;
-            structures.bounce(self.fluid.populations_mut());
+            structures.bounce(&mut self.fluid, domain.communicator());
         }
         self.fluid.move_surface();
         if particles.is_empty() && domain.communicator().size() == 1 {

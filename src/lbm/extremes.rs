@@ -4,6 +4,7 @@
 use super::fluid::Fluid;
 use super::lanes::Stored;
 use super::populations::Populations;
+use super::surface::SlabSurface;
 use base::thread_pool;
 
 /// Extreme values of the rows of a slab, in the order of [`Populations::rows`]; a reusable buffer.
@@ -40,6 +41,7 @@ impl Rows {
             return;
         }
         let half = fluid.half_force();
+        let wet = fluid.surface().map(SlabSurface::planes);
         let rows = cells[slow] * cells[middle];
         let pieces = thread_pool::threads().min(cells[slow]).max(1);
         self.threads.resize_with(pieces, Share::default);
@@ -48,6 +50,11 @@ impl Rows {
             for row in rows * piece / pieces..rows * (piece + 1) / pieces {
                 let mut at = [0; 3];
                 (at[slow], at[middle]) = (row / cells[middle], row % cells[middle]);
+                // Rows of gas contain no water to check.
+                if wet.is_some_and(|planes| planes[at[slow]].is_dry(at[middle])) {
+                    share.found.push(Extremes::AT_REST);
+                    continue;
+                }
                 let first = populations.interior_cell(at);
                 let found = populations.row_extremes(first, cells[fast], half, &mut share.work);
                 share.found.push(found);
@@ -84,11 +91,7 @@ impl<S: Stored> Populations<S> {
 
 /// Returns the extreme values of cells from their density deviations and velocities.
 pub(super) fn of_velocities([drho, u, v, w]: &[Vec<f64>; 4]) -> Extremes {
-    let mut found = Extremes {
-        squared_speed: 0.0,
-        compression: 0.0,
-        finite: true,
-    };
+    let mut found = Extremes::AT_REST;
     for ((drho, u), (v, w)) in drho.iter().zip(u).zip(v.iter().zip(w)) {
         let squared = u * u + v * v + w * w;
         found.squared_speed = found.squared_speed.max(squared);
@@ -107,6 +110,15 @@ pub struct Extremes {
     pub compression: f64,
     /// `true` if every number is finite.
     pub finite: bool,
+}
+
+impl Extremes {
+    /// Values of cells without water.
+    const AT_REST: Self = Self {
+        squared_speed: 0.0,
+        compression: 0.0,
+        finite: true,
+    };
 }
 
 /// Returns the squared speed of a cell from its density deviation, its momentum and half of the body force. There

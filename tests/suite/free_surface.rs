@@ -51,6 +51,38 @@ fn a_dam_on_any_ranks_threads_and_slabs_and_over_restarts() {
     assert!(water["mass"].as_f64().unwrap() > 1.0, "{water}");
 }
 
+/// Checks a dam break against a slope with a disc on it: surfaces that links cross at every distance.
+#[test]
+fn a_dam_before_a_slope_on_any_ranks_and_over_restarts() {
+    let _beside = beside_others();
+    let mut set = OVER_A_STEP.to_vec();
+    set[2].1 = r#"[{"name": "slope",
+             "shape": {"polygon": {"points": [[0.05, 0], [0.13, 0], [0.13, 0.0473]]}}},
+            {"name": "block", "shape": {"disc": {"centre": [0.09, 0.0223], "radius": 0.0053}}}]"#;
+    set[3].1 = r#"[{"name": "slope", "every": 0.01, "at": {"structure": {"name": "slope"}}}]"#;
+    set.push((
+        "fluid.lattice_boltzmann.turbulence",
+        r#"{"smagorinsky": {}}"#,
+    ));
+    set.push(("fluid.lattice_boltzmann.collision", r#"{"bgk": {}}"#));
+    set.push(("checkpoint.every", "0.03"));
+    let study = Study::from_example("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    study.same_on(&[
+        ("threads", 1, 2, "domain.split=y"),
+        ("two", 2, 2, "domain.split=x"),
+        ("narrow", 4, 1, "domain.slab_bounds=[1, 30, 31]"),
+        ("empty", 3, 1, "domain.slab_bounds=[20, 20]"),
+    ]);
+    study.run("parts", 2, 1, &["time.end=0.0417"]);
+    study.restart("parts", 1, &["time.end=0.08"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.12"]).expect(0);
+    study.same("straight", "parts");
+    let water = &study.summary("straight")["water"];
+    let error = water["mass_error"].as_f64().unwrap();
+    assert!(error.abs() < 1e-12, "{water}");
+}
+
 #[test]
 fn a_dam_in_three_dimensions_with_eddies() {
     let _beside = beside_others();

@@ -41,6 +41,11 @@ impl Plane {
         &self.spans[self.begins[row] as usize..self.begins[row + 1] as usize]
     }
 
+    /// Returns `true` if a row contains no water, and its lists have been made.
+    pub(crate) fn is_dry(&self, row: usize) -> bool {
+        self.is_made() && self.spans(row).is_empty()
+    }
+
     /// Returns `true` if the lists have been made.
     pub(super) fn is_made(&self) -> bool {
         !self.begins.is_empty()
