@@ -4,6 +4,7 @@ use super::Clock;
 use super::arithmetic;
 use super::device::device;
 use crate::scene::Scene;
+use crate::scene::auto::SEEPAGE_ALONE;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
@@ -109,6 +110,8 @@ impl Choices<'_> {
                 format!("{level}: {target} % of forces, {promised}"),
                 "no measured row covers these cells",
             );
+        } else if self.scene.seepage.is_some() && !self.scene.has_solids() {
+            self.add("accuracy", "nothing promised", SEEPAGE_ALONE);
         }
         if chosen.why("spacing").is_some() {
             let cells = grid.cell_count();
