@@ -19,8 +19,8 @@
 //! | monotone, p above it | the finer difference is small by chance: least squares as below |
 //! | two grids | F = 3, first order; extrapolated with the formal order, as errors of staircases may cancel |
 //! | oscillating and shrinking | least squares, and at least half the range |
-//! | scattered: growing differences change their sign | in seepage least squares, and at least the range; otherwise none |
-//! | diverging: growing differences of one sign | F = 3 with p = 0.5 if the method converges ([`Limit`]); otherwise none |
+//! | scattered: growing differences change their sign | least squares, and at least the range; outside seepage none |
+//! | diverging: growing differences of one sign | F = 3, p = 0.5 if the method converges ([`Limit`]), else none |
 //! | equal to rounding | three times the largest difference, and at least the rounding |
 //!
 //! The least-squares fit is the better one of order 1 and 2, in seepage at most the formal order; the uncertainty is 3
