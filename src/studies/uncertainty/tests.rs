@@ -246,8 +246,9 @@ fn steps_of_a_transient_seepage_change_with_its_cells() {
     assert_eq!(members.grids.len(), 3);
     for (ratio, place) in &members.grids {
         let other = planned(&members.list[*place]);
-        let soil = other.scene.seepage.as_ref().unwrap().written.unsaturated;
-        let error = soil.unwrap().transient.unwrap().content_error;
+        let seepage = other.scene.seepage.as_ref().unwrap();
+        let soil = seepage.written.unsaturated.as_ref().unwrap();
+        let error = soil.transient.as_ref().unwrap().content_error;
         approx::assert_relative_eq!(error, 2e-3 * ratio * ratio, max_relative = 1e-12);
         // 24 intervals on the cells of the case.
         let longest = own.clock.time_step * ratio;
