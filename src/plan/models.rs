@@ -5,6 +5,7 @@ use super::arithmetic;
 use super::device::device;
 use super::impacts;
 use crate::scene::Scene;
+use crate::scene::auto::SEEPAGE_ALONE;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
@@ -111,6 +112,8 @@ impl Choices<'_> {
                 format!("{level}: {target} % of forces, {promised}"),
                 "no measured row covers these cells",
             );
+        } else if self.scene.seepage.is_some() && !self.scene.has_solids() {
+            self.add("accuracy", "nothing promised", SEEPAGE_ALONE);
         }
         if chosen.reason_of("spacing").is_some() {
             let cells = grid.cell_count();

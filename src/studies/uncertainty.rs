@@ -474,7 +474,8 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
         let record = Record::read(&output.join(&members.list[place].name));
         record.map_or(0.0, |record| record.processor_seconds)
     };
-    let edge = grids::refinable_seepage(&plan.scene).map_or(plan.scene.grid.spacing, |seepage| {
+    let seepage = grids::refinable_seepage(&plan.scene);
+    let edge = seepage.map_or(plan.scene.grid.spacing, |seepage| {
         seepage.smallest_edge(plan.scene.grid.dimension)
     });
     let grids: Vec<GridData> = members
@@ -514,7 +515,13 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
         scaling: members.meaning().to_owned(),
         formal_order,
         conclusion: table::conclusion(&grids),
-        answers: table::rows(&grids, at.unwrap_or(0), formal_order, noise),
+        answers: table::rows(
+            &grids,
+            at.unwrap_or(0),
+            formal_order,
+            seepage.is_some(),
+            noise,
+        ),
         settings: settings.collect(),
         grids,
         version: solver_version()?,

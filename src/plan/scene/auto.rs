@@ -43,6 +43,10 @@ use serde_json::json;
 use spacing::Spacing;
 use std::borrow::Cow;
 
+/// Reason for which the plan promises no error of a seepage without grains.
+pub(crate) const SEEPAGE_ALONE: &str = "no error was measured for seepage without grains, which depends on edges, \
+    layers and fronts; `solver estimate` runs the case on other cells and gives an interval for each answer";
+
 /// Choices made for a case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Chosen {
@@ -241,6 +245,10 @@ pub(crate) fn choose_remaining(
     }
     if let (Some(target), Some(_)) = (target, &scene.seepage) {
         scene.chosen.accuracy = requested_accuracy(written);
-        seepage::choose(scene, target, findings);
+        if scene.has_solids() {
+            seepage::choose(scene, target, findings);
+        } else {
+            scene.chosen.note("accuracy", SEEPAGE_ALONE);
+        }
     }
 }

@@ -19,11 +19,19 @@
 //! | monotone, p above it | the finer difference is small by chance: least squares as below |
 //! | two grids | F = 3, first order; extrapolated with the formal order, as errors of staircases may cancel |
 //! | oscillating and shrinking | least squares, and at least half the range |
-//! | diverging | none |
-//! | equal to rounding | three times the largest difference |
+//! | scattered: growing differences change their sign | least squares, and at least the range; outside seepage none |
+//! | diverging: growing differences of one sign | F = 3, p = 0.5 if the method converges ([`Limit`]), else none |
+//! | equal to rounding | three times the largest difference, and at least the rounding |
 //!
-//! The least-squares fit is the better one of order 1 and 2; the uncertainty is 3 times its error, plus its
-//! standard deviation and its distance from the value.
+//! The least-squares fit is the better one of order 1 and 2, in seepage at most the formal order; the uncertainty is 3
+//! times its error, plus its standard deviation and its distance from the value.
+//!
+//! The fluxes of a seepage rise with the head on one side of a face and fall with that on the other. Its heads
+//! therefore stay between those of the conditions on any cells, and heads, discharges, forces and volumes
+//! converge. On coarse cells they need not converge in order: the tip of a wall, the end of a sheet or the upper end
+//! of a seepage face lies anywhere in a cell, so that the sign of its error of first order changes from grid to grid.
+//! Gradients and velocities have no limit at edges. For a lattice a growing difference may be an instability, and
+//! nothing is given.
 //!
 //! Sources: P. J. Roache, J. Fluids Eng. 116 (1994) 405 (F); I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001 (p,
 //! extrapolation); W. L. Oberkampf and C. J. Roy, Verification and Validation in Scientific Computing, Cambridge 2010,
@@ -58,6 +66,10 @@ pub enum Behaviour {
     Fast,
     /// The differences shrink and change their sign.
     Oscillating,
+    /// The differences grow and change their sign, within bounds.
+    Scattered,
+    /// The differences grow with one sign, but the method converges.
+    Slow,
     /// The differences do not shrink.
     Diverging,
     /// There are two grids only.
@@ -76,6 +88,8 @@ impl Behaviour {
             Self::Monotone => "monotone",
             Self::Fast => "monotone, faster than the method",
             Self::Oscillating => "oscillating",
+            Self::Scattered => "scattered",
+            Self::Slow => "monotone, without an order",
             Self::Diverging => "diverging",
             Self::TwoGrids => "two grids",
             Self::OneGrid => "one grid",
@@ -87,8 +101,8 @@ impl Behaviour {
     pub fn method(self) -> &'static str {
         match self {
             Self::Equal => {
-                "the grids agree to rounding, and the uncertainty is three times the largest \
-                            difference"
+                "the grids agree to rounding, and the uncertainty is three times the largest difference, at least \
+                 the rounding"
             }
             Self::Asymptotic => {
                 "grid convergence index, F = 1.25: three grids, order within 10 % of the formal one"
@@ -105,6 +119,14 @@ impl Behaviour {
                 "least squares (Eca and Hoekstra 2014), F = 3, at least half the range of the values: the \
                  differences change their sign"
             }
+            Self::Scattered => {
+                "least squares (Eca and Hoekstra 2014), F = 3, at least the range of the values: edges lie at \
+                 another place in the cells of each grid"
+            }
+            Self::Slow => {
+                "grid convergence index, F = 3 and an order of 0.5: the differences do not decrease on these cells, \
+                 but a value of this kind converges"
+            }
             Self::Diverging => {
                 "no uncertainty is given: the differences do not decrease with the cells"
             }
@@ -112,6 +134,18 @@ impl Behaviour {
             Self::OneGrid => "no uncertainty is given: the value is known on one grid only",
         }
     }
+}
+
+/// Knowledge of the value on cells of no size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Limit {
+    /// Nothing is known: differences that grow may be an instability.
+    #[default]
+    Unknown,
+    /// The method is stable, but the value may be infinite, as a gradient at an edge.
+    Stable,
+    /// The value converges.
+    Exists,
 }
 
 /// A value on several grids.
@@ -125,6 +159,8 @@ pub struct Series {
     pub formal: f64,
     /// Maximum difference that is attributed to rounding.
     pub rounding: f64,
+    /// Knowledge of its limit.
+    pub limit: Limit,
 }
 
 /// Estimate of one value from a series of grids.
@@ -167,7 +203,7 @@ impl Series {
             return Estimate {
                 extrapolated: Some(first.1),
                 factor: Some(CAUTIOUS_FACTOR),
-                uncertainty: Some(CAUTIOUS_FACTOR * range),
+                uncertainty: Some((CAUTIOUS_FACTOR * range).max(self.rounding)),
                 ..none(Behaviour::Equal)
             };
         }
@@ -191,14 +227,24 @@ impl Series {
             return found;
         };
         let values = [first.1, second.1, third.1];
+        let turn = (values[2] - values[1]) * (values[1] - values[0]);
         let Some(observed) = apparent_order(values, [ratio, third.0 / second.0]) else {
-            return none(Behaviour::Diverging);
+            return match self.limit {
+                Limit::Exists if turn > 0.0 => {
+                    by_order(Behaviour::Slow, None, LEAST_ORDER, CAUTIOUS)
+                }
+                Limit::Exists | Limit::Stable if turn <= 0.0 => {
+                    self.by_least_squares(Behaviour::Scattered, None, own, range)
+                }
+                _ => none(Behaviour::Diverging),
+            };
         };
-        if (values[2] - values[1]) * (values[1] - values[0]) < 0.0 {
-            return self.by_least_squares(Behaviour::Oscillating, observed, own, 0.5 * range);
+        if turn < 0.0 {
+            let half = 0.5 * range;
+            return self.by_least_squares(Behaviour::Oscillating, Some(observed), own, half);
         }
         if observed > (1.0 + ASYMPTOTIC) * self.formal {
-            return self.by_least_squares(Behaviour::Fast, observed, own, 0.0);
+            return self.by_least_squares(Behaviour::Fast, Some(observed), own, 0.0);
         }
         let order = observed.clamp(LEAST_ORDER, self.formal);
         if observed >= (1.0 - ASYMPTOTIC) * self.formal {
@@ -208,16 +254,18 @@ impl Series {
         }
     }
 
-    /// Fits by least squares with order 1 or 2, whichever is better; the uncertainty is at least `least`.
+    /// Fits by least squares with order 1 or 2, whichever is better; the uncertainty is at least `least`. In a seepage
+    /// of first order the error of first order prevails on finer cells, even if that of second order does on these.
     fn by_least_squares(
         &self,
         behaviour: Behaviour,
-        observed: f64,
+        observed_order: Option<f64>,
         own: f64,
         least: f64,
     ) -> Estimate {
         let [one, two] = [1.0, 2.0].map(|order| Fit::new(&self.values, order));
-        let fit = if one.deviation < two.deviation {
+        let first = self.limit != Limit::Unknown && self.formal < 2.0;
+        let fit = if first || one.deviation < two.deviation {
             one
         } else {
             two
@@ -227,7 +275,7 @@ impl Series {
         let sum = CAUTIOUS_FACTOR * error + fit.deviation + (own - there).abs();
         Estimate {
             behaviour,
-            observed_order: Some(observed),
+            observed_order,
             order: Some(fit.order),
             extrapolated: Some(fit.value),
             factor: Some(CAUTIOUS_FACTOR),
@@ -362,6 +410,7 @@ mod tests {
             at: 0,
             formal: 2.0,
             rounding: 1e-12,
+            limit: Limit::Unknown,
         }
     }
 
@@ -451,6 +500,53 @@ mod tests {
         assert_eq!(series(&log).estimate().behaviour, Behaviour::Diverging);
     }
 
+    /// Discharge under a sheet pile on three grids: its tip lies at other places in the cells, and the differences
+    /// change their sign and grow. The exact value (Harr 1962) is 5.471036e-7.
+    #[test]
+    fn values_that_scatter_about_a_limit_have_an_interval() {
+        let values = [(1.0, 5.39679e-7), (2.0, 5.32307e-7), (4.0, 5.34512e-7)];
+        let mut series = series(&values);
+        series.rounding = 0.0;
+        assert_eq!(series.estimate().behaviour, Behaviour::Diverging);
+        for limit in [Limit::Stable, Limit::Exists] {
+            series.limit = limit;
+            let found = series.estimate();
+            assert_eq!(found.behaviour, Behaviour::Scattered);
+            // The range is 7.372e-9, and the error 7.425e-9.
+            let uncertainty = found.uncertainty.unwrap();
+            assert!(
+                uncertainty >= 7.372e-9 && uncertainty > 7.425e-9,
+                "{uncertainty}"
+            );
+            assert!(uncertainty < 0.05 * values[0].1, "{uncertainty}");
+        }
+    }
+
+    /// A slit drain whose end is rounded to cells: the differences grow with one sign. The exact discharge is
+    /// 8.681082e-5. A gradient that grows with h^-1/2 has no limit.
+    #[test]
+    fn a_series_without_an_order_has_an_interval_only_if_it_converges() {
+        let mut slit = series(&[(1.0, 8.638744e-5), (2.0, 8.43132e-5), (4.0, 8.311846e-5)]);
+        slit.rounding = 0.0;
+        slit.limit = Limit::Stable;
+        assert_eq!(slit.estimate().uncertainty, None);
+        slit.limit = Limit::Exists;
+        let found = slit.estimate();
+        assert_eq!(found.behaviour, Behaviour::Slow);
+        let half_order = 3.0 * (8.638744e-5 - 8.43132e-5) / (2.0_f64.sqrt() - 1.0);
+        assert_relative_eq!(found.uncertainty.unwrap(), half_order, max_relative = 1e-9);
+        // With a formal order of 1 the fit has order 1, even if the values are those of order 2.
+        let mut fast = series(&power(0.7, 2.0));
+        (fast.formal, fast.limit) = (1.0, Limit::Exists);
+        assert_eq!(fast.estimate().order, Some(1.0));
+        // Equal values on the finer grids show no order.
+        let mut flat = series(&[(1.0, 1.0), (2.0, 1.0), (4.0, 1.5)]);
+        flat.limit = Limit::Exists;
+        let found = flat.estimate();
+        assert_eq!(found.behaviour, Behaviour::Scattered);
+        assert!(found.uncertainty.unwrap() >= 0.5);
+    }
+
     #[test]
     fn two_grids_one_grid_and_rounding() {
         let all = power(0.7, 2.0);
@@ -470,6 +566,7 @@ mod tests {
         assert_eq!((one.behaviour, one.uncertainty), (Behaviour::OneGrid, None));
         let equal = series(&[(1.0, 1.0), (2.0, 1.0 + 1e-13), (4.0, 1.0)]).estimate();
         assert_eq!(equal.behaviour, Behaviour::Equal);
-        assert!(equal.uncertainty.unwrap() < 4e-13);
+        // Three times the difference is less than the rounding.
+        assert_eq!(equal.uncertainty, Some(1e-12));
     }
 }

@@ -14,13 +14,17 @@
 //! The time step is adjusted by less than half a step in the whole run, so that all grids end at the same time.
 //!
 //! A seepage without grains has no time step that cells limit: its own cells are halved, doubled or quartered,
-//! provided that the ends of its openings lie on cell faces. A seepage through grains has cells of the size of
-//! grains and is not refined.
+//! provided that the ends of its openings lie on cell faces. The steps of a transient flow are of second order. Their
+//! permitted error changes with the square of the cells, and the time between results, which is their largest length,
+//! with the cells: the error in time decreases with h² like that of the cells, and the estimate contains both. A
+//! seepage through grains has cells of the size of grains and is not refined.
 
 use base::error::{Error, Problem, Severity};
 use base::number::{common_divisor, real, to_u32, whole};
 use case::coupling::{Coupling, Scheme};
+use case::darcy::Zone;
 use case::fluid::Initial;
+use darcy::{Condition, Retention};
 use plan::Plan;
 use plan::scene::Scene;
 use plan::scene::flow::Lattice;
@@ -65,7 +69,10 @@ impl Scaling {
                 "acoustic: the same lattice velocity on all grids, because diffusive scaling exceeds the limits \
                  on coarser cells; the compressibility error is not part of the uncertainty"
             }
-            Self::Steady => "seepage cells; a transient flow chooses its time steps by their error",
+            Self::Steady => {
+                "seepage cells; the permitted error of the steps of a transient flow decreases with h^2, and is part \
+                 of the uncertainty"
+            }
         }
     }
 
@@ -244,13 +251,38 @@ fn smallest_diameter(scene: &Scene) -> Option<f64> {
     smallest.is_finite().then_some(2.0 * smallest)
 }
 
+/// Returns `true` if a seepage has edges that no cells resolve: edges of structures and of imposed heads that end
+/// within a face, where the velocity is singular; ends of drains and limits of zones within a cell; and water
+/// tables, which end in a cell of a seepage face, or are as thick as a tenth of a cell where the ground has no
+/// suction.
+fn has_edges(seepage: &Seepage, dimension: usize) -> bool {
+    let ends = seepage.patches.iter().any(|patch| {
+        let across = (0..dimension).filter(|axis| *axis != patch.face.axis());
+        let mut partial = across.map(|a| patch.from[a] > 0 || patch.to[a] < seepage.cells[a]);
+        patch.condition.holds() && partial.any(|partial| partial)
+    });
+    let in_air = |condition: &Condition| matches!(condition, Condition::SeepageFace { .. });
+    let written = &seepage.written;
+    let limited =
+        |zone: &Zone| zone.region.is_some() || zone.polygon.is_some() || zone.raster.is_some();
+    let dry = (written.unsaturated.as_ref())
+        .is_some_and(|soil| matches!(soil.retention, Retention::SaturatedOnly(_)));
+    let drained = seepage.drains.iter().any(|drain| drain.condition.holds());
+    !seepage.solids.is_empty()
+        || ends
+        || drained
+        || dry
+        || seepage.conditions().any(|condition| in_air(&condition))
+        || written.zones.iter().any(limited)
+}
+
 /// Returns the formal order of the method: 2; or 1 if surfaces of bodies are staircases or partly covered cells, or
-/// if water flows or seeps round edges of structures or the tip of a pipe, where stress or velocity is singular.
+/// if water flows or seeps round edges or the tip of a pipe, where stress or velocity is singular.
 #[must_use]
 pub fn formal_order(scene: &Scene) -> f64 {
     if let Some(seepage) = &scene.seepage {
-        let smooth = seepage.solids.is_empty() && seepage.piping.is_none();
-        return if smooth { 2.0 } else { 1.0 };
+        let edges = has_edges(seepage, scene.grid.dimension) || seepage.piping.is_some();
+        return if edges { 1.0 } else { 2.0 };
     }
     let stairs = match &scene.coupling {
         Some(Coupling::BounceBack(links)) => links.scheme == Scheme::HalfWay,
@@ -329,6 +361,16 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
     let (clock, scene) = (&plan.clock, &plan.scene);
     if let Some(seepage) = refinable_seepage(scene) {
         tree["fluid"]["darcy"]["grid"] = seepage_grid(seepage, scene.grid.dimension, ratio);
+        let soil = seepage.written.unsaturated.as_ref();
+        if let Some(transient) = soil.and_then(|soil| soil.transient.as_ref()) {
+            let error = transient.content_error * ratio * ratio;
+            tree["fluid"]["darcy"]["unsaturated"]["transient"]["content_error"] = error.into();
+            // A step ends at a result at the latest: the time between results changes with the cells.
+            let steps = real(clock.steps);
+            let number = (steps / ratio).round().max(1.0);
+            tree["time"]["solid_time_step"] = (clock.solid_time_step * steps / number).into();
+            tree["time"]["end"] = (clock.time_step * steps).into();
+        }
         return tree;
     }
     tree["domain"]["spacing"] = (scene.grid.spacing * ratio).into();

@@ -9,7 +9,7 @@
 //! | coupling interval | seepage through grains | half |
 //! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
 //! | resistance | seepage through grains in saturated ground | the law of another source |
-//! | steps in time | seepage that changes with time | a quarter of the error of the content |
+//! | steps in time | seepage through grains that changes with time | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
 //! | lattice velocity | lattice under acoustic scaling | half |
 //!
@@ -156,9 +156,10 @@ fn interval(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
     Some(format!("{steps} to {} solid steps", steps / 2))
 }
 
-/// Divides the permitted error of the content by four, which halves the time steps.
+/// Divides the permitted error of the content by four, which halves the time steps. Without grains it changes with the
+/// cells, and is part of the uncertainty.
 fn content_error(case: &mut Value, plan: &Plan, _: Scaling) -> Option<String> {
-    let seepage = plan.scene.seepage.as_ref()?;
+    let seepage = seepage_through_grains(plan)?;
     let transient = seepage.written.unsaturated.as_ref()?.transient.as_ref()?;
     let (now, next) = (transient.content_error, 0.25 * transient.content_error);
     case["fluid"]["darcy"]["unsaturated"]["transient"]["content_error"] = next.into();

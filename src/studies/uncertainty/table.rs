@@ -1,7 +1,7 @@
 //! The result of an estimate as a table for the terminal, as CSV and as JSON.
 
 use super::answers::{Answer, Answers};
-use super::convergence::{Behaviour, Estimate, Series};
+use super::convergence::{Behaviour, Estimate, Limit, Series};
 use super::settings::Setting;
 use crate::sweep::table::machine;
 use base::units::LatticeUnits;
@@ -168,9 +168,29 @@ pub fn conclusion(grids: &[GridData]) -> String {
     }
 }
 
-/// Returns the rows of the answers; `at` is the index of the case's grid.
+/// Returns what is known of an answer on cells of no size: the scheme of a seepage is stable, but gradients and
+/// velocities have no limit at edges.
+fn limit(seepage: bool, answer: &str) -> Limit {
+    let local = ["gradient", "velocity", "reynolds", "fastest", "overshoot"];
+    if !seepage {
+        Limit::Unknown
+    } else if local.iter().any(|part| answer.contains(part)) {
+        Limit::Stable
+    } else {
+        Limit::Exists
+    }
+}
+
+/// Returns the rows of the answers; `at` is the index of the case's grid. `seepage` is `true` for the own cells of a
+/// seepage.
 #[must_use]
-pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<AnswerRow> {
+pub fn rows(
+    grids: &[GridData],
+    at: usize,
+    formal: f64,
+    seepage: bool,
+    noise: Noise,
+) -> Vec<AnswerRow> {
     let Some(own) = grids.get(at).and_then(|grid| grid.answers.as_ref()) else {
         return Vec::new();
     };
@@ -192,6 +212,7 @@ pub fn rows(grids: &[GridData], at: usize, formal: f64, noise: Noise) -> Vec<Ans
             at: places.iter().position(|place| *place == at)?,
             formal,
             rounding: noise.rounding(answer),
+            limit: limit(seepage, name),
             values,
         };
         Some(AnswerRow {
@@ -276,6 +297,10 @@ impl AnswerRow {
             Behaviour::TwoGrids => {
                 "two grids show no order, so that the factor is 3 at first order: a third grid narrows the \
                  interval"
+                    .to_owned()
+            }
+            Behaviour::Slow | Behaviour::Scattered => {
+                "the cells are too coarse for a value whose edges lie anywhere in a cell: use finer cells"
                     .to_owned()
             }
             Behaviour::Oscillating => {
@@ -661,7 +686,7 @@ mod tests {
             scaling: "diffusive".into(),
             formal_order: 2.0,
             conclusion: String::new(),
-            answers: rows(&grids, 0, 2.0, Noise::default()),
+            answers: rows(&grids, 0, 2.0, false, Noise::default()),
             settings: vec![sensitivity(
                 &setting,
                 ["4-stiffness", "2"],
@@ -705,7 +730,7 @@ mod tests {
             ]
         };
         let grids = [1.0, 2.0].map(|h| grid(h, &of(h)));
-        let rows = rows(&grids, 0, 2.0, Noise::default());
+        let rows = rows(&grids, 0, 2.0, false, Noise::default());
         let why: Vec<_> = rows
             .iter()
             .map(|row| row.why_wide().unwrap_or_default())

@@ -236,3 +236,47 @@ fn the_coarsest_grid_keeps_four_cells_across_the_smallest_body() {
         approx::assert_relative_eq!(&ratios[..], expected, max_relative = 1e-12);
     }
 }
+
+/// The permitted error of a step of second order changes with h², and its largest length with h, so that the error in
+/// time falls like that of the cells; no setting measures it once more.
+#[test]
+fn steps_of_a_transient_seepage_change_with_its_cells() {
+    let own = example("infiltration", &[]);
+    let members = Members::for_case(&own, false, true, false).unwrap();
+    assert_eq!(members.grids.len(), 3);
+    for (ratio, place) in &members.grids {
+        let other = planned(&members.list[*place]);
+        let seepage = other.scene.seepage.as_ref().unwrap();
+        let soil = seepage.written.unsaturated.as_ref().unwrap();
+        let error = soil.transient.as_ref().unwrap().content_error;
+        approx::assert_relative_eq!(error, 2e-3 * ratio * ratio, max_relative = 1e-12);
+        // 24 intervals on the cells of the case.
+        let longest = own.clock.time_step * ratio;
+        approx::assert_relative_eq!(other.clock.time_step, longest, max_relative = 1e-12);
+        assert_eq!(real(other.clock.steps), 24.0 / ratio);
+    }
+    assert!(members.settings.is_empty(), "{:?}", members.settings);
+}
+
+#[test]
+fn edges_make_a_seepage_one_of_first_order() {
+    let order = |name: &str, set: &[&str]| grids::formal_order(&example(name, set).scene);
+    // A column has none; a wall, a seepage face, heads on parts of a face, a drain and a layer are edges.
+    assert_eq!(order("infiltration", &[]), 2.0);
+    let soil =
+        r#"fluid.darcy.unsaturated.retention={"gardner": {"alpha": 2, "saturated_content": 0.4}}"#;
+    let layer = r#"fluid.darcy.zones[1]={"name": "layer", "region": {"layer": {"to": 0.33}},
+        "permeability": {"hydraulic_conductivity": 1e-6}}"#;
+    let drain = r#"fluid.darcy.drains=[{"name": "drain", "box": {"from": [0.01, 0.5], "to": [0.04, 0.51]},
+        "condition": {"head": {"value": 0}}}]"#;
+    for (name, set) in [
+        ("sheet-pile", &[][..]),
+        ("sheet-pile", &["structures=[]"]),
+        ("earth-dam", &[]),
+        ("earth-dam", &[soil]),
+        ("infiltration", &[layer]),
+        ("infiltration", &[drain]),
+    ] {
+        assert_eq!(order(name, set), 1.0, "{name} {set:?}");
+    }
+}
