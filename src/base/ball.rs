@@ -121,7 +121,8 @@ pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
     (sum * radius * radius * radius).clamp(0.0, 1.0)
 }
 
-/// Squared distances [cells²] from the centre of a ball or disc to the cells of a layer or row, measured normal to it.
+/// Squared distances \[cells²\] from the centre of a ball or disc to the cells of a layer or row, measured normal to
+/// it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside {
     /// Squared distance to the nearest point of the cells.
@@ -162,8 +163,8 @@ impl Add for Beside {
 /// Empty interval.
 pub const EMPTY: [f64; 2] = [0.0, -1.0];
 
-/// Returns the interval [cells] in which a line is inside the ball, or [`EMPTY`]. `squared` is the squared distance of
-/// the line from the centre, `centre` the coordinate of the centre along the line.
+/// Returns the interval \[cells\] in which a line is inside the ball, or [`EMPTY`]. `squared` is the squared distance
+/// of the line from the centre, `centre` the coordinate of the centre along the line.
 #[inline(always)]
 pub fn chord(centre: f64, radius: f64, squared: f64) -> [f64; 2] {
     let left = radius * radius - squared;

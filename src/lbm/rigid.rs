@@ -6,17 +6,17 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Rigid {
-    /// Position of the centre [cells].
+    /// Position of the centre \[cells\].
     pub position: [f64; 3],
-    /// Velocity of the centre [cells per step].
+    /// Velocity of the centre \[cells per step\].
     pub velocity: [f64; 3],
-    /// Angular velocity [radians per step].
+    /// Angular velocity \[radians per step\].
     pub spin: [f64; 3],
-    /// Radius [cells].
+    /// Radius \[cells\].
     pub radius: f64,
 }
 
-/// Returns the velocity u + ω × r of the body at the point with offset `r` [cells] from its centre.
+/// Returns the velocity u + ω × r of the body at the point with offset `r` \[cells\] from its centre.
 #[inline(always)]
 pub(crate) fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [f64; 3] {
     let (u, w) = (motion.velocity, motion.spin);

@@ -191,13 +191,13 @@ pub trait SolidOperatorModel {
 pub struct LightBody {
     /// `true` if the domain is 2-D.
     pub flat: bool,
-    /// Radius [cells]; n V/A in n dimensions for bodies other than balls, with volume V and surface A.
+    /// Radius \[cells\]; n V/A in n dimensions for bodies other than balls, with volume V and surface A.
     pub radius: f64,
-    /// Relaxation time τ of the fluid [steps].
+    /// Relaxation time τ of the fluid \[steps\].
     pub relaxation_time: f64,
 }
 
-/// Range of relaxation times [steps] in which the density ratios were measured; outside, a margin is added.
+/// Range of relaxation times \[steps\] in which the density ratios were measured; outside, a margin is added.
 const MEASURED: core::ops::Range<f64> = 0.55..1.25;
 
 impl LightBody {

@@ -23,7 +23,7 @@ pub(crate) const SHARED: u32 = 1 << 31;
 pub struct Name {
     /// Id of the body.
     pub id: u64,
-    /// Offset of the periodic image [domain lengths].
+    /// Offset of the periodic image \[domain lengths\].
     pub image: [i32; 3],
 }
 

@@ -14,7 +14,7 @@ const OPERATORS: [SolidOperator; 4] = [
     SolidOperator::ViscosityMatched,
 ];
 
-/// Height of the channel, and of the top of the bodies [cells].
+/// Height of the channel, and of the top of the bodies \[cells\].
 const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
