@@ -1,18 +1,20 @@
-//! A ball in cells: the closed forms of the part of a box that it fills, and where a row of cells enters and leaves it.
+//! Closed forms of the volume of a ball inside a box, and the cells at which a row enters and leaves a ball.
 //!
-//! Lengths of the parts of a box are in radii from the centre, those of rows in cells. These are the functions that
-//! both processors and GPUs run (`lbm/gpu/balls.rs`), with the same bits. The package `darcy` has the formulas
-//! (`overlap`).
+//! The functions are separate from their callers because they are compiled for processors and for GPUs
+//! (`lbm/gpu/balls.rs`), with the same bits on both. Lengths of boxes are in radii from the centre of the ball, those
+//! of rows in cells. The formulas are derived in the package `darcy` (`overlap`).
 
 use crate::number::{ceil, floor_i32, sqrt};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use core::ops::Add;
 
-/// The angle of the point (x, y) above the x axis, for coordinates of 0 or more; 0 at the origin.
+/// Returns the angle in radians between the x axis and the point (x, y), for coordinates of at least 0; 0 at the
+/// origin.
 ///
-/// Within two units in the last place. It has neither branches nor calls, so that loops of it are vectorised, and its
-/// bits depend on no library of the system. The angle is reduced to that of the nearest of 0, pi/8 and pi/4: atan(p) -
-/// atan(q) = atan((p - q)/(1 + pq)). The rest is below pi/16, where eleven terms of the series are exact to rounding.
+/// The error is below two units in the last place. The function has neither branches nor calls, so that loops of it are
+/// vectorised, and its bits depend on no system library. The nearest of the angles 0, pi/8 and pi/4 is subtracted by
+/// atan(p) - atan(q) = atan((p - q)/(1 + pq)). The remaining angle is below pi/16, where eleven terms of the series of
+/// the arctangent are exact to rounding.
 #[inline(always)]
 fn angle(y: f64, x: f64) -> f64 {
     const TAN_1_16: f64 = 0.198_912_367_379_658;
@@ -29,7 +31,7 @@ fn angle(y: f64, x: f64) -> f64 {
     let below = large + tangent * small;
     let t = (small - tangent * large) / if below > 0.0 { below } else { 1.0 };
     let z = t * t;
-    // Pairs of terms, and pairs of pairs, so that few wait for others.
+    // Terms are added in pairs, and these in pairs, so that the additions do not form one chain of dependences.
     let (z2, z4) = (z * z, z * z * (z * z));
     let low = (1.0 / 3.0 - z * (1.0 / 5.0)) + z2 * (1.0 / 7.0 - z * (1.0 / 9.0));
     let middle = (1.0 / 11.0 - z * (1.0 / 13.0)) + z2 * (1.0 / 15.0 - z * (1.0 / 17.0));
@@ -38,27 +40,27 @@ fn angle(y: f64, x: f64) -> f64 {
     if y > x { FRAC_PI_2 - near } else { near }
 }
 
-/// A coordinate less a third of its cube.
+/// Returns a - a³/3.
 #[inline(always)]
 pub fn less_cubed(a: f64) -> f64 {
     a - a * a * a / 3.0
 }
 
-/// Square of the coordinate at which the line where two planes at right angles meet leaves the ball; not above 0 where
-/// it passes by.
+/// Returns the square of the coordinate z at which the line x = a, y = b leaves the unit ball; 0 or less if the line
+/// does not enter the ball.
 #[inline(always)]
 pub fn meeting(a: f64, b: f64) -> f64 {
     1.0 - a * a - b * b
 }
 
-/// The ball beyond two planes at right angles, on one side of a third through its centre: exactly 0 where they do not
-/// meet in it.
+/// Returns the volume of the part x > a, y > b, z > 0 of the unit ball, for a and b of at least 0; exactly 0 if the
+/// line x = a, y = b does not enter the ball.
 #[inline(always)]
 pub fn edge(a: f64, b: f64) -> f64 {
     edge_by([a, b], less_cubed, less_cubed)
 }
 
-/// Computes [`edge`] with functions that return [`less_cubed`] of either coordinate.
+/// Computes [`edge`] with functions that return [`less_cubed`] of each coordinate, for callers that have stored it.
 #[inline(always)]
 pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f64) -> f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
@@ -69,14 +71,14 @@ pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f6
         * 0.5
 }
 
-/// Quarter of the cap of a unit ball beyond a plane at a distance a.
+/// Returns a quarter of the volume of the cap of the unit ball beyond a plane at a distance a from the centre.
 #[inline(always)]
 pub fn cap(a: f64) -> f64 {
     PI / 12.0 * (1.0 - a) * (1.0 - a) * (2.0 + a)
 }
 
-/// Unit ball over [0, a] x [0, b] x [0, c], arguments in 0 … 1, from its parts: caps at a, b, c, edges of (a, b), (b,
-/// c), (c, a).
+/// Returns the volume of the unit ball inside [0, a] x [0, b] x [0, c], for arguments in 0 … 1. `caps` are the values
+/// of [`cap`] at a, b and c, `edges` those of [`edge`] at (a, b), (b, c) and (c, a).
 #[inline(always)]
 pub fn octant_of([a, b, c]: [f64; 3], caps: [f64; 3], edges: [f64; 3]) -> f64 {
     if a * a + b * b + c * c <= 1.0 {
@@ -85,19 +87,19 @@ pub fn octant_of([a, b, c]: [f64; 3], caps: [f64; 3], edges: [f64; 3]) -> f64 {
     PI / 6.0 - caps[0] - caps[1] - caps[2] + edges[0] + edges[1] + edges[2]
 }
 
-/// A coordinate of the corner of a cell, in radii from the centre; beyond the ball that of its surface.
+/// Coordinate of a corner of a cell in radii from the centre of the ball, limited to the range of the ball, -1 … 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Coordinate {
-    /// Its size.
+    /// Absolute value.
     pub size: f64,
-    /// Its sign.
+    /// Sign, -1 or 1.
     pub sign: f64,
-    /// The cap beyond it.
+    /// Value of [`cap`] at the absolute value.
     pub cap: f64,
 }
 
 impl Coordinate {
-    /// Returns the coordinate of the corner at `x`.
+    /// Returns the coordinate of a corner at `x`; `x`, `centre` and `radius` are in cells.
     #[inline(always)]
     pub fn at_corner(x: i32, centre: f64, radius: f64) -> Self {
         let at = ((f64::from(x) - centre) / radius).clamp(-1.0, 1.0);
@@ -109,8 +111,9 @@ impl Coordinate {
     }
 }
 
-/// The filled part of a cell from the parts of its corners: corner c lies at the upper end of the axes whose bit it
-/// has.
+/// Returns the fraction of a cell inside a ball of `radius` cells. `corner` are the volumes of the unit ball between
+/// its centre and each corner ([`octant_of`]), times the signs of the three coordinates; corner c is at the upper end
+/// of axis a if bit a of c is set.
 #[inline(always)]
 pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
     let [c0, c1, c2, c3, c4, c5, c6, c7] = corner;
@@ -118,14 +121,15 @@ pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
     (sum * radius * radius * radius).clamp(0.0, 1.0)
 }
 
-/// Squared distances in cells, across a layer or row, of its cells from the centre of a ball or disc.
+/// Squared distances \[cells²\] from the centre of a ball or disc to the cells of a layer or row, measured normal to
+/// it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside {
-    /// The nearest point.
+    /// Squared distance to the nearest point of the cells.
     pub nearest: f64,
-    /// The farthest point.
+    /// Squared distance to the farthest point of the cells.
     pub farthest: f64,
-    /// The farthest point of the cells on each side of them.
+    /// Squared distance to the farthest point of the adjacent cells on both sides.
     pub beyond: f64,
 }
 
@@ -156,11 +160,11 @@ impl Add for Beside {
     }
 }
 
-/// An interval without a point.
+/// Empty interval.
 pub const EMPTY: [f64; 2] = [0.0, -1.0];
 
-/// Returns the interval in which a line at a squared distance from the centre lies in the ball; `centre` is the
-/// coordinate of the centre along the line.
+/// Returns the interval \[cells\] in which a line is inside the ball, or [`EMPTY`]. `squared` is the squared distance
+/// of the line from the centre, `centre` the coordinate of the centre along the line.
 #[inline(always)]
 pub fn chord(centre: f64, radius: f64, squared: f64) -> [f64; 2] {
     let left = radius * radius - squared;
@@ -172,14 +176,15 @@ pub fn chord(centre: f64, radius: f64, squared: f64) -> [f64; 2] {
     }
 }
 
-/// The cells that an interval in the raw frame touches: the first and one past the last. `frame` from the raw frame to
-/// the cells.
+/// Returns the cells that an interval touches, as the first cell and the one after the last. The interval is in the raw
+/// frame of the body; `frame` is added to a cell of that frame to obtain a cell of the slab.
 #[inline(always)]
 pub fn around([low, high]: [f64; 2], frame: i32) -> [i32; 2] {
     [floor_i32(low) + frame, floor_i32(high) + 1 + frame]
 }
 
-/// The cells that lie, with this many cells on each side, within an interval in the raw frame.
+/// Returns the cells that are inside an interval together with `beside` cells on each side, as the first cell and the
+/// one after the last. Frames are those of [`around`].
 #[inline(always)]
 pub fn within([low, high]: [f64; 2], beside: i32, frame: i32) -> [i32; 2] {
     [

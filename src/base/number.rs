@@ -1,7 +1,7 @@
 //! Conversions between integers and floating-point numbers.
 //!
-//! Every cast whose result the compiler cannot prove is in this file, with the range in which it is exact and its
-//! result outside that range.
+//! Most lossy casts are collected in this file, so that each has a documented range in which it is exact and a
+//! documented result outside that range. The file is also compiled for GPUs.
 
 #![expect(
     clippy::cast_precision_loss,
@@ -10,7 +10,8 @@
     reason = "each function says in which range it is exact and what it gives beyond"
 )]
 
-/// Functions of one number that the standard library has and the core library, which GPUs have, does not yet.
+/// Rounding, fused multiply-add and square root: methods of `f64` in the standard library, which GPUs do not have, and
+/// unstable functions of the core library there.
 #[cfg(target_arch = "nvptx64")]
 pub use core::{
     f64::math::{ceil, floor, mul_add},
@@ -42,9 +43,9 @@ mod here {
     }
 }
 
-/// Integers that become floating-point numbers.
+/// Integer type that [`real`] converts to a floating-point number.
 pub trait Integer: Copy {
-    /// See [`real`].
+    /// Returns the integer as a floating-point number, see [`real`].
     fn real(self) -> f64;
 }
 
@@ -61,29 +62,32 @@ macro_rules! integers {
 
 integers!(usize u64 i64 i128);
 
-/// An integer as a floating-point number: exact up to 2^53 in size, the nearest number beyond.
+/// Returns an integer as a floating-point number: exact up to an absolute value of 2^53, rounded to nearest above.
 #[inline]
 pub fn real(n: impl Integer) -> f64 {
     n.real()
 }
 
-/// The integer part of a number that is not negative: 0 for negative numbers and NaN, 9e15 (exact as a number) at most.
+/// Returns the integer part of a number, limited to 0 … 9e15 (which an `f64` represents exactly); 0 for NaN.
 #[inline]
 pub fn whole(x: f64) -> usize {
     x.clamp(0.0, 9e15) as usize
 }
 
-/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the neighbouring integers fit the type too.
+/// Returns the largest integer that is not above a number, limited to ±2e9, so that the next integers fit into the type
+/// too; 0 for NaN.
 #[cfg(target_arch = "nvptx64")]
 #[inline]
 pub fn floor_i32(x: f64) -> i32 {
     floor(x.clamp(-2e9, 2e9)) as i32
 }
 
-/// The largest integer not above a number: 0 for NaN, ±2e9 beyond, so that the neighbouring integers fit the type too.
+/// Returns the largest integer that is not above a number, limited to ±2e9, so that the next integers fit into the type
+/// too; 0 for NaN.
 ///
-/// Without a call, and in vectors: processors without SSE 4.1 have no instruction that rounds, and a cast checks its
-/// range. Near 1.5 * 2^52 numbers are integers, and their lowest bits are those of the integer.
+/// The function has no call and is vectorised. `f64::floor` is a call on processors without SSE 4.1, and a cast to an
+/// integer checks its range. Instead, 1.5 * 2^52 is added: floating-point numbers of this magnitude are integers, and
+/// their lowest bits are those of the integer.
 #[cfg(not(target_arch = "nvptx64"))]
 #[inline]
 pub fn floor_i32(x: f64) -> i32 {
@@ -94,43 +98,43 @@ pub fn floor_i32(x: f64) -> i32 {
     (below + LARGE).to_bits() as i32
 }
 
-/// The largest integer not above a number: 0 for NaN, the ends of the type beyond its range.
+/// Returns the largest integer that is not above a number, limited to the range of the type; 0 for NaN.
 #[inline]
 pub fn floor_i64(x: f64) -> i64 {
     floor(x) as i64
 }
 
-/// A number in single precision: the nearest one.
+/// Returns the nearest number in single precision.
 #[inline]
 pub fn single(x: f64) -> f32 {
     x as f32
 }
 
-/// A count or an index in 32 bits; the largest one beyond.
+/// Returns a count or an index as a `u32`; the maximum of the type if it is larger.
 #[inline]
 pub fn to_u32(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// A count as a signed number of 32 bits; the largest one beyond.
+/// Returns a count as an `i32`; the maximum of the type if it is larger.
 #[inline]
 pub fn to_i32(n: usize) -> i32 {
     i32::try_from(n).unwrap_or(i32::MAX)
 }
 
-/// A number or an id as a signed one; the largest one beyond.
+/// Returns a number or an id as an `i64`; the maximum of the type if it is larger.
 #[inline]
 pub fn to_i64(n: u64) -> i64 {
     i64::try_from(n).unwrap_or(i64::MAX)
 }
 
-/// A number as a length in memory; the largest one beyond.
+/// Returns a number as a `usize`; the maximum of the type if it is larger.
 #[inline]
 pub fn to_usize(n: u64) -> usize {
     usize::try_from(n).unwrap_or(usize::MAX)
 }
 
-/// The largest whole number that divides both; the other one where one is 0.
+/// Returns the greatest common divisor of two numbers; if one is 0, the other one.
 #[must_use]
 pub fn common_divisor(a: usize, b: usize) -> usize {
     if b == 0 { a } else { common_divisor(b, a % b) }

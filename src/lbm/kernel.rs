@@ -1,8 +1,9 @@
-//! The fused pass: the cells of a row collide in place; each population is read and then replaced by its successor.
+//! Fused pass of collision and streaming over rows of cells, in place.
 //!
-//! The even and the odd pass share the code: population i is read at `positions[i]`, and the outgoing i is written
-//! where its opposite was read ([`super::populations`]). Rows are rounded up to whole vectors. The surplus cells
-//! are ghosts and padding, whose contents the boundaries reset after every pass.
+//! It is separate from the layout of the memory ([`super::populations`]), from which it takes the addresses of a row.
+//! The even and the odd pass have the same code: incoming population i is read at the position of i for this pass, and
+//! outgoing population i is written to the position from which its opposite was read. Rows are rounded up to whole
+//! vectors. The surplus cells are ghosts and padding, whose contents the boundaries reset after every pass.
 
 pub(crate) mod single;
 
@@ -23,16 +24,16 @@ use std::ops::Range;
 /// Size of a cache line in bytes.
 const LINE: usize = 64;
 
-/// Returns the prefetch distance in bytes. The work on a vector of cells with 19 or 27 populations is longer than
-/// the prefetch distance of the processor. Nine populations are prefetched by the hardware, but not beyond the end
-/// of a page of 4 KiB: with 512 bytes a lattice of 2400² cells is 15 % faster on slow memory, and one in the cache
-/// as fast as without.
+/// Returns the prefetch distance in bytes. With 19 or 27 populations, the processor alone does not load the next
+/// vectors during the long work on a vector of cells. With nine populations, the hardware prefetches, but not beyond
+/// the end of a page of 4 KiB: a distance of 512 bytes makes a lattice of 2400² cells 15 % faster on slow memory, and
+/// does not change the speed of a lattice in the cache.
 const fn bytes_ahead<const Q: usize>() -> usize {
     if Q > 9 { 4 * LINE } else { 8 * LINE }
 }
 
-/// Returns `true` if each vector of a population consists of whole cache lines, so that the next ones are
-/// prefetched as it is read, when the address is available. Otherwise they are prefetched once per line.
+/// Returns `true` if each vector of a population consists of whole cache lines. In this case each load prefetches later
+/// lines, since the address is available; otherwise they are prefetched once per line.
 const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
     (N::WIDTH * size_of::<S>()).is_multiple_of(LINE)
 }
@@ -40,7 +41,7 @@ const fn ahead_of_each<S, N: super::lanes::Lanes>() -> bool {
 /// Update of a cell: an operator with an eddy viscosity.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<C, T> {
-    /// Operator of the collisions.
+    /// Collision operator.
     pub collision: C,
     /// Model of the eddy viscosity.
     pub eddies: T,
@@ -50,27 +51,31 @@ pub struct Update<C, T> {
     pub worker: usize,
 }
 
-/// Pass over a block of cells of a slab, selected once at the start for lattice, operator, eddy viscosity, solids,
-/// storage and processor.
+/// Pass over a block of rows, selected once at the start for lattice, operator, eddy viscosity, solids, storage type
+/// and instruction set.
 pub type Pass<S, C, T> = unsafe fn(&Shared<S>, &Update<C, T>, &RowBlock);
 
 /// Data that the threads of one pass share.
 pub struct Shared<S> {
+    /// Start of the memory of the populations.
     base: *mut S,
-    /// Position read for each population by the row at plane 0, row 0.
+    /// Position from which the first cell of row 0 of plane 0 reads each population.
     first: [usize; 27],
+    /// Distances in positions between planes and between rows.
     plane: usize,
     row: usize,
+    /// Number of rows of a plane, and of cells of a row.
     rows: usize,
     cells: usize,
+    /// Velocities that the eddy viscosity needs, and the cover of the cells by solids.
     velocity: View,
     cover: CoverView,
-    /// Range of a whole row, collided by the pass without a free surface.
+    /// Range of the cells of a whole row, which the pass collides without a free surface.
     whole: [u32; 2],
     /// Wet parts of the rows of each plane; null without a free surface.
     wet: *const WetPlane,
-    /// Positions from which the first cell of the first row reads the populations that stream along the rows and
-    /// against them, for periodic rows.
+    /// Positions from which the first cell of the first row reads the populations that stream in the direction of the
+    /// rows and against it, if this axis is periodic.
     around: [Vec<usize>; 2],
 }
 
@@ -90,7 +95,7 @@ impl<S> Shared<S> {
         &self.velocity
     }
 
-    /// Returns the rows of a plane.
+    /// Returns the number of rows of a plane.
     pub(crate) fn rows(&self) -> usize {
         self.rows
     }
@@ -100,7 +105,7 @@ impl<S> Shared<S> {
         self.cells
     }
 
-    /// Excludes the cells without water. The lists of the planes must not change during the pass.
+    /// Limits the pass to the cells with water. The lists of the planes must not change during the pass.
     pub(crate) fn only_wet(mut self, planes: &[WetPlane]) -> Self {
         self.wet = planes.as_ptr();
         self
@@ -109,7 +114,7 @@ impl<S> Shared<S> {
     /// Returns the parts of a row that the pass collides.
     ///
     /// # Safety
-    /// The slab must have the row.
+    /// The slab must contain the row.
     #[inline(always)]
     unsafe fn spans(&self, plane: usize, row: usize) -> &[[u32; 2]] {
         if self.wet.is_null() {
@@ -120,7 +125,7 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Returns the block of a range of whole planes.
+    /// Returns the block of all rows of some planes.
     pub(crate) fn planes(&self, planes: Range<usize>) -> RowBlock {
         RowBlock {
             planes,
@@ -128,7 +133,8 @@ impl<S> Shared<S> {
         }
     }
 
-    /// Returns the distances from a number with c_x = 0 to those with c_x = 1 and -1.
+    /// Returns the distances in positions from a population with c_x = 0 to those with c_x = 1 and -1 and the same c_y
+    /// and c_z.
     #[inline(always)]
     fn along<L: Lattice<Q>, const Q: usize>(&self) -> [isize; 2] {
         let [ahead, behind] = Places::<L, Q>::ALONG.map(|i| self.first[i]);
@@ -138,8 +144,9 @@ impl<S> Shared<S> {
         ]
     }
 
-    /// Returns the addresses of the numbers with c_x = 0 of the cell that is `distance` numbers after the first one.
-    /// They advance with the cells: each number is at an address plus at most one distance.
+    /// Returns the addresses of the populations with c_x = 0 of the cell that is `distance` positions after the first
+    /// one. The loop increments them from cell to cell; each population is at one of them, or at a distance of
+    /// [`Self::along`] from it.
     #[inline(always)]
     fn addresses<L: Lattice<Q>, const Q: usize>(&self, distance: usize) -> [*mut S; 9] {
         let mut at = [std::ptr::null_mut::<S>(); 9];
@@ -150,14 +157,14 @@ impl<S> Shared<S> {
         at
     }
 
-    /// Applies periodicity at the ends of the row that starts `start` numbers after the first one.
+    /// Applies periodicity at the ends of the row that starts `start` positions after the first one.
     ///
-    /// The population that the first cell left for the cell before it also belongs to the cell after the last one,
-    /// and the reverse. After an even pass these are the contents of the ghosts of the row, after an odd pass they
-    /// are delivered. Both are the same copies.
+    /// A population that the first cell writes for the cell before it is copied to the cell after the last one, and
+    /// vice versa. After an even pass the copies fill the ghosts of the row; after an odd pass they bring populations
+    /// from the ghosts to the cells. The addresses are the same in both cases.
     ///
     /// # Safety
-    /// The cells of the row must be done, and no other thread may access them.
+    /// The cells of the row must have collided, and no other thread may access them.
     #[inline(always)]
     unsafe fn wrap_row(&self, start: usize) {
         let row = self.base.wrapping_add(start);
@@ -215,7 +222,7 @@ impl<S: Stored> Shared<S> {
     }
 }
 
-/// Returns the pass for this lattice, operator, storage and level.
+/// Returns the pass for a lattice, an operator, an eddy viscosity, solids, a storage type and an instruction set.
 #[must_use]
 pub fn choose<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, const Q: usize>(
     level: Level,
@@ -260,15 +267,15 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, T: Eddies, P: Solids, S: Stored, c
     unsafe { pass::<L, C, T, P, S, f64, Q>(shared, update, block) }
 }
 
-/// Positions of the numbers of the current cells: an address for each (c_y, c_z) of [`ACROSS`], and the distances
-/// from there to the populations with c_x = 1 and -1 (see [`super::populations`]).
+/// Populations of the current cells: an address for each (c_y, c_z) of [`ACROSS`], and the distances from there to the
+/// populations with c_x = 1 and -1 (see [`super::populations`]).
 struct Row<'a, L, S, const Q: usize> {
     at: &'a [*mut S; 9],
     along: [isize; 2],
     lattice: PhantomData<L>,
 }
 
-/// Velocities of a set by their positions in memory.
+/// Tables from the velocities of a set to their arrays in memory.
 struct Places<L, const Q: usize>(PhantomData<L>);
 
 impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
@@ -287,7 +294,7 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
         }
         places
     };
-    /// Population with c_x = 0 for each of [`ACROSS`]; the population at rest if the set has none.
+    /// Population with c_x = 0 for each of [`ACROSS`]; the rest population if the set has none.
     const FIRST: [usize; 9] = {
         let mut first = [0; 9];
         let mut i = 0;
@@ -299,7 +306,7 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
         }
         first
     };
-    /// Populations along x and against it.
+    /// Populations along x and against x.
     const ALONG: [usize; 2] = {
         let mut along = [0; 2];
         let mut i = 0;
@@ -314,9 +321,10 @@ impl<L: Lattice<Q>, const Q: usize> Places<L, Q> {
 }
 
 impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
+    /// Returns access to the populations at the addresses `at` and at the distances `along` from them.
+    ///
     /// # Safety
-    /// From each of `at` and the positions next to them on, a vector must be numbers that no other thread reads or
-    /// writes.
+    /// At each of these addresses there must be a vector of numbers that no other thread reads or writes.
     #[inline(always)]
     unsafe fn new(at: &'a [*mut S; 9], along: [isize; 2]) -> Self {
         Self {
@@ -348,7 +356,7 @@ impl<'a, L: Lattice<Q>, S, const Q: usize> Row<'a, L, S, Q> {
         unsafe { <S as Memory<N>>::load(self.address(L::OPPOSITE[i])) }
     }
 
-    /// Prefetches the numbers that are needed several vectors later.
+    /// Prefetches the cache line of population i that is needed some vectors later.
     #[inline(always)]
     fn prefetch(&self, i: usize) {
         prefetch(
@@ -376,14 +384,14 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
     }
 }
 
-/// Hides from the compiler that the distances are constant in the loop: it would otherwise compute 27 addresses
-/// from nine before the loop, and load most of them from the stack in every iteration.
+/// Hides from the compiler that the distances are constant in the loop. The compiler would otherwise compute 27
+/// addresses from nine before the loop, and load most of them from the stack in every iteration.
 #[inline(always)]
 fn opaque(along: &mut [isize; 2]) {
     #[cfg(target_arch = "x86_64")]
     {
         let [a, b] = along;
-        // SAFETY: no instruction at all.
+        // SAFETY: the assembly contains no instruction.
         unsafe {
             std::arch::asm!(
                 "/* {} {} */",
@@ -397,9 +405,11 @@ fn opaque(along: &mut [isize; 2]) {
     let _ = along;
 }
 
+/// Collides and streams the rows of a block in place.
+///
 /// # Safety
-/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of
-/// `N`.
+/// No other thread may work on the same rows, the slab must contain them, and the processor must support the
+/// instructions of `N`.
 #[inline(always)]
 unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
     shared: &Shared<S>,
@@ -469,7 +479,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     };
                     // SAFETY: an interior cell.
                     let covered = P::ACTIVE && unsafe { cover.covers::<N>(cell + k) };
-                    // The eddy viscosity needs the velocity of the fluid there, too.
+                    // With an eddy viscosity, cells deep inside bodies collide too, because their velocity is needed.
                     let mut deep = false;
                     if covered {
                         unroll!(populations i < Q => {
@@ -482,7 +492,7 @@ unsafe fn pass<L, C, T, P, S, N, const Q: usize>(
                     }
                     let mut u = [N::splat(0.0); 3];
                     if deep {
-                        // SAFETY: an interior cell; no other thread is this worker.
+                        // SAFETY: an interior cell; no other thread uses the sums of this worker.
                         unsafe { N::fill::<L, Q>(&shared.cover, place, &before, &mut g) };
                         unroll!(populations i < Q => {
                             site.leave(i, g[i]);

@@ -1,10 +1,9 @@
-//! The kernels that run on GPUs: the root of a crate of its own for the target `nvptx64-nvidia-cuda`, made of files of
-//! the models.
+//! GPU kernels: the root of a separate crate for the target `nvptx64-nvidia-cuda`.
 //!
-//! Velocity sets, operators and the pass over a cell are the very files that the processor runs; only the functions
-//! below, each a kernel by name, are of the GPU alone. `gpu/build.sh` compiles this root to PTX, which
-//! `gpu/kernels.ptx.gz` keeps and the host loads (the module `gpu`). All operations are rounded as on the processor,
-//! none are fused that the source does not fuse, so that the bits are the same.
+//! It is a separate crate because `gpu/build.sh` compiles it to PTX, which is stored in `gpu/kernels.ptx.gz` and loaded
+//! by the host (the module `gpu`). Velocity sets, operators and the pass over a cell are the source files that are also
+//! compiled for the processor; only the entry points below exist on GPUs alone. All operations are rounded as on the
+//! processor, and only those are fused that the source fuses, so that the bits are the same.
 
 #![no_std]
 #![allow(
@@ -26,7 +25,7 @@
     reason = "the files of the models hold more than a GPU needs"
 )]
 
-// The files name the package below theirs, whose parts that a GPU needs are modules here.
+// The files import from the package `base`; the parts of it that a GPU needs are modules of this crate.
 extern crate self as base;
 
 #[path = "../base/ball.rs"]
@@ -80,7 +79,7 @@ use core::arch::nvptx::{
     _block_dim_x, _block_idx_x, _block_idx_y, _block_idx_z, _grid_dim_y, _thread_idx_x,
 };
 use gpu::balls::{Balls, WARP};
-use gpu::cell::{self, Place, Slab};
+use gpu::cell::{self, CellIndex, Slab};
 use gpu::copies::Copies;
 use gpu::covered;
 use gpu::lists::CoveredCells;
@@ -95,17 +94,17 @@ fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     loop {}
 }
 
-/// This thread's number along the first axis of the grid.
+/// Returns the index of this thread along the x axis of the grid.
 #[inline(always)]
 fn thread() -> u32 {
     // SAFETY: registers of the thread.
     unsafe { _block_idx_x() * _block_dim_x() + _thread_idx_x() }
 }
 
-/// Kernels of one velocity set, operator and storage: one thread for each cell, rows and planes along the other axes of
-/// the grid.
+/// Defines the passes for a velocity set, operator and storage type. There is one thread for each cell: the x axis of
+/// the grid runs along a row, y over the rows of a plane, and z over the planes.
 macro_rules! passes {
-    ($($name:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty, $again:literal;)*) => {
+    ($($name:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty, $recompute:literal;)*) => {
         $(
             #[unsafe(no_mangle)]
             pub unsafe extern "ptx-kernel" fn $name(
@@ -114,18 +113,18 @@ macro_rules! passes {
                 operator: $operator,
                 rates: <$operator as Collision>::Rates<f64>,
             ) {
-                let place = thread();
-                if place < slab.cells {
-                    let place = Place {
+                let column = thread();
+                if column < slab.cells {
+                    let cell = CellIndex {
                         // SAFETY: registers of the thread.
                         plane: unsafe { _block_idx_z() },
                         // SAFETY: registers of the thread.
                         row: unsafe { _block_idx_y() },
-                        place,
+                        column,
                     };
                     // SAFETY: the host starts one thread for each cell.
                     unsafe {
-                        cell::collide::<$lattice, _, _, $again, $q>(numbers, &slab, place, &operator, &rates);
+                        cell::collide::<$lattice, _, _, $recompute, $q>(numbers, &slab, cell, &operator, &rates);
                     }
                 }
             }
@@ -167,20 +166,20 @@ passes! {
     forced_second_order_d3q27_f32: D3Q27, 27, SecondOrder<true>, f32, false;
 }
 
-/// Cell of a number in a list of covered cells.
+/// Returns the cell that has a number in the list of covered cells.
 #[inline(always)]
-fn place_of(number: u32, slab: &Slab, cells: &CoveredCells) -> Place {
-    // Never zero: without this the divisions could panic, for which a GPU has no function.
+fn cell_of(number: u32, slab: &Slab, cells: &CoveredCells) -> CellIndex {
+    // A divisor of at least 1 keeps the compiler from adding a panic for division by zero, which GPUs cannot link.
     let (length, rows) = (slab.cells.max(1), cells.rows.max(1));
-    Place {
+    CellIndex {
         plane: number / length / rows,
         row: number / length % rows,
-        place: number % length,
+        column: number % length,
     }
 }
 
-/// Kernels of one velocity set, operator and storage where solids may cover cells: a thread for each open cell, for
-/// each that is deep inside bodies, and for each other one.
+/// Defines the passes for a velocity set, operator and storage type if solids may cover cells. The first kernel updates
+/// the open cells, the second those deep inside bodies, the third the other covered cells; one thread updates one cell.
 macro_rules! covers {
     ($($open:ident $deep:ident $mixed:ident: $lattice:ty, $q:literal, $operator:ty, $stored:ty;)*) => {
         $(
@@ -192,11 +191,11 @@ macro_rules! covers {
                 rates: <$operator as Collision>::Rates<f64>,
                 view: View,
             ) {
-                let place = thread();
-                if place < slab.cells {
+                let column = thread();
+                if column < slab.cells {
                     // SAFETY: registers of the thread.
                     let [plane, row] = unsafe { [_block_idx_z(), _block_idx_y()] };
-                    let at = Place { plane, row, place };
+                    let at = CellIndex { plane, row, column };
                     // SAFETY: the host starts one thread for each cell.
                     unsafe {
                         covered::collide_open::<$lattice, _, _, $q>(numbers, &slab, at, (&operator, &rates), &view);
@@ -214,11 +213,11 @@ macro_rules! covers {
                 bodies: u32,
             ) {
                 let mut sums = Sums::new(loads, view.solids(), bodies, thread() / WARP);
-                // SAFETY: the host starts one thread for each cell, and has a sum for each body. No thread returns
-                // before the others.
+                // SAFETY: the host starts one thread for each cell, and allocates a sum for each body. No thread of a
+                // warp returns before `finish`.
                 unsafe {
                     if let Some(number) = cells.get(thread(), true) {
-                        let at = place_of(number, &slab, &cells);
+                        let at = cell_of(number, &slab, &cells);
                         covered::fill::<$lattice, _, $q>(numbers, &slab, at, (&view, &raw mut sums));
                     }
                     sums.finish::<{ <$lattice>::DIMENSION }>();
@@ -238,10 +237,10 @@ macro_rules! covers {
                 bodies: u32,
             ) {
                 let mut sums = Sums::new(loads, view.solids(), bodies, thread() / WARP);
-                // SAFETY: as above.
+                // SAFETY: as for the kernel above.
                 unsafe {
                     if let Some(number) = cells.get(thread(), false) {
-                        let at = place_of(number, &slab, &cells);
+                        let at = cell_of(number, &slab, &cells);
                         covered::mix::<$lattice, _, _, $q>(
                             numbers, &slab, at, (&operator, &rates), (&view, &raw mut sums, omega),
                         );
@@ -259,20 +258,20 @@ covers! {
     open_mrt_d3q27_f32 deep_mrt_d3q27_f32 mixed_mrt_d3q27_f32: D3Q27, 27, Mrt<true>, f32;
 }
 
-/// The covered cells in lists: one warp for each row.
+/// Lists the covered cells, with one warp for each row.
 #[cfg(kernels = "balls")]
 #[unsafe(no_mangle)]
 pub unsafe extern "ptx-kernel" fn list_covered(slab: Slab, view: View, cells: CoveredCells) {
-    // The same for all threads of a warp.
+    // All threads of a warp have the same row.
     let row = thread() / WARP;
     if row < cells.rows * cells.planes {
-        let kind = |place: u32| {
-            let at = Place {
+        let kind = |column: u32| {
+            let at = CellIndex {
                 plane: row / cells.rows.max(1),
                 row: row % cells.rows.max(1),
-                place,
+                column,
             };
-            // SAFETY: a cell of the slab.
+            // SAFETY: the cell is one of the slab.
             unsafe { covered::kind(&slab, at, &view) }
         };
         // SAFETY: the host starts whole warps, one for each row.
@@ -286,25 +285,25 @@ covers! {
     open_trt_d3q27_f32 deep_trt_d3q27_f32 mixed_trt_d3q27_f32: D3Q27, 27, Trt<true>, f32;
 }
 
-/// Kernels of the cover by balls.
+/// Defines the kernels that map balls, with one thread for each item of work.
 macro_rules! balls {
     ($($name:ident: $work:ident;)*) => {
         $(
             #[cfg(kernels = "balls")]
             #[unsafe(no_mangle)]
             pub unsafe extern "ptx-kernel" fn $name(balls: Balls) {
-                // SAFETY: the host starts as many threads as there is work, with the arrays as described.
+                // SAFETY: the host starts at least one thread for each item, with arrays as described in `Balls`.
                 unsafe { balls.$work(thread()) };
             }
         )*
     };
 }
 
-/// A block for each box.
+/// Computes the edges of the boxes, with one block for each box.
 #[cfg(kernels = "balls")]
 #[unsafe(no_mangle)]
 pub unsafe extern "ptx-kernel" fn ball_edges(balls: Balls) {
-    // SAFETY: as above.
+    // SAFETY: the host starts one block for each box, with arrays as described in `Balls`.
     unsafe { balls.edge(_block_idx_x(), _thread_idx_x()) };
 }
 
@@ -314,9 +313,9 @@ balls! {
     ball_settle: settle;
 }
 
-/// Kernels of one velocity set and storage: the extreme values of all rows, one thread for each cell, and the moments
-/// of one row.
-macro_rules! looks {
+/// Defines the kernels that check cells, for a velocity set and storage type: the extreme values of all rows, and the
+/// moments of the cells of one row; one thread reads one cell.
+macro_rules! checks {
     ($($extremes:ident $row_moments:ident: $lattice:ty, $q:literal, $stored:ty;)*) => {
         $(
             #[unsafe(no_mangle)]
@@ -327,16 +326,16 @@ macro_rules! looks {
                 fraction: *const f32,
                 rows: *const RowExtremes,
             ) {
-                let place = thread();
-                if place < slab.cells {
+                let column = thread();
+                if column < slab.cells {
                     // SAFETY: registers of the thread.
-                    let [plane, row, of_plane] = unsafe { [_block_idx_z(), _block_idx_y(), _grid_dim_y()] };
-                    let at = Place { plane, row, place };
-                    // SAFETY: the host starts one thread for each cell, and has an entry for each row.
+                    let [plane, row, rows_of_plane] = unsafe { [_block_idx_z(), _block_idx_y(), _grid_dim_y()] };
+                    let at = CellIndex { plane, row, column };
+                    // SAFETY: the host starts one thread for each cell, and allocates an entry for each row.
                     unsafe {
                         let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
                         let water = fraction.is_null() || fraction.add(covered::position(&slab, at)).read() < 0.5;
-                        (*rows.add((plane * of_plane + row) as usize)).note(drho, m, half, water);
+                        (*rows.add((plane * rows_of_plane + row) as usize)).include(drho, m, half, water);
                     }
                 }
             }
@@ -349,17 +348,17 @@ macro_rules! looks {
                 row: u32,
                 found: *mut f64,
             ) {
-                let place = thread();
-                if place < slab.cells {
-                    let at = Place { plane, row, place };
-                    // SAFETY: the host starts one thread for each cell of a row of the slab, and has memory for four
-                    // numbers of each.
+                let column = thread();
+                if column < slab.cells {
+                    let at = CellIndex { plane, row, column };
+                    // SAFETY: the host starts one thread for each cell of a row of the slab, and allocates four
+                    // numbers for each.
                     unsafe {
                         let (drho, m) = moments::moments::<$lattice, $stored, $q>(numbers, &slab, at);
-                        found.add(place as usize).write(drho);
-                        found.add((slab.cells + place) as usize).write(m[0]);
-                        found.add((2 * slab.cells + place) as usize).write(m[1]);
-                        found.add((3 * slab.cells + place) as usize).write(m[2]);
+                        found.add(column as usize).write(drho);
+                        found.add((slab.cells + column) as usize).write(m[0]);
+                        found.add((2 * slab.cells + column) as usize).write(m[1]);
+                        found.add((3 * slab.cells + column) as usize).write(m[2]);
                     }
                 }
             }
@@ -367,8 +366,8 @@ macro_rules! looks {
     };
 }
 
-#[cfg(kernels = "looks")]
-looks! {
+#[cfg(kernels = "checks")]
+checks! {
     extremes_d3q27_f64 moments_d3q27_f64: D3Q27, 27, f64;
     extremes_d3q27_f32 moments_d3q27_f32: D3Q27, 27, f32;
     extremes_d3q19_f64 moments_d3q19_f64: D3Q19, 19, f64;
@@ -376,7 +375,7 @@ looks! {
     extremes_d2q9_f64 moments_d2q9_f64: D2Q9, 9, f64;
 }
 
-/// Kernels of one storage: a block of the grid for each rectangle, a thread for each of its copies.
+/// Defines the kernel that copies numbers, for a storage type: one block for each rectangle, one thread for each copy.
 macro_rules! copies {
     ($($name:ident: $stored:ty;)*) => {
         $(
@@ -388,8 +387,8 @@ macro_rules! copies {
             ) {
                 // SAFETY: registers of the thread.
                 let [block, n] = unsafe { [_block_idx_x(), _thread_idx_x()] };
-                // SAFETY: the host starts a block for each rectangle, and each names one of the factors; one thread has
-                // this number.
+                // SAFETY: the host starts one block for each rectangle, whose factor is one of `factors`; no other
+                // thread makes this copy.
                 unsafe {
                     let copies = rectangles.add(block as usize).read();
                     let factor = factors.add(copies.factor as usize).read();

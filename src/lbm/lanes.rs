@@ -1,60 +1,67 @@
-//! Numbers in the cell loop: one `f64`, or several in a vector register.
+//! Number types of the cell loop: a single `f64`, or several in a vector register; and the storage types of the
+//! populations.
 //!
-//! On a GPU each thread has one `f64`.
-//!
-//! A collision is written once over [`Lanes`] and reads as in its paper. Every operation acts on each lane
-//! independently and is correctly rounded, and fused multiply-add is explicit, so that all widths give the same bits.
-//! The width is chosen once at the start from the capabilities of the processor ([`Level`]).
+//! The types are separate from the collision operators, so that an operator is written once, over [`Lanes`], with the
+//! equations of its paper, and is compiled for each vector width and for GPUs, where each thread has a single `f64`.
+//! Every operation acts on each lane independently and is correctly rounded, and fused multiply-add is explicit, so
+//! that all widths give the same bits. The width is selected once at the start from the instruction sets of the
+//! processor ([`Level`]). Lanes of `f32` are defined in `lbm::single`.
 
 #[cfg(not(target_arch = "nvptx64"))]
 use bytemuck::Pod;
-// On a GPU no number is looked at as bytes.
+// `Pod` permits reading numbers as bytes, which only the host does; on a GPU any `Copy` type is enough.
 use base::number;
 #[cfg(target_arch = "nvptx64")]
 use core::marker::Copy as Pod;
 use core::ops::{Add, Div, Mul, Sub};
 
-/// Most lanes that a level has.
+/// Maximum number of lanes of `f64`.
 pub const WIDEST: usize = if cfg!(target_arch = "nvptx64") { 1 } else { 8 };
 
-/// Several `f64` that go through the same arithmetic.
+/// Number or vector of numbers of one precision; an operation acts on all lanes.
+///
+/// The implementations are vectors of `f64` (here) and of `f32` (`lbm::single`).
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// Number of lanes.
     const WIDTH: usize;
-    /// Returns a value with one number in every lane.
+    /// Returns a value with the same number in every lane, rounded to the precision of the lanes.
     fn splat(x: f64) -> Self;
-    /// 0, 1, 2, … from the first lane on.
+    /// Returns the index of each lane: 0, 1, 2, …
     fn count() -> Self;
-    /// `self * a + b`, rounded once.
+    /// Returns `self * a + b`, rounded once.
     fn mul_add(self, a: Self, b: Self) -> Self;
-    /// `b - self * a`, rounded once.
+    /// Returns `b - self * a`, rounded once.
     fn neg_mul_add(self, a: Self, b: Self) -> Self;
-    /// Square root, rounded once.
+    /// Returns the correctly rounded square root.
     fn sqrt(self) -> Self;
-    /// `a` where `self` is zero, else `b`.
+    /// Selects for each lane `a` if `self` is zero, otherwise `b`.
     fn where_zero(self, a: Self, b: Self) -> Self;
-    /// Which of as many numbers as lanes are above a bound: a bit each.
+    /// Returns the bit mask of the lanes whose number in memory is above a bound; lane n has the number n after `from`.
+    /// With sixteen lanes a bit represents two lanes, n and n + 8.
     ///
     /// # Safety
-    /// `from` must be valid for reading that many elements.
+    /// `from` must be valid for reading `WIDTH` elements.
     unsafe fn above(from: *const f32, bound: f32) -> u8;
-    /// Which of as many numbers as lanes are a certain one: a bit each.
+    /// Returns the bit mask of the lanes whose number in memory equals `number`; bits and numbers are those of
+    /// [`Self::above`].
     ///
     /// # Safety
-    /// As for [`Self::above`].
+    /// The conditions are those of [`Self::above`].
     unsafe fn equal(from: *const u32, number: u32) -> u8;
 }
 
-/// The number type of the populations in memory: `f64`, or `f32` where accuracy is traded for bandwidth. Arithmetic is
-/// always `f64`.
+/// Number type of the populations in memory: `f64`, or `f32`, which halves the memory traffic and loses accuracy.
+///
+/// Passes compute in `f64` for both storage types. The exception is the pass of `lbm::kernel::single`, which computes
+/// in `f32` on populations stored in `f32`.
 pub trait Stored: Copy + Send + Sync + Default + Pod + EveryWidth {
     /// Name as written in a case.
     const NAME: &'static str;
-    /// From working precision, rounded to nearest.
+    /// Converts an `f64` to the storage type, rounded to nearest.
     fn from_f64(x: f64) -> Self;
-    /// To working precision, exact.
+    /// Converts a stored number to `f64`, which is exact.
     fn to_f64(self) -> f64;
 }
 
@@ -86,26 +93,26 @@ impl Stored for f32 {
     }
 }
 
-/// Moves `N::WIDTH` neighbouring numbers between memory and lanes.
+/// Transfer of `N::WIDTH` consecutive numbers between memory and lanes.
 pub trait Memory<N: Lanes>: Sized {
     /// Loads `N::WIDTH` numbers.
     ///
     /// # Safety
-    /// `from` must be valid for reading that many elements.
+    /// `from` must be valid for reading `N::WIDTH` elements.
     unsafe fn load(from: *const Self) -> N;
     /// Stores `N::WIDTH` numbers.
     ///
     /// # Safety
-    /// `to` must be valid for writing that many elements.
+    /// `to` must be valid for writing `N::WIDTH` elements.
     unsafe fn store(to: *mut Self, value: N);
 }
 
-/// A number type that lanes of every width load and store.
+/// Number type that lanes of `f64` of every width load and store.
 #[cfg(target_arch = "x86_64")]
 pub trait EveryWidth: Memory<f64> + Memory<Avx2> + Memory<Avx512> {}
 #[cfg(target_arch = "x86_64")]
 impl<S: Memory<f64> + Memory<Avx2> + Memory<Avx512>> EveryWidth for S {}
-/// A number type that lanes of every width load and store.
+/// Number type that lanes of `f64` of every width load and store.
 #[cfg(not(target_arch = "x86_64"))]
 pub trait EveryWidth: Memory<f64> {}
 #[cfg(not(target_arch = "x86_64"))]
@@ -174,13 +181,13 @@ pub use level::Level;
 #[cfg(not(target_arch = "nvptx64"))]
 pub use level::Work;
 
-/// Asks for a cache line; any address will do.
+/// Prefetches the cache line that contains an address, which need not be valid.
 #[inline(always)]
 pub(crate) fn prefetch<S>(line: *const S) {
     #[cfg(target_arch = "x86_64")]
     {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a hint, which never faults.
+        // SAFETY: a prefetch is a hint and never faults.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(line.cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]

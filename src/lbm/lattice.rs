@@ -1,4 +1,7 @@
-//! Velocity sets: directions, weights, opposites.
+//! Velocity sets: directions, weights and opposites, as constants of a type.
+//!
+//! They are separate from `velocities`, which has the same tables as values, because the cell loop and the GPU kernels
+//! need them as constants.
 //!
 //! | set | order of the directions |
 //! |---|---|
@@ -6,15 +9,15 @@
 //! | D3Q19, D3Q27 | rest; then opposite pairs: axes, edges, corners |
 //!
 //! Weights satisfy Σ w = 1 and Σ w c c = I/3 (Y. H. Qian, D. d'Humières, P. Lallemand, Europhys. Lett. 17 (1992) 479).
-//! Populations are numbered by physical direction whatever the memory layout, so a sum over populations has one order
-//! and hence one result.
+//! Populations are numbered by direction, independently of the memory layout, so that a sum over populations has the
+//! same order and the same result for every layout.
 
 #[cfg(not(target_arch = "nvptx64"))]
 mod velocities;
 #[cfg(not(target_arch = "nvptx64"))]
 pub use velocities::{Velocities, VelocitySet};
 
-/// A set of `Q` discrete velocities in lattice units (cells per step), three components always.
+/// Set of `Q` discrete velocities in lattice units (cells per step), with three components also in two dimensions.
 pub trait Lattice<const Q: usize>: Copy + Send + Sync + 'static {
     /// Name as written in a case.
     const NAME: &'static str;
@@ -26,19 +29,19 @@ pub trait Lattice<const Q: usize>: Copy + Send + Sync + 'static {
     const W: [f64; Q];
     /// Index of the population with the opposite velocity.
     const OPPOSITE: [usize; Q];
-    /// The pairs (i, opposite of i), each once; entries past `(Q - 1) / 2` are unused.
+    /// Pairs of opposite populations, each pair once; entries from index `(Q - 1) / 2` on are unused.
     const PAIRS: [(usize, usize); 13];
 }
 
-/// Two dimensions, nine velocities.
+/// Velocity set with nine velocities in two dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct D2Q9;
 
-/// Three dimensions, nineteen velocities.
+/// Velocity set with 19 velocities in three dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct D3Q19;
 
-/// Three dimensions, twenty-seven velocities.
+/// Velocity set with 27 velocities in three dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct D3Q27;
 
@@ -79,7 +82,7 @@ impl Lattice<27> for D3Q27 {
     const PAIRS: [(usize, usize); 13] = pairs(&Self::OPPOSITE);
 }
 
-/// Rest, 6 axes, 12 edges, 8 corners, each followed by its opposite.
+/// Velocities of D3Q27: rest, 6 axes, 12 edges, 8 corners; the moving ones are in consecutive opposite pairs.
 const ALL27: [[i8; 3]; 27] = [
     [0, 0, 0],
     [1, 0, 0],
@@ -110,6 +113,7 @@ const ALL27: [[i8; 3]; 27] = [
     [1, -1, -1],
 ];
 
+/// Returns the first `Q` velocities.
 const fn first<const Q: usize>(all: &[[i8; 3]; 27]) -> [[i8; 3]; Q] {
     let mut c = [[0; 3]; Q];
     let mut i = 0;
@@ -120,7 +124,7 @@ const fn first<const Q: usize>(all: &[[i8; 3]; 27]) -> [[i8; 3]; Q] {
     c
 }
 
-/// Weight by the number of non-zero components of the velocity.
+/// Returns the weight of each velocity; `by_norm` is indexed by the number of non-zero components.
 const fn weights<const Q: usize>(c: &[[i8; 3]; Q], by_norm: [f64; 4]) -> [f64; Q] {
     let mut w = [0.0; Q];
     let mut i = 0;
@@ -132,6 +136,7 @@ const fn weights<const Q: usize>(c: &[[i8; 3]; Q], by_norm: [f64; 4]) -> [f64; Q
     w
 }
 
+/// Returns the index of the opposite of each velocity.
 const fn opposites<const Q: usize>(c: &[[i8; 3]; Q]) -> [usize; Q] {
     let mut opposite = [0; Q];
     let mut i = 0;
@@ -148,6 +153,7 @@ const fn opposites<const Q: usize>(c: &[[i8; 3]; Q]) -> [usize; Q] {
     opposite
 }
 
+/// Returns each pair of opposite populations once, see [`Lattice::PAIRS`].
 const fn pairs<const Q: usize>(opposite: &[usize; Q]) -> [(usize, usize); 13] {
     let mut pairs = [(0, 0); 13];
     let mut i = 1;
@@ -162,9 +168,9 @@ const fn pairs<const Q: usize>(opposite: &[usize; Q]) -> [(usize, usize); 13] {
     pairs
 }
 
-/// Repeats a block with a constant index below a limit, written out at compile time: a loop that the compiler leaves
-/// rolled keeps the populations in memory instead of registers. `axes`, `nine`, `pairs` and `populations` name what is
-/// counted.
+/// Repeats a block for each constant index below a limit, unrolled at compile time: in a loop that the compiler does
+/// not unroll, the populations are in memory instead of registers. The first word selects the maximum number of
+/// repetitions: 3 for `axes`, 4 for `four`, 6 for `six`, 9 for `nine`, 13 for `pairs`, 27 for `populations`.
 macro_rules! unroll {
     (axes $i:ident < $n:expr => $body:block) => {
         unroll!(@each [0 1 2] $i $n; $body)

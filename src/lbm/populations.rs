@@ -1,4 +1,6 @@
-//! Populations of one slab in memory, streamed in place.
+//! Populations of one slab in memory, with streaming in place.
+//!
+//! Only this module computes the position of a population in memory, so that the layout can change without the others.
 //!
 //! # Position of a population
 //!
@@ -9,10 +11,10 @@
 //! | even pass | slot ī of x | slot j̄ of x - c_j |
 //! | odd pass | slot i of x + c_i | slot j of x |
 //!
-//! The two ends of a link, leaving x along i and returning along ī, are therefore the same two numbers after either
-//! pass; only their roles change ([`Link`]). Every boundary and every moving body is a rule for the incoming number
-//! as a function of the outgoing one; only this file depends on the parity. Each number is accessed by exactly one
-//! cell per pass, so that the order of cells, threads and ranks has no effect.
+//! The population that leaves x along i and the one that returns along ī are therefore the same two numbers in memory
+//! after either pass; only their roles are exchanged ([`Link`]). Every boundary and every moving body is a rule that
+//! gives the incoming number as a function of the outgoing one; only this file depends on the parity. Each number is
+//! accessed by exactly one cell per pass, so that the order of cells, threads and ranks has no effect.
 //!
 //! # Layout
 //!
@@ -72,7 +74,7 @@ pub struct RowSums {
 }
 
 /// Maximum number of populations of a cell.
-const MOST_VELOCITIES: usize = 27;
+const MAX_POPULATIONS: usize = 27;
 
 impl Link {
     /// Returns the position of the outgoing f*_i(x).
@@ -105,13 +107,13 @@ pub struct Populations<S: Stored> {
     cells: [usize; 3],
     /// Distance in elements between neighbours along x, y, z.
     strides: [usize; 3],
-    /// Number of positions of one array, up to the next.
+    /// Number of positions from the start of an array to that of the next one.
     array: usize,
     /// Start of the array of each population.
     begins: Vec<usize>,
     /// Distance in positions to the neighbour along each direction.
     offsets: Vec<isize>,
-    /// Position of the incoming population j of the cell at position 0 after a reversed pass; distances wrap.
+    /// Position of the incoming population j of the cell at position 0 after an even pass, modulo 2^64.
     reversed: Vec<usize>,
     /// Position of cell (0, 0, 0) within an array.
     origin: usize,
@@ -119,10 +121,10 @@ pub struct Populations<S: Stored> {
     order: [usize; 3],
     velocities: Velocities,
     parity: Parity,
-    /// Instruction set for sums over rows.
+    /// Instruction set of the sums over rows.
     level: Level,
     /// `true` if the current values are on the GPU and this copy is outdated.
-    away: bool,
+    on_device: bool,
 }
 
 /// Layout of a slab in memory.
@@ -224,7 +226,7 @@ impl<S: Stored> Populations<S> {
             velocities,
             parity: Parity::Home,
             level: Level::best(),
-            away: false,
+            on_device: false,
         })
     }
 
@@ -335,19 +337,19 @@ impl<S: Stored> Populations<S> {
     /// Returns the numbers of all populations.
     ///
     /// # Panics
-    /// If the numbers are on a GPU and have not been fetched: an old state would pass for the present one.
+    /// If the current numbers are on a GPU and have not been fetched, because these would be an old state.
     #[must_use]
     pub fn numbers(&self) -> &[S] {
-        assert!(!self.away, "the populations are on the GPU");
+        assert!(!self.on_device, "the populations are on the GPU");
         &self.memory
     }
 
     /// Returns the numbers of all populations for writing.
     ///
     /// # Panics
-    /// On the conditions of [`Self::numbers`].
+    /// If the current numbers are on a GPU, see [`Self::numbers`].
     pub fn numbers_mut(&mut self) -> &mut [S] {
-        assert!(!self.away, "the populations are on the GPU");
+        assert!(!self.on_device, "the populations are on the GPU");
         &mut self.memory
     }
 
@@ -388,6 +390,7 @@ impl<S: Stored> Populations<S> {
         })
     }
 
+    /// Changes the parity after a pass.
     pub(crate) fn flip(&mut self) {
         self.parity = match self.parity {
             Parity::Home => Parity::Reversed,
@@ -403,16 +406,17 @@ impl<S: Stored> Populations<S> {
 
     /// Returns `true` if the current values are on the GPU.
     pub(crate) fn are_on_device(&self) -> bool {
-        self.away
+        self.on_device
     }
 
-    /// Sets if the current numbers are on the GPU.
-    pub(crate) fn set_on_device(&mut self, away: bool) {
-        self.away = away;
+    /// Sets whether the current values are on the GPU.
+    pub(crate) fn set_on_device(&mut self, on_device: bool) {
+        self.on_device = on_device;
     }
 
+    /// Returns the address of the numbers of all populations.
     pub(crate) fn base(&mut self) -> *mut S {
-        assert!(!self.away, "the populations are on the GPU");
+        assert!(!self.on_device, "the populations are on the GPU");
         self.memory.start()
     }
 
@@ -433,13 +437,13 @@ impl<S: Stored> Populations<S> {
             m.resize(padded, 0.0);
         }
         let base = self.numbers().as_ptr();
-        let mut rows = [base; MOST_VELOCITIES];
+        let mut rows = [base; MAX_POPULATIONS];
         for (i, row) in rows.iter_mut().take(self.velocities.q()).enumerate() {
             *row = base.wrapping_add(self.incoming(cell, i));
         }
         let velocities = &self.velocities.c[..];
         match self.level {
-            // SAFETY: the level was chosen from what the processor offers; the rows are in the array.
+            // SAFETY: the processor has this instruction set, as `Level::best` detected; the rows are in the array.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => unsafe { add_rows_avx512(velocities, &rows, moments) },
             #[cfg(target_arch = "x86_64")]
@@ -461,8 +465,8 @@ impl<S: Stored> Populations<S> {
 
     /// Returns the density deviation and momentum of all interior cells in quanta, summed on all threads.
     #[must_use]
-    pub fn totals(&self, room: &mut Vec<RowSums>) -> [i128; 4] {
-        self.sum_rows(room, |_, moments, sums| {
+    pub fn totals(&self, buffers: &mut Vec<RowSums>) -> [i128; 4] {
+        self.sum_rows(buffers, |_, moments, sums| {
             for (sum, values) in sums.iter_mut().zip(moments) {
                 *sum += self.in_quanta(values);
             }
@@ -473,11 +477,11 @@ impl<S: Stored> Populations<S> {
     #[must_use]
     pub fn totals_within(
         &self,
-        room: &mut Vec<RowSums>,
+        buffers: &mut Vec<RowSums>,
         within: impl Fn([usize; 3]) -> bool + Sync,
     ) -> [i128; 4] {
         let [.., fast] = self.order;
-        self.sum_rows(room, |mut at, [drho, momentum @ ..], sums| {
+        self.sum_rows(buffers, |mut at, [drho, momentum @ ..], sums| {
             sums[0] += self.in_quanta(drho);
             for k in 0..drho.len() {
                 at[fast] = k;
@@ -490,23 +494,23 @@ impl<S: Stored> Populations<S> {
         })
     }
 
-    /// Sums functions of the moments of all rows, on all threads.
+    /// Returns the sums that `add` computes from the moments of each row, on all threads.
     fn sum_rows(
         &self,
-        room: &mut Vec<RowSums>,
+        buffers: &mut Vec<RowSums>,
         add: impl Fn([usize; 3], &[Vec<f64>; 4], &mut [i128; 4]) + Sync,
     ) -> [i128; 4] {
-        room.resize_with(thread_pool::threads(), RowSums::default);
-        for part in &mut *room {
+        buffers.resize_with(thread_pool::threads(), RowSums::default);
+        for part in &mut *buffers {
             part.sums = [0; 4];
         }
         let length = self.cells[self.order[2]];
-        self.by_rows(room, |at, part| {
+        self.by_rows(buffers, |at, part| {
             self.row_moments(self.interior_cell(at), length, &mut part.moments);
             add(at, &part.moments, &mut part.sums);
         });
         let mut totals = [0; 4];
-        for part in room {
+        for part in buffers {
             for (total, sum) in totals.iter_mut().zip(part.sums) {
                 *total += sum;
             }
@@ -552,6 +556,7 @@ impl<S: Stored> Populations<S> {
         self.sums(|i| self.outgoing(cell, i))
     }
 
+    /// Returns the density deviation and momentum of the numbers at a position for each population.
     #[inline]
     fn sums(&self, at: impl Fn(usize) -> usize) -> (f64, [f64; 3]) {
         let numbers = self.numbers();
@@ -599,12 +604,12 @@ const AHEAD: usize = 256;
 /// Adds the density deviation and momentum of the cells of a row, given the start of the row for each population.
 ///
 /// # Safety
-/// Each of `rows` that a velocity has must be followed by as many numbers as `moments` has; the processor must offer
+/// Each of `rows` that a velocity has must be followed by as many numbers as `moments` has; the processor must support
 /// the instructions of `N`.
 #[inline(always)]
 unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     velocities: &[[i8; 3]],
-    rows: &[*const S; MOST_VELOCITIES],
+    rows: &[*const S; MAX_POPULATIONS],
     [drho, x, y, z]: &mut [Vec<f64>; 4],
 ) where
     f64: Memory<N>,
@@ -613,7 +618,7 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
         let mut sum = N::splat(0.0);
         let mut m = [sum; 3];
         for (c, row) in velocities.iter().zip(rows) {
-            // The hardware prefetches fewer streams.
+            // The prefetcher of the processor follows fewer streams than there are populations.
             prefetch(row.wrapping_add(k + AHEAD / size_of::<S>()));
             // SAFETY: promised by the caller.
             let g = unsafe { <S as Memory<N>>::load(row.add(k)) };
@@ -638,26 +643,30 @@ unsafe fn add_rows<S: Memory<N>, N: Lanes>(
     }
 }
 
+/// Calls [`add_rows`] with the instructions of AVX2.
+///
 /// # Safety
 /// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn add_rows_avx2<S: Stored>(
     velocities: &[[i8; 3]],
-    rows: &[*const S; MOST_VELOCITIES],
+    rows: &[*const S; MAX_POPULATIONS],
     moments: &mut [Vec<f64>; 4],
 ) {
     // SAFETY: forwarded from the caller.
     unsafe { add_rows::<S, Avx2>(velocities, rows, moments) };
 }
 
+/// Calls [`add_rows`] with the instructions of AVX-512.
+///
 /// # Safety
 /// The conditions are those of [`add_rows`].
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma")]
 unsafe fn add_rows_avx512<S: Stored>(
     velocities: &[[i8; 3]],
-    rows: &[*const S; MOST_VELOCITIES],
+    rows: &[*const S; MAX_POPULATIONS],
     moments: &mut [Vec<f64>; 4],
 ) {
     // SAFETY: forwarded from the caller.

@@ -1,20 +1,22 @@
-//! The motion of a body, as the fluid sees it.
+//! Rigid-body motion in lattice units, from which the fluid takes the velocity of a body's surface.
+//!
+//! It is separate from the moving links ([`crate::links`]), because covered cells on GPUs use it without them.
 
-/// Motion of a body in lattice units, and its size.
+/// Motion and radius of a body in lattice units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Rigid {
-    /// Centre in cells.
+    /// Position of the centre \[cells\].
     pub position: [f64; 3],
-    /// Velocity of the centre.
+    /// Velocity of the centre \[cells per step\].
     pub velocity: [f64; 3],
-    /// Angular velocity.
+    /// Angular velocity \[radians per step\].
     pub spin: [f64; 3],
-    /// Radius in cells.
+    /// Radius \[cells\].
     pub radius: f64,
 }
 
-/// Velocity of the surface at an arm `r` from the centre.
+/// Returns the velocity u + ω × r of the body at the point with offset `r` \[cells\] from its centre.
 #[inline(always)]
 pub(crate) fn surface_velocity<const D: usize>(motion: &Rigid, r: [f64; 3]) -> [f64; 3] {
     let (u, w) = (motion.velocity, motion.spin);

@@ -1,35 +1,38 @@
-//! Partially saturated cells: a cell with solid fraction ε collides as fluid and as solid at once.
+//! Partially saturated cells: the collision of a cell with solid fraction ε is a mixture of a fluid and a solid
+//! collision.
 //!
 //! ```text
 //! f_i* = f_i + (1 - B) (Ω_i + S_i) + B Ω^s_i
 //! ```
 //!
-//! Ω_i is the collision of the fluid with its force S_i, Ω^s_i the solid collision operator (one file each), and B the
-//! weighting of ε ([`Weighting`]). The force of a cell on the solid is the momentum that the fluid loses, -B Σ c_i
-//! Ω^s_i, to rounding. The mass of a cell is conserved. Sources: D. R. Noble, J. R. Torczynski, Int. J. Mod. Phys. C 9
-//! (1998) 1189; D. J. Holdych, PhD thesis, Urbana (2003); D. R. J. Owen, C. R. Leonardi, Y. T. Feng, Int. J. Numer.
-//! Meth. Eng. 87 (2011) 66.
+//! Ω_i is the collision of the fluid, S_i its source term of the body force, Ω^s_i the solid collision operator (one
+//! file each), and B the weighting of ε ([`Weighting`]). The force of a cell on the solid equals, up to rounding, the
+//! momentum that the fluid loses, -B Σ c_i Ω^s_i. The mass of a cell is conserved. This method is separate from moving
+//! links ([`super::links`]), which do not change the collision. Sources: D. R. Noble, J. R. Torczynski, Int. J. Mod.
+//! Phys. C 9 (1998) 1189; D. J. Holdych, PhD thesis, Urbana (2003); D. R. J. Owen, C. R. Leonardi, Y. T. Feng, Int. J.
+//! Numer. Meth. Eng. 87 (2011) 66.
 //!
-//! **Several bodies in a cell.** B(ε) is evaluated for the sum of their fractions, at most 1, and shared in proportion,
-//! so that two blocks that fill a cell together close it. The cell moves with the mean of their velocities, weighted by
-//! their shares. Each body receives its own part of the force, and the parts add up to the momentum that the fluid
-//! loses. The force is evaluated at the mean velocity: at the individual velocities two bodies with parts a and b would
-//! exchange a b ρ (u_a - u_b) per step, an unphysical drag between them.
+//! **Several bodies in a cell.** B(ε) is evaluated for the sum of their fractions, limited to 1, and divided in
+//! proportion to the fractions, so that two blocks that together fill a cell close it. The solid velocity of the cell
+//! is the mean of the velocities of the bodies, weighted by their fractions. Each body receives its part of the force,
+//! and the parts add up to the momentum that the fluid loses. The force is evaluated at the mean velocity: at the
+//! individual velocities, two bodies with parts a and b would exchange a b ρ (u_a - u_b) per step, an unphysical drag
+//! between them.
 //!
 //! **Deep inside** a body, where no neighbouring cell contains fluid, the populations are set to the equilibrium at the
-//! solid's velocity. Otherwise nothing there damps the populations that enter from the surface. Bodies that slide on
-//! each other would then stir the internal fluid until it carries momentum through them, and this fluid would appear in
-//! cells that are uncovered.
+//! velocity of the solid. Otherwise nothing would damp the populations that enter from the surface: bodies that slide
+//! on each other would set the internal fluid in motion until it transports momentum through them, and this fluid would
+//! appear in cells that become uncovered.
 //!
 //! **Full cells** at a surface, and between bodies in contact, reverse populations with a loss of 1/64. An undamped
-//! exchange between two full cells would oscillate for ever, and grow at high Reynolds numbers.
+//! exchange between two full cells would oscillate indefinitely, and grow at high Reynolds numbers.
 //!
-//! **Bodies in contact**, and a body on a wall of the domain at rest, exchange pressure but no drag through full cells
-//! (`contact.rs`).
+//! **Bodies in contact**, and a body in contact with a stationary wall of the domain, exchange pressure but no drag
+//! through full cells (`contact.rs`).
 //!
-//! Besides the populations a cell holds ε (f32) and its body ([`cover`]): 8 bytes. The loop tests once per vector of
-//! cells whether any is covered, and then selects the operator. The rest of this module runs only for covered cells
-//! (`pass.rs`).
+//! A cell stores ε (f32) and its body ([`cover`]) in addition to the populations: 8 bytes. The loop tests once per
+//! vector of cells whether any of them is covered, and then selects the operator; all other code of this module runs
+//! for covered cells only (`pass.rs`).
 
 mod contact;
 #[cfg(not(target_arch = "nvptx64"))]
@@ -59,8 +62,8 @@ use serde::{Deserialize, Serialize};
 #[cfg(not(target_arch = "nvptx64"))]
 use serde_json::json;
 
-/// Makes the list of solid collision operators: the modules that hold them, and the enum that a case chooses from. The
-/// name of an operator in a case is that of its module.
+/// Defines the list of solid collision operators: their modules, and the enum from which a case selects. The name of an
+/// operator in a case is that of its module.
 macro_rules! solid_operators {
     ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident,)*) => {
         $(pub mod $module;)*
@@ -83,10 +86,10 @@ macro_rules! solid_operators {
 
         #[cfg(not(target_arch = "nvptx64"))]
         impl $list {
-            /// Every operator of the list.
+            /// Operators of the list.
             pub const ALL: &[Self] = &[$(Self::$operator,)*];
 
-            /// The description of the operator.
+            /// Returns the interface of the operator to the program.
             #[must_use]
             pub fn model(self) -> &'static dyn SolidOperatorModel {
                 match self {
@@ -94,7 +97,7 @@ macro_rules! solid_operators {
                 }
             }
 
-            /// Name in a case.
+            /// Returns the name of the operator in a case.
             #[must_use]
             pub fn name(self) -> &'static str {
                 match self {
@@ -102,7 +105,7 @@ macro_rules! solid_operators {
                 }
             }
 
-            /// Describes each choice of the schema by the text of its operator.
+            /// Sets the description of each choice in the schema to the text of its operator.
             fn describe_choices(schema: &mut Schema) {
                 let choices = [$((stringify!($module), $module::$operator.documentation()),)*];
                 let choices = choices.map(|(name, text)| {
@@ -113,7 +116,7 @@ macro_rules! solid_operators {
                 schema.insert("oneOf".into(), json!(choices));
             }
 
-            /// See [`SolidCollision::force_left_out`].
+            /// Returns the result of [`SolidCollision::force_left_out`] for the selected operator.
             fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64 {
                 match self {
                     $(Self::$operator => $module::$operator.force_left_out(fluid, fraction),)*
@@ -122,6 +125,7 @@ macro_rules! solid_operators {
         }
 
         impl $list {
+            /// Calls [`SolidCollision::collide`] of the selected operator.
             #[inline(always)]
             fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
                 self,
@@ -148,65 +152,68 @@ solid_operators! {
     viscosity_matched ViscosityMatched,
 }
 
-/// A solid collision operator: its interface to the program.
+/// Interface of a solid collision operator to the program.
 pub trait SolidOperatorModel {
-    /// The operator in the schema of a case.
+    /// Returns the description of the operator in the schema of a case.
     fn documentation(&self) -> &'static str;
 
-    /// The operator for `plan`.
+    /// Returns the name of the operator in the output of `plan`.
     fn describe(&self) -> &'static str;
 
-    /// Its rows in the table of measured errors (`scene::auto`): blocks, and blocks in gaps narrower than themselves.
+    /// Returns the rows of the operator in the table of measured errors (`scene::auto`): that of blocks, and that of
+    /// blocks in gaps narrower than the blocks.
     fn measured_rows(&self) -> [&'static str; 2];
 
-    /// Returns `true` if it uses the weighting of a case.
+    /// Returns `true` if the operator uses the weighting of a case.
     fn weighted(&self) -> bool {
         true
     }
 
-    /// Returns `true` if it scales the rates of an operator that has one for all symmetric and one for all
-    /// antisymmetric parts.
+    /// Returns `true` if the operator requires a fluid collision with one rate for all symmetric parts and one for all
+    /// antisymmetric parts, which it scales.
     fn needs_two_rates(&self) -> bool {
         false
     }
 
-    /// Density ratios of free bodies whose fluid inside is left out of their inertia, from
-    /// `benches/stability/README.md`.
+    /// Returns the limits of stability in the density ratio of free bodies whose inertia excludes the fluid inside
+    /// them, from `benches/stability/README.md`.
     fn lightest(&self, body: &LightBody) -> DensityRatios;
 
-    /// Density ratio from which on grains hold that touch others on all sides, as in a bed: there the water between
-    /// them resists each one's motion within the step. From `benches/stability/README.md`; for discs and spheres of two
-    /// to six cells in radius.
+    /// Returns the minimum density ratio at which grains that touch others on all sides, as in a bed, are stable. The
+    /// limit is higher than for a free body, because the water between the grains resists the motion of each grain
+    /// within the step. The values are those of `benches/stability/README.md` for discs and spheres with a radius of
+    /// two to six cells.
     fn lightest_in_a_bed(&self, body: &LightBody) -> f64;
 }
 
-/// A body that may be too light for the fluid that carries it.
+/// Properties of a body and its fluid on which the minimum stable density ratio depends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightBody {
     /// `true` if the domain is 2-D.
     pub flat: bool,
-    /// Radius in cells; n V/A in n dimensions for bodies that are no balls.
+    /// Radius \[cells\]; n V/A in n dimensions for bodies other than balls, with volume V and surface A.
     pub radius: f64,
-    /// Relaxation time of the fluid.
+    /// Relaxation time τ of the fluid \[steps\].
     pub relaxation_time: f64,
 }
 
-/// Relaxation times between which the density ratios were measured; beyond they are wider.
+/// Range of relaxation times \[steps\] in which the density ratios were measured; outside, a margin is added.
 const MEASURED: core::ops::Range<f64> = 0.55..1.25;
 
 impl LightBody {
-    /// a + b/R, but not below c.
-    fn falls(&self, a: f64, b: f64, c: f64) -> f64 {
+    /// Returns a + b/R, but at least c.
+    fn by_radius(&self, a: f64, b: f64, c: f64) -> f64 {
         (a + b / self.radius).max(c)
     }
 
-    /// Between the bound at a relaxation time of 0.6 and that at 0.9: spheres depend on it more than discs.
-    fn rises(&self, slow: f64, fast: f64) -> f64 {
+    /// Interpolates between the limit at a relaxation time of 0.6 (`slow`) and that at 0.9 (`fast`), for spheres, whose
+    /// limits depend on the relaxation time more than those of discs.
+    fn by_time(&self, slow: f64, fast: f64) -> f64 {
         slow + (fast - slow) * ((self.relaxation_time - 0.6) / 0.3).clamp(0.0, 1.0)
     }
 
-    /// The relaxation time, which the bound of a bed follows, but not below `least`, nor below `slow` where it is below
-    /// 0.6.
+    /// Returns the relaxation time on which the limit of a bed depends: at least `least`, or at least `slow` if
+    /// the relaxation time of the fluid is below 0.6.
     fn time_in_a_bed(&self, least: f64, slow: f64) -> f64 {
         let least = if self.relaxation_time < 0.6 {
             slow
@@ -216,24 +223,24 @@ impl LightBody {
         self.relaxation_time.max(least)
     }
 
-    /// Returns `true` if the relaxation time is one of those that were measured.
+    /// Returns `true` if the relaxation time is in the measured range.
     fn measured(&self) -> bool {
         MEASURED.contains(&self.relaxation_time)
     }
 }
 
-/// Densities of bodies over that of the fluid.
+/// Limits of stability in the ratio of the density of a body to that of the fluid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRatios {
-    /// Every lighter body was unstable.
+    /// Ratio below which every body was unstable.
     pub fails: f64,
-    /// No heavier body was unstable.
+    /// Ratio above which no body was unstable.
     pub holds: f64,
 }
 
 impl DensityRatios {
-    /// Returns the ratios for a body: within the measured relaxation times as given, beyond them wider: every body
-    /// below 0.3 fails, and bodies hold from `wider` above.
+    /// Returns the limits for a body. In the measured range of relaxation times they are as given; outside, `fails` is
+    /// at most 0.3 and `holds` is increased by `wider`.
     fn for_body(body: &LightBody, fails: f64, holds: f64, wider: f64) -> Self {
         if body.measured() {
             Self { fails, holds }
@@ -246,31 +253,31 @@ impl DensityRatios {
     }
 }
 
-/// Action of solids on the cells that they cover.
+/// Method by which solids act on the cells that they cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SaturationMethod {
     /// Operator that acts on the populations.
     pub operator: SolidOperator,
-    /// Weight of a covered fraction.
+    /// Weighting of the solid fraction.
     pub weighting: Weighting,
 }
 
-/// The fluid whose cells are covered, as the operators see it.
+/// Parameters of the fluid that the solid collision operators need.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct CoveredFluid {
     weighting: Weighting,
-    /// τ - ½ of the fluid itself, also where eddies add to it: B is a matter of geometry, made when a body is mapped.
+    /// τ - ½ of the fluid without eddy viscosity: B is a property of the surface, where the eddy viscosity vanishes.
     time: f64,
-    /// Rule by which the rate of the antisymmetric parts follows from that of the symmetric parts.
+    /// Rule that gives the rate of the antisymmetric parts from that of the symmetric parts.
     antisymmetric: AntisymmetricRate,
 }
 
-/// The kernel of a solid collision operator.
+/// Kernel of a solid collision operator.
 trait SolidCollision: Copy {
-    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those
-    /// that the collision of the fluid left, `fluid`. They are apart, so that a lane without solid is chosen in a
-    /// register: a store under a mask takes several times as long.
+    /// Computes the outgoing populations `g` of partially saturated cells from the incoming ones, `before`, and those
+    /// after the fluid collision, `fluid`. The three arrays are separate, so that the result of a lane without solid is
+    /// selected in a register: a masked store takes several times as long.
     fn collide<L: Lattice<Q>, N: Lanes, const Q: usize>(
         self,
         covered: &CoveredFluid,
@@ -280,17 +287,18 @@ trait SolidCollision: Copy {
         g: &mut [N; Q],
     ) -> Act<N>;
 
-    /// Returns the part of the body force on a cell filled by `fraction` that does not act on the fluid.
+    /// Returns the fraction of the body force of a cell that does not act on the fluid, given the solid fraction of the
+    /// cell.
     fn force_left_out(self, fluid: &CoveredFluid, fraction: f64) -> f64;
 }
 
-/// Type of a pass: with or without covered cells.
+/// Property of a pass: with or without covered cells.
 pub trait Solids: Copy + Send + Sync + 'static {
-    /// `true` if the pass checks for solids.
+    /// `true` if the pass checks for covered cells.
     const ACTIVE: bool;
 }
 
-/// Water only, or bodies whose links bounce.
+/// Pass without covered cells: fluid only, or bodies with moving links.
 #[derive(Clone, Copy, Debug)]
 pub struct Open;
 
@@ -298,7 +306,7 @@ impl Solids for Open {
     const ACTIVE: bool = false;
 }
 
-/// Cells may be covered.
+/// Pass over cells that may be covered.
 #[derive(Clone, Copy, Debug)]
 pub struct Covered;
 
@@ -306,37 +314,40 @@ impl Solids for Covered {
     const ACTIVE: bool = true;
 }
 
-/// Part of what a full cell reverses that it loses: caught between two full cells it would go to and fro for ever, and
-/// the force with it.
+/// Relative loss of the populations that a full cell reverses. Without it, populations between two full cells would
+/// oscillate indefinitely, and the force with them.
 const LEAK: f64 = 1.0 / 64.0;
 
-/// Moments of cells and their solids.
+/// Moments of the fluid and of the solids in `N::WIDTH` cells.
 pub(crate) struct Cell<N> {
-    /// ε
+    /// Solid fraction ε, 0 … 1.
     fraction: N,
+    /// Density deviation δρ.
     drho: N,
-    /// Momentum that came in.
+    /// Momentum Σ c f of the incoming populations.
     m: [N; 3],
-    /// Velocity with half the force, and of the solid.
+    /// Velocity u of the fluid, which includes half the force, and velocity u_s of the solid.
     u: [N; 3],
     us: [N; 3],
-    /// Both times the density, and their squares.
+    /// ρ u and ρ u_s, then ρ u·u and ρ u_s·u_s.
     ru: [N; 3],
     rs: [N; 3],
     uu: N,
     ss: N,
+    /// Relaxation rate ω of the fluid.
     omega: N,
 }
 
 impl<N: Lanes> Cell<N> {
-    /// Even part of the equilibrium of population i: `squared` is ρ v·v, `along` ρ (c·v)².
+    /// Returns the symmetric part of the equilibrium of population i at a velocity v: `squared` is ρ v·v, `along` is
+    /// ρ (c·v)².
     #[inline(always)]
     fn even<L: Lattice<Q>, const Q: usize>(&self, i: usize, squared: N, along: N) -> N {
         let rest = self.drho - N::splat(1.5) * squared;
         N::splat(L::W[i]) * along.mul_add(N::splat(4.5), rest)
     }
 
-    /// The equilibrium at the velocity of the solid, population by population.
+    /// Calls `leave` with each population of the equilibrium at the velocity of the solid.
     #[inline(always)]
     fn at_solid<L: Lattice<Q>, const Q: usize>(&self, mut leave: impl FnMut(usize, N)) {
         leave(0, self.even::<L, Q>(0, self.ss, N::splat(0.0)));
@@ -352,7 +363,7 @@ impl<N: Lanes> Cell<N> {
     }
 }
 
-/// The force on the solids of a cell: -share (scale u_s + rest).
+/// Force on the solids of a cell, -`share` (`scale` u_s + `rest`) in lattice units.
 pub(crate) struct Act<N> {
     rest: [N; 3],
     scale: N,

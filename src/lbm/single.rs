@@ -1,10 +1,10 @@
-//! Numbers of the cell loop in f32: one, or several in a vector register, twice as many as in f64.
+//! Number types of the cell loop in f32: a single number, or several in a vector register, twice as many as in f64.
 //!
-//! They stand apart from [`super::lanes`], which is a source of the GPU kernels too. The collisions are the same
-//! functions ([`Lanes`]); every constant is rounded once to f32, and every operation is correctly rounded, so that
-//! all widths give the same bits. Populations are deviations from the state at rest (f_i - w_i), which keeps the
-//! digits that single precision has for the motion (M. Lehmann, M. J. Krause, G. Amati, M. Sega, J. Harting, S.
-//! Gekle, Phys. Rev. E 106 (2022) 015308).
+//! They are separate from [`super::lanes`], because that file is also compiled for GPUs, which have no pass in f32. The
+//! collision operators are the same functions ([`Lanes`]). Every constant is rounded once to f32, and every operation
+//! is correctly rounded, so that all widths give the same bits. Populations are stored as deviations from equilibrium
+//! at rest, f_i - w_i, so that all digits of single precision represent the motion (M. Lehmann, M. J. Krause, G. Amati,
+//! M. Sega, J. Harting, S. Gekle, Phys. Rev. E 106 (2022) 015308).
 
 use super::lanes::{Lanes, Memory};
 use base::number::single;
@@ -70,7 +70,7 @@ mod tests {
     use super::super::lanes::Level;
     use super::*;
 
-    /// Computes every operation on numbers with rounding, in vectors of `N` lanes.
+    /// Returns the bits of the results of every operation, in vectors of `N` lanes.
     #[inline(always)]
     fn computed<N: Lanes>(numbers: &[f32; 48]) -> Vec<u32>
     where

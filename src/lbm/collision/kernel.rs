@@ -1,19 +1,21 @@
-//! Parts of the kernel of an operator: the populations of a cell, the moments that every operator needs, and the
-//! interface of the kernels to the pass. Nothing here needs more than numbers, so that the same source runs on
-//! processors and on GPUs.
+//! Interface of collision operators to the pass, access to the populations of a cell, and the common moments.
+//!
+//! The interface is separate from the descriptions of the operators, because it uses the core library only and is also
+//! compiled for GPUs.
 
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// The populations of one cell, or of several side by side, each to be read and replaced.
+/// Access to the populations of one cell, or of several consecutive cells.
 ///
-/// The pass hands out the lattice itself: an operator that works pair by pair reads a pair again before it replaces it,
-/// which costs less than 27 registers that do not exist. Population i goes where its opposite was read, so a pair is
-/// read before either is replaced.
+/// On a processor a site is the memory of the lattice. An operator reads a pair of opposite populations for the moments
+/// and again before it replaces them, which is faster than keeping 27 populations in fewer registers. Outgoing
+/// population i is written to the address from which its opposite was read; both populations of a pair must therefore
+/// be read before either is written.
 pub trait Site<N, const Q: usize> {
-    /// Deviation that came in along direction i.
+    /// Returns the incoming deviation f_i - w_i along direction i.
     fn incoming(&self, i: usize) -> N;
-    /// Deviation that leaves along direction i.
+    /// Writes the outgoing deviation along direction i.
     fn leave(&mut self, i: usize, outgoing: N);
 }
 
@@ -28,18 +30,18 @@ impl<N: Copy, const Q: usize> Site<N, Q> for [N; Q] {
     }
 }
 
-/// Change of the populations of one cell (or of several side by side) in a step.
+/// Collision operator: the change of the populations of one cell, or of several consecutive cells, in a step.
 pub trait Collision: Copy + Send + Sync {
-    /// Name of its kernels on GPUs, without velocity set and storage; none where there are none.
+    /// Name of the GPU kernels of the operator, without velocity set and storage type; `None` if there are no kernels.
     const ON_GPU: Option<&'static str> = None;
-    /// Relaxation rates of a cell, made from that of the shear stress, ω = 1/τ.
+    /// Relaxation rates of a cell, computed from that of the shear stress, ω = 1/τ.
     type Rates<N: Lanes>: Copy;
-    /// The rates where all cells have the same viscosity.
+    /// Returns the rates for the uniform viscosity of the fluid.
     fn uniform<N: Lanes>(&self) -> Self::Rates<N>;
-    /// The rates of a cell whose viscosity is its own.
+    /// Returns the rates of a cell with the rate `omega` of the shear stress, for a viscosity per cell.
     fn local<N: Lanes>(&self, omega: N) -> Self::Rates<N>;
-    /// Replaces incoming deviations by outgoing ones and returns the velocity. Every call sees the same `self` during
-    /// one step.
+    /// Replaces incoming deviations by outgoing ones and returns the velocity, which includes half the body force. All
+    /// calls of a step have the same `self`.
     fn collide<L: Lattice<Q>, N: Lanes, G: Site<N, Q>, const Q: usize>(
         &self,
         g: &mut G,
@@ -47,27 +49,27 @@ pub trait Collision: Copy + Send + Sync {
     ) -> [N; 3];
 }
 
-/// The moments that every operator needs.
+/// Moments of a cell that most operators need.
 pub(crate) struct Moments<N> {
     /// Density deviation δρ.
     pub(crate) drho: N,
-    /// Momentum m = Σ c g + F/2.
+    /// Momentum density m = Σ c g + F/2.
     pub(crate) m: [N; 3],
     /// Velocity u = m / ρ.
     pub(crate) u: [N; 3],
-    /// m·u
+    /// Product m·u.
     pub(crate) mu: N,
 }
 
 impl<N: Lanes> Moments<N> {
-    /// Sums over the pairs of a cell; `half_force` is F/2.
+    /// Computes the moments from the pairs of opposite populations; `half_force` is F/2.
     #[inline(always)]
     pub(crate) fn from_pairs<L: Lattice<Q>, G: Site<N, Q>, const Q: usize>(
         g: &G,
         half_force: [f64; 3],
     ) -> Self {
         let zero = N::splat(0.0);
-        // Two sums, so that an addition need not wait for the one before.
+        // Two partial sums shorten the chain of dependent additions.
         let mut drho = [g.incoming(0), zero];
         let mut m = [
             N::splat(half_force[0]),
@@ -100,7 +102,7 @@ impl<N: Lanes> Moments<N> {
     }
 }
 
-/// c·v for a constant direction: adds and subtracts components, never multiplies.
+/// Returns c·v for a constant direction by additions and subtractions of components, without multiplications.
 #[inline(always)]
 pub(crate) fn along<N: Lanes>(c: [i8; 3], v: &[N; 3]) -> N {
     let mut sum: Option<N> = None;

@@ -1,11 +1,12 @@
-//! The populations of D3Q27 by the components of their velocities, for operators that use products of one polynomial
-//! per axis.
+//! Transform of the populations of D3Q27 to moments of products of one polynomial per axis, and its inverse.
+//!
+//! The transform is separate from the operators because several of them use it, each with its own polynomials.
 
 use super::kernel::Site;
 use crate::lanes::Lanes;
 use crate::lattice::{D3Q27, Lattice, unroll};
 
-/// Number of the population with these components: 0 for 0, 1 for +1, 2 for -1.
+/// Index of the population by the components of its velocity along x, y and z: 0 for 0, 1 for +1, 2 for -1.
 pub(super) const POPULATION: [[[usize; 3]; 3]; 3] = {
     let mut table = [[[0; 3]; 3]; 3];
     let mut i = 0;
@@ -17,6 +18,7 @@ pub(super) const POPULATION: [[[usize; 3]; 3]; 3] = {
     table
 };
 
+/// Returns the index of a component in [`POPULATION`].
 const fn component_index(c: i8) -> usize {
     match c {
         0 => 0,
@@ -25,24 +27,24 @@ const fn component_index(c: i8) -> usize {
     }
 }
 
-/// Returns one number in every lane. It is a function, as everything here that makes lanes: closures do not get the
-/// vector instructions of the pass, and are calls in the cell loop then.
+/// Returns the same number in every lane. Operators use this function rather than a closure, because the compiler does
+/// not apply the vector instructions of the pass to closures, which then remain calls in the cell loop.
 #[inline(always)]
 pub(super) fn n<N: Lanes>(x: f64) -> N {
     N::splat(x)
 }
 
-/// A basis of three polynomials of one component of the velocity.
+/// Basis of three polynomials of one component of the velocity.
 pub(super) trait Basis {
-    /// Returns the moments of numbers (rest, +, -).
+    /// Returns the three moments of the populations with component 0, +1 and -1.
     fn analyse<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3];
 
-    /// Returns the numbers (rest, +, -) of moments over the norms of their polynomials.
+    /// Returns the populations with component 0, +1 and -1, given the moments times the factors of the basis.
     fn compose<N: Lanes>(moments: [N; 3]) -> [N; 3];
 }
 
-/// Returns the moments `t[a][b][c]` of the products of polynomials a, b, c: along x and y within each plane of c_z,
-/// then along z.
+/// Returns the moments `t[a][b][c]` of the products of polynomials a of c_x, b of c_y and c of c_z. The transform is
+/// applied along x and y within each plane of c_z, then along z.
 #[inline(always)]
 pub(super) fn moments<B: Basis, N: Lanes, G: Site<N, Q>, const Q: usize>(
     g: &G,
@@ -72,7 +74,7 @@ pub(super) fn moments<B: Basis, N: Lanes, G: Site<N, Q>, const Q: usize>(
     t
 }
 
-/// Lets the populations leave whose moments over their norms are `t`.
+/// Writes the outgoing populations, given their moments `t` times the factors of the basis ([`Basis::compose`]).
 #[inline(always)]
 pub(super) fn leave<B: Basis, N: Lanes, G: Site<N, Q>, const Q: usize>(
     g: &mut G,

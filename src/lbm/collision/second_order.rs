@@ -1,48 +1,51 @@
-//! The kernel of multiple relaxation times if only the second moments have rates of their own: the operator of
-//! [`super::mrt`] with all higher rates 1, the default of `lbmpy` and others, also called regularised (J. Latt, B.
-//! Chopard, Math. Comput. Simul. 72 (2006) 165).
+//! Kernel of multiple relaxation times with all rates above those of the second moments equal to 1: the default of
+//! `lbmpy` and other codes, also called regularised (J. Latt, B. Chopard, Math. Comput. Simul. 72 (2006) 165).
 //!
-//! A rate of 1 sets a moment to its equilibrium, independently of its incoming value, so that only ten sums of the
-//! populations are needed. With J = Σ c g + F, Q_ab = m_a u_b - (F_a u_b + F_b u_a)/2, the difference from it of the
-//! second moments
+//! It is separate from [`super::mrt`] because it needs only ten sums of the populations: a rate of 1 sets a moment to
+//! its equilibrium, independently of its incoming value. With m = Σ c g + F/2 and u = m/ρ, let
+//!
+//! J = Σ c g + F,   Q_ab = m_a u_b - (F_a u_b + F_b u_a)/2,
+//!
+//! the deviations of the second moments from equilibrium be
 //!
 //! N_ab = Σ c_a c_b g - (δρ/3 δ_ab + Q_ab),   e = Σ_a N_aa/3,
 //!
-//! and the second moments that leave, relaxed and with the source of Guo, without those at rest,
+//! and the outgoing second moments, relaxed, with the source of Guo and without the isotropic part δρ/3, be
 //!
-//! B_ab = (1 - ω) N_ab + (ω - s4) e δ_ab + Q_ab + F_a u_b + F_b u_a,
+//! B_ab = (1 - ω) N_ab + (ω - s4) e δ_ab + Q_ab + F_a u_b + F_b u_a.
 //!
-//! the outgoing populations are
+//! The outgoing populations are then
 //!
-//! g_i = w_i [δρ - 3/2 Σ_a B_aa + 3 c·J + 9/2 Σ_a B_aa c_a² + 9 Σ_{a<b} B_ab c_a c_b],
+//! g_i = w_i [δρ - 3/2 Σ_a B_aa + 3 c·J + 9/2 Σ_a B_aa c_a² + 9 Σ_{a<b} B_ab c_a c_b].
 //!
-//! which is even in c except for 3 w c·J: opposite populations are a sum and a difference.
+//! All terms except 3 w c·J are even in c, so that a pair of opposite populations is the sum and the difference of two
+//! terms.
 
 use super::kernel::{Collision, Site};
 use super::products::{POPULATION, n};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// MRT on D3Q27 with all rates above those of the second moments 1, with a uniform body force where `FORCED`.
+/// MRT operator on D3Q27 with rates of 1 above the second moments, with a uniform body force if `FORCED`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct SecondOrder<const FORCED: bool> {
-    /// Rate of the shear stress 1/τ.
+    /// Relaxation rate of the shear stress, 1/τ.
     pub omega: f64,
-    /// s4, of the trace of the stress.
+    /// s4, relaxation rate of the trace of the stress.
     pub bulk: f64,
     /// Force density in lattice units.
     pub force: [f64; 3],
 }
 
-/// Numbers (rest, +, -) to moments (1, c, c²).
+/// Returns the moments of 1, c and c² of the populations with component 0, +1 and -1.
 #[inline(always)]
 fn moments<N: Lanes>(rest: N, plus: N, minus: N) -> [N; 3] {
     let sum = plus + minus;
     [rest + sum, plus - minus, sum]
 }
 
-/// Lets the populations leave that have these moments: δρ, J, B_aa and B_xy, B_yz, B_zx.
+/// Writes the outgoing populations with the moments δρ, J (`after`), B_aa (`second`) and B_xy, B_yz, B_zx (`mixed`).
 #[inline(always)]
 fn leave<N: Lanes, G: Site<N, Q>, const Q: usize>(
     g: &mut G,
@@ -69,7 +72,7 @@ fn leave<N: Lanes, G: Site<N, Q>, const Q: usize>(
     let edge = common * n::<N>(1.0 / 54.0);
     unroll!(axes a < 3 => {
         let b = (a + 1) % 3;
-        // 1 along a and `sign` along b.
+        // The pair with equal components along a and b, then the pair with opposite components.
         let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
         let even = (second[a] + second[b]).mul_add(n::<N>(1.0 / 12.0), edge);
         let same = mixed[a].mul_add(n::<N>(1.0 / 6.0), even);
@@ -141,7 +144,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
         &omega: &N,
     ) -> [N; 3] {
         const { assert!(Q == 27, "these moments are those of D3Q27") };
-        // Of each plane of c_z: 1, c_x, c_y, c_x², c_y², c_x c_y.
+        // Moments of 1, c_x, c_y, c_x², c_y² and c_x c_y in each plane of c_z.
         let mut planes = [[n::<N>(0.0); 3]; 6];
         unroll!(axes z < 3 => {
             let mut rows = [[n::<N>(0.0); 3]; 3];
@@ -183,7 +186,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
         }
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
-        // What the second moments relax to, and the source that is added to them.
+        // Equilibrium Q of the second moments, and the source that is added to them.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
         let mut square_source = [n::<N>(0.0); 3];
@@ -199,7 +202,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
             });
         }
 
-        // N_aa and B_aa.
+        // N_aa (`off_balance`) and B_aa (`second`).
         let mut off_balance = [n::<N>(0.0); 3];
         let third = drho * n::<N>(1.0 / 3.0);
         unroll!(axes a < 3 => {
@@ -226,6 +229,7 @@ impl<const FORCED: bool> Collision for SecondOrder<FORCED> {
         u
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::super::mrt::{Mrt, Rates};
@@ -238,7 +242,7 @@ mod tests {
         (g, u)
     }
 
-    /// The general operator, which is tested against the matrix, with these rates.
+    /// Compares the operator with the general one, which is tested against the matrix of moments.
     #[test]
     fn it_is_the_general_operator_with_the_higher_rates_at_one() {
         let force = [0.011, -0.007, 0.003];

@@ -81,16 +81,16 @@ unsafe fn cell_by_cell<L: Lattice<Q>, C: Collision, S: Stored, const Q: usize>(
     cover: Option<(&View, f64)>,
     operator: C,
 ) {
-    use crate::gpu::cell::{Place, collide};
+    use crate::gpu::cell::{CellIndex, collide};
     use crate::gpu::covered::{collide_open, fill, kind, mix};
     let [planes, rows, length] = program.cells;
     let slab = &program.after(before).slab;
     let kernel = (&operator, &operator.uniform::<f64>());
     // Reverse order: the result must not depend on the order.
-    let places = (0..planes * rows * length).rev().map(|n| Place {
+    let places = (0..planes * rows * length).rev().map(|n| CellIndex {
         plane: n / (rows * length),
         row: n / length % rows,
-        place: n % length,
+        column: n % length,
     });
     for place in places {
         // SAFETY: promised by the caller.

@@ -1,18 +1,21 @@
-//! The cover of the cells by balls, computed on a GPU; `coupling::cover_map` computes it on the processor, with the
-//! same bits.
+//! Kernels that compute the solid fractions of the cells covered by balls on a GPU.
 //!
-//! A ball has a box of cells that it may reach, and a thread has a cell of a box. The closed forms of [`base::ball`]
-//! need the edges of a ball, three arctangents each, which many cells share. They come first.
+//! They are separate from `coupling::cover_map`, which computes the fractions of all shapes on the processor, because
+//! the work is divided differently; both give the same bits for balls.
 //!
-//! | kernel | a thread has | it leaves |
+//! Each ball has a box of the cells that it may reach. The closed forms of [`base::ball`] need the values of [`edge`]
+//! at pairs of coordinates, with three arctangents each. Many cells use the same value, so that these values are
+//! computed first, in a kernel of their own.
+//!
+//! | kernel | work of a thread | result |
 //! |---|---|---|
-//! | `clear` | a cell of the slab | no body in it |
-//! | `edge` | a coordinate of the corners of a box, or a pair of them | its cap, or edge |
-//! | `cover` | a cell of a box | its fraction, as head of a list of those that are the same cell of the slab |
-//! | `settle` | the same | owner and fraction, if it is the head of the list |
+//! | `clear` | a cell of the slab | the cell without bodies |
+//! | `edge` | a coordinate of the corners of a box, or a pair of coordinates | cap, or edge |
+//! | `cover` | a cell of a box | its fraction, put at the head of the list of the same cell of the slab |
+//! | `settle` | a cell of a box | owner and fraction of the cell of the slab, if this is the head of the list |
 //!
-//! Where several balls fill parts of a cell, the parts stand in the order of the names of the balls, whatever the order
-//! of the threads.
+//! If several balls fill parts of a cell, the parts are stored in the order of the names of the balls, independently of
+//! the order of the threads.
 
 use crate::rigid::Rigid;
 use crate::saturation::solid::{CoveringBody, DEEP, NONE, SHARED, STILL, Share, Shares, total};
@@ -20,29 +23,31 @@ use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, wit
 use base::number::single;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The cells that a ball may reach. The same bytes on the host and on the GPU.
+/// Box of the cells that a ball may reach. The layout is the same on the host and on the GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub(crate) struct BallBox {
-    /// Slot of the ball.
+    /// Slot of the ball in the list of bodies.
     slot: u32,
-    /// Index of its first cell among those of all boxes; `edges`: that of its first edge among all edges.
+    /// Index of the first cell of the box among the cells of all boxes, and of its first edge among all edges.
     pub(crate) first: u32,
     edges: u32,
-    /// Its first cell in the slab, whose ghost cells are -1 and the number of cells, and its cells along each axis.
+    /// First cell of the box in the slab, and number of cells along each axis. Ghost cells have the coordinates -1 and
+    /// the number of cells of the slab.
     low: [i32; 3],
     cells: [i32; 3],
 }
 
-/// Threads of a warp.
+/// Number of threads of a warp.
 pub(crate) const WARP: u32 = 32;
 
-/// Threads of a block. The cells of boxes begin at multiples of this, so that a block has cells of one box.
+/// Number of threads of a block. The first cell of each box has an index that is a multiple of this number, so that all
+/// cells of a block belong to the same box.
 pub(crate) const BLOCK: u32 = 128;
 
 impl BallBox {
-    /// Returns the box of a body in a slab of these cells, with `first` and `edges` as given; without cells where the
-    /// ball does not reach the slab.
+    /// Returns the box of a body in a slab with the given numbers of cells. The box has no cells if the ball does not
+    /// reach the slab.
     #[cfg(not(target_arch = "nvptx64"))]
     fn new(slot: u32, solid: &CoveringBody, slab: [i32; 3], (first, edges): (u32, u32)) -> Self {
         use base::number::floor_i32;
@@ -67,10 +72,9 @@ impl BallBox {
         }
     }
 
-    /// Returns the number of blocks for its cells, and the maximum number of edges. Neither depends on the position of
-    /// the ball.
+    /// Returns the number of blocks and the maximum number of edges of the box of a ball, for any position of the ball.
     #[cfg(not(target_arch = "nvptx64"))]
-    fn room(solid: &CoveringBody) -> (u32, u32) {
+    fn blocks_and_edges(solid: &CoveringBody) -> (u32, u32) {
         use base::number::floor_i32;
         let across = floor_i32(2.0 * solid.motion.radius).cast_unsigned() + 2;
         let corners = across + 1;
@@ -80,9 +84,10 @@ impl BallBox {
         )
     }
 
-    /// Lists the boxes of all balls in a slab, and the box of each block. Returns the maximum number of edges.
+    /// Lists the boxes of all balls in a slab, and the index of the box of each block. Returns the maximum number of
+    /// edges of all boxes together.
     #[cfg(not(target_arch = "nvptx64"))]
-    pub(crate) fn of_all(
+    pub(crate) fn list_all(
         solids: &[CoveringBody],
         slab: [i32; 3],
         boxes: &mut Vec<Self>,
@@ -94,7 +99,7 @@ impl BallBox {
         for (slot, solid) in (0..).zip(solids) {
             if solid.motion.radius > 0.0 {
                 let first = base::number::to_u32(of_blocks.len()) * BLOCK;
-                let (blocks, more) = Self::room(solid);
+                let (blocks, more) = Self::blocks_and_edges(solid);
                 let number = base::number::to_u32(boxes.len());
                 of_blocks.extend((0..blocks).map(|_| number));
                 boxes.push(Self::new(slot, solid, slab, (first, edges)));
@@ -104,14 +109,15 @@ impl BallBox {
         edges
     }
 
-    /// Returns the number of cells.
+    /// Returns the number of cells of the box.
     #[inline(always)]
     fn count(&self) -> u32 {
         let [x, y, z] = self.cells.map(i32::cast_unsigned);
         x * y * z
     }
 
-    /// Returns the index of the first edge of an axis and the next one, and the number of corners along the next one.
+    /// Returns the index of the first edge for coordinates along `axis` and the next axis, and the number of corners
+    /// along the next axis.
     #[inline(always)]
     fn edges_of(&self, axis: u32) -> (u32, u32) {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
@@ -122,15 +128,15 @@ impl BallBox {
         }
     }
 
-    /// Returns the index after the last coordinate.
+    /// Returns the index after the last coordinate of the box.
     #[inline(always)]
     fn end_of_coordinates(&self) -> u32 {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
         x * y + y * z + z * x + 2 * (x + y + z)
     }
 
-    /// Returns the index of the first coordinate along an axis. Coordinates follow all edges: each is a coordinate in
-    /// radii, and the cap beyond it.
+    /// Returns the index of the first coordinate along an axis. Coordinates are stored after all edges of the box, as
+    /// two numbers each: the coordinate in radii, and its cap.
     #[inline(always)]
     fn coordinates_of(&self, axis: u32) -> u32 {
         let [x, y, z] = self.cells.map(|count| count.cast_unsigned() + 1);
@@ -143,7 +149,7 @@ impl BallBox {
     }
 }
 
-/// Counters that threads raise: [`Share`]s, lists of them, cells deep inside bodies, and other covered cells.
+/// Counters that threads increment: [`Share`]s, lists of them, cells deep inside bodies, and other covered cells.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub(crate) struct Counters {
@@ -153,9 +159,10 @@ pub(crate) struct Counters {
     pub(crate) mixed: AtomicU32,
 }
 
-/// Returns the component of an axis. A GPU has registers only for those places of an array that it knows before.
+/// Returns the component along an axis. The branches keep the array in registers: a GPU stores an array in memory if
+/// an index is known only at run time.
 #[inline(always)]
-fn of_axis<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
+fn component<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
     match axis {
         0 => x,
         1 => y,
@@ -163,47 +170,48 @@ fn of_axis<T: Copy>([x, y, z]: [T; 3], axis: u32) -> T {
     }
 }
 
-/// Balls, the cells of a slab, and the arrays with which the cover is made. The same bytes on the host and on the GPU.
+/// Balls, cells of a slab, and arrays of the kernels. The layout is the same on the host and on the GPU.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct Balls {
-    /// By slot.
+    /// Bodies by slot.
     pub(crate) solids: *const CoveringBody,
-    /// In the order of their cells.
+    /// Boxes of the balls, in the order of their cells.
     pub(crate) boxes: *const BallBox,
-    /// Which box each block has.
+    /// Index of the box of each block.
     pub(crate) of_blocks: *const u32,
-    /// Edges of all boxes.
+    /// Edges and coordinates of all boxes.
     pub(crate) edges: *mut f64,
-    /// Fraction of each cell of the boxes, its position in the slab, and the next one in its list.
+    /// Fraction of each cell of the boxes, position of the cell in the slab, and next cell of the same list.
     pub(crate) parts: *mut f32,
     pub(crate) positions: *mut u32,
     pub(crate) next: *mut u32,
-    /// First in the list of each cell of the slab, by position.
+    /// Head of the list of each cell of the slab, by position.
     pub(crate) heads: *const AtomicU32,
-    /// Cover of the cells, by position.
+    /// Fraction and owner of the cells of the slab, by position.
     pub(crate) fraction: *mut f32,
     pub(crate) owner: *mut u32,
-    /// Parts of the cells of several balls.
+    /// Fractions in cells that several balls cover, and the list of each of these cells.
     pub(crate) shares: *mut Share,
     pub(crate) shared: *mut Shares,
     pub(crate) counters: *const Counters,
-    /// Number of cells of boxes, and of positions.
+    /// Number of cells of all boxes, and number of positions of the slab.
     pub(crate) cells_of_boxes: u32,
     pub(crate) count_of_positions: u32,
-    /// Position of cell 0, 0, 0 of the slab, distance from cell to cell along each axis, and number of cells.
+    /// Position of cell (0, 0, 0) of the slab, distance in positions between neighbours along each axis, and number of
+    /// cells.
     pub(crate) origin: u32,
     pub(crate) strides: [i32; 3],
     pub(crate) cells: [i32; 3],
-    /// Axes from slowest to fastest.
+    /// Axes from slowest to fastest in memory.
     pub(crate) order: [u32; 3],
 }
 
 impl Balls {
-    /// The box of cell `n` of the boxes.
+    /// Returns the box that contains cell `n` of all boxes.
     ///
     /// # Safety
-    /// There must be one.
+    /// `n` must be below the number of cells of all boxes.
     #[inline(always)]
     unsafe fn box_of(&self, n: u32) -> &BallBox {
         // SAFETY: promised by the caller.
@@ -213,6 +221,8 @@ impl Balls {
         }
     }
 
+    /// Returns the centre and the radius of a ball in cells of its raw frame, and the offset of this frame.
+    ///
     /// # Safety
     /// The slot must be that of a box.
     #[inline(always)]
@@ -222,10 +232,10 @@ impl Balls {
         (solid.motion.position, solid.motion.radius, solid.frame)
     }
 
-    /// Takes bodies out of the cell at a position.
+    /// Removes all bodies from the cell at a position.
     ///
     /// # Safety
-    /// All arrays must be as described, and no other thread may have this position.
+    /// All arrays must be as described, and no other thread may work on this position.
     #[inline(always)]
     pub(crate) unsafe fn clear(&self, position: u32) {
         if position >= self.count_of_positions {
@@ -242,40 +252,42 @@ impl Balls {
         }
     }
 
-    /// Finds edges of a box, or coordinates: number `thread` and each [`BLOCK`]th behind it.
+    /// Computes edges and coordinates of box `number`: those with index `thread` and every [`BLOCK`]-th after it.
     ///
     /// # Safety
-    /// As for [`Self::clear`].
+    /// The conditions are those of [`Self::clear`].
     #[inline(always)]
     pub(crate) unsafe fn edge(&self, number: u32, thread: u32) {
         // SAFETY: promised by the caller.
-        let of = unsafe { &*self.boxes.add(number as usize) };
+        let ball_box = unsafe { &*self.boxes.add(number as usize) };
         let mut place = thread;
-        while of.cells[0] > 0 && place < of.end_of_coordinates() {
+        while ball_box.cells[0] > 0 && place < ball_box.end_of_coordinates() {
             // SAFETY: promised by the caller.
-            unsafe { self.one_edge(of, place) };
+            unsafe { self.one_edge(ball_box, place) };
             place += BLOCK;
         }
     }
 
+    /// Computes the edge, coordinate or cap with an index in a box.
+    ///
     /// # Safety
-    /// As for [`Self::edge`].
+    /// The conditions are those of [`Self::edge`].
     #[inline(always)]
-    unsafe fn one_edge(&self, of: &BallBox, place: u32) {
-        // SAFETY: its ball.
-        let (centre, radius, frame) = unsafe { self.ball(of.slot) };
+    unsafe fn one_edge(&self, ball_box: &BallBox, place: u32) {
+        // SAFETY: the slot is that of a box.
+        let (centre, radius, frame) = unsafe { self.ball(ball_box.slot) };
         let coordinate = |axis: u32, corner: u32| {
             let axis = axis % 3;
-            let x = of_axis(of.low, axis) - of_axis(frame, axis) + corner.cast_signed();
-            Coordinate::at_corner(x, of_axis(centre, axis), radius)
+            let x = component(ball_box.low, axis) - component(frame, axis) + corner.cast_signed();
+            Coordinate::at_corner(x, component(centre, axis), radius)
         };
         let last = |start: fn(&BallBox, u32) -> u32| {
-            let from = |axis: u32| u32::from(place >= start(of, axis));
+            let from = |axis: u32| u32::from(place >= start(ball_box, axis));
             from(1) + from(2)
         };
-        let value = if place >= of.coordinates_of(0) {
+        let value = if place >= ball_box.coordinates_of(0) {
             let axis = last(BallBox::coordinates_of);
-            let place = place - of.coordinates_of(axis);
+            let place = place - ball_box.coordinates_of(axis);
             let Coordinate { size, sign, cap } = coordinate(axis, place / 2);
             if place.is_multiple_of(2) {
                 sign * size
@@ -283,21 +295,26 @@ impl Balls {
                 cap
             }
         } else {
-            let axis = last(|of, axis| of.edges_of(axis).0);
-            let (start, along) = of.edges_of(axis);
-            // Never zero: without this the division could panic, for which a GPU has no function.
+            let axis = last(|ball_box, axis| ball_box.edges_of(axis).0);
+            let (start, along) = ball_box.edges_of(axis);
+            // A divisor of at least 1 keeps the compiler from adding a panic for division by zero, which GPUs cannot
+            // link.
             let (place, along) = (place - start, along.max(1));
             let size = |axis: u32, corner: u32| coordinate(axis, corner).size;
             edge(size(axis, place / along), size(axis + 1, place % along))
         };
-        // SAFETY: its place.
-        unsafe { self.edges.add((of.edges + place) as usize).write(value) };
+        // SAFETY: the index is that of this edge or coordinate.
+        unsafe {
+            self.edges
+                .add((ball_box.edges + place) as usize)
+                .write(value)
+        };
     }
 
-    /// Finds how much of cell `n` of the boxes its ball fills.
+    /// Computes the fraction of cell `n` of the boxes that its ball fills, and adds the cell to a list.
     ///
     /// # Safety
-    /// As for [`Self::clear`]; the edges must have been found.
+    /// The conditions are those of [`Self::clear`]; the edges must have been computed.
     #[inline(always)]
     pub(crate) unsafe fn cover(&self, n: u32) {
         if n >= self.cells_of_boxes {
@@ -305,8 +322,8 @@ impl Balls {
         }
         // SAFETY: promised by the caller.
         unsafe {
-            let of = self.box_of(n);
-            let (part, position) = self.part(of, n - of.first);
+            let ball_box = self.box_of(n);
+            let (part, position) = self.part(ball_box, n - ball_box.first);
             let covers = part != 0.0 && self.owner.add(position as usize).read() != STILL;
             self.parts
                 .add(n as usize)
@@ -319,18 +336,18 @@ impl Balls {
         }
     }
 
-    /// Returns the fraction of a cell of a box that its ball fills, [`DEEP`] deep inside, of a ghost cell the negative;
-    /// and the position of the cell.
+    /// Returns the fraction of a cell of a box that its ball fills, and the position of the cell in the slab. The
+    /// fraction is [`DEEP`] deep inside the ball, and negative in a ghost cell.
     ///
     /// # Safety
-    /// As for [`Self::cover`].
+    /// The conditions are those of [`Self::cover`].
     #[inline(always)]
-    unsafe fn part(&self, of: &BallBox, place: u32) -> (f32, u32) {
+    unsafe fn part(&self, ball_box: &BallBox, place: u32) -> (f32, u32) {
         let [slow, middle, fast] = self.order;
-        // SAFETY: the ball of a box.
-        let (centre, radius, frame) = unsafe { self.ball(of.slot) };
-        let count = |axis: u32| of_axis(of.cells, axis).cast_unsigned().max(1);
-        if place >= of.count() {
+        // SAFETY: the slot is that of a box.
+        let (centre, radius, frame) = unsafe { self.ball(ball_box.slot) };
+        let count = |axis: u32| component(ball_box.cells, axis).cast_unsigned().max(1);
+        if place >= ball_box.count() {
             return (0.0, 0);
         }
         let in_order = [
@@ -351,54 +368,55 @@ impl Balls {
         let (mut cell, mut raw) = ([0; 3], [0; 3]);
         let (mut ghost, mut position) = (false, self.origin.cast_signed());
         for a in 0..3 {
-            cell[a] = of.low[a] + in_box[a].cast_signed();
+            cell[a] = ball_box.low[a] + in_box[a].cast_signed();
             raw[a] = cell[a] - frame[a];
             ghost |= cell[a] < 0 || cell[a] >= self.cells[a];
             position += self.strides[a] * cell[a];
         }
-        let beside =
-            |axis: u32| Beside::along_axis(of_axis(centre, axis), f64::from(of_axis(raw, axis)));
-        let beside = beside(slow) + beside(middle);
+        let across = |axis: u32| {
+            Beside::along_axis(component(centre, axis), f64::from(component(raw, axis)))
+        };
+        let across = across(slow) + across(middle);
         let (cell, centre, frame) = (
-            of_axis(cell, fast),
-            of_axis(centre, fast),
-            of_axis(frame, fast),
+            component(cell, fast),
+            component(centre, fast),
+            component(frame, fast),
         );
         let line = |squared: f64| chord(centre, radius, squared);
         let lies_in = |[first, end]: [i32; 2]| first <= cell && cell < end;
-        if !lies_in(around(line(beside.nearest), frame)) {
+        if !lies_in(around(line(across.nearest), frame)) {
             return (0.0, 0);
         }
-        let part = if lies_in(within(line(beside.farthest), 0, frame)) {
-            if lies_in(within(line(beside.beyond), 1, frame)) {
+        let part = if lies_in(within(line(across.farthest), 0, frame)) {
+            if lies_in(within(line(across.beyond), 1, frame)) {
                 DEEP
             } else {
                 1.0
             }
         } else {
             // SAFETY: promised by the caller.
-            single(unsafe { self.at_surface(of, in_box, radius) })
+            single(unsafe { self.at_surface(ball_box, in_box, radius) })
         };
         let part = if ghost { 0.0 - part } else { part };
         (part, position.cast_unsigned())
     }
 
-    /// Returns the fraction of a cell at the surface of its ball that is inside.
+    /// Returns the fraction, inside its ball, of a cell that the surface of the ball crosses.
     ///
     /// # Safety
-    /// As for [`Self::cover`].
+    /// The conditions are those of [`Self::cover`].
     #[inline(always)]
-    unsafe fn at_surface(&self, of: &BallBox, in_box: [u32; 3], radius: f64) -> f64 {
-        // SAFETY: of the edges and coordinates of the box.
-        let read = |at: u32| unsafe { self.edges.add((of.edges + at) as usize).read() };
+    unsafe fn at_surface(&self, ball_box: &BallBox, in_box: [u32; 3], radius: f64) -> f64 {
+        // SAFETY: the index is that of an edge or coordinate of the box.
+        let read = |at: u32| unsafe { self.edges.add((ball_box.edges + at) as usize).read() };
         let mut ends = [[Coordinate::default(); 2]; 3];
-        // By axis, and upper ends of it and of the next one.
+        // The first index is an axis; bits 1 and 0 of the second select the upper end of this axis and of the next one.
         let mut edges = [[0.0; 4]; 3];
         for a in 0..3 {
-            let (start, along) = of.edges_of(a);
+            let (start, along) = ball_box.edges_of(a);
             let (one, other) = (in_box[a as usize], in_box[(a as usize + 1) % 3]);
             for upper in 0..2 {
-                let place = of.coordinates_of(a) + 2 * (one + upper);
+                let place = ball_box.coordinates_of(a) + 2 * (one + upper);
                 let (at, cap) = (read(place), read(place + 1));
                 ends[a as usize][upper as usize] = Coordinate {
                     size: at.abs(),
@@ -428,10 +446,11 @@ impl Balls {
         filled(corners, radius)
     }
 
-    /// Makes the cover of a cell from the list of its balls, if cell `n` of the boxes is the head of the list.
+    /// Writes owner and fraction of a cell of the slab, given the list of its balls, if cell `n` of the boxes is the
+    /// head of the list.
     ///
     /// # Safety
-    /// As for [`Self::clear`]; all cells of the boxes must have been covered.
+    /// The conditions are those of [`Self::clear`]; [`Self::cover`] must have been called for all cells of the boxes.
     #[inline(always)]
     pub(crate) unsafe fn settle(&self, n: u32) {
         // SAFETY: promised by the caller.
@@ -466,8 +485,8 @@ impl Balls {
                 let name = (*self.solids.add(slot as usize)).name;
                 let (mut before, mut other) = (0, n);
                 while other != NONE {
-                    let beside = (*self.solids.add(slot_of(other) as usize)).name;
-                    before += usize::from(beside < name);
+                    let other_name = (*self.solids.add(slot_of(other) as usize)).name;
+                    before += usize::from(other_name < name);
                     other = next_of(other);
                 }
                 let part = part_of(k);

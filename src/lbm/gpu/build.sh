@@ -1,11 +1,12 @@
 #!/bin/bash
 # Compiles the kernels of `src/lbm/kernels.rs` to PTX for NVIDIA GPUs of compute capability 8.0 and above, into the archive
-# `kernels.ptx.gz` beside this script.
+# `kernels.ptx.gz` in the folder of this script.
 #
 #   bash src/lbm/gpu/build.sh
 #
-# The target has no core library ready made, so that the compiler must have its source: `jobs/install.sh --kernels` installs Debian's packages
-# rustc-web and rust-web-src; RUSTC and CORE name others. The first lines of each text in it name the compiler, the sources and their hash; a test compares the hash.
+# There is no precompiled core library for this target, so that the script compiles it from source: `jobs/install.sh --kernels` installs
+# Debian's packages rustc-web and rust-web-src; the variables RUSTC and CORE select another compiler and source. The first lines of each text
+# in the archive name the compiler, the sources and their hash, which a test compares with the sources.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/.." # src/lbm
@@ -19,7 +20,7 @@ flags=(--target nvptx64-nvidia-cuda --edition 2024 -C opt-level=3 -C panic=abort
 "$rustc" "${flags[@]}" --crate-type rlib --crate-name core -Zforce-unstable-if-unmarked -A warnings --emit=link="$built/libcore.rlib" "$core"
 "$rustc" "${flags[@]}" --crate-type rlib --crate-name compiler_builtins -Zforce-unstable-if-unmarked -A warnings \
   --emit=link="$built/libcompiler_builtins.rlib" - <<< '#![feature(compiler_builtins)] #![compiler_builtins] #![no_std]'
-for kernels in bgk trt mrt covers_mrt_d3q27 covers_trt_d3q27 balls looks copies; do
+for kernels in bgk trt mrt covers_mrt_d3q27 covers_trt_d3q27 balls checks copies; do
   "$rustc" "${flags[@]}" --crate-type lib --crate-name gpu --cfg "kernels=\"$kernels\"" \
     --emit=asm="$built/$kernels.ptx",dep-info="$built/$kernels.d" kernels.rs
   sources=$(sed -n 's/^\(.*\.rs\):$/\1/p' "$built/$kernels.d" | sort)

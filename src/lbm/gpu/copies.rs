@@ -1,28 +1,29 @@
-//! Copies of numbers from place to place within a slab: what enters at walls, and what goes round periodic axes.
+//! Copies of populations within a slab: bounce-back at walls, and periodic axes.
 //!
-//! Both are the same work: a number that left the fluid somewhere enters it elsewhere, less 6 w c·u at a wall
-//! ([`crate::boundary::wall`]). Copies of one kind stand at equal distances in memory, and are kept as rectangles of
-//! them.
+//! They are separate from the pass over the cells, because they follow it. Both cases are the same operation: an
+//! outgoing population is copied to the position of an incoming one; at a wall 6 w c·u is subtracted
+//! ([`crate::boundary::wall`]). Copies of one kind have equal distances in memory, so that they are stored as
+//! rectangles.
 
 use crate::lanes::Stored;
 
-/// A rectangle of copies. The same bytes on the host and on the GPU.
+/// Rectangle of copies. The layout is the same on the host and on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Copies {
-    /// Positions of the first number and of its copy.
+    /// Position of the first number.
     pub from: u32,
-    /// See `from`.
+    /// Position of the copy of the first number.
     pub to: u32,
-    /// Numbers along the two sides of the rectangle.
+    /// Number of copies along each of the two sides of the rectangle.
     pub counts: [u32; 2],
-    /// Distances of neighbours along them, the same at both ends of the copies.
+    /// Distance in positions between neighbours along each side; it is the same for the numbers and for their copies.
     pub strides: [u32; 2],
-    /// Which of the factors is that of the term.
+    /// Index of the factor of the term.
     pub factor: u32,
-    /// Keeps the term where its size puts it.
+    /// Padding that aligns `term` to eight bytes, so that the struct has no undefined bytes.
     pub unused: u32,
-    /// Number that is subtracted, at a factor of one.
+    /// Value that is subtracted, times the factor.
     pub term: f64,
 }
 
@@ -33,7 +34,7 @@ impl Copies {
         self.counts[0] * self.counts[1]
     }
 
-    /// Returns these copies in rectangles of `most` at most: each is the work of a block.
+    /// Returns the copies as rectangles of at most `most` copies; each rectangle is the work of a block.
     #[cfg(not(target_arch = "nvptx64"))]
     pub fn pieces(self, most: u32) -> impl Iterator<Item = Self> {
         let [along, beyond] = self.counts;
@@ -53,14 +54,14 @@ impl Copies {
         })
     }
 
-    /// Copies number `n` of them.
+    /// Makes copy `n` of the rectangle, with the given factor of the term.
     ///
     /// # Safety
-    /// `numbers` must be those of the slab that the copies are of, `n` below their count, and no other thread may work
-    /// on this number and its copy.
+    /// `numbers` must be the populations of the slab for which the rectangle was made, `n` must be below
+    /// [`Self::count`], and no other thread may access this number or its copy.
     #[inline(always)]
     pub unsafe fn copy<S: Stored>(&self, n: u32, factor: f64, numbers: *mut S) {
-        // Never zero: without this the division could panic, for which a GPU has no function.
+        // A divisor of at least 1 keeps the compiler from adding a panic for division by zero, which GPUs cannot link.
         let along = self.counts[0].max(1);
         let beyond = n % along * self.strides[0] + n / along * self.strides[1];
         // SAFETY: promised by the caller.

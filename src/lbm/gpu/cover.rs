@@ -1,7 +1,10 @@
-//! The cover of the cells on a GPU. Balls are mapped on the GPU ([`super::balls`]). For other bodies the processor
-//! computes fractions and owners, which are sent if cells have changed: all cells, 8 bytes each. Moving bodies
-//! change so many cells that a list of the changed ones, with twelve bytes each from scattered memory, takes
-//! longer. Bodies are sent before each pass.
+//! Cover of the cells by solids on a GPU, and the loads on the bodies.
+//!
+//! It is separate from [`super::Gpu`], because most fluids have no covered cells. If all bodies are balls, the GPU
+//! computes the fractions ([`super::balls`]). For other bodies the processor computes fractions and owners, and those
+//! of all cells are sent if any cell has changed, 8 bytes per cell. Moving bodies change so many cells that sending
+//! only the changed ones, with twelve bytes each from scattered memory, takes longer. The bodies are sent before each
+//! pass.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters, WARP};
 use super::lists::CoveredCells;
@@ -19,13 +22,14 @@ use cudarc::driver::{
 use std::mem::MaybeUninit;
 use std::sync::Arc;
 
-/// Kernels of a cover.
+/// Kernels for covered cells.
 pub(super) struct Kernels {
-    /// Passes over the covered cells: deep inside bodies, and others.
+    /// Passes over the cells deep inside bodies, and over the other covered cells.
     pub(super) deep: CudaFunction,
     pub(super) mixed: CudaFunction,
+    /// Kernel that lists the covered cells.
     list_covered: CudaFunction,
-    /// Kernels of [`Balls`], in the order of the work.
+    /// Kernels of [`Balls`], in the order of their launches.
     balls: [CudaFunction; 4],
 }
 
@@ -49,71 +53,79 @@ impl Kernels {
     }
 }
 
-/// Bytes per cell on the GPU in addition to [`Cover::BYTES`]: heads of lists, the number in the list of covered
-/// cells, and the previous fraction.
+/// Number of bytes per cell on the GPU in addition to [`Cover::BYTES`]: head of a list, number in the list of covered
+/// cells, and previous fraction.
 pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
-/// Cover on the GPU. Work on bodies has its own stream, so that the host receives the forces and moves the bodies
+/// Cover on the GPU. The work on bodies has its own stream, so that the host receives the forces and moves the bodies
 /// while the open cells collide.
 pub(super) struct OnGpu {
+    /// Stream of the work on bodies.
     pub(super) stream: Arc<CudaStream>,
-    /// Events on that stream: the cover is complete; the covered cells have collided.
+    /// Events on this stream: the cover is complete; the covered cells have collided.
     pub(super) made: CudaEvent,
     pub(super) passed: CudaEvent,
-    /// Events on the stream of the fluid: the populations are ready for a pass; the open cells no longer need each
-    /// of the two covers.
+    /// Events on the stream of the fluid: the populations are ready for a pass; the pass over the open cells no longer
+    /// reads the fractions with this index.
     pub(super) ready: CudaEvent,
     done: [CudaEvent; 2],
     pub(super) kernels: Kernels,
     /// Pinned memory of the cells on the host, for transfers.
     _pinned: [Option<Pinned>; 2],
-    /// Source of the cells on the GPU: the version of the cells on the host, or that of the balls.
+    /// Origin of the fractions on the GPU.
     made_from: MadeFrom,
-    /// Fractions of the present cover and of the previous one, which open cells may still need, and the index of
-    /// the present one.
+    /// Fractions of the current cover and of the previous one, which the pass over the open cells may still read, and
+    /// the index of the current ones.
     fractions: [CudaSlice<f32>; 2],
     now: usize,
+    /// Owner of each cell, by position.
     owner: CudaSlice<u32>,
-    solids: Room,
-    shares: Room,
-    parts: Room,
+    /// Bodies by slot.
+    solids: Buffer,
+    /// Lists of the bodies of shared cells, and their fractions.
+    shares: Buffer,
+    parts: Buffer,
     mapping: Mapping,
-    /// Numbers of the covered cells.
+    /// Memory of the lists of covered cells.
     _numbers: CudaSlice<u32>,
     counters: CudaSlice<u32>,
-    /// Number of changes of the bodies at the last transfer, and `true` if the transfer may not be complete.
+    /// Number of changes of the bodies at the last transfer.
     motions: u64,
-    on_its_way: bool,
+    /// `true` if the last transfer may be incomplete.
+    in_flight: bool,
     /// [`BodyLoad::COPIES`] loads for each slot, and the number of slots.
-    pub(super) loads: Room,
+    pub(super) loads: Buffer,
     pub(super) bodies: u32,
-    /// Data of the next pass.
+    /// Arguments of the next passes: the view of the cover, and the lists of covered cells.
     pub(super) view: View,
     pub(super) covered: CoveredCells,
     /// Reusable buffers on the host.
     work: Work,
 }
 
-/// See [`OnGpu::made_from`].
+/// Origin of the fractions on the GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MadeFrom {
+    /// No fractions yet.
     Nothing,
+    /// Cells of the host, with their version.
     Cells(u64),
+    /// Balls mapped on the GPU, with the number of their moves.
     Balls(u64),
 }
 
-/// Arrays for the mapping of balls.
+/// Arrays of the kernels that map balls, see [`Balls`].
 struct Mapping {
     heads: CudaSlice<u32>,
-    boxes: Room,
-    of_blocks: Room,
-    edges: Room,
-    fractions: Room,
-    positions: Room,
-    next: Room,
+    boxes: Buffer,
+    of_blocks: Buffer,
+    edges: Buffer,
+    fractions: Buffer,
+    positions: Buffer,
+    next: Buffer,
 }
 
-/// Lists to be sent.
+/// Buffers for lists that are sent to the GPU, and the list that was sent last.
 #[derive(Default)]
 struct Work {
     parts: Vec<Share>,
@@ -124,14 +136,16 @@ struct Work {
 }
 
 /// Growing array on the GPU, with a pinned array on the host for direct transfers.
-pub(super) struct Room {
+pub(super) struct Buffer {
+    /// Array on the GPU.
     there: CudaSlice<Byte>,
-    /// Pinned memory; it is dropped before the bytes.
+    /// Pin of the array on the host; it is dropped before the array.
     pinned: Option<Pinned>,
+    /// Array on the host.
     here: Vec<u64>,
 }
 
-/// Byte of a number, or of padding in a struct.
+/// Byte of a number or of padding, which may be uninitialised.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 struct Byte(MaybeUninit<u8>);
@@ -141,7 +155,8 @@ unsafe impl DeviceRepr for Byte {}
 // SAFETY: as above.
 unsafe impl ValidAsZeroBits for Byte {}
 
-impl Room {
+impl Buffer {
+    /// Allocates a small array on the GPU.
     fn new(stream: &Arc<CudaStream>) -> Result<Self, DriverError> {
         Ok(Self {
             there: stream.alloc_zeros(1 << 12)?,
@@ -155,7 +170,8 @@ impl Room {
         self.there.device_ptr(stream).0
     }
 
-    /// Allocates memory for `count` numbers; returns the address of the memory.
+    /// Allocates memory for `count` elements on the GPU if necessary, and returns its address. The contents may be
+    /// lost.
     fn reserve<T>(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<u64, DriverError> {
         let bytes = count * size_of::<T>();
         if bytes > self.there.len() {
@@ -164,38 +180,38 @@ impl Room {
         Ok(self.address(stream))
     }
 
-    /// Returns a buffer on the host of at least this number of bytes.
+    /// Returns the first `bytes` bytes of the array on the host, which is extended if necessary.
     fn here(&mut self, bytes: usize) -> &mut [u8] {
         if bytes > size_of_val(&self.here[..]) {
             self.pinned = None;
             self.here = vec![0; bytes.next_power_of_two().max(1 << 12) / size_of::<u64>()];
-            // SAFETY: the memory is valid until the pin is dropped.
+            // SAFETY: the array outlives the pin.
             self.pinned = unsafe { Pinned::new(bytemuck::cast_slice(&self.here)) };
         }
         &mut bytemuck::cast_slice_mut(&mut self.here)[..bytes]
     }
 
-    /// Sends a list without waiting; returns its address.
+    /// Sends a list to the GPU without waiting, and returns its address there.
     fn send<T: Copy>(&mut self, stream: &Arc<CudaStream>, list: &[T]) -> Result<u64, DriverError> {
         let address = self.reserve::<T>(stream, list.len())?;
         let count = size_of_val(list);
         if count > 0 {
             let here = self.here(count);
-            // SAFETY: the buffer has this number of bytes, of any value; kernels read numbers of the same layout
-            // (`repr(C)`).
+            // SAFETY: the array has this number of bytes, and any value is valid; kernels read structs of the same
+            // layout (`repr(C)`).
             unsafe {
                 std::ptr::copy_nonoverlapping(list.as_ptr().cast(), here.as_mut_ptr(), count);
             }
             let here = std::ptr::from_ref(here);
             let mut there = self.there.slice_mut(..count);
-            // SAFETY: the bytes are those above; each is a `Byte`.
+            // SAFETY: these are the bytes copied above, and any byte is a valid `Byte`.
             let bytes: &[Byte] = unsafe { &*(here as *const [Byte]) };
             stream.memcpy_htod(bytes, &mut there)?;
         }
         Ok(address)
     }
 
-    /// Copies numbers back and waits for them.
+    /// Copies `count` words back from the GPU and waits for them.
     fn take(&mut self, stream: &Arc<CudaStream>, count: usize) -> Result<&[u64], DriverError> {
         let bytes = count * size_of::<u64>();
         if bytes == 0 {
@@ -203,7 +219,7 @@ impl Room {
             return Ok(&[]);
         }
         let here = std::ptr::from_mut(self.here(bytes));
-        // SAFETY: the bytes are those above; each is a `Byte`.
+        // SAFETY: these are the bytes of the array, and any byte is a valid `Byte`.
         let to: &mut [Byte] = unsafe { &mut *(here as *mut [Byte]) };
         stream.memcpy_dtoh(&self.there.slice(..bytes), to)?;
         stream.synchronize()?;
@@ -211,17 +227,17 @@ impl Room {
     }
 }
 
-/// Returns an address on the GPU.
+/// Returns an address on the GPU as a pointer, which the host must not dereference.
 pub(super) fn pointer<T>(address: u64) -> *mut T {
     // A GPU has addresses of 64 bits, like any host with a GPU.
     std::ptr::without_provenance_mut(usize::try_from(address).unwrap_or(0))
 }
 
 impl OnGpu {
-    /// Sends the cells of a cover.
+    /// Allocates a cover on the GPU and sends the cells.
     ///
     /// # Safety
-    /// It must be the cover of each update, and outlive this.
+    /// Each call of [`Self::update`] must have the same cover, which must outlive this value.
     pub(super) unsafe fn new(
         context: &Arc<CudaContext>,
         kernels: Kernels,
@@ -259,24 +275,24 @@ impl OnGpu {
             made_from: MadeFrom::Nothing,
             mapping: Mapping {
                 heads: stream.alloc_zeros(fraction.len())?,
-                boxes: Room::new(stream)?,
-                of_blocks: Room::new(stream)?,
-                edges: Room::new(stream)?,
-                fractions: Room::new(stream)?,
-                positions: Room::new(stream)?,
-                next: Room::new(stream)?,
+                boxes: Buffer::new(stream)?,
+                of_blocks: Buffer::new(stream)?,
+                edges: Buffer::new(stream)?,
+                fractions: Buffer::new(stream)?,
+                positions: Buffer::new(stream)?,
+                next: Buffer::new(stream)?,
             },
             fractions: [stream.clone_htod(fraction)?, stream.clone_htod(fraction)?],
             now: 0,
             owner: stream.clone_htod(owner)?,
-            solids: Room::new(stream)?,
-            shares: Room::new(stream)?,
-            parts: Room::new(stream)?,
+            solids: Buffer::new(stream)?,
+            shares: Buffer::new(stream)?,
+            parts: Buffer::new(stream)?,
             _numbers: numbers,
             counters,
             motions: u64::MAX,
-            on_its_way: false,
-            loads: Room::new(stream)?,
+            in_flight: false,
+            loads: Buffer::new(stream)?,
             bodies: 0,
             view: View::NONE,
             covered,
@@ -285,7 +301,7 @@ impl OnGpu {
         })
     }
 
-    /// Computes the cover of the cells and sends the bodies, if they have changed. Does not wait for the GPU.
+    /// Sends the bodies and updates the cover of the cells, if they have changed. Does not wait for the GPU.
     pub(super) fn update(
         &mut self,
         cover: &mut Cover,
@@ -297,7 +313,7 @@ impl OnGpu {
             return Ok(());
         }
         let stream = &self.stream.clone();
-        if std::mem::replace(&mut self.on_its_way, true) {
+        if std::mem::replace(&mut self.in_flight, true) {
             stream.synchronize()?;
         }
         let solids = self.solids.send(stream, cover.solids())?;
@@ -333,7 +349,7 @@ impl OnGpu {
         Ok(())
     }
 
-    /// Sends the cells; returns the address of the lists of parts.
+    /// Sends the cells of the host, and returns the address of the lists of bodies of shared cells.
     fn send_cells(
         &mut self,
         stream: &Arc<CudaStream>,
@@ -355,7 +371,7 @@ impl OnGpu {
         self.shares.send(stream, shares)
     }
 
-    /// Maps balls, whose bodies are on the GPU; returns the address of the lists of parts.
+    /// Maps the balls at the address `solids`, and returns the address of the lists of bodies of shared cells.
     fn map_balls(
         &mut self,
         stream: &Arc<CudaStream>,
@@ -378,8 +394,8 @@ impl OnGpu {
             sent_of_blocks,
             ..
         } = &mut self.work;
-        let edges = BallBox::of_all(cover.solids(), cells, boxes, of_blocks) as usize;
-        // The list is unchanged until bodies are added or removed.
+        let edges = BallBox::list_all(cover.solids(), cells, boxes, of_blocks) as usize;
+        // This list only changes if bodies are added or removed.
         if of_blocks != sent_of_blocks {
             self.mapping.of_blocks.send(stream, of_blocks)?;
             sent_of_blocks.clone_from(of_blocks);
@@ -434,7 +450,7 @@ impl OnGpu {
         Ok(shares)
     }
 
-    /// Clears the forces before a pass.
+    /// Clears the loads of this number of bodies before a pass.
     pub(super) fn clear_loads(&mut self, bodies: usize) -> Result<(), DriverError> {
         self.bodies = to_u32(bodies);
         let bytes = bodies * BodyLoad::COPIES as usize * size_of::<BodyLoad>();
@@ -447,12 +463,12 @@ impl OnGpu {
         self.stream.memset_zeros(&mut loads)
     }
 
-    /// Waits for the forces, and adds them to the sums of the cover.
+    /// Waits for the loads, and adds them to the sums of the cover.
     pub(super) fn take_loads(&mut self, cover: &mut Cover) -> Result<(), DriverError> {
         let words = self.bodies as usize * BodyLoad::WORDS;
         let copies = BodyLoad::COPIES as usize;
         let received = self.loads.take(&self.stream, copies * words)?;
-        self.on_its_way = false;
+        self.in_flight = false;
         for slot in 0..self.bodies as usize {
             let mut sums = [0_u64; BodyLoad::WORDS];
             for copy in 0..copies {
@@ -469,17 +485,17 @@ impl OnGpu {
         Ok(())
     }
 
-    /// Records on a stream that the open cells no longer need the cover.
+    /// Records on a stream that the pass over the open cells no longer reads the current fractions.
     pub(super) fn done(&self, stream: &Arc<CudaStream>) -> Result<(), DriverError> {
         self.done[self.now].record(stream)
     }
 
-    /// Returns the address of the fractions.
+    /// Returns the address of the current fractions.
     pub(super) fn address_of_fractions(&self) -> u64 {
         self.fractions[self.now].device_ptr(&self.stream).0
     }
 
-    /// Reads the fractions of the cells of a row from a position on.
+    /// Copies current fractions, from a position on, to the host.
     pub(super) fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), DriverError> {
         let there = self.fractions[self.now].slice(first..first + fractions.len());
         self.stream.memcpy_dtoh(&there, fractions)?;

@@ -1,18 +1,19 @@
-//! The cover of the cells by balls, computed by the kernels of a GPU on the host: one thread after the other, from
-//! the last to the first.
+//! Cover of the cells by balls, computed by the functions of the GPU kernels on the host.
 //!
-//! These kernels can therefore be compared with the processor's own cover without a GPU.
+//! It is separate from the kernels because only tests use it: the kernels are compared with the cover of the processor
+//! without a GPU. The threads of a launch run one after the other, from the last to the first.
 
 use super::balls::{BLOCK, BallBox, Balls, Counters};
 use crate::saturation::solid::{CoveringBody, NONE, Share, Shares};
 use base::number::to_u32;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Returns the owner and the fraction of each position, and the bodies with their parts in each cell shared by
-/// several, as computed on a GPU.
+/// Returns the owner and the fraction of each position, and the bodies with their fractions in each cell that several
+/// bodies cover, as a GPU computes them.
 ///
-/// `owner` contains the cells behind walls. The last arguments are the position of the first cell, the strides
-/// along the axes, the number of cells of the slab, and the axes in the order of the boxes.
+/// On entry, `owner` marks the cells behind walls. The last arguments are the position of the first cell, the distances
+/// in positions between neighbours along each axis, the numbers of cells of the slab, and the axes from slowest to
+/// fastest.
 #[must_use]
 pub fn cover(
     solids: &[CoveringBody],
@@ -20,7 +21,7 @@ pub fn cover(
     (origin, strides, cells, order): (u32, [i32; 3], [i32; 3], [u32; 3]),
 ) -> (Vec<u32>, Vec<f32>, Vec<Vec<Share>>) {
     let (mut boxes, mut of_blocks) = (Vec::new(), Vec::new());
-    let count_of_edges = BallBox::of_all(solids, cells, &mut boxes, &mut of_blocks);
+    let count_of_edges = BallBox::list_all(solids, cells, &mut boxes, &mut of_blocks);
     let most = of_blocks.len() * BLOCK as usize;
     let none = Share {
         slot: NONE,
@@ -52,7 +53,7 @@ pub fn cover(
         cells,
         order,
     };
-    // There are more threads than work.
+    // A launch has whole blocks and therefore more threads than items of work.
     let threads = |count: u32| (0..count + 50).rev();
     // SAFETY: the arrays are as described.
     unsafe {
@@ -65,7 +66,7 @@ pub fn cover(
     }
     let lists = counters.lists.load(Ordering::Relaxed) as usize;
     let shared = shared[..lists].iter();
-    // SAFETY: made by `settle`.
+    // SAFETY: `settle` set these lists to fractions in `shares`.
     let shared = shared.map(|list| unsafe { list.parts() }.to_vec());
     let shared = shared.collect();
     (owner, fraction, shared)

@@ -1,5 +1,6 @@
-//! The covered cells of a slab in two lists, so that threads side by side have the same work: cells deep inside bodies,
-//! and the others.
+//! Lists of the covered cells of a slab: those deep inside bodies, and the others.
+//!
+//! The lists are separate so that all threads of a warp do the same work.
 
 use super::balls::Counters;
 #[cfg(target_arch = "nvptx64")]
@@ -7,16 +8,17 @@ use super::{balls::WARP, warp};
 #[cfg(target_arch = "nvptx64")]
 use core::sync::atomic::Ordering;
 
-/// The covered cells of a slab by their number, `(plane * rows + row) * cells of a row + place`: those deep inside
-/// bodies from the front on, the others from the back on. The same bytes on the host and on the GPU.
+/// Lists of the covered cells of a slab by their number, `(plane * rows + row) * cells of a row + index in the row`.
+/// Both are in one array: cells deep inside bodies from its start forwards, the others from its end backwards. The
+/// layout of this struct is the same on the host and on the GPU.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct CoveredCells {
-    /// Memory for all cells.
+    /// Array with an element for each cell of the slab.
     pub(crate) numbers: *mut u32,
-    /// Number of listed cells.
+    /// Numbers of listed cells.
     pub(crate) counters: *const Counters,
-    /// Planes of the slab, rows of a plane, and cells of the slab.
+    /// Number of planes of the slab, of rows of a plane, and of cells of the slab.
     pub(crate) planes: u32,
     pub(crate) rows: u32,
     pub(crate) cells: u32,
@@ -24,14 +26,14 @@ pub(crate) struct CoveredCells {
 
 #[cfg(target_arch = "nvptx64")]
 impl CoveredCells {
-    /// Adds the cells of a row, whose first cell has number `first`, to the two lists. `kind` returns for a place
-    /// `true` if bodies cover it, and `true` if it is deep inside.
+    /// Adds the covered cells of a row to the two lists; `first` is the number of its first cell. For an index in the
+    /// row, `kind` returns `true` if bodies cover the cell, and `true` if the cell is deep inside them.
     ///
     /// # Safety
-    /// All threads of the warp must be here, with the same row.
+    /// All threads of the warp must call this function together, with the same row.
     #[inline(always)]
     pub(crate) unsafe fn add_row(&self, first: u32, length: u32, kind: impl Fn(u32) -> [bool; 2]) {
-        // The threads of the warp with a cell for each of the lists.
+        // For each list, `true` if the cell of this thread belongs to it, and the mask of the threads whose cells do.
         let threads = |start: u32| {
             let place = start + warp::lane();
             let [covered, deep] = if place < length {
@@ -54,21 +56,21 @@ impl CoveredCells {
         // SAFETY: promised by the caller.
         let counters = unsafe { &*self.counters };
         let mut at = [
-            warp::places(&counters.deep, counts[0]),
-            warp::places(&counters.mixed, counts[1]),
+            warp::reserve(&counters.deep, counts[0]),
+            warp::reserve(&counters.mixed, counts[1]),
         ];
         let mut start = 0;
         while start < length {
             let number = first + start + warp::lane();
             for (n, (listed, threads)) in threads(start).into_iter().enumerate() {
                 if listed {
-                    let place = at[n] + warp::before(threads);
+                    let place = at[n] + warp::preceding(threads);
                     let place = if n == 0 {
                         place
                     } else {
                         self.cells - 1 - place
                     };
-                    // SAFETY: there is memory for each cell.
+                    // SAFETY: the array has an element for each cell.
                     unsafe { self.numbers.add(place as usize).write(number) };
                 }
                 at[n] += threads.count_ones();
@@ -77,10 +79,10 @@ impl CoveredCells {
         }
     }
 
-    /// The number of a cell of a list, if it has so many.
+    /// Returns the number of cell `n` of a list, or `None` if the list is shorter.
     ///
     /// # Safety
-    /// All cells must have been added.
+    /// All rows must have been added.
     #[inline(always)]
     pub(crate) unsafe fn get(&self, n: u32, deep: bool) -> Option<u32> {
         // SAFETY: promised by the caller.

@@ -1,23 +1,25 @@
-//! Forces on bodies, summed by all threads of a GPU at once: integers, so that the order is of no account.
+//! Loads on bodies, summed by all threads of a GPU with atomic additions of integers, so that the result does not
+//! depend on the order.
 //!
-//! A load is a sum of forces in quanta and of their moments, which need more than 64 bits ([`crate::links::Load`]). A
-//! GPU adds 64 bits at a time. Upper and lower halves of each force are therefore summed apart, and moments are taken
-//! about a cell inside the body, whose arms are short: no sum over fewer than 2^18 cells of a body 2^11 cells across
-//! can overflow.
+//! They are separate from [`crate::links::Load`], the sum of forces and moments in quanta on the processor, because
+//! that needs more than 64 bits and a GPU adds at most 64 bits atomically. The upper and lower halves of each force are
+//! therefore summed separately. Moments are taken about a cell inside the body, so that the arms are short: a sum over
+//! fewer than 2^18 cells of a body with a diameter of up to 2^11 cells cannot overflow.
 
 use crate::lattice::unroll;
 use crate::saturation::solid::CoveringBody;
 use core::sync::atomic::{AtomicU64, Ordering};
 
-/// The load on a body. The same bytes on the host and on the GPU.
+/// Load on a body. The layout is the same on the host and on the GPU.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub struct BodyLoad {
-    /// Forces: lower halves, then upper halves; moments likewise.
+    /// Lower halves of the force, upper halves of the force, and the moments of the lower and of the upper halves;
+    /// three components each.
     parts: [AtomicU64; 12],
 }
 
-/// The cell of the body's raw frame about which moments are taken.
+/// Returns the cell, in the raw frame of the body, about which moments are taken.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "cells are far below 2^31")]
 fn origin(solid: &CoveringBody) -> [i32; 3] {
@@ -25,7 +27,7 @@ fn origin(solid: &CoveringBody) -> [i32; 3] {
     [p[0] as i32, p[1] as i32, p[2] as i32]
 }
 
-/// Moments of a force at an arm.
+/// Returns the moment at × f of a force at an arm.
 #[inline(always)]
 fn moments(at: [i64; 3], f: [i64; 3]) -> [i64; 3] {
     [
@@ -36,13 +38,13 @@ fn moments(at: [i64; 3], f: [i64; 3]) -> [i64; 3] {
 }
 
 impl BodyLoad {
-    /// Number of words of a load.
+    /// Number of 64-bit words of a load.
     pub const WORDS: usize = 12;
 
-    /// Loads of each body, so that fewer threads wait for the same memory.
+    /// Number of partial loads of each body. With several, fewer threads wait for the same address.
     pub const COPIES: u32 = 4;
 
-    /// Returns the load of its parts as they lie in memory; missing ones are zero.
+    /// Returns the load with these words, in the order of memory; missing words are zero.
     #[must_use]
     pub fn from_parts(parts: &[u64]) -> Self {
         let load = Self::default();
@@ -52,7 +54,7 @@ impl BodyLoad {
         load
     }
 
-    /// Returns the parts that a force in quanta at the middle of a cell of the raw frame of the body adds.
+    /// Returns the words that a force in quanta adds; it acts at the centre of cell `raw` of the raw frame of the body.
     #[inline(always)]
     pub(crate) fn parts<const D: usize>(
         solid: &CoveringBody,
@@ -73,7 +75,7 @@ impl BodyLoad {
         [x, y, z, p, q, r, a, b, c, d, e, f]
     }
 
-    /// Adds parts, or the sums of some.
+    /// Adds the words of a force, or the sums of the words of several forces.
     #[inline(always)]
     pub(crate) fn add_parts(&self, parts: [i64; 12]) {
         unroll!(populations n < 12 => {
@@ -83,13 +85,13 @@ impl BodyLoad {
         });
     }
 
-    /// Adds a force in quanta at the middle of a cell of the raw frame of the body.
+    /// Adds a force in quanta that acts at the centre of cell `raw` of the raw frame of the body.
     #[inline(always)]
     pub fn add<const D: usize>(&self, solid: &CoveringBody, raw: [i32; 3], force: [i64; 3]) {
         self.add_parts(Self::parts::<D>(solid, raw, force));
     }
 
-    /// Force, and twice the moment about the origin of the raw frame, in quanta.
+    /// Returns the force, and twice the moment about the origin of the raw frame, in quanta.
     #[must_use]
     pub fn total(&self, solid: &CoveringBody) -> [i128; 6] {
         let whole = |lower: usize| {

@@ -1,5 +1,7 @@
-//! A step of a slab as work for a GPU: the positions of the cells' numbers in each of the two passes, and the
-//! copies after each pass.
+//! Work of a step of a slab on a GPU: the positions of the populations in each of the two passes, and the copies after
+//! each pass.
+//!
+//! It is separate from the launches ([`super::Gpu`]), so that tests can run the same work on the host.
 //!
 //! | after the pass | copies, in this order |
 //! |---|---|
@@ -15,26 +17,26 @@ use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
 use base::number::to_u32;
 
-/// Pass with the copies after it.
+/// Pass over all cells, and the copies after it.
 #[derive(Clone, Debug)]
 pub struct Pass {
-    /// Slab with the numbers of the cells.
+    /// Positions of the populations.
     pub slab: Slab,
     /// Copies after the pass, one list after the other; the order within a list is arbitrary.
     pub copies: Vec<Vec<Copies>>,
 }
 
-/// Work of a step.
+/// Passes and copies of the even and of the odd step.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// The even and the odd pass.
+    /// Even pass and odd pass.
     pub passes: [Pass; 2],
-    /// Number of planes, rows and cells of a row.
+    /// Number of planes, of rows of a plane, and of cells of a row.
     pub cells: [u32; 3],
 }
 
 impl Program {
-    /// Returns the work for a slab that is the whole domain.
+    /// Returns the work for a slab that contains the whole domain.
     #[must_use]
     pub fn new<S: Stored>(
         populations: &Populations<S>,
@@ -57,7 +59,7 @@ impl Program {
 }
 
 impl Pass {
-    /// Returns the pass over populations with the layout after `before`.
+    /// Returns the pass over populations with the parity `before`.
     fn new<S: Stored>(
         populations: &Populations<S>,
         boundaries: &Boundaries<S>,
@@ -110,7 +112,7 @@ impl Pass {
     }
 }
 
-/// Returns the distance of neighbours along an axis.
+/// Returns the distance in positions between neighbours along an axis.
 fn step<S: Stored>(populations: &Populations<S>, axis: usize) -> u32 {
     let mut at = [0; 3];
     at[axis] = 1;
@@ -125,7 +127,7 @@ struct Round<'a, S: Stored> {
 }
 
 impl<S: Stored> Round<'_, S> {
-    /// Returns the component of a direction along an axis; 0 for a direction that does not cross it.
+    /// Returns the component of direction `i` along an axis; 0 if the axis is not periodic.
     fn along(&self, axis: usize, i: usize) -> i8 {
         let velocities = self.populations.velocities();
         if self.periodic[axis] && axis < velocities.dimension {
@@ -135,8 +137,8 @@ impl<S: Stored> Round<'_, S> {
         }
     }
 
-    /// Returns the periodic copies along the rows: the population that the first cell of a row left for the cell
-    /// before it also belongs to the cell after the last, and the reverse.
+    /// Returns the periodic copies along the rows: a population that the first cell of a row writes for the cell before
+    /// it is copied to the cell after the last one, and vice versa.
     fn rows(&self, slab: &Slab) -> Vec<Copies> {
         let [slow, middle, fast] = self.populations.order();
         let cells = self.populations.cells();
@@ -159,9 +161,9 @@ impl<S: Stored> Round<'_, S> {
         all
     }
 
-    /// Returns the periodic copies along another axis: whole rows, with their ghosts. After an even pass ghosts are
-    /// filled, after an odd one delivered. Along the middle axis the planes are copied before the slab axis, or
-    /// after it with its ghosts (`beyond`).
+    /// Returns the periodic copies along `axis`, of whole rows with their ghosts. After an even pass, interior cells
+    /// are copied to ghosts; after an odd one, ghosts are copied to interior cells. With `beyond`, the copies include
+    /// the ghosts along the `other` axis, as is necessary for one of the two axes to make edges correct.
     fn axis(&self, axis: usize, other: usize, beyond: bool) -> Vec<Copies> {
         let populations = self.populations;
         let (velocities, cells) = (populations.velocities(), populations.cells());
@@ -202,7 +204,7 @@ impl<S: Stored> Round<'_, S> {
     }
 }
 
-/// Copy of one number without a term.
+/// Single copy without a term.
 const PLAIN: Copies = Copies {
     from: 0,
     to: 0,

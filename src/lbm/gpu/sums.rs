@@ -1,8 +1,8 @@
-//! The sums of the forces on bodies, as the pass over covered cells adds to them on a GPU: the part of
-//! [`crate::saturation`]'s sums of a worker.
+//! Sums of the forces on bodies in the passes over covered cells on a GPU.
 //!
-//! The force on the first body of a cell waits until the threads of a warp add up what they have for the same body: few
-//! additions to memory are left, for which thousands of threads would stand in line.
+//! The module is separate from the sums of a worker of the processor (`saturation::sums`), which it replaces on GPUs.
+//! A thread keeps the first force of its cell until all threads of the warp add up the forces on the same body. This
+//! leaves few atomic additions, which would otherwise make thousands of threads wait for the same address.
 
 use super::loads::BodyLoad;
 use super::warp;
@@ -10,21 +10,21 @@ use crate::lattice::unroll;
 use crate::quanta::quanta;
 use crate::saturation::solid::{CoveringBody, NONE};
 
-/// Sums of all threads, and the force of this one that waits.
+/// Sums of all threads, and the force that this thread keeps.
 pub(crate) struct Sums {
-    /// One for each body.
+    /// Load of each body.
     loads: *const BodyLoad,
-    /// The bodies.
+    /// Bodies by slot.
     solids: *const CoveringBody,
-    /// Whose force waits, in which cell, in quanta.
+    /// Slot of the body on which the kept force acts, cell in the raw frame of the body, and force in quanta.
     slot: u32,
     raw: [i32; 3],
     force: [i64; 3],
 }
 
 impl Sums {
-    /// No force yet. There are [`BodyLoad::COPIES`] times as many loads as `bodies`, and warp number `warp` has some of
-    /// them.
+    /// Returns sums without a force. Each body has [`BodyLoad::COPIES`] partial loads, one of which receives the forces
+    /// of warp `warp`.
     #[inline(always)]
     pub(crate) fn new(
         loads: *const BodyLoad,
@@ -42,15 +42,15 @@ impl Sums {
         }
     }
 
-    /// Adds a force at the middle of a cell.
+    /// Adds a force in lattice units that acts at the centre of a cell.
     #[inline(always)]
     pub(crate) fn add<const D: usize>(&mut self, slot: u32, raw: [i32; 3], force: [f64; 3]) {
         let force = [quanta(force[0]), quanta(force[1]), quanta(force[2])];
         self.add_row::<D>(slot, raw, 0, force, [0; 3]);
     }
 
-    /// Adds a force in quanta at the middle of a cell; a row of a GPU is one cell, so that no force has a place beyond
-    /// the first.
+    /// Adds a force in quanta that acts at the centre of a cell. The vectors of a GPU have one cell, so that there are
+    /// no forces weighted by the index of a cell.
     #[inline(always)]
     pub(crate) fn add_row<const D: usize>(
         &mut self,
@@ -64,7 +64,7 @@ impl Sums {
             (self.slot, self.raw, self.force) = (slot, raw, force);
             return;
         }
-        // SAFETY: the host has memory for each slot of a covered cell.
+        // SAFETY: the host allocates a load for each slot.
         let (load, solid) = unsafe {
             (
                 &*self.loads.add(slot as usize),
@@ -74,18 +74,18 @@ impl Sums {
         load.add::<D>(solid, raw, force);
     }
 
-    /// Adds what waits.
+    /// Adds the forces that the threads of the warp keep to the loads of their bodies.
     ///
     /// # Safety
-    /// All threads of the warp must be here.
+    /// All threads of the warp must call this function together.
     #[inline(always)]
     pub(crate) unsafe fn finish<const D: usize>(self) {
         let mut waiting = warp::ballot(self.slot != NONE);
         while waiting != 0 {
             let leader = waiting.trailing_zeros();
-            let slot = warp::of_lane(self.slot, leader);
+            let slot = warp::from_lane(self.slot, leader);
             let mine = self.slot == slot;
-            // SAFETY: as above.
+            // SAFETY: as for `add_row`.
             let (load, solid) = unsafe {
                 (
                     &*self.loads.add(slot as usize),

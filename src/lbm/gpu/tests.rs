@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Checks that the kernels correspond to the sources: that `build.sh` was run after the last change.
+/// Compares the hash of the sources in the archive with the sources: `build.sh` was run after the last change.
 #[test]
 fn the_ptx_is_made_from_these_sources() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -35,12 +35,12 @@ fn the_ptx_is_made_from_these_sources() {
     }
 }
 
-/// Checks that all operations are rounded and fused as in the source; otherwise the bits would change.
+/// Checks that every operation is rounded to nearest and none is approximate; otherwise the bits would change.
 #[test]
 fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     let mut seen = 0;
     for (kernels, text) in super::KERNELS.iter() {
-        // A driver refuses external functions, for example that of a division by zero.
+        // A driver refuses external functions, for example the panic of a division by zero.
         assert!(!text.contains(".extern"), "{kernels}");
         for line in text.lines() {
             let name = line.split_whitespace().next().unwrap_or_default();
@@ -59,7 +59,7 @@ fn every_operation_of_the_ptx_is_rounded_to_nearest() {
     assert!(seen > 3000, "{seen}");
 }
 
-/// Checks that each number occurs once, for rows longer than a piece and for several rows in a piece.
+/// Checks that the pieces contain each copy once, for rows longer than a piece and for several rows in a piece.
 #[test]
 fn pieces_are_the_copies_of_the_rectangle() {
     for counts in [[1, 1], [5, 7], [7, 5], [100, 3], [3, 100], [64, 64]] {
@@ -90,7 +90,7 @@ fn pieces_are_the_copies_of_the_rectangle() {
     }
 }
 
-/// Checks that sums of half cells about a cell of the body are those of whole numbers about the origin.
+/// Compares the sums of upper and lower halves about a cell of the body with sums of 128 bits about the origin.
 #[test]
 fn loads_of_a_gpu_are_those_of_the_processor() {
     let at = |z: f64| CoveringBody {

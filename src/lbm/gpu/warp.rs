@@ -1,19 +1,19 @@
-//! Work that the threads of a warp share: 32 threads of a GPU that run together. For GPUs alone.
+//! Collective operations of the threads of a warp, in PTX.
 //!
-//! All threads of a warp must call these functions together, so that a kernel that uses them has no thread that
-//! returned before.
+//! They are separate because they are compiled for GPUs only. All threads of a warp must call such a function together;
+//! in a kernel that uses them, no thread may return before.
 
 use super::balls::WARP;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// All threads of a warp.
+/// Bit mask of all threads of a warp.
 const ALL: u32 = u32::MAX;
 
-/// The number of this thread in its warp.
+/// Returns the index of this thread in its warp.
 #[inline(always)]
 pub(crate) fn lane() -> u32 {
     let lane;
-    // SAFETY: reads a register of the thread.
+    // SAFETY: the instruction reads a register of the thread.
     unsafe {
         core::arch::asm!("mov.u32 {0}, %laneid;", out(reg32) lane, options(pure, nomem, nostack, preserves_flags));
     }
@@ -24,7 +24,7 @@ pub(crate) fn lane() -> u32 {
 #[inline(always)]
 pub(crate) fn ballot(holds: bool) -> u32 {
     let threads;
-    // SAFETY: all threads of the warp are here.
+    // SAFETY: all threads of the warp call this function together.
     unsafe {
         core::arch::asm!(
             "{{ .reg .pred holds; setp.ne.u32 holds, {1}, 0; vote.sync.ballot.b32 {0}, holds, {2}; }}",
@@ -35,11 +35,11 @@ pub(crate) fn ballot(holds: bool) -> u32 {
     threads
 }
 
-/// The number that another thread has.
+/// Returns the value of `number` in thread `lane` of the warp.
 #[inline(always)]
-pub(crate) fn of_lane(number: u32, lane: u32) -> u32 {
+pub(crate) fn from_lane(number: u32, lane: u32) -> u32 {
     let theirs;
-    // SAFETY: all threads of the warp are here.
+    // SAFETY: all threads of the warp call this function together.
     unsafe {
         core::arch::asm!(
             "shfl.sync.idx.b32 {0}, {1}, {2}, 31, {3};",
@@ -50,42 +50,42 @@ pub(crate) fn of_lane(number: u32, lane: u32) -> u32 {
     theirs
 }
 
-/// The sum of a number of each thread, in all of them.
+/// Returns to each thread the sum of `number` over the threads of the warp.
 #[inline(always)]
 pub(crate) fn sum(number: i64) -> i64 {
     let mut sum = number;
-    let mut beside = WARP / 2;
-    while beside > 0 {
+    let mut distance = WARP / 2;
+    while distance > 0 {
         let other: i64;
-        // SAFETY: all threads of the warp are here.
+        // SAFETY: all threads of the warp call this function together.
         unsafe {
             core::arch::asm!(
                 "{{ .reg .b32 low, high; mov.b64 {{low, high}}, {1};",
                 "shfl.sync.bfly.b32 low, low, {2}, 31, {3};",
                 "shfl.sync.bfly.b32 high, high, {2}, 31, {3};",
                 "mov.b64 {0}, {{low, high}}; }}",
-                out(reg64) other, in(reg64) sum, in(reg32) beside, const ALL,
+                out(reg64) other, in(reg64) sum, in(reg32) distance, const ALL,
                 options(nostack, preserves_flags)
             );
         }
         sum = sum.wrapping_add(other);
-        beside >>= 1;
+        distance >>= 1;
     }
     sum
 }
 
-/// Returns the number of threads before this one that are set in `threads`.
+/// Returns the number of threads in the mask `threads` that precede this thread.
 #[inline(always)]
-pub(crate) fn before(threads: u32) -> u32 {
+pub(crate) fn preceding(threads: u32) -> u32 {
     (threads & ((1 << lane()) - 1)).count_ones()
 }
 
-/// The first of as many places as are asked for by the threads of a warp together.
+/// Reserves `asked` consecutive elements for the warp by adding to `count`, and returns the index of the first one.
 #[inline(always)]
-pub(crate) fn places(count: &AtomicU32, asked: u32) -> u32 {
+pub(crate) fn reserve(count: &AtomicU32, asked: u32) -> u32 {
     let mut first = 0;
     if asked > 0 && lane() == 0 {
         first = count.fetch_add(asked, Ordering::Relaxed);
     }
-    of_lane(first, 0)
+    from_lane(first, 0)
 }

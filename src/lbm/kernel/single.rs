@@ -1,6 +1,7 @@
-//! The fused pass with arithmetic in f32, for open cells of one viscosity.
+//! Fused pass with arithmetic in f32, for open cells with a uniform viscosity.
 //!
-//! It stands apart because cells that solids cover and eddy viscosities are computed in f64 only ([`super::pass`]).
+//! It is separate from the pass in f64 ([`super::pass`]), because covered cells and eddy viscosities are computed in
+//! f64 only.
 
 use super::{LINE, Pass, Row, Shared, Update, ahead_of_each};
 use crate::block::RowBlock;
@@ -11,7 +12,7 @@ use crate::lattice::{Lattice, unroll};
 use crate::single::{Avx2Single, Avx512Single};
 use crate::turbulence::Resolved;
 
-/// Returns the pass in f32 for this lattice, operator and level.
+/// Returns the pass in f32 for a lattice, an operator and an instruction set.
 pub(crate) fn choose<L: Lattice<Q>, C: Collision, const Q: usize>(
     level: Level,
 ) -> Pass<f32, C, Resolved> {
@@ -55,9 +56,11 @@ unsafe fn scalar<L: Lattice<Q>, C: Collision, const Q: usize>(
     unsafe { pass::<L, C, f32, Q>(shared, update, block) }
 }
 
+/// Collides and streams the rows of a block in place.
+///
 /// # Safety
-/// No other thread may work on the same rows, the slab must have them, and the processor must offer the instructions of
-/// `N`.
+/// No other thread may work on the same rows, the slab must contain them, and the processor must support the
+/// instructions of `N`.
 #[inline(always)]
 unsafe fn pass<L: Lattice<Q>, C: Collision, N: Lanes, const Q: usize>(
     shared: &Shared<f32>,

@@ -1,14 +1,16 @@
-//! Instruction sets of the processor, and the widest that is available.
+//! Instruction sets of the processor, and selection of the widest available one at run time.
+//!
+//! They are separate from the number types, because GPUs have a single instruction set.
 
-/// Instruction set of the cell loop. All levels give the same bits; they differ in speed.
+/// Instruction set that the cell loop uses. All levels give the same bits and differ in speed only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// One number at a time, on any processor.
+    /// Scalar instructions of any processor.
     Scalar,
-    /// Four lanes, AVX2 with FMA.
+    /// AVX2 with FMA: four lanes of f64.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// Eight lanes, AVX-512 with F, DQ, BW and VL.
+    /// AVX-512 with F, DQ, BW and VL: eight lanes of f64.
     #[cfg(target_arch = "x86_64")]
     Avx512,
 }

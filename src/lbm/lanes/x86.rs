@@ -1,4 +1,6 @@
-//! Lanes in the vector registers of x86-64 processors.
+//! Lanes of f64 in the vector registers of x86-64 processors.
+//!
+//! They are separate from the scalar f64, because they exist on this architecture only.
 
 use super::{Add, Div, Lanes, Memory, Mul, Sub};
 use std::arch::x86_64::*;
@@ -13,10 +15,10 @@ pub struct Avx512(__m512d);
 /// Indices of the lanes.
 static COUNT: [f64; super::WIDEST] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Returns the signs of four numbers.
+/// Returns the bit mask of the signs of four numbers.
 #[inline(always)]
 fn bits(x: __m128) -> u8 {
-    // SAFETY: part of every x86-64.
+    // SAFETY: every x86-64 processor has this instruction.
     let signs = unsafe { _mm_movemask_ps(x) };
     signs.to_le_bytes()[0]
 }

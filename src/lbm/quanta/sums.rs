@@ -1,9 +1,11 @@
-//! Sums of many values, several at a time.
+//! Sums of many values in quanta, with the vector instructions of the processor.
+//!
+//! They are separate from the conversion of a single value, which is also compiled for GPUs.
 
 use super::quanta;
 use crate::lanes::{Level, Work};
 
-/// Returns the sum of a list of link values in quanta.
+/// Returns the sum of link values in quanta; the result is the same for every level.
 #[must_use]
 pub fn sum_of_quanta(level: Level, values: &[f64]) -> i128 {
     let mut sum = 0;
@@ -11,7 +13,7 @@ pub fn sum_of_quanta(level: Level, values: &[f64]) -> i128 {
     sum
 }
 
-/// See [`sum_of_quanta`].
+/// Loops of [`sum_of_quanta`]: the values, and the sum to which they are added.
 struct SumOfQuanta<'a>(&'a [f64], &'a mut i128);
 
 impl Work for SumOfQuanta<'_> {

@@ -12,7 +12,7 @@ use super::{
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 
-/// See the module.
+/// Operator that reverses the populations relative to the velocity of the solid.
 #[derive(Clone, Copy, Debug)]
 pub struct BounceBackAboutSolid;
 
@@ -35,9 +35,9 @@ impl SolidOperatorModel for BounceBackAboutSolid {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (0.385, body.falls(0.2, 1.32, 0.475))
+            (0.385, body.by_radius(0.2, 1.32, 0.475))
         } else {
-            (0.345, body.falls(0.1, 2.05, 0.475))
+            (0.345, body.by_radius(0.1, 2.05, 0.475))
         };
         let wider = if body.relaxation_time < MEASURED.start {
             0.25

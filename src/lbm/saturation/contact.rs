@@ -1,23 +1,23 @@
 //! Bodies in contact: populations that cross between two full cells of different bodies carry pressure, but no drag.
 //!
-//! Where no water is between two bodies that slide on each other, the populations that their full cells exchange would
-//! act like a viscous film one cell thick. Populations that both cells reverse oscillate and increase this drag up to a
-//! hundredfold: a face of 0.01 m² at 0.2 m/s in cells of 1 cm received 55 to 70 N where water would exert 1 N. This
-//! film does not exist, because the contact law describes the forces between bodies in contact. A population that
-//! leaves a full cell towards a full cell of another body is therefore set to the equilibrium at the mean of the two
-//! bodies' velocities at the middle of the link,
+//! If there is no water between two bodies that slide on each other, the populations that their full cells exchange act
+//! like a viscous film with a thickness of one cell. Populations that both cells reverse oscillate and increase this
+//! drag up to a hundredfold: with cells of 1 cm, a face of 0.01 m² at 0.2 m/s received 55 to 70 N instead of the 1 N
+//! that water would exert. This film is unphysical: the contact law already describes the forces between bodies in
+//! contact. A population that leaves a full cell towards a full cell of another body is therefore set to the
+//! equilibrium at the mean of the velocities of the two bodies at the middle of the link,
 //!
 //! ```text
 //! f_i* = f_i^eq(ρ, u_c),     u_c = (u_a + u_b) / 2
 //! ```
 //!
 //! from both sides. The populations that arrive along i and leave along ī then add up to 2 w_i ρ, the pressure of the
-//! joint (uplift), for any velocities of the bodies. The rest population conserves the mass of the cell, and the bodies
-//! receive the momentum that the water does not. A wall at rest next to a full cell counts as a body with u_c = 0. The
-//! rule does not apply to moving walls.
+//! joint (uplift), for any velocities of the bodies. The mass of the cell is conserved by a change of the rest
+//! population, and the bodies receive the momentum that the water loses. A stationary wall next to a full cell is
+//! treated as a body with u_c = 0. The rule does not apply to moving walls.
 //!
-//! The rule needs the cover of the neighbours, so that a slab holds the cover of its ghost cells. A fraction in a ghost
-//! cell is stored as its negative, and no pass acts on it.
+//! The rule needs the fractions and owners of the neighbours, so that a slab stores those of its ghost cells as well.
+//! The fraction of a ghost cell is stored as its negative, so that the pass treats it as open.
 
 use super::Cell;
 use super::pass::{Place, View};
@@ -26,15 +26,16 @@ use crate::lanes::{Lanes, Memory, WIDEST};
 use crate::lattice::Lattice;
 use crate::rigid::surface_velocity;
 
-/// Solids fill a cell whose parts, each rounded to f32, add up to this.
+/// Minimum stored fraction of a full cell. It is below 1, because the fractions of several bodies are each rounded to
+/// f32.
 const FULL: f32 = 1.0 - 1e-6;
 
 impl View {
-    /// Sets what leaves the full ones of `N::WIDTH` cells towards full cells of other bodies. `sole` is
-    /// the body that alone covers the covered ones, `g` are the outgoing populations.
+    /// Sets the outgoing populations `g` of the full ones of `N::WIDTH` cells towards full cells of other bodies.
+    /// `sole` is the only body that covers any of these cells, if there is one.
     ///
     /// # Safety
-    /// As for [`Self::mix`].
+    /// The conditions are those of [`Self::mix`].
     #[inline(always)]
     pub(super) unsafe fn touch<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -53,15 +54,15 @@ impl View {
         if !(0..N::WIDTH).any(full) {
             return;
         }
-        // A thread of a GPU has one cell and asks for its neighbours once.
-        // SAFETY: promised by the caller; slots were made by `Cover::make_room`.
+        // A thread of a GPU has one cell, so that the neighbours of the cell are checked here at once.
+        // SAFETY: promised by the caller; `solids` has an entry for each slot.
         #[cfg(target_arch = "nvptx64")]
         if sole.is_some_and(|slot| unsafe {
             (*self.solids.add(slot as usize)).alone || self.lies_alone::<L, N, Q>(place.cell, slot)
         }) {
             return;
         }
-        // SAFETY: as above.
+        // SAFETY: `solids` has an entry for each slot.
         #[cfg(not(target_arch = "nvptx64"))]
         if sole.is_some_and(|slot| unsafe { (*self.solids.add(slot as usize)).alone }) {
             return;
@@ -77,7 +78,7 @@ impl View {
         }
         let mut drho = [0.0; WIDEST];
         let mut leaving = [[0.0; WIDEST]; Q];
-        // SAFETY: arrays of at least the lanes' width.
+        // SAFETY: the arrays have at least as many elements as lanes.
         unsafe {
             <f64 as Memory<N>>::store(drho.as_mut_ptr(), cell.drho);
             for i in 0..Q {
@@ -89,22 +90,22 @@ impl View {
             unsafe { self.touch_one::<L, Q>(place, lane, drho[lane], &mut leaving) };
         }
         for i in 0..Q {
-            // SAFETY: an array of at least the lanes' width.
+            // SAFETY: the array has at least as many elements as lanes.
             g[i] = unsafe { <f64 as Memory<N>>::load(leaving[i].as_ptr()) };
         }
     }
 
-    /// From a cell to the neighbour along `c`.
+    /// Returns the distance in positions from a cell to its neighbour along `c`.
     #[inline(always)]
     fn offset(&self, c: [i8; 3]) -> isize {
         let [x, y, z] = c.map(isize::from);
         x * self.strides[0] + y * self.strides[1] + z * self.strides[2]
     }
 
-    /// Returns `true` if no body but `slot` covers neighbours of `N::WIDTH` cells.
+    /// Returns `true` if no body except `slot` covers neighbours of `N::WIDTH` cells.
     ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     #[cfg(target_arch = "nvptx64")]
     #[inline(always)]
     unsafe fn lies_alone<L: Lattice<Q>, N: Lanes, const Q: usize>(
@@ -112,7 +113,7 @@ impl View {
         cell: usize,
         slot: u32,
     ) -> bool {
-        // One for each lane, so that the compiler compares a vector of owners at once.
+        // An element for each lane lets the compiler compare a vector of owners at once.
         let mut others = [0; WIDEST];
         for i in 1..Q {
             let there = self
@@ -120,20 +121,21 @@ impl View {
                 .wrapping_add(cell)
                 .wrapping_offset(self.offset(L::C[i]));
             for (lane, other) in others.iter_mut().enumerate().take(N::WIDTH) {
-                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have memory
-                // for whole vectors.
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners of a whole
+                // vector of cells are readable.
                 let owner = unsafe { there.add(lane).read() };
                 *other |= if owner == NONE { 0 } else { owner ^ slot };
             }
         }
-        // No comparison of arrays: on a GPU it is a call.
+        // A comparison of arrays would be a function call on a GPU.
         others.iter().fold(0, |all, other| all | other) == 0
     }
 
-    /// Returns for each of `N::WIDTH` cells `true` if a neighbour has another body than its own, or several.
+    /// Returns for each of `N::WIDTH` cells `true` if a body that does not cover this cell may cover a neighbour. A
+    /// cell of several bodies counts as soon as a neighbour is covered.
     ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     #[cfg(not(target_arch = "nvptx64"))]
     #[inline(always)]
     unsafe fn beside_others<L: Lattice<Q>, N: Lanes, const Q: usize>(
@@ -151,12 +153,12 @@ impl View {
                 .owner
                 .wrapping_add(cell)
                 .wrapping_offset(self.offset(L::C[i]));
-            // One for each lane, so that the compiler compares a vector of owners at once.
+            // An element for each lane lets the compiler compare a vector of owners at once.
             for lane in 0..N::WIDTH {
-                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners have memory
-                // for whole vectors.
+                // SAFETY: the neighbours of interior cells are cells of the slab or ghosts, and the owners of a whole
+                // vector of cells are readable.
                 let owner = unsafe { there.add(lane).read() };
-                // Of a cell of several bodies all neighbours count but water.
+                // For a cell of several bodies, every covered neighbour counts.
                 let other = (owner ^ own[lane]) | (own[lane] & SHARED);
                 others[lane] |= if owner == NONE { 0 } else { other };
             }
@@ -164,9 +166,12 @@ impl View {
         others.map(|other| other != 0)
     }
 
+    /// Sets the outgoing populations of a full cell towards full cells of other bodies, and adds the forces on its
+    /// bodies.
+    ///
     /// # Safety
-    /// As for [`Self::mix`], of a covered cell.
-    // On a GPU a call would have a copy of the view in memory, for each thread.
+    /// The conditions are those of [`Self::mix`], and the cell must be covered.
+    // On a GPU a call would store a copy of the view in memory for each thread.
     #[cfg_attr(target_arch = "nvptx64", inline(always))]
     unsafe fn touch_one<L: Lattice<Q>, const Q: usize>(
         &self,
@@ -185,11 +190,11 @@ impl View {
             let there = here.wrapping_add_signed(self.offset(L::C[i]));
             // SAFETY: the neighbour of an interior cell is a cell of the slab or a ghost.
             let other = unsafe { self.owner.add(there).read() };
-            // Most are the same body, or water.
+            // Most neighbours are water or cells of the same body.
             if other == NONE || (other == owner && owner & SHARED == 0) {
                 continue;
             }
-            // SAFETY: as above, and both are covered.
+            // SAFETY: as above, and both cells are covered.
             let skip = unsafe {
                 self.fraction.add(there).read().abs() < FULL || self.same_body(owner, other)
             };
@@ -200,12 +205,12 @@ impl View {
             let c = L::C[i];
             let still = other == STILL;
             #[cfg(not(target_arch = "nvptx64"))]
-            // SAFETY: both are covered by bodies.
-            let still = still || unsafe { self.rest(owner, other) };
+            // SAFETY: bodies cover both cells.
+            let still = still || unsafe { self.are_stationary(owner, other) };
             let v = if still {
                 [0.0; 3]
             } else {
-                // SAFETY: both are covered by bodies.
+                // SAFETY: bodies cover both cells.
                 let (a, b) = unsafe {
                     (
                         self.velocity_on_link::<L, Q>(owner, at, c),
@@ -236,27 +241,28 @@ impl View {
         }
     }
 
-    /// Returns `true` if one body, or an image of it, fills both cells.
+    /// Returns `true` if one body and its periodic images cover both cells, given the owners of the cells.
     ///
     /// # Safety
-    /// Both must be owners of covered cells.
+    /// Both owners must be those of covered cells.
     #[inline(always)]
     unsafe fn same_body(&self, a: u32, b: u32) -> bool {
-        // SAFETY: slots were made by `Cover::make_room`.
+        // SAFETY: `solids` has an entry for each slot.
         let id = |slot: u32| unsafe { (*self.solids.add(slot as usize)).name.id };
         (a | b) & SHARED == 0 && (a == b || id(a) == id(b))
     }
 
-    /// Returns `true` if the bodies of two covered cells rest: then their velocities need not be computed, as is the
-    /// rule in a bed of fixed blocks. Threads of a GPU would wait for each other.
+    /// Returns `true` if the bodies of two covered cells are stationary, so that their velocities need not be computed;
+    /// in a bed of fixed blocks this is the usual case. GPUs do not use this function, because it would make the
+    /// threads of a warp diverge.
     ///
     /// # Safety
-    /// Both must be owners of cells that bodies cover.
+    /// Both owners must be those of cells that bodies cover.
     #[inline(always)]
     #[cfg(not(target_arch = "nvptx64"))]
-    unsafe fn rest(&self, a: u32, b: u32) -> bool {
-        let rests = |slot: u32| {
-            // SAFETY: slots were made by `Cover::make_room`.
+    unsafe fn are_stationary(&self, a: u32, b: u32) -> bool {
+        let is_stationary = |slot: u32| {
+            // SAFETY: `solids` has an entry for each slot.
             let motion = unsafe { &(*self.solids.add(slot as usize)).motion };
             (motion.velocity, motion.spin) == ([0.0; 3], [0.0; 3])
         };
@@ -264,14 +270,14 @@ impl View {
             // SAFETY: promised by the caller.
             let (slot, shares) = unsafe { self.shares(owner) };
             match shares {
-                [] => rests(slot),
-                shares => shares.iter().all(|share| rests(share.slot)),
+                [] => is_stationary(slot),
+                shares => shares.iter().all(|share| is_stationary(share.slot)),
             }
         })
     }
 
-    /// Returns the velocity of the bodies of a covered cell at the middle of the link along `c` from the cell `at`: the
-    /// same from both of its ends.
+    /// Returns the velocity of the bodies of a covered cell at the middle of the link along `c` from the cell `at`. The
+    /// point is computed from integers, so that the result is the same from both ends of the link.
     ///
     /// # Safety
     /// `owner` must be that of a cell that bodies cover.
@@ -283,7 +289,7 @@ impl View {
     ) -> [f64; 3] {
         debug_assert!(owner != NONE && owner != STILL);
         let of = |slot: u32| {
-            // SAFETY: slots were made by `Cover::make_room`.
+            // SAFETY: `solids` has an entry for each slot.
             let solid = unsafe { &*self.solids.add(slot as usize) };
             let raw = solid.raw(at);
             let mut arm = [0.0; 3];

@@ -1,4 +1,6 @@
-//! The cover of the cells of a slab by solids: fractions, bodies, and sums of the forces on the bodies.
+//! Cover of the cells of a slab by solids: fractions, bodies, and sums of the forces on the bodies.
+//!
+//! It is separate from the passes, which read it by address (`pass.rs`), because only the processor changes it.
 
 pub use super::solid::CoveringBody;
 use super::solid::{BETWEEN, DEEP, NONE, SHARED, STILL, Shares};
@@ -18,9 +20,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Cover of the cells of a slab by solids.
 #[derive(Debug)]
 pub struct Cover {
+    /// Method by which the solids act on the fluid, and parameters of the fluid.
     pub(super) method: SaturationMethod,
     pub(super) fluid: CoveredFluid,
-    /// Axes from slowest to fastest.
+    /// Axes from slowest to fastest in memory.
     pub(super) order: [usize; 3],
     /// Solid fraction ε by position of a cell; in ghost cells its negative.
     pub(super) fraction: Vec<f32>,
@@ -31,7 +34,9 @@ pub struct Cover {
     lists: Vec<WorkerLists>,
     /// Addresses of the lists for the pass.
     shares: Vec<Shares>,
+    /// Bodies by slot.
     pub(super) solids: Vec<CoveringBody>,
+    /// Sums of the forces of each worker.
     pub(super) sums: Vec<Sums>,
     /// Distance between cells along each axis in positions.
     pub(super) strides: [isize; 3],
@@ -39,7 +44,7 @@ pub struct Cover {
     changed: AtomicBool,
     /// Number of changes of cells.
     version: AtomicU64,
-    /// `true` if all bodies are balls with exact fractions, and the cells are those of [`CoveringBody`] alone.
+    /// `true` if all bodies are balls with exact fractions, so that the fractions follow from `solids`.
     balls: bool,
     /// Number of changes of position, size or slot of bodies, and number of any changes.
     moves: u64,
@@ -93,8 +98,8 @@ impl Cover {
         }
     }
 
-    /// Sets a flag: `true` if all bodies are balls that cover the cells exactly as given by their positions, so that a
-    /// GPU can compute the cover.
+    /// Sets whether all bodies are balls that cover the cells exactly as given by their positions, so that a GPU can
+    /// compute the cover.
     pub fn set_balls(&mut self, balls: bool) {
         self.balls = balls;
     }
@@ -148,9 +153,9 @@ impl Cover {
         self.shares.clear();
         for (shelf, lists) in self.lists.iter_mut().enumerate() {
             let shared = &lists.get().shared;
-            let room = shared.len() * count;
-            if self.shares.len() < room {
-                self.shares.resize(room, Shares::from_parts(&[]));
+            let length = shared.len() * count;
+            if self.shares.len() < length {
+                self.shares.resize(length, Shares::from_parts(&[]));
             }
             for (k, parts) in shared.iter().enumerate() {
                 self.shares[k * count + shelf] = Shares::from_parts(parts);
@@ -159,14 +164,14 @@ impl Cover {
         self.shares.as_ptr()
     }
 
-    /// Calls `look` with the bodies of a shared cell, given by its owner.
-    fn at_shares<R>(&self, owner: u32, look: impl FnOnce(&[Share]) -> R) -> R {
+    /// Calls `read` with the bodies of a shared cell, given by its owner.
+    fn with_shares<R>(&self, owner: u32, read: impl FnOnce(&[Share]) -> R) -> R {
         let (shelf, place) = shelved(owner, self.lists.len());
         let lists = self.lists[shelf].lock();
-        look(lists.shared.get(place).map_or(&[][..], Vec::as_slice))
+        read(lists.shared.get(place).map_or(&[][..], Vec::as_slice))
     }
 
-    /// Adds a force computed elsewhere to the sum of a slot.
+    /// Adds a load computed on a GPU to the sum of a slot.
     pub(crate) fn receive(&mut self, slot: u32, load: &Load) {
         if let Some(sums) = self.sums.first_mut() {
             sums.add_load(slot, load);
@@ -189,7 +194,7 @@ impl Cover {
     /// Bytes per cell in addition to the populations.
     pub const BYTES: usize = size_of::<f32>() + size_of::<u32>();
 
-    /// Allocates slots for bodies.
+    /// Sets the number of slots for bodies.
     pub fn make_room(&mut self, slots: usize) {
         self.moves += 1;
         self.motions += 1;
@@ -199,7 +204,7 @@ impl Cover {
         }
     }
 
-    /// Sets the body in a slot and its motion.
+    /// Sets the body of a slot and its motion.
     pub fn set(&mut self, slot: u32, solid: CoveringBody) {
         if let Some(there) = self.solids.get_mut(slot as usize) {
             *self.changed.get_mut() |= there.motion != solid.motion || there.frame != solid.frame;
@@ -231,8 +236,7 @@ impl Cover {
         }
     }
 
-    /// Divides the cells at ascending positions and calls `work` with each part on a worker: there is one part more
-    /// than cuts.
+    /// Divides the cells at the ascending positions `cuts`, and calls `work` with each part on a worker.
     pub fn each_part(&mut self, cuts: &[usize], work: impl Fn(&mut CoverPart<'_>) + Sync) {
         let mut parts = Vec::with_capacity(cuts.len() + 1);
         let (mut fractions, mut owners) = (&mut self.fraction[..], &mut self.owner[..]);
@@ -279,7 +283,7 @@ impl Cover {
         let slot = if owner & SHARED == 0 {
             owner
         } else {
-            self.at_shares(owner, |shares| {
+            self.with_shares(owner, |shares| {
                 let mut most = shares.first()?;
                 for share in shares {
                     if share.fraction > most.fraction {
@@ -328,7 +332,7 @@ impl Cover {
             let slot = owner;
             mean_of(&[Share { slot, fraction }])
         } else {
-            self.at_shares(owner, mean_of)
+            self.with_shares(owner, mean_of)
         }
     }
 
@@ -356,7 +360,7 @@ impl Cover {
         if owner & SHARED == 0 {
             return of(owner);
         }
-        self.at_shares(owner, |shares| {
+        self.with_shares(owner, |shares| {
             let all = total(shares);
             let mut mean = [0.0; 3];
             for share in shares {
@@ -385,8 +389,8 @@ impl Cover {
         self.fraction[position] = if hidden { 0.0 - part } else { part };
     }
 
-    /// Calls `give` with the slot of each body of a cell, the body, the fraction that it fills and its fraction of
-    /// the sum.
+    /// Calls `give` for each body of a cell: with its slot, the body, the fraction of the cell that it fills, and this
+    /// fraction divided by the sum over all bodies of the cell.
     pub(crate) fn each_body(
         &self,
         position: usize,
@@ -404,7 +408,7 @@ impl Cover {
         if owner & SHARED == 0 {
             return of(owner, self.fraction(position), 1.0);
         }
-        self.at_shares(owner, |shares| {
+        self.with_shares(owner, |shares| {
             let all = total(shares);
             for share in shares {
                 let fraction = f64::from(share.fraction);
@@ -420,8 +424,8 @@ impl Cover {
         self.solids.len()
     }
 
-    /// Passes the sums of each slot since the last call to `give`: forces, and twice the moments about the origin
-    /// of its raw frame.
+    /// Calls `give` with each slot on which a force has acted since the last call, and the sum of its loads: force, and
+    /// twice the moment about the origin of the raw frame of the body, in quanta. Then clears the sums.
     pub fn collect(&mut self, mut give: impl FnMut(u32, &Load)) {
         for sums in &mut self.sums {
             for &slot in &sums.touched {
@@ -440,7 +444,7 @@ impl Cover {
 struct Lists {
     /// Bodies of the shared cells with their fractions, ordered by id and image.
     shared: Vec<Vec<Share>>,
-    /// Bodies that have the cell deep inside.
+    /// Bodies inside which the cell is deep.
     deep: Vec<Vec<u32>>,
     /// Indices of free entries.
     unused: Vec<usize>,
@@ -467,7 +471,8 @@ fn shelved(owner: u32, count: usize) -> (usize, usize) {
     (place % count, place / count)
 }
 
-/// List and index in it of a shared cell, with the number of lists; none if the cell had one body before.
+/// Location of a shared cell: list, number of lists, and index in the list, which is `None` if the cell has had a
+/// single body so far.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     shelf: usize,
@@ -496,7 +501,7 @@ pub struct CoverPart<'a> {
     owner: &'a mut [u32],
     lists: Access<'a>,
     solids: &'a [CoveringBody],
-    /// Flag of all parts, `true` after a change; it is written at the end. The next field is the flag of this part.
+    /// Flag and number of changes of the whole cover, updated once at the end if this part has changed.
     all_changed: &'a AtomicBool,
     version: &'a AtomicU64,
     changed: bool,
@@ -543,7 +548,7 @@ impl CoverPart<'_> {
         };
         let fraction = fraction.abs();
         if owner == NONE || owner == slot {
-            // The sum avoids -0, so that an uncovered cell has a single representation.
+            // Adding 0 turns -0 into 0, so that an uncovered cell has a single representation.
             self.fraction[at] = sign * fraction + 0.0;
             self.owner[at] = if fraction > 0.0 { slot } else { NONE };
         } else {
@@ -551,8 +556,9 @@ impl CoverPart<'_> {
         }
     }
 
-    /// Covers consecutive cells of this part, from a position on, like [`Cover::cover`], if this body alone covers
-    /// them before and after, and returns `true`; otherwise it does nothing.
+    /// Covers consecutive cells of this part, from a position on, like [`Cover::cover`], if body `slot` and no other
+    /// covers each of them before and after the call. Returns `true` in this case; otherwise changes nothing and
+    /// returns `false`.
     #[inline]
     pub fn cover_alone(&mut self, position: usize, slot: u32, parts: &[f32]) -> bool {
         let first = position - self.first;
@@ -669,6 +675,7 @@ impl Lists {
     }
 }
 
+/// Returns a fraction rounded to the precision in which it is stored.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a cell holds its fraction in f32"
@@ -677,6 +684,7 @@ fn rounded(fraction: f64) -> f32 {
     fraction as f32
 }
 
+/// Returns the index of a shared cell as part of its owner.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "far fewer than 2^31 cells are shared"

@@ -1,48 +1,51 @@
-//! Common part of the operators that mix the collision of the fluid and that of the solid by B.
+//! Common part of the operators that mix the fluid collision and the solid collision with the weight B.
+//!
+//! It is separate from the operators, which define the solid collision Ω^s of a pair of populations only.
 
 use super::{Act, Cell, CoveredFluid, LEAK};
 use crate::collision::along;
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// A pair of opposite populations, or one at rest with its opposite missing.
+/// Pair of opposite populations with its equilibria.
 pub(super) struct Pair<N> {
-    /// Incoming populations along i and along its opposite.
+    /// Incoming populations along i and along the opposite direction.
     pub(super) incoming: [N; 2],
-    /// Symmetric and antisymmetric part of the equilibrium along i at the velocity of the fluid.
+    /// Symmetric and antisymmetric parts of the equilibrium along i at the velocity of the fluid.
     pub(super) at_fluid: [N; 2],
-    /// These parts at the velocity of the solid.
+    /// Symmetric and antisymmetric parts of the equilibrium along i at the velocity of the solid.
     pub(super) at_solid: [N; 2],
 }
 
-/// An operator of which B is mixed with the collision of the fluid.
+/// Solid collision operator that is mixed with the fluid collision with the weight B.
 pub(super) trait Mixed: Copy {
-    /// `true` if the weight B itself makes a full cell lose a part of what it reverses.
+    /// `true` if the loss of a full cell ([`LEAK`]) is part of the weight B, `false` if it is part of Ω^s.
     const LEAKS: bool = false;
 
-    /// Ω^s of the population at rest, from what came in and the equilibria at the velocities of fluid and solid; `keep`
-    /// is 1 - ω.
+    /// Returns Ω^s of the rest population, given the incoming population and the equilibria at the velocities of fluid
+    /// and solid; `keep` is 1 - ω.
     fn at_rest<N: Lanes>(incoming: N, at_fluid: N, at_solid: N, keep: N) -> N;
 
-    /// Ω^s of a pair.
+    /// Returns Ω^s of a pair along i and along the opposite direction; `keep` is 1 - ω.
     fn pair<N: Lanes>(pair: &Pair<N>, keep: N) -> [N; 2];
 
-    /// r of a component, and α ρ: the force on the solid is -B (α ρ u_s + r). `m` is the momentum that came in, `ru`
-    /// that of the fluid.
+    /// Returns a component of r in the force on the solid, -B (α ρ u_s + r). `m` is the momentum Σ c f of the incoming
+    /// populations, `ru` that of the fluid with half the force, and `keep` is 1 - ω.
     fn rest<N: Lanes>(m: N, ru: N, keep: N) -> N;
 
-    /// See [`Mixed::rest`].
+    /// Returns α ρ in the force on the solid, -B (α ρ u_s + r).
     fn scale<N: Lanes>(rho: N) -> N;
 }
 
-/// g* where no solid is, else f + (1 - B) (g* - f) + B Ω^s.
+/// Returns f + (1 - B) (g* - f) + B Ω^s, or g* in lanes without solid: `g` is g*, the population after the fluid
+/// collision, `before` is f.
 #[inline(always)]
-fn turned<N: Lanes>(g: N, before: N, solid: N, b: N) -> N {
+fn mix<N: Lanes>(g: N, before: N, solid: N, b: N) -> N {
     let mixed = b.mul_add(solid - (g - before), g);
     b.where_zero(g, mixed)
 }
 
-/// B of cells filled by `fraction`.
+/// Returns B of cells with solid fractions `fraction`.
 #[inline(always)]
 pub(super) fn weight<M: Mixed, N: Lanes>(fluid: &CoveredFluid, fraction: N) -> N {
     let b = fluid.weighting.weight(fluid.time, fraction);
@@ -53,7 +56,8 @@ pub(super) fn weight<M: Mixed, N: Lanes>(fluid: &CoveredFluid, fraction: N) -> N
     }
 }
 
-/// Mixes the collision of the fluid, which left `fluid`, with that of the solid.
+/// Mixes the fluid collision, whose result is `fluid`, with the solid collision; see
+/// [`super::SolidCollision::collide`].
 #[inline(always)]
 pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
     covered: &CoveredFluid,
@@ -65,11 +69,11 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
     let zero = N::splat(0.0);
     let b = weight::<M, N>(covered, cell.fraction);
     let keep = N::splat(1.0) - cell.omega;
-    // At rest no direction: the symmetric part alone.
+    // The equilibrium of the rest population has a symmetric part only.
     let even_u = cell.even::<L, Q>(0, cell.uu, zero);
     let even_s = cell.even::<L, Q>(0, cell.ss, zero);
     let solid = M::at_rest(before[0], even_u, even_s, keep);
-    g[0] = turned(fluid[0], before[0], solid, b);
+    g[0] = mix(fluid[0], before[0], solid, b);
     unroll!(pairs k < (Q - 1) / 2 => {
         let (i, j) = L::PAIRS[k];
         let c = L::C[i];
@@ -86,8 +90,8 @@ pub(super) fn collide<M: Mixed, L: Lattice<Q>, N: Lanes, const Q: usize>(
             at_solid: [even_s, odd_s],
         };
         let [on_i, on_j] = M::pair(&pair, keep);
-        g[i] = turned(fluid[i], x, on_i, b);
-        g[j] = turned(fluid[j], y, on_j, b);
+        g[i] = mix(fluid[i], x, on_i, b);
+        g[j] = mix(fluid[j], y, on_j, b);
     });
     let mut rest = [zero; 3];
     unroll!(axes a < 3 => {

@@ -2,8 +2,10 @@
 //!
 //! ```text
 //! Ω^s_i = [f_ī - f_ī^eq(u)] - [f_i - f_i^eq(u_s)]
-//! force on the solid = -B (ρ u_s + r),   r = ρu - 2m   with m = Σ c f and ρu = m + F/2, but for what leaks
+//! force on the solid = -B (ρ u_s + r),   r = ρu - 2m   with m = Σ c f and ρu = m + F/2
 //! ```
+//!
+//! The deviation from equilibrium that is reversed, and its momentum ρu - m, are multiplied by 1 - 1/64 (`LEAK`).
 
 use super::mixed::{self, Mixed, Pair};
 use super::{
@@ -13,7 +15,7 @@ use super::{
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 
-/// See the module.
+/// Operator that reverses the non-equilibrium part of the populations.
 #[derive(Clone, Copy, Debug)]
 pub struct NonEquilibriumBounceBack;
 
@@ -36,10 +38,10 @@ impl SolidOperatorModel for NonEquilibriumBounceBack {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (body.falls(0.38, 0.7, 0.38), body.falls(0.405, 1.47, 0.405))
+            (body.by_radius(0.38, 0.7, 0.38), body.by_radius(0.405, 1.47, 0.405))
         } else {
-            let (slow, fast) = (body.falls(0.48, 0.9, 0.48), body.falls(0.42, 1.7, 0.42));
-            (body.falls(0.45, 0.75, 0.45), body.rises(slow, fast))
+            let (slow, fast) = (body.by_radius(0.48, 0.9, 0.48), body.by_radius(0.42, 1.7, 0.42));
+            (body.by_radius(0.45, 0.75, 0.45), body.by_time(slow, fast))
         };
         let mut ratios = DensityRatios::for_body(body, fails, holds, 0.05);
         if body.relaxation_time < MEASURED.start {
@@ -60,7 +62,7 @@ impl Mixed for NonEquilibriumBounceBack {
         N::splat(1.0 - LEAK) * (incoming - at_fluid) + (at_solid - incoming)
     }
 
-    /// Departure from equilibrium, reversed, less what leaks.
+    /// Reverses the deviation from equilibrium, with the loss `LEAK`.
     #[inline(always)]
     fn pair<N: Lanes>(pair: &Pair<N>, _: N) -> [N; 2] {
         let (half, stays) = (N::splat(0.5), N::splat(1.0 - LEAK));

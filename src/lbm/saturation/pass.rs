@@ -1,4 +1,7 @@
-//! The collision pass of covered cells.
+//! Collision of covered cells, called by the pass over all cells.
+//!
+//! It is separate from the solid collision operators, which act on populations only: here, fractions and velocities of
+//! the solids are read, and forces are added to the sums of the bodies.
 
 #[cfg(not(target_arch = "nvptx64"))]
 use super::cover::Cover;
@@ -10,40 +13,45 @@ use crate::lanes::{Lanes, Memory, WIDEST};
 use crate::lattice::{Lattice, unroll};
 use crate::quanta::quanta;
 
-/// Data of a [`Cover`] that a pass reads.
+/// Data of a [`Cover`] that a pass reads, by address.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct View {
+    /// Solid fraction and owner of each cell, by position.
     pub(super) fraction: *const f32,
     pub(super) owner: *const u32,
+    /// Bodies by slot.
     pub(super) solids: *const CoveringBody,
+    /// Lists of the bodies of the cells that several bodies cover.
     pub(super) shared: *const Shares,
+    /// Sums of the forces, one for each worker.
     pub(super) sums: *mut Sums,
     pub(super) operator: SolidOperator,
     pub(super) fluid: CoveredFluid,
+    /// Axes from slowest to fastest in memory.
     pub(super) order: [usize; 3],
-    /// From a cell to the next one along each axis.
+    /// Distance in positions between neighbours along each axis.
     pub(super) strides: [isize; 3],
 }
 
-/// Which cells a pass is at.
+/// Location of the current cells of a pass, one per lane.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
-    /// Position of the first.
+    /// Position of the first cell.
     pub(crate) cell: usize,
-    /// Plane, row and place in the row of the first.
+    /// Plane, row and index in the row of the first cell.
     pub(crate) at: [usize; 3],
-    /// The sums of this worker.
+    /// Sums of the forces of this worker.
     pub(crate) sums: *mut Sums,
 }
 
-/// Lanes with the work on covered cells as a function of its own: it depends on the velocity set alone, and is not
-/// compiled into the pass of every operator and number type.
+/// Lanes with functions for covered cells that are not inlined. They depend on the velocity set only, so that they are
+/// not compiled again for the pass of each operator and storage type.
 pub(crate) trait Covers: Lanes {
-    /// See [`View::mix`].
+    /// Calls [`View::mix`].
     ///
     /// # Safety
-    /// As for [`View::mix`], and the processor must offer the instructions of these lanes.
+    /// The conditions are those of [`View::mix`], and the processor must support the instructions of these lanes.
     unsafe fn mix<L: Lattice<Q>, const Q: usize>(
         view: &View,
         place: Place,
@@ -53,10 +61,10 @@ pub(crate) trait Covers: Lanes {
         site: ([Self; 3], Self),
     ) -> [Self; 3];
 
-    /// See [`View::fill`].
+    /// Calls [`View::fill`].
     ///
     /// # Safety
-    /// As for [`Covers::mix`].
+    /// The conditions are those of [`View::fill`], and the processor must support the instructions of these lanes.
     unsafe fn fill<L: Lattice<Q>, const Q: usize>(
         view: &View,
         place: Place,
@@ -132,7 +140,7 @@ covers!(
 );
 
 impl View {
-    /// View of a fluid without covered cells.
+    /// View for a fluid without covered cells; its addresses are null and not read.
     pub(crate) const NONE: Self = Self {
         fraction: core::ptr::null(),
         owner: core::ptr::null(),
@@ -149,7 +157,7 @@ impl View {
         strides: [0; 3],
     };
 
-    /// Returns the view of a cover for the coming pass.
+    /// Returns the view of a cover for the next pass.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn from_cover(cover: &mut Cover) -> Self {
         let shared = cover.list_shares();
@@ -166,11 +174,11 @@ impl View {
         }
     }
 
-    /// Returns the view of a cover for a pass on a GPU, whose arrays are at these addresses there: fractions, owners,
-    /// bodies, and lists of parts.
+    /// Returns the view of a cover for a pass on a GPU. The addresses on the GPU are those of fractions, owners,
+    /// bodies, and lists of bodies.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn on_gpu(cover: &Cover, addresses: [u64; 4]) -> Self {
-        // A GPU has addresses of 64 bits, as has any host that it serves.
+        // A GPU has addresses of 64 bits, like any host with a GPU.
         let [fraction, owner, solids, shared] = addresses.map(|at| {
             let at = usize::try_from(at).unwrap_or(0);
             core::ptr::without_provenance::<u8>(at)
@@ -188,20 +196,20 @@ impl View {
         }
     }
 
-    /// The bodies are at another address on the GPU.
+    /// Sets the address of the bodies on the GPU.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn move_solids(&mut self, address: u64) {
         let at = usize::try_from(address).unwrap_or(0);
         self.solids = core::ptr::without_provenance(at);
     }
 
-    /// The bodies.
+    /// Returns the bodies by slot.
     #[cfg(target_arch = "nvptx64")]
     pub(crate) fn solids(&self) -> *const CoveringBody {
         self.solids
     }
 
-    /// The sums of a worker, of whom there must be so many.
+    /// Returns the sums of a worker, whose index must be below the number of workers of the cover.
     #[cfg(not(target_arch = "nvptx64"))]
     #[inline(always)]
     pub(crate) fn sums_of(&self, worker: usize) -> *mut Sums {
@@ -211,17 +219,18 @@ impl View {
     /// Returns `true` if any of `N::WIDTH` cells is covered.
     ///
     /// # Safety
-    /// `cell` must be the position of an interior cell with memory for whole vectors after it.
+    /// `cell` must be the position of an interior cell, from which the fractions and owners of a whole vector of cells
+    /// are readable.
     #[inline(always)]
     pub(crate) unsafe fn covers<N: Lanes>(&self, cell: usize) -> bool {
         // SAFETY: promised by the caller.
         unsafe { N::above(self.fraction.add(cell), 0.0) != 0 }
     }
 
-    /// Returns `true` if bodies fill all of `N::WIDTH` cells so deep that no water is next to them.
+    /// Returns `true` if all of `N::WIDTH` cells are deep inside bodies, that is, without fluid in neighbouring cells.
     ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     #[inline(always)]
     pub(crate) unsafe fn fills<N: Lanes>(&self, cell: usize) -> bool {
         // SAFETY: promised by the caller.
@@ -229,10 +238,11 @@ impl View {
         deep == const { u8::MAX >> (8 - N::WIDTH) }
     }
 
-    /// The body that alone covers those of `N::WIDTH` cells that are covered; one of them is.
+    /// Returns the slot of the only body that covers any of `N::WIDTH` cells, or `None` if there are several. At least
+    /// one cell must be covered.
     ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     #[inline(always)]
     unsafe fn sole<N: Lanes>(&self, cell: usize) -> Option<u32> {
         // SAFETY: promised by the caller.
@@ -245,7 +255,7 @@ impl View {
         }
     }
 
-    /// Density and momentum of what came in.
+    /// Returns the density deviation and the momentum Σ c f of the incoming populations.
     #[inline(always)]
     pub(crate) fn moments<L: Lattice<Q>, N: Lanes, const Q: usize>(before: &[N; Q]) -> (N, [N; 3]) {
         let mut drho = before[0];
@@ -266,11 +276,11 @@ impl View {
         (drho, m)
     }
 
-    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies: what
-    /// [`Self::mix`] does there. `before` are the populations that came in.
+    /// Sets the outgoing populations `g` of cells deep inside bodies, and adds the forces on the bodies, with the same
+    /// result as [`Self::mix`]. `before` are the incoming populations.
     ///
     /// # Safety
-    /// As for [`Self::mix`], where [`Self::fills`] holds.
+    /// The conditions are those of [`Self::mix`], and [`Self::fills`] must be `true`.
     #[inline(always)]
     pub(crate) unsafe fn fill<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -312,12 +322,12 @@ impl View {
         unsafe { self.act_on_all::<L, N, Q>(place, sole, &cell.us, &act) };
     }
 
-    /// Makes the outgoing populations `g` of partially saturated cells from those that came in, `before`, and those
-    /// that the collision of the fluid left, `fluid`, and adds the forces on the bodies. `u` is the velocity of the
-    /// fluid, `omega` its rate. Returns the velocity of fluid and solid together.
+    /// Computes the outgoing populations `g` of partially saturated cells from the incoming ones, `before`, and those
+    /// after the fluid collision, `fluid`, and adds the forces on the bodies. `site` is the velocity of the fluid and
+    /// its relaxation rate. Returns the mean velocity of fluid and solid, weighted by volume.
     ///
     /// # Safety
-    /// As for [`Self::covers`], which must hold; no other thread may have the same worker.
+    /// The conditions are those of [`Self::covers`], which must be `true`; no other thread may use the same sums.
     #[inline(always)]
     pub(crate) unsafe fn mix<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -335,10 +345,10 @@ impl View {
         unsafe { self.mix_with_moments::<L, N, Q>(place, (before, moments), fluid, g, site) }
     }
 
-    /// Acts as [`Self::mix`], where density and momentum of `before` are known.
+    /// Does the work of [`Self::mix`], given the density deviation and the momentum of `before`.
     ///
     /// # Safety
-    /// As for [`Self::mix`].
+    /// The conditions are those of [`Self::mix`].
     #[inline(always)]
     pub(crate) unsafe fn mix_with_moments<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -353,7 +363,7 @@ impl View {
     {
         let zero = N::splat(0.0);
         let one = N::splat(1.0);
-        // The lanes beyond the last cell of a row are ghosts.
+        // The lanes beyond the last cell of a row are ghosts, whose fractions may be negative.
         let mut fraction = [0.0; WIDEST];
         for (lane, part) in fraction.iter_mut().enumerate().take(N::WIDTH) {
             // SAFETY: promised by the caller.
@@ -361,9 +371,9 @@ impl View {
         }
         // SAFETY: promised by the caller.
         let some_deep = unsafe { N::above(self.fraction.add(place.cell), BETWEEN) } != 0;
-        // SAFETY: an array of at least the lanes' width.
+        // SAFETY: the array has at least as many elements as lanes.
         let fraction = unsafe { <f64 as Memory<N>>::load(fraction.as_ptr()) };
-        // Zero deep inside.
+        // Zero in lanes deep inside bodies.
         let shallow = fraction - N::splat(f64::from(DEEP));
         // SAFETY: promised by the caller.
         let sole = unsafe { self.sole::<N>(place.cell) };
@@ -393,7 +403,7 @@ impl View {
         act.share = fraction.where_zero(zero, act.share);
         if some_deep {
             cell.at_solid::<L, Q>(|i, value| g[i] = shallow.where_zero(value, g[i]));
-            // All that differs from the solid's momentum.
+            // Deep inside, the momentum becomes that of the solid, so that the fluid loses m - ρ u_s.
             unroll!(axes a < 3 => {
                 act.rest[a] = shallow.where_zero(zero - cell.m[a], act.rest[a]);
             });
@@ -412,11 +422,11 @@ impl View {
         mixed
     }
 
-    /// Adds the forces of `N::WIDTH` cells to their bodies: of `sole` in whole, as there every lane adds the same
-    /// integers to the same sums.
+    /// Adds the forces of `N::WIDTH` cells to the sums of their bodies. If there is a single body, `sole`, the forces
+    /// of all lanes are added at once; the result is the same, because they are integers.
     ///
     /// # Safety
-    /// As for [`Self::mix`]; `sole` and `velocity` must be those of these cells.
+    /// The conditions are those of [`Self::mix`]; `sole` and `velocity` must be those of these cells.
     #[inline(always)]
     unsafe fn act_on_all<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -427,11 +437,12 @@ impl View {
     ) where
         f64: Memory<N>,
     {
-        /// So small that eight times seven of them, with a sign, are an i64.
+        /// Bound of a force in quanta below which the sum over eight lanes, weighted by indices up to 7, fits in an
+        /// i64.
         const SMALL: u64 = 1 << 57;
         let mut share = [0.0; WIDEST];
         let mut forces = [[0.0; WIDEST]; 3];
-        // SAFETY: arrays of at least the lanes' width.
+        // SAFETY: the arrays have at least as many elements as lanes.
         unsafe {
             <f64 as Memory<N>>::store(share.as_mut_ptr(), act.share);
             unroll!(axes a < 3 => {
@@ -478,7 +489,7 @@ impl View {
         }
     }
 
-    /// Coordinates of a cell of the slab.
+    /// Returns the coordinates in the slab of the cell of a lane.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
@@ -488,7 +499,8 @@ impl View {
     pub(super) fn coordinates(&self, place: Place, lane: usize) -> [i32; 3] {
         let [slow, middle, _] = self.order;
         let [plane, row, place] = [place.at[0], place.at[1], place.at[2] + lane];
-        // No place in an array that depends on the order: a GPU has registers for those alone that it knows before.
+        // Branches instead of an index that depends on the order keep the values in registers: a GPU stores an array in
+        // memory if an index is known only at run time.
         let along = |axis: usize| {
             if axis == slow {
                 plane as i32
@@ -501,7 +513,8 @@ impl View {
         [along(0), along(1), along(2)]
     }
 
-    /// The bodies of a covered cell from its owner: one with all of it, or several with their parts.
+    /// Returns the bodies of a covered cell, given its owner: the slot of a single body and an empty list, or the list
+    /// of several bodies with their fractions.
     ///
     /// # Safety
     /// `owner` must be that of a cell that bodies cover.
@@ -510,17 +523,18 @@ impl View {
         if owner & SHARED == 0 {
             (owner, &[])
         } else {
-            // SAFETY: `owner` was made by `Cover::cover`.
+            // SAFETY: `Cover::cover` or a GPU kernel set `owner` to the index of a list.
             (owner, unsafe {
                 (*self.shared.add((owner & !SHARED) as usize)).parts()
             })
         }
     }
 
-    /// Velocities of the solids in the covered ones of `N::WIDTH` cells, `sole` alone if there is one.
+    /// Returns the velocities of the solids in the covered ones of `N::WIDTH` cells; `sole` is the body that covers all
+    /// of them, if there is one.
     ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     #[inline(always)]
     unsafe fn velocities<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
@@ -534,15 +548,15 @@ impl View {
             let mut velocity = [[0.0; WIDEST]; 3];
             // SAFETY: promised by the caller.
             unsafe { self.velocities_one_by_one::<L, N, Q>(place, &mut velocity) };
-            // `map` of an array of lanes would be a call.
+            // The compiler would not inline `map` of an array of lanes.
             let mut lanes = [N::splat(0.0); 3];
             for (lanes, v) in lanes.iter_mut().zip(&velocity) {
-                // SAFETY: an array of at least the lanes' width.
+                // SAFETY: the array has at least as many elements as lanes.
                 *lanes = unsafe { <f64 as Memory<N>>::load(v.as_ptr()) };
             }
             return lanes;
         };
-        // SAFETY: slots were made by `Cover::make_room`.
+        // SAFETY: the slot is one of `solids`, which has an entry for each slot of an owner.
         let solid = unsafe { &*self.solids.add(slot as usize) };
         let raw = solid.raw(self.coordinates(place, 0));
         let mut r = [N::splat(0.0); 3];
@@ -553,7 +567,7 @@ impl View {
                 r[a] = at + N::splat(0.5) - N::splat(solid.motion.position[a]);
             }
         });
-        // As `surface_velocity`, operation by operation.
+        // The operations are those of `surface_velocity` in the same order, so that the bits are the same.
         let splat = |v: [f64; 3]| [N::splat(v[0]), N::splat(v[1]), N::splat(v[2])];
         let (u, w) = (splat(solid.motion.velocity), splat(solid.motion.spin));
         if L::DIMENSION == 2 {
@@ -567,8 +581,10 @@ impl View {
         }
     }
 
+    /// Computes the velocities of the solids in `N::WIDTH` cells one by one, for cells of several bodies.
+    ///
     /// # Safety
-    /// As for [`Self::covers`].
+    /// The conditions are those of [`Self::covers`].
     unsafe fn velocities_one_by_one<L: Lattice<Q>, N: Lanes, const Q: usize>(
         &self,
         place: Place,
@@ -585,7 +601,7 @@ impl View {
             let (owner, shares) = unsafe { self.shares(self.owner.add(cell).read()) };
             let mut mean = [0.0; 3];
             if shares.is_empty() {
-                // SAFETY: slots were made by `Cover::make_room`.
+                // SAFETY: the slot is one of `solids`, which has an entry for each slot of an owner.
                 mean = unsafe { self.velocity::<L, Q>(owner, at) };
             } else {
                 let all = total(shares);
@@ -606,8 +622,10 @@ impl View {
         }
     }
 
+    /// Returns the velocity of the body in a slot at the centre of a cell.
+    ///
     /// # Safety
-    /// The slot must exist.
+    /// The slot must be that of a body.
     #[inline(always)]
     unsafe fn velocity<L: Lattice<Q>, const Q: usize>(
         &self,
@@ -623,10 +641,10 @@ impl View {
         }
     }
 
-    /// Adds the force of a cell to its bodies, by their parts.
+    /// Adds the force of the cell of a lane to its bodies, in proportion to their fractions.
     ///
     /// # Safety
-    /// As for [`Self::mix`], of a covered cell.
+    /// The conditions are those of [`Self::mix`], and the cell must be covered.
     #[inline(always)]
     pub(super) unsafe fn act<L: Lattice<Q>, const Q: usize>(
         &self,
@@ -643,7 +661,7 @@ impl View {
             )
         };
         let mut give = |slot: u32, part: f64| {
-            // SAFETY: slots were made by `Cover::make_room`.
+            // SAFETY: the slot is one of `solids`, which has an entry for each slot of an owner.
             let raw = unsafe { (*self.solids.add(slot as usize)).raw(at) };
             let force = force.map(|f| part * f);
             if L::DIMENSION == 2 {

@@ -1,27 +1,29 @@
-//! The bodies of a cell.
+//! Bodies that cover cells, and their fractions in a cell.
+//!
+//! The types are separate from `cover`, which changes them, because they are also compiled for GPUs.
 
 use crate::rigid::{Rigid, surface_velocity};
 
-/// Fraction of a cell so deep inside a body that no water is next to it.
+/// Stored fraction of a cell deep inside a body, that is, without fluid in any neighbouring cell.
 pub const DEEP: f32 = 2.0;
 
-/// Between the fraction of a full cell and [`DEEP`].
+/// Threshold between the fraction of a full cell and [`DEEP`].
 pub(super) const BETWEEN: f32 = 1.5;
 
-/// No body.
+/// Owner of a cell without bodies.
 pub(crate) const NONE: u32 = u32::MAX;
-/// A ghost cell behind a wall at rest.
+/// Owner of a ghost cell behind a stationary wall.
 pub(crate) const STILL: u32 = u32::MAX - 1;
-/// Cells of several bodies are numbered from here.
+/// Bit that marks the owner of a cell of several bodies; the lower bits are the index of the list of its bodies.
 pub(crate) const SHARED: u32 = 1 << 31;
 
-/// Id and image of a body. Compared in this order.
+/// Id and periodic image of a body; names are ordered by id, then by image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(C)]
 pub struct Name {
-    /// Id.
+    /// Id of the body.
     pub id: u64,
-    /// Image, in domains.
+    /// Offset of the periodic image \[domain lengths\].
     pub image: [i32; 3],
 }
 
@@ -31,23 +33,23 @@ impl From<(u64, [i32; 3])> for Name {
     }
 }
 
-/// A body as the cells know it. The same bytes on the host and on a GPU.
+/// Body that covers cells. The layout is the same on the host and on a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct CoveringBody {
-    /// Id and image: they order the bodies of a cell.
+    /// Id and image, by which the bodies of a cell are ordered.
     pub name: Name,
-    /// Its motion in lattice units; positions in its raw frame.
+    /// Motion in lattice units; the position is in the raw frame of the body.
     pub motion: Rigid,
-    /// From its raw frame to the cells of the slab: local = raw + frame.
+    /// Offset from the raw frame of the body to the cells of the slab: local = raw + frame.
     pub frame: [i32; 3],
-    /// `true` if it is known to be so far from other bodies and from walls that no full cell of it is next to one of
-    /// theirs.
+    /// `true` if the body is known to be so far from other bodies and from walls that none of its full cells is
+    /// adjacent to one of theirs.
     pub alone: bool,
 }
 
 impl CoveringBody {
-    /// A local cell in the raw frame.
+    /// Returns the coordinates of a local cell in the raw frame.
     #[inline(always)]
     pub(super) fn raw(&self, cell: [i32; 3]) -> [i32; 3] {
         [
@@ -57,7 +59,7 @@ impl CoveringBody {
         ]
     }
 
-    /// Velocity of the body at the centre of a cell of its raw frame.
+    /// Returns the velocity of the body at the centre of a cell of its raw frame.
     #[inline(always)]
     pub(super) fn velocity<const D: usize>(&self, raw: [i32; 3]) -> [f64; 3] {
         let mut arm = [0.0; 3];
@@ -68,17 +70,17 @@ impl CoveringBody {
     }
 }
 
-/// A body's part of a cell.
+/// Fraction of a cell that a body fills.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Share {
     /// Slot of the body.
     pub(crate) slot: u32,
-    /// Part of the cell that it fills.
+    /// Fraction of the cell.
     pub(crate) fraction: f32,
 }
 
-/// The parts of a cell of several bodies.
+/// List of the bodies of a cell with their fractions, by address.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(crate) struct Shares {
@@ -87,7 +89,7 @@ pub(crate) struct Shares {
 }
 
 impl Shares {
-    /// These parts, for as long as they stay where they are.
+    /// Returns the list of these fractions, which is valid until they are moved or dropped.
     pub(crate) fn from_parts(parts: &[Share]) -> Self {
         Self {
             first: parts.as_ptr(),
@@ -95,16 +97,16 @@ impl Shares {
         }
     }
 
-    /// The bytes of parts at an address elsewhere.
+    /// Returns the words of a list of `count` fractions at an address on a GPU.
     #[cfg(not(target_arch = "nvptx64"))]
     pub(crate) fn words(first: u64, count: usize) -> [u64; 2] {
         [first, count as u64]
     }
 
-    /// The parts.
+    /// Returns the fractions.
     ///
     /// # Safety
-    /// They must be where they were.
+    /// The fractions must still be at the address of the list.
     #[inline(always)]
     pub(crate) unsafe fn parts<'a>(self) -> &'a [Share] {
         // SAFETY: promised by the caller.
@@ -112,7 +114,7 @@ impl Shares {
     }
 }
 
-/// ε of a cell: the sum in the order of the bodies.
+/// Returns the sum of the fractions of a cell, added in the order of the bodies.
 #[inline(always)]
 pub(crate) fn total(shares: &[Share]) -> f64 {
     let mut sum = 0.0;

@@ -1,4 +1,4 @@
-//! Superposition: the equilibrium at the velocity of the solid, with the departure relaxed by the rate of the fluid:
+//! Superposition of the equilibrium at the velocity of the solid and the relaxed deviation from that of the fluid:
 //!
 //! ```text
 //! Ω^s_i = f_i^eq(u_s) - f_i + (1 - ω) [f_i - f_i^eq(u)]
@@ -12,7 +12,7 @@ use super::{
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
 
-/// See the module.
+/// Operator that adds the relaxed non-equilibrium part to the equilibrium at the velocity of the solid.
 #[derive(Clone, Copy, Debug)]
 pub struct Superposition;
 
@@ -32,9 +32,9 @@ impl SolidOperatorModel for Superposition {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (body.falls(0.38, 0.55, 0.38), body.falls(0.46, 1.0, 0.46))
+            (body.by_radius(0.38, 0.55, 0.38), body.by_radius(0.46, 1.0, 0.46))
         } else {
-            (body.falls(0.38, 0.55, 0.38), body.falls(0.42, 1.7, 0.42))
+            (body.by_radius(0.38, 0.55, 0.38), body.by_radius(0.42, 1.7, 0.42))
         };
         let wider = if body.relaxation_time > MEASURED.end {
             0.6

@@ -67,7 +67,7 @@ fn swirl(p: [f64; 3]) -> (f64, [f64; 3]) {
     )
 }
 
-/// Covers cells by two overlapping bodies that move and turn.
+/// Covers cells by two overlapping bodies that translate and rotate.
 fn cover(fluid: &mut Fluid<f64>, cells: [usize; 3]) {
     let plane = cells[2] == 1;
     let position =
@@ -145,7 +145,7 @@ fn loads(fluid: &mut Fluid<f64>) -> [Load; 2] {
     loads
 }
 
-/// Checks that the populations and the loads are the same for every split and every width of lanes.
+/// Checks that populations and loads have the same bits for every split axis and every vector width.
 #[test]
 fn the_same_bits_for_every_split() {
     for method in METHODS {
@@ -194,7 +194,7 @@ fn the_same_bits_for_every_split() {
 }
 
 /// Checks that the mass of the water is conserved, and that the change of its momentum equals the body force on the
-/// free part minus the loads on the bodies.
+/// fluid minus the loads on the bodies.
 #[test]
 fn mass_and_momentum_close() {
     for method in METHODS {
@@ -254,10 +254,10 @@ fn mass_and_momentum_close() {
     }
 }
 
-/// Checks the flow between stationary walls and a moving slab of full cells: it is a straight line, with the velocity
-/// of the slab at the faces of its cells, within the leak (0.2 % here) for the operators that reverse the populations.
-/// The others smear the surface: at these few cells by 1.4 % of the drag (non-equilibrium bounce-back) and 15 %
-/// (superposition) at the larger relaxation time.
+/// Compares the flow between stationary walls and a moving slab of full cells with Couette flow: a linear profile with
+/// the velocity of the slab at the faces of its cells. The two operators that reverse all populations differ by the
+/// loss of full cells only (0.2 % here). The others smear the surface: with this number of cells and the larger
+/// relaxation time, the error of the drag is 1.4 % (non-equilibrium bounce-back) and 15 % (superposition).
 #[test]
 fn couette_flow_beside_a_covered_slab() {
     for (method, most) in METHODS.into_iter().zip([0.02, 0.15, 2e-3, 2e-3]) {
@@ -298,7 +298,7 @@ fn couette_flow_beside_a_covered_slab() {
                     "{method:?} {tau} {y} {u} {exact}"
                 );
             }
-            // Drag on both sides of the slab: mu U/H a cell.
+            // The drag per cell is mu U/H on each side of the slab.
             let drag = from_quanta(loads(&mut fluid)[0][0]);
             let exact = -(tau - 0.5) / 3.0 * 0.01 * (1.0 / 8.0 + 1.0 / 4.0) * 4.0;
             assert!(
@@ -309,7 +309,7 @@ fn couette_flow_beside_a_covered_slab() {
     }
 }
 
-/// Checks two bodies that slide on each other: the water inside them must not transfer momentum between them.
+/// Checks that the water inside two bodies that slide on each other transfers no momentum between them.
 #[test]
 fn a_sliding_pair_does_not_leak_through_its_inside() {
     for method in METHODS {
@@ -342,7 +342,7 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
                 },
             );
         }
-        // The lower rests, the upper slides on it; water above.
+        // The lower body is stationary, the upper one slides on it, and water is above.
         for (position, y) in at {
             let deep = (1..5).contains(&y) || (7..11).contains(&y);
             cover.cover(position, u32::from(y >= 6), if deep { DEEP } else { 1.0 });
@@ -360,8 +360,9 @@ fn a_sliding_pair_does_not_leak_through_its_inside() {
     }
 }
 
-/// Checks a stream over a bed of rock, from an inlet to an outlet that both reach down to the floor: the discharge is
-/// the velocity times the open part of the inlet, and leaves above the rock; the water inside the rock is stationary.
+/// Checks a flow over a bed of rock, from an inlet to an outlet that both extend down to the floor: the discharge is
+/// the velocity times the open part of the inlet and leaves above the rock, and the water inside the rock is
+/// stationary.
 #[test]
 fn inlets_and_outlets_before_rock_are_closed() {
     let (cells, bed, speed) = ([16_usize, 12, 1], 5_usize, 0.02);
@@ -439,7 +440,7 @@ fn inlets_and_outlets_before_rock_are_closed() {
     }
 }
 
-/// Weights of Noble and Torczynski.
+/// Checks values of the weighting of Noble and Torczynski.
 #[test]
 fn weights() {
     let at = |tau: f64| Weighting::Viscous.weight::<f64>(tau - 0.5, 0.5);
@@ -453,9 +454,9 @@ fn weights() {
     }
 }
 
-/// Checks that with an eddy viscosity the weighting still uses the relaxation time of the fluid itself: the first step
-/// removes B(ε, τ) ρ (u - u_s) of the momentum of a cell for any eddy viscosity, because B is a property of the
-/// surface, where the eddy viscosity vanishes.
+/// Checks that the weighting uses the relaxation time without eddy viscosity: the first step removes B(ε, τ) ρ (u -
+/// u_s) of the momentum of a cell for any eddy viscosity, because B is a property of the surface, where the eddy
+/// viscosity vanishes.
 #[test]
 fn eddies_do_not_change_the_weighting() {
     let (cells, tau, fraction, speed) = ([6, 12, 1], 0.56, 0.4_f32, 0.02);
@@ -483,7 +484,7 @@ fn eddies_do_not_change_the_weighting() {
     for turbulence in [None, Some(eddies)] {
         let (eddies, given, momentum) = step(turbulence);
         assert!(momentum.abs() > 1e-3);
-        // A fifth of the viscosity and more, or none.
+        // With a model, the eddy viscosity is more than a fifth of the viscosity.
         let viscosity = (tau - 0.5) / 3.0;
         assert_eq!(eddies > 0.2 * viscosity, turbulence.is_some(), "{eddies}");
         let taken = given / momentum;
@@ -491,7 +492,7 @@ fn eddies_do_not_change_the_weighting() {
     }
 }
 
-/// Checks that the content of a cell is the same if bodies are added and removed in any order.
+/// Checks that the content of a cell does not depend on the order in which bodies are added and removed.
 #[test]
 fn shares_do_not_depend_on_the_order() {
     let cells = [4, 4, 1];
@@ -539,8 +540,8 @@ fn shares_do_not_depend_on_the_order() {
     assert!(results.iter().all(|r| *r == results[0]));
 }
 
-/// Checks that a cell deep inside a body is deep again after another body has left it, in any order of arrival: the
-/// cover is a function of the positions.
+/// Checks that a cell deep inside a body is deep again after another body has left it, for any order in which they
+/// covered it: the cover is a function of the positions.
 #[test]
 fn a_cell_stays_deep_inside_when_another_body_leaves() {
     let bgk = Operator::Bgk(bgk::BgkParameters {});
@@ -559,7 +560,7 @@ fn a_cell_stays_deep_inside_when_another_body_leaves() {
         cover.cover(position, 0, 0.0);
         assert_eq!(cover.held(position), 0.0);
     }
-    // The deep one moves on, and the other stays.
+    // The body inside which the cell is deep leaves, and the other one remains.
     cover.cover(position, 0, DEEP);
     cover.cover(position, 1, 0.4);
     cover.cover(position, 0, 0.7);
@@ -574,7 +575,7 @@ solid_operators! {
     toy Toy,
 }
 
-/// Checks that the operator of this test needs only its own file and one line in the list above.
+/// Checks that an operator needs only its own file and one line in the list above.
 #[test]
 fn a_solid_operator_is_one_file_and_one_line() {
     let toy: Operators = serde_json::from_str("\"toy\"").unwrap();

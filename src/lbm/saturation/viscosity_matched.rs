@@ -1,18 +1,18 @@
-//! The operator whose drag in slow flow does not depend on the viscosity.
+//! Solid collision operator with a drag in slow flow that does not depend on the viscosity.
 //!
-//! With the operators that mix two collisions the drag of a sphere depends on the relaxation time, by 10 % and more at
-//! ten cells per diameter. Steady slow flow on a lattice depends only on the product of the times of the symmetric and
-//! antisymmetric parts if every time of a cell scales like those of the fluid (I. Ginzburg, D. d'Humières, Phys. Rev. E
-//! 68 (2003) 066614). The times of a cell are therefore
+//! With the operators that mix two collisions, the drag of a sphere depends on the relaxation time, by 10 % and more at
+//! ten cells per diameter. Steady slow flow on a lattice depends only on the product of the relaxation times (less ½)
+//! of the symmetric and antisymmetric parts, if those of every cell scale like those of the fluid (I. Ginzburg, D.
+//! d'Humières, Phys. Rev. E 68 (2003) 066614). The times of a cell are therefore
 //!
 //! ```text
 //! t⁺ = t / (1 - ε),     t⁻ = t' (1 - ε),     S = -σ (ρu - ρu_s),   σ = 2 C t ε / (1 - ε),    C = ¾
 //! ```
 //!
-//! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts, u at the middle of the step, and (1 - ε) F of
-//! the body force. t⁺ is exact for shear along a flat wall: a cell with a fluid fraction of 1 - ε has 1/(1 - ε) times
-//! the viscosity. A full cell reverses the antisymmetric part and keeps the symmetric part: half-way bounce-back. The
-//! operator is that of the fluid with scaled rates of its two parts.
+//! with t = 1/ω - ½ of the symmetric and t' of the antisymmetric parts of the fluid, u at the middle of the step, and
+//! the part (1 - ε) F of the body force. t⁺ is exact for shear along a flat wall: a cell with a fluid fraction of 1 - ε
+//! has 1/(1 - ε) times the viscosity. A full cell reverses the antisymmetric part and keeps the symmetric part, which
+//! is half-way bounce-back. The collision is that of the fluid with scaled rates of its two parts.
 
 use super::{
     Act, Cell, CoveredFluid, DensityRatios, LEAK, LightBody, SolidCollision, SolidOperatorModel,
@@ -22,11 +22,11 @@ use crate::collision::trt::AntisymmetricRate;
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// Coefficient of the drag of a partly filled cell, in addition to its higher viscosity: the only fitted number of the
-/// matched operator, from Zick and Homsy's drag of a simple cubic array of spheres 8 to 12 cells across.
+/// Coefficient C of the drag of a partly filled cell, in addition to its higher viscosity. It is the only fitted number
+/// of the operator, from the drag of a simple cubic array of spheres (Zick and Homsy) with diameters of 8 to 12 cells.
 const DRAG: f64 = 0.75;
 
-/// See the module.
+/// Operator that scales the relaxation times of a cell with its solid fraction.
 #[derive(Clone, Copy, Debug)]
 pub struct ViscosityMatched;
 
@@ -58,10 +58,10 @@ impl SolidOperatorModel for ViscosityMatched {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (0.4, body.falls(0.22, 1.35, 0.5))
+            (0.4, body.by_radius(0.22, 1.35, 0.5))
         } else {
-            let (slow, fast) = (body.falls(0.27, 1.1, 0.46), body.falls(0.325, 1.45, 0.5));
-            (0.39, body.rises(slow, fast))
+            let (slow, fast) = (body.by_radius(0.27, 1.1, 0.46), body.by_radius(0.325, 1.45, 0.5));
+            (0.39, body.by_time(slow, fast))
         };
         DensityRatios::for_body(body, fails, holds, 0.05)
     }
@@ -87,7 +87,8 @@ impl SolidCollision for ViscosityMatched {
         let half = N::splat(0.5);
         let time = one / cell.omega - half;
         let leak = N::splat(LEAK) * time / (one + time);
-        // Of the force, and of what resists.
+        // `water` is the fraction of the body force that acts on the fluid; `open`, which includes the loss of full
+        // cells, is the fluid fraction in the rates and in the drag.
         let water = one - cell.fraction;
         let open = cell.fraction.mul_add(leak, water);
         let odd_time = match covered.antisymmetric {
@@ -117,7 +118,7 @@ impl SolidCollision for ViscosityMatched {
             let (x, y) = (before[i], before[j]);
             let (p, q) = (fluid[i] - x, fluid[j] - y);
             let even = of_even * ((p + q) * half);
-            // Change of the odd part by the operator, without the force.
+            // Change of the antisymmetric part by the collision, without the force.
             let odd = (p - q) * half - three * along(c, &force);
             let odd = of_odd.mul_add(odd, three * along(c, &gain));
             let (on_i, on_j) = (x + (even + odd), y + (even - odd));

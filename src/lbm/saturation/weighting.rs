@@ -1,4 +1,6 @@
-//! The weight of the solid part of a cell as a function of its solid fraction.
+//! Weighting of the solid collision of a cell as a function of its solid fraction.
+//!
+//! It is separate from the solid collision operators, because a case combines it with each of them.
 
 use crate::lanes::Lanes;
 #[cfg(not(target_arch = "nvptx64"))]
@@ -25,7 +27,7 @@ pub enum Weighting {
 }
 
 impl Weighting {
-    /// The weighting for `plan`.
+    /// Returns the name of the weighting in the output of `plan`.
     #[must_use]
     pub fn describe(self) -> &'static str {
         match self {
@@ -34,7 +36,7 @@ impl Weighting {
         }
     }
 
-    /// B of cells filled by `fraction`; `time` is τ - ½.
+    /// Returns B of cells with solid fractions `fraction`; `time` is τ - ½ of the fluid.
     #[inline(always)]
     pub(super) fn weight<N: Lanes>(self, time: f64, fraction: N) -> N {
         match self {

@@ -1,4 +1,6 @@
 //! Lanes of f32 in the vector registers of x86-64 processors.
+//!
+//! They are separate from the scalar f32, because they exist on this architecture only.
 
 use crate::lanes::{Lanes, Memory};
 use base::number::single;
@@ -8,7 +10,7 @@ use std::ops::{Add, Div, Mul, Sub};
 /// Eight lanes in an AVX2 register.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2Single(__m256);
-/// Sixteen lanes in an AVX-512 register. Masks have a bit for each two lanes, n and n + 8.
+/// Sixteen lanes in an AVX-512 register. A bit of the masks of [`Lanes`] represents two lanes, n and n + 8.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512Single(__m512);
 
@@ -17,7 +19,7 @@ static COUNT: [f32; 16] = [
     0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
 ];
 
-/// Returns a bit for each two of sixteen lanes.
+/// Returns the mask of sixteen lanes with a bit for the lanes n and n + 8 together.
 #[inline(always)]
 fn by_two(mask: u16) -> u8 {
     let [low, high] = mask.to_le_bytes();

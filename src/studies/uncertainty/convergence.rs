@@ -231,7 +231,7 @@ impl Series {
         let Some(observed) = apparent_order(values, [ratio, third.0 / second.0]) else {
             return match self.limit {
                 Limit::Exists if turn > 0.0 => {
-                    by_order(Behaviour::Slow, None, LEAST_ORDER, CAUTIOUS)
+                    by_order(Behaviour::Slow, None, LEAST_ORDER, CAUTIOUS_FACTOR)
                 }
                 Limit::Exists | Limit::Stable if turn <= 0.0 => {
                     self.by_least_squares(Behaviour::Scattered, None, own, range)

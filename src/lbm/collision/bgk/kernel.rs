@@ -1,10 +1,12 @@
-//! The kernel of BGK ([`super`]).
+//! Kernel of the BGK operator ([`super`]).
+//!
+//! It is separate from the description of the operator, because it is also compiled for GPUs.
 
 use crate::collision::kernel::{Collision, Moments, Site, along};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// BGK, with a uniform body force where `FORCED`.
+/// BGK operator, with a uniform body force if `FORCED`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Bgk<const FORCED: bool> {
@@ -41,13 +43,15 @@ impl<const FORCED: bool> Collision for Bgk<FORCED> {
         };
         let p = Moments::from_pairs::<L, G, Q>(g, half_force);
         let keep = N::splat(1.0) - omega;
-        // 3 ω m: the rate goes into the moments, so that one that differs from cell to cell costs nothing more.
+        // 3 ω m: the rate is applied to the moments rather than to each population, so that a rate per cell costs no
+        // more than a uniform one.
         let rate = omega * N::splat(3.0);
         let mut momentum = [N::splat(0.0); 3];
         unroll!(axes a < L::DIMENSION => {
             momentum[a] = p.m[a] * rate;
         });
-        // The even part common to all directions, δρ - 3/2 m·u, and with a force the source's -3 u·F in addition.
+        // Part of the symmetric equilibrium common to all directions, δρ - 3/2 m·u; with a force, -3 u·F of the source
+        // is added.
         let mut base = p.mu.mul_add(N::splat(-1.5), p.drho) * omega;
         let mut force = [N::splat(0.0); 3];
         if FORCED {

@@ -1,36 +1,38 @@
-//! The kernel of multiple relaxation times ([`super`]).
+//! Kernel of the operator with multiple relaxation times ([`super`]).
+//!
+//! It is separate from the description of the operator, because it is also compiled for GPUs.
 
 use crate::collision::kernel::{Collision, Site};
 use crate::collision::products::{self, Basis, n};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// Rates of all moments but the shear stress, by the names of Suga et al.
+/// Relaxation rates of all moments except the shear stress, with the names of Suga et al. (2015).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Rates {
-    /// s4, of the trace of the stress e.
+    /// s4, rate of the trace e of the stress.
     pub bulk: f64,
-    /// s10, of q = Σ c_a (K_b + K_c).
+    /// s10, rate of q = Σ c_a (K_b + K_c).
     pub q: f64,
-    /// s13, of Ψ = c_a K_b K_c.
+    /// s13, rate of Ψ = c_a K_b K_c.
     pub psi: f64,
-    /// s16, of ε.
+    /// s16, rate of ε.
     pub epsilon: f64,
-    /// s17, of e³.
+    /// s17, rate of e³.
     pub e_cubed: f64,
-    /// s18, of XX and WW.
+    /// s18, rate of XX and WW.
     pub xx: f64,
-    /// s20, of XY, YZ and ZX.
+    /// s20, rate of XY, YZ and ZX.
     pub xy: f64,
-    /// s23, of τ_x, τ_y and τ_z.
+    /// s23, rate of τ_x, τ_y and τ_z.
     pub tau: f64,
-    /// s26, of XYZ.
+    /// s26, rate of XYZ.
     pub xyz: f64,
 }
 
 impl Rates {
-    /// The rates of Suga et al. (2015), tuned for turbulent flow.
+    /// Rates of Suga et al. (2015), tuned for turbulent flow.
     pub const SUGA: Self = Self {
         bulk: 1.54,
         q: 1.5,
@@ -43,7 +45,7 @@ impl Rates {
         xyz: 1.74,
     };
 
-    /// One rate for the even moments and one for the odd: then the operator is TRT.
+    /// Returns rates with one value for the even moments and one for the odd ones, which make the operator TRT.
     #[must_use]
     pub fn two(even: f64, odd: f64) -> Self {
         Self {
@@ -59,7 +61,8 @@ impl Rates {
         }
     }
 
-    /// Returns `true` if all moments above the second go to equilibrium at once.
+    /// Returns `true` if all rates above those of the second moments are 1, so that the higher moments are set to
+    /// equilibrium.
     #[must_use]
     pub fn second_order(&self) -> bool {
         *self
@@ -70,19 +73,19 @@ impl Rates {
     }
 }
 
-/// MRT, with a uniform body force where `FORCED`.
+/// MRT operator, with a uniform body force if `FORCED`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Mrt<const FORCED: bool> {
-    /// Rate of the shear stress 1/τ (s5 = s7).
+    /// Relaxation rate of the shear stress, 1/τ (s5 = s7).
     pub omega: f64,
-    /// The other rates.
+    /// Rates of the other moments.
     pub rates: Rates,
     /// Force density in lattice units.
     pub force: [f64; 3],
 }
 
-/// The polynomials 1, c, K = 1 - 3c²; scaled moments (1/6, c/2, K/3) give the numbers.
+/// Basis of the polynomials 1, c and K = 1 - 3c². The inverse transform takes their moments times 1/6, 1/2 and 1/3.
 struct Polynomials;
 
 impl Basis for Polynomials {
@@ -103,7 +106,8 @@ impl Basis for Polynomials {
     }
 }
 
-/// Returns the scale of the moment of the product of polynomials a, b, c (0: 1, 1: c, 2: K): weight over norm.
+/// Returns the factor of the moment of the product of polynomials a, b and c (0: 1, 1: c, 2: K) for the inverse
+/// transform.
 const fn scale(a: usize, b: usize, c: usize) -> f64 {
     const NORM: [f64; 3] = [6.0, 2.0, 3.0];
     1.0 / (NORM[a] * NORM[b] * NORM[c])
@@ -143,8 +147,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         let inverse = N::splat(1.0) / (N::splat(1.0) + drho);
         let u = [m[0] * inverse, m[1] * inverse, m[2] * inverse];
 
-        // m_a u_b, and with a force s = (F_a u_b + F_b u_a)/2, that of the source: a moment t with equilibrium q and
-        // source 2s goes to t - rate (t - (q - s)) + 2s.
+        // Second moments of the equilibrium, q = m_a u_b. With a force, s = (F_a u_b + F_b u_a)/2 is half the source: a
+        // moment t relaxes to t - rate (t - (q - s)) + 2s.
         let mut square = [m[0] * u[0], m[1] * u[1], m[2] * u[2]];
         let mut cross = [m[0] * u[1], m[1] * u[2], m[2] * u[0]];
         let mut square_source = [n::<N>(0.0); 3];
@@ -160,8 +164,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
         }
         let k = &self.rates;
 
-        // Second moments K_a: equilibrium -3 m_a u_a. What they are above it relaxes, and its mean at a rate of its
-        // own.
+        // The moments K_a have the equilibria -3 m_a u_a. The deviations relax at the rate of the shear stress, their
+        // mean at the bulk rate.
         let mut above = [n::<N>(0.0); 3];
         let diagonal = [t[2][0][0], t[0][2][0], t[0][0][2]];
         unroll!(axes a < 3 => {
@@ -177,7 +181,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             let (x, y, z) = ([2, 0, 0][a], [0, 2, 0][a], [0, 0, 2][a]);
             t[x][y][z] = value * n::<N>(scale(2, 0, 0));
         });
-        // c_a c_b: m_a u_b.
+        // The moments c_a c_b have the equilibria m_a u_b.
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 0, 1][a], [1, 1, 0][a], [0, 1, 1][a]);
             let mut value = (cross[a] - t[x][y][z]).mul_add(omega, t[x][y][z]);
@@ -186,8 +190,8 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             }
             t[x][y][z] = value * n::<N>(scale(1, 1, 0));
         });
-        // All others have neither equilibrium nor source. c_a K_b and c_a K_c, relaxed as sum and difference; c_a K_b
-        // K_c.
+        // All other moments have an equilibrium and a source of 0. Here, c_a K_b and c_a K_c, whose sum and difference
+        // have a rate each, and c_a K_b K_c.
         let stays = n::<N>((1.0 - 0.5 * (k.q + k.tau)) * scale(1, 2, 0));
         let crosses = n::<N>(0.5 * (k.tau - k.q) * scale(1, 2, 0));
         unroll!(axes a < 3 => {
@@ -209,7 +213,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             t[second[0]][second[1]][second[2]] = p.mul_add(crosses, q * stays);
             t[third[0]][third[1]][third[2]] = psi * n::<N>((1.0 - k.psi) * scale(1, 2, 2));
         });
-        // K_a K_b, relaxed as sum and differences; K_x K_y K_z.
+        // K_a K_b, whose sum and differences have a rate each, and K_x K_y K_z.
         let quartic = [t[0][2][2], t[2][0][2], t[2][2][0]];
         let mean = (quartic[0] + quartic[1] + quartic[2])
             * n::<N>((k.xx - k.epsilon) / 3.0 * scale(2, 2, 0));
@@ -218,7 +222,7 @@ impl<const FORCED: bool> Collision for Mrt<FORCED> {
             t[x][y][z] = quartic[a].mul_add(n::<N>((1.0 - k.xx) * scale(2, 2, 0)), mean);
         });
         t[2][2][2] = t[2][2][2] * n::<N>((1.0 - k.e_cubed) * scale(2, 2, 2));
-        // c_a c_b K_c; c_x c_y c_z.
+        // c_a c_b K_c and c_x c_y c_z.
         unroll!(axes a < 3 => {
             let (x, y, z) = ([1, 2, 1][a], [1, 1, 2][a], [2, 1, 1][a]);
             t[x][y][z] = t[x][y][z] * n::<N>((1.0 - k.xy) * scale(1, 1, 2));

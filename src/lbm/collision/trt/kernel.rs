@@ -1,32 +1,34 @@
-//! The kernel of TRT ([`super`]).
+//! Kernel of the TRT operator ([`super`]).
+//!
+//! It is separate from the description of the operator, because it is also compiled for GPUs.
 
 use crate::collision::kernel::{Collision, Moments, Site, along};
 use crate::lanes::Lanes;
 use crate::lattice::{Lattice, unroll};
 
-/// TRT, with a uniform body force where `FORCED`.
+/// TRT operator, with a uniform body force if `FORCED`.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Trt<const FORCED: bool> {
-    /// Rate of the symmetric part, 1/τ.
+    /// Relaxation rate ω⁺ = 1/τ of the symmetric part.
     pub omega: f64,
-    /// Rate of the antisymmetric part.
+    /// Rule for the relaxation rate ω⁻ of the antisymmetric part.
     pub antisymmetric: AntisymmetricRate,
     /// Force density in lattice units.
     pub force: [f64; 3],
 }
 
-/// Rule by which the rate of the antisymmetric part follows from that of the symmetric part.
+/// Rule that gives the rate of the antisymmetric part from that of the symmetric part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub enum AntisymmetricRate {
-    /// By the magic parameter Λ.
+    /// Rate from the magic parameter Λ ([`antisymmetric_rate`]).
     Magic(f64),
-    /// One rate for both parts: BGK.
+    /// Rate of the symmetric part, which makes the operator BGK.
     AsSymmetric,
 }
 
-/// Halves of the two rates.
+/// Halves of the two relaxation rates.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Halves<N> {
@@ -34,7 +36,7 @@ pub struct Halves<N> {
     antisymmetric: N,
 }
 
-/// ω⁻ from ω⁺ and Λ: 1 / (Λ/(1/ω⁺ - ½) + ½).
+/// Returns ω⁻ = 1 / (Λ/(1/ω⁺ - ½) + ½), given ω⁺ and the magic parameter Λ.
 #[must_use]
 pub fn antisymmetric_rate(omega: f64, magic: f64) -> f64 {
     1.0 / (magic / (1.0 / omega - 0.5) + 0.5)
@@ -57,7 +59,7 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
 
     #[inline(always)]
     fn local<N: Lanes>(&self, omega: N) -> Halves<N> {
-        // ω⁻/2 = a / (2Λω⁺ + a) with a = 1 - ω⁺/2: one division.
+        // ω⁻/2 = a / (2Λω⁺ + a) with a = 1 - ω⁺/2 needs one division.
         let symmetric = omega * N::splat(0.5);
         let open = N::splat(1.0) - symmetric;
         let antisymmetric = match self.antisymmetric {
@@ -83,7 +85,8 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
         };
         let p = Moments::from_pairs::<L, G, Q>(g, half_force);
         let base = p.mu.mul_add(N::splat(-1.5), p.drho);
-        // Sources of even and odd part: (1 - ω/2) of 9 (c·u)(c·F) - 3 u·F and of 3 c·F.
+        // The source terms per weight are (1 - ω⁺/2) [9 (c·u)(c·F) - 3 u·F] of the symmetric part and (1 - ω⁻/2) 3 c·F
+        // of the antisymmetric part.
         let mut force = [N::splat(0.0); 3];
         let mut uf = N::splat(0.0);
         let (mut even_source, mut odd_source) = (uf, uf);
@@ -107,8 +110,8 @@ impl<const FORCED: bool> Collision for Trt<FORCED> {
             let w = L::W[i];
             let cm = along(c, &p.m);
             let cu = along(c, &p.u);
-            // Half of what the pair's sum and difference are short of their equilibria, times the rate. The rates come
-            // last, so that rates that differ from cell to cell cost nothing more.
+            // Half of equilibrium minus value, of the sum and of the difference of the pair, times the rate. The rates
+            // are applied last, so that rates per cell cost no more than uniform ones.
             let (one, other) = (g.incoming(i), g.incoming(j));
             let even = (cm * cu).mul_add(N::splat(4.5), base);
             let mut even = (even * N::splat(2.0 * w) - (one + other)) * half.symmetric;

@@ -14,10 +14,11 @@ const OPERATORS: [SolidOperator; 4] = [
     SolidOperator::ViscosityMatched,
 ];
 
+/// Height of the channel, and of the top of the bodies \[cells\].
 const HEIGHT: usize = 20;
 const TOP: usize = 12;
 
-/// Returns a channel with walls below and above, water in its upper part.
+/// Returns a channel with walls below and above.
 fn channel(solid_operator: SolidOperator, set: VelocitySet, tau: f64) -> Fluid<f64> {
     let cells = match set {
         VelocitySet::D2Q9 => [4, HEIGHT, 1],
@@ -55,9 +56,9 @@ fn solid(id: u64, u: f64) -> CoveringBody {
     }
 }
 
-/// Adds bodies on top of each other up to `TOP`: each with its first cell, its velocity, and the fraction of this cell
-/// that it fills; the body below fills the remainder. Ghost cells of the periodic faces are covered as by the map of
-/// bodies.
+/// Adds bodies on top of each other up to [`TOP`]. Each is given by its first cell, its velocity, and the fraction of
+/// this cell that it fills; the body below fills the remaining fraction. Ghost cells of the periodic faces are covered
+/// as in a run.
 fn stack(fluid: &mut Fluid<f64>, bodies: &[(usize, f64, f32)]) {
     let [nx, _, nz] = fluid.populations().cells().map(usize::cast_signed);
     let deep_z = if nz > 1 { -1..nz + 1 } else { 0..1 };
@@ -119,8 +120,8 @@ fn run(fluid: &mut Fluid<f64>, bodies: usize, steps: usize) -> Vec<[f64; 2]> {
     loads(fluid, bodies)
 }
 
-/// Checks a block that slides on a stationary block on the floor: the upper block receives the drag of the water above,
-/// the lower block none, for a joint between cells and within them.
+/// Checks the drag of a block that slides on a stationary one, which lies on the floor: the upper block receives the
+/// drag of the water above, the lower one none, for joints between cells and inside cells.
 #[test]
 fn bodies_that_slide_on_each_other_do_not_drag() {
     for solid_operator in OPERATORS {
@@ -131,8 +132,8 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
         ] {
             for part in [1.0, 0.3] {
                 let mut fluid = channel(solid_operator, set, tau);
-                // The start is the exact profile, from which the profile of the lattice develops fastest: in two to
-                // three times (HEIGHT - TOP)^2/(pi^2 nu).
+                // From the exact profile the profile of the lattice develops fastest, in two to three times
+                // (HEIGHT - TOP)^2/(pi^2 nu).
                 fluid.initialise(&|at: [f64; 3]| {
                     let y = at[1];
                     let above = 0.01 * (HEIGHT as f64 - y) / (HEIGHT - TOP) as f64;
@@ -145,7 +146,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
                     panic!("two bodies")
                 };
                 let exact = -(tau - 0.5) / 3.0 * 0.01 / (HEIGHT - TOP) as f64;
-                // Error of the surface itself (couette_flow_beside_a_covered_slab).
+                // The limit is that of the surface alone (`couette_flow_beside_a_covered_slab`).
                 assert!(
                     (above[0] / exact - 1.0).abs() < 0.05,
                     "{solid_operator:?} {set:?} {tau} {part}: {above:?}, exact {exact:e}"
@@ -159,7 +160,7 @@ fn bodies_that_slide_on_each_other_do_not_drag() {
     }
 }
 
-/// Slides a block on the floor itself.
+/// Checks that a block that slides on the floor receives the drag of the water above only.
 #[test]
 fn a_wall_at_rest_does_not_drag() {
     for solid_operator in OPERATORS {
@@ -174,8 +175,7 @@ fn a_wall_at_rest_does_not_drag() {
     }
 }
 
-/// Checks that the pressure is transferred: the water presses on the upper block, and the joint and the floor carry
-/// this force, at rest and during sliding.
+/// Checks that a joint transfers the pressure of the water on the upper block, stationary or sliding.
 #[test]
 fn the_joint_keeps_the_pressure_of_the_water() {
     for solid_operator in OPERATORS {
@@ -186,8 +186,7 @@ fn the_joint_keeps_the_pressure_of_the_water() {
             let [below, above] = run(&mut fluid, 2, 2500)[..] else {
                 panic!("two bodies")
             };
-            // For a uniform pressure p = 0.03/3 there is no uplift. Without the pressure of the joint it would be
-            // p.
+            // At a uniform pressure p = 0.03/3 there is no uplift. Without the pressure in the joint it would be p.
             assert!(
                 above[1].abs() < 1e-4 * 0.01,
                 "{solid_operator:?} {u}: {above:?}"

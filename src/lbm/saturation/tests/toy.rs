@@ -1,4 +1,6 @@
-//! File of a solid collision operator that exists in this test only: it returns the incoming populations.
+//! Solid collision operator that exists in a test only: it returns the incoming populations.
+//!
+//! It has its own file, because the test shows that an operator needs no more.
 
 use crate::lanes::Lanes;
 use crate::lattice::Lattice;
@@ -6,7 +8,7 @@ use crate::saturation::{
     Act, Cell, CoveredFluid, DensityRatios, LightBody, SolidCollision, SolidOperatorModel,
 };
 
-/// See the module.
+/// Operator that returns the incoming populations.
 #[derive(Clone, Copy, Debug)]
 pub struct Toy;
 
