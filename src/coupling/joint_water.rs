@@ -407,12 +407,10 @@ impl JointWater {
     }
 }
 
-/// Returns the length of the state in a checkpoint for a network with these numbers of nodes and links whose blocks are
-/// fixed.
+/// Returns the length of the state in a checkpoint if the blocks are fixed and the state of the flow has this length.
 #[must_use]
-pub fn numbers(nodes: usize, links: usize, inertia: bool) -> usize {
-    let modes = if inertia { joints::slot::MODES } else { 0 };
-    BALANCE + nodes + links * (1 + modes)
+pub fn numbers(flow: usize) -> usize {
+    BALANCE + flow
 }
 
 impl<S: Space> Coupled<S> for JointWater {

@@ -23,15 +23,14 @@
 //! the frequency `w` decreases by the fraction `0.0037 (w dt)⁴` per step, so that a sharp resonance keeps its
 //! width. The method is stable for any time step. A stage is a nonlinear system for the pressures only: the modes
 //! are eliminated link by link. Newton's method solves it with direct factors ([`crate::ldl`]); with turbulent
-//! friction it halves a step that does not reduce the imbalance. Iterations of both stages of a step, whose matrices
-//! differ little, keep the factors as long as each change is a small part of the last one (chord method: Kelley,
-//! Iterative Methods for Linear and Nonlinear Equations, 1995, section 5.4.1). No step takes the factors of an earlier
-//! step: its result depends on the state alone, also after a restart.
+//! friction it halves a step that does not reduce the imbalance. The factors are kept from iteration to iteration and
+//! from step to step as long as each change is a small part of the last one (`newton`).
 //!
-//! **The state** consists of the pressure of each node and the modes of each link, equal on every rank.
+//! **The state** consists of the pressure of each node, the modes of each link and the matrix of the factors, equal on
+//! every rank.
 
 use crate::friction::{Turbulence, cube, inertial, rough};
-use crate::ldl::{Factors, Singular};
+use crate::ldl::Factors;
 use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, opening, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
@@ -43,31 +42,15 @@ use decomposition::ExactSum;
 use nalgebra::{Vector3, Vector6};
 
 mod memory;
+mod newton;
 mod renewal;
 
 /// Pairs of rotational degrees of freedom of a block.
 const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
 /// Diagonal of the two stages.
 const DIAGONAL: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// Maximum number of Newton iterations.
-const MAX_ITERATIONS: usize = 60;
-/// Change of the pressures, relative to the largest, at which Newton's method ends.
-const NEWTON_TOLERANCE: f64 = 1e-12;
-/// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
-/// line search.
-const ROUNDING: f64 = 1e-8;
-/// Change of the pressures, relative to the largest, at which an iteration with kept factors has converged: the
-/// remaining error is a fraction of this change, not its square, and near vapour a small pressure difference stores
-/// much water.
-const KEPT_CHANGE: f64 = 1e-14;
-/// Largest ratio of the change of the pressures to the previous change at which Newton's method keeps its factors.
-const FACTOR_REUSE: f64 = 0.03;
-/// Displacement of a block in a stage, over the widest aperture, below which Newton's method may end.
-const STATIONARY: f64 = 1e-14;
 /// Largest system whose unknowns are eliminated in the order of their degree.
 const SMALL_SYSTEM: usize = 4000;
-/// Maximum number of halvings of a Newton step.
-const HALVINGS: usize = 12;
 
 /// Settings of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,6 +126,8 @@ pub trait Drive {
 pub struct StepReport {
     /// Number of Newton iterations.
     pub newton: usize,
+    /// Number of factorisations of the matrix.
+    pub factorisations: usize,
     /// Volume of water that entered through open edges, at atmospheric density \[m³\].
     pub entered: f64,
     /// Change of the water volume in the network that is not due to discharges \[m³\].
@@ -174,8 +159,12 @@ pub struct JointFlow {
     /// Node with fixed pressure in each closed part of the network, found by the first solution.
     held: Vec<usize>,
     factors: Factors,
-    /// `true` if the factors are those of an iterate of the present step.
-    factored: bool,
+    /// Matrix of the factors: its diagonal and pairs.
+    factored: [Vec<f64>; 2],
+    /// `true` if the factors may be used for the next iteration.
+    keeps: bool,
+    /// Number of factorisations in this step.
+    factorisations: usize,
     work: Work,
     /// Moving blocks, each with the adjacent cells.
     movers: Vec<Mover>,
@@ -213,6 +202,8 @@ struct Work {
     pairs: Vec<f64>,
     trial: Vec<f64>,
     net: Vec<f64>,
+    /// First iterate of a stage.
+    first: Vec<f64>,
     /// Displacements and velocities of the moving blocks at the base of a stage.
     starts: Vec<[Vector6<f64>; 2]>,
 }
@@ -265,7 +256,9 @@ impl JointFlow {
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
             factors: factors(&network, &movers, &pairs),
-            factored: false,
+            factored: [vec![0.0; unknowns], vec![0.0; pairs.len()]],
+            keeps: false,
+            factorisations: 0,
             work: Work {
                 answers: vec![LinkResponse::default(); links],
                 fronts: vec![None; network.open.len()],
@@ -278,6 +271,7 @@ impl JointFlow {
                 pairs: vec![0.0; pairs.len()],
                 trial: vec![0.0; unknowns],
                 net: vec![0.0; unknowns],
+                first: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
             movers,
@@ -347,7 +341,8 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\].
+    /// \[m³/s\]; where blocks move then the water of the nodes beyond that of their volumes \[m³\]; then 1 and the matrix
+    /// of the factors if the next step takes them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let surplus = if self.movers.is_empty() {
@@ -355,7 +350,22 @@ impl JointFlow {
         } else {
             &self.surplus[..]
         };
-        [&self.pressure[..], &self.discharge, &self.mode, surplus].concat()
+        let [diagonal, pairs] = &self.factored;
+        let keeps = [f64::from(u8::from(self.keeps))];
+        let mut state = [
+            &self.pressure[..],
+            &self.discharge,
+            &self.mode,
+            surplus,
+            &keeps,
+        ]
+        .concat();
+        if self.keeps {
+            state.extend(diagonal.iter().chain(pairs));
+        } else {
+            state.resize(state.len() + diagonal.len() + pairs.len(), 0.0);
+        }
+        state
     }
 
     /// Restores a state. Returns `true` if its length is that of this network.
@@ -364,14 +374,19 @@ impl JointFlow {
         let (nodes, links) = (self.pressure.len(), self.discharge.len());
         let modes = nodes + links..nodes + links + self.mode.len();
         let surplus = if self.movers.is_empty() { 0 } else { nodes };
-        if state.len() != modes.end + surplus {
+        let [unknowns, pairs] = [0, 1].map(|part| self.factored[part].len());
+        let kept = modes.end + surplus;
+        if state.len() != kept + 1 + unknowns + pairs {
             return false;
         }
         self.pressure.copy_from_slice(&state[..nodes]);
         self.discharge.copy_from_slice(&state[nodes..nodes + links]);
         self.mode.copy_from_slice(&state[modes.clone()]);
-        self.surplus[..surplus].copy_from_slice(&state[modes.end..]);
-        true
+        self.surplus[..surplus].copy_from_slice(&state[modes.end..kept]);
+        let (diagonal, pairs) = state[kept + 1..].split_at(unknowns);
+        self.keeps = state[kept] > 0.5;
+        self.factored = [diagonal.to_vec(), pairs.to_vec()];
+        !self.keeps || self.factors.factorise(diagonal, pairs).is_ok()
     }
 
     /// Sets the pressures of all nodes \[Pa\].
@@ -639,88 +654,6 @@ impl JointFlow {
         sum
     }
 
-    /// Solves for the pressures of a stage; returns the number of Newton iterations.
-    fn solve(&mut self, interval: f64, stores: bool) -> Result<usize, FlowError> {
-        let mut unknowns = std::mem::take(&mut self.pressure);
-        let nodes = unknowns.len();
-        for mover in &self.movers {
-            unknowns.extend(mover.velocity.iter());
-        }
-        let outcome = self.newton(&mut unknowns, interval, stores);
-        unknowns.truncate(nodes);
-        self.pressure = unknowns;
-        outcome
-    }
-
-    fn newton(
-        &mut self,
-        pressure: &mut [f64],
-        interval: f64,
-        stores: bool,
-    ) -> Result<usize, FlowError> {
-        let mut change = f64::INFINITY;
-        let mut sum = self.imbalance(pressure, interval, stores);
-        for step in 1..=MAX_ITERATIONS {
-            let fresh = !self.factored;
-            if fresh {
-                let factors = (self.factors).factorise(&self.work.diagonal, &self.work.pairs);
-                factors.map_err(|Singular(node)| FlowError::Singular(node))?;
-            }
-            let mut direction = std::mem::take(&mut self.work.net);
-            direction.copy_from_slice(&self.work.imbalance);
-            self.factors.solve(&mut direction);
-            let nodes = self.volumes.len();
-            let largest = |from: f64, of: &[f64]| of.iter().fold(from, |most, p| most.max(p.abs()));
-            let size = largest(1.0, &pressure[..nodes]);
-            let full = largest(0.0, &direction[..nodes]);
-            let slow = largest(0.0, &direction[nodes..])
-                <= ROUNDING * largest(f64::MIN_POSITIVE, &pressure[nodes..])
-                    + self.small_change(interval);
-            let mut trial = std::mem::take(&mut self.work.trial);
-            let (mut part, mut new) = (1.0, 0.0);
-            // Laminar flow needs no line search: its imbalance is concave.
-            let halvings = self.settings.roughness.map_or(0, |_| HALVINGS);
-            for halving in 0..=halvings {
-                // If no reduced step decreases the imbalance, the full step is used.
-                if halving == halvings {
-                    part = 1.0;
-                }
-                for ((new, old), by) in trial.iter_mut().zip(&*pressure).zip(&direction) {
-                    *new = old - part * by;
-                }
-                new = self.imbalance(&trial, interval, stores);
-                // Below this change only rounding remains.
-                if new < sum || full <= ROUNDING * size {
-                    break;
-                }
-                part *= 0.5;
-            }
-            pressure.copy_from_slice(&trial);
-            (self.work.trial, self.work.net) = (trial, direction);
-            if !(new.is_finite() && full.is_finite()) {
-                return Err(FlowError::NotFinite);
-            }
-            self.factored = part >= 1.0 && full <= FACTOR_REUSE * change;
-            change = part * full;
-            let stagnant = fresh && change <= ROUNDING * size && new >= 0.25 * sum;
-            let enough = if fresh { NEWTON_TOLERANCE } else { KEPT_CHANGE };
-            if (change <= enough * size || stagnant) && slow {
-                return Ok(step);
-            }
-            sum = new;
-        }
-        Err(FlowError::NotConverged {
-            steps: MAX_ITERATIONS,
-            change,
-        })
-    }
-
-    /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
-    fn small_change(&self, interval: f64) -> f64 {
-        let gaps = self.gaps.iter().map(|gap| gap.constant);
-        STATIONARY * gaps.fold(self.network.settings.residual, f64::max) / interval
-    }
-
     /// Finds the parts of the network without an open end: in each of them the pressure of one node is fixed.
     fn find_held(&mut self) {
         let parts = self.network.parts();
@@ -745,7 +678,7 @@ impl JointFlow {
     /// # Errors
     /// If there is no solution.
     pub fn solve_steady(&mut self, drive: &dyn Drive, time: f64) -> Result<StepReport, FlowError> {
-        self.factored = false;
+        self.keeps = false;
         self.follow(drive, time);
         self.find_held();
         self.work.base.fill(0.0);
@@ -756,6 +689,8 @@ impl JointFlow {
             };
         }
         let newton = self.solve(1.0, false)?;
+        // The matrices of steps in time are others.
+        self.keeps = false;
         let pressure = std::mem::take(&mut self.pressure);
         for link in 0..self.channels.len() {
             let (discharge, _) = self.discharge_of(link, &pressure).unwrap_or_default();
@@ -883,7 +818,7 @@ impl JointFlow {
         time: f64,
         interval: f64,
     ) -> Result<StepReport, FlowError> {
-        self.factored = false;
+        self.factorisations = 0;
         let stage = DIAGONAL * interval;
         let before = self.stored();
         for (node, base) in self.work.base.iter_mut().enumerate() {
@@ -927,6 +862,7 @@ impl JointFlow {
         let after = self.stored();
         Ok(StepReport {
             newton,
+            factorisations: self.factorisations,
             entered,
             imbalance: after - before - entered,
         })

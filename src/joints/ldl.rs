@@ -29,7 +29,7 @@ pub(crate) struct Factors {
     row_columns: Vec<usize>,
     /// Columns of `L`: rows and values.
     column_starts: Vec<usize>,
-    column_rows: Vec<usize>,
+    column_rows: Vec<u32>,
     lower: Vec<f64>,
     diagonal: Vec<f64>,
     filled: Vec<usize>,
@@ -65,6 +65,13 @@ impl Factors {
             column_starts[column + 1] += column_starts[column];
         }
         let entries = row_columns.len();
+        let (mut filled, mut column_rows) = (column_starts.clone(), vec![0; entries]);
+        for row in 0..count {
+            for &column in &row_columns[row_starts[row]..row_starts[row + 1]] {
+                column_rows[filled[column]] = u32::try_from(row).unwrap_or(u32::MAX);
+                filled[column] += 1;
+            }
+        }
         Self {
             position,
             order,
@@ -74,7 +81,7 @@ impl Factors {
             row_starts,
             row_columns,
             column_starts,
-            column_rows: vec![0; entries],
+            column_rows,
             lower: vec![0.0; entries],
             diagonal: vec![0.0; count],
             filled: vec![0; count],
@@ -87,7 +94,7 @@ impl Factors {
         use std::mem::size_of;
         let unknowns = 6 * size_of::<usize>() + 3 * size_of::<f64>();
         let above = 2 * size_of::<usize>();
-        let entry = 2 * size_of::<usize>() + size_of::<f64>();
+        let entry = size_of::<usize>() + size_of::<u32>() + size_of::<f64>();
         let unknowns = self.order.len() * unknowns;
         unknowns + self.upper_rows.len() * above + self.lower.len() * entry
     }
@@ -113,13 +120,16 @@ impl Factors {
             for entry in self.row_starts[row]..self.row_starts[row + 1] {
                 let column = self.row_columns[entry];
                 let number = std::mem::take(&mut self.work[column]);
-                for below in self.column_starts[column]..self.filled[column] {
-                    self.work[self.column_rows[below]] -= self.lower[below] * number;
+                let end = self.filled[column];
+                let above = self.column_starts[column]..end;
+                let entries = self.column_rows[above.clone()]
+                    .iter()
+                    .zip(&self.lower[above]);
+                for (below, entry) in entries {
+                    self.work[*below as usize] -= entry * number;
                 }
                 let factor = number / self.diagonal[column];
                 pivot -= factor * number;
-                let end = self.filled[column];
-                self.column_rows[end] = row;
                 self.lower[end] = factor;
                 self.filled[column] = end + 1;
             }
@@ -141,14 +151,16 @@ impl Factors {
         }
         for column in 0..self.diagonal.len() {
             let number = work[column];
-            for entry in self.column_starts[column]..self.column_starts[column + 1] {
-                work[self.column_rows[entry]] -= self.lower[entry] * number;
+            let own = self.column_starts[column]..self.column_starts[column + 1];
+            for (row, entry) in self.column_rows[own.clone()].iter().zip(&self.lower[own]) {
+                work[*row as usize] -= entry * number;
             }
         }
         for column in (0..self.diagonal.len()).rev() {
             let mut number = work[column] / self.diagonal[column];
-            for entry in self.column_starts[column]..self.column_starts[column + 1] {
-                number -= self.lower[entry] * work[self.column_rows[entry]];
+            let own = self.column_starts[column]..self.column_starts[column + 1];
+            for (row, entry) in self.column_rows[own.clone()].iter().zip(&self.lower[own]) {
+                number -= entry * work[*row as usize];
             }
             work[column] = number;
         }

@@ -217,7 +217,7 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
                 let inertia = joints.written.inertia;
                 let (nodes, links) = (joints.nodes(), joints.counts.links);
                 match joints.movers {
-                    0 => joint_water::numbers(nodes, links, inertia),
+                    0 => joint_water::numbers(joints.numbers),
                     movers => joint_water::most_numbers(movers, nodes, links, inertia),
                 }
             })),

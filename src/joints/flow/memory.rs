@@ -44,6 +44,7 @@ impl JointFlow {
             + movers
             + touches
             + self.factors.bytes()
+            + (2 * self.factored[0].len() + self.factored[1].len()) * size_of::<f64>()
     }
 
     /// Returns the number of entries of the factors below their diagonal.

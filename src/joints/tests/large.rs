@@ -2,7 +2,9 @@
 
 use super::steady::{Fronts, boxes, rocks, settings, water};
 use crate::flow::JointFlow;
+use crate::motion::Mover;
 use crate::network::Network;
+use nalgebra::Matrix3;
 use std::time::Instant;
 
 /// Returns the corners of bricks in a grid of `n` cubed, with gaps \[m\] between them.
@@ -51,4 +53,50 @@ fn ten_thousand_joints_conduct_like_their_vertical_ones_side_by_side() {
     let exact = 1000.0 * width * gap.powi(3) / (12.0 * 1e-3 * length);
     println!("discharge {found:e}, exact {exact:e}");
     assert!((found / exact - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_bed_of_a_thousand_blocks_keeps_its_factors_over_steps() {
+    let (n, size, gap, mass) = (10_usize, 0.1, 2e-4, 2.65);
+    let solids = boxes(&bricks(n, size, gap));
+    let network = Network::new(&rocks(&solids), &settings(0.11));
+    let inside = |k: &usize| {
+        let [x, y, z] = [k % n, k / n % n, k / n / n];
+        [x, y].iter().all(|at| (1..n - 1).contains(at)) && z > 0
+    };
+    let movers = (0..n * n * n).filter(inside).map(|k| {
+        let inertia = Matrix3::identity() * (mass * size * size / 6.0);
+        Mover::new(k, mass, inertia, solids[k].position)
+    });
+    let movers: Vec<Mover> = movers.collect();
+    let top = size * 10.0 - gap;
+    let drive = Fronts::new(&network, move |at, time| {
+        (at.z > top - 1e-6).then(|| 2000.0 * (1.0 - (400.0 * time).cos()))
+    });
+    println!(
+        "{} nodes, {} blocks that move",
+        network.nodes(),
+        movers.len()
+    );
+    let mut settings = water();
+    settings.inertia = true;
+    let mut flow = JointFlow::with_movers(network, settings, movers);
+    flow.settle(&drive, 0.0).unwrap();
+    let (steps, step) = (40_u32, 5e-5);
+    let (mut factorisations, mut iterations) = (0, 0);
+    let (mut entered, before) = (0.0, flow.stored());
+    let start = Instant::now();
+    for k in 0..steps {
+        let report = flow.advance(&drive, step * f64::from(k), step).unwrap();
+        factorisations += report.factorisations;
+        iterations += report.newton;
+        entered += report.entered;
+    }
+    let error = (flow.stored() - before - entered) / before;
+    println!(
+        "{steps} steps: {factorisations} factorisations, {iterations} iterations, {:?}; mass error {error:e}",
+        start.elapsed()
+    );
+    assert!(factorisations <= 4, "{factorisations}");
+    assert!(error.abs() < 1e-12);
 }
