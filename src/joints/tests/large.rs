@@ -81,7 +81,7 @@ fn a_bed_of_a_thousand_blocks_keeps_its_factors_over_steps() {
     let mut settings = water();
     settings.inertia = true;
     let mut flow = JointFlow::with_movers(network, settings, movers);
-    flow.settle(&drive, 0.0).unwrap();
+    flow.solve_steady(&drive, 0.0).unwrap();
     let (steps, step) = (40_u32, 5e-5);
     let (mut factorisations, mut iterations) = (0, 0);
     let (mut entered, before) = (0.0, flow.stored());
