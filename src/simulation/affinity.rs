@@ -14,7 +14,7 @@ pub(super) enum Cores {
     /// The rank has as many cores as threads.
     Enough,
     /// The rank has enough cores now; the number is that before the change.
-    MoreCores(usize),
+    Extended(usize),
     /// The rank has only this number of cores.
     TooFew(usize),
 }
@@ -32,7 +32,7 @@ pub(super) fn bind_cores(threads: usize) -> Cores {
     // The system removes from the mask the cores that a job may not use.
     let widened = sched_setaffinity(None, &wanted).and_then(|()| sched_getaffinity(None));
     if widened.is_ok_and(|now| count(&now) >= threads) {
-        return Cores::MoreCores(had);
+        return Cores::Extended(had);
     }
     let _ = sched_setaffinity(None, &before);
     Cores::TooFew(had)
@@ -149,7 +149,7 @@ mod tests {
             let got = bind_cores(2);
             let now = count(&sched_getaffinity(None).unwrap());
             match got {
-                Cores::MoreCores(1) => assert!(now >= 2, "{now}"),
+                Cores::Extended(1) => assert!(now >= 2, "{now}"),
                 Cores::TooFew(1) => assert_eq!(now, 1),
                 other => panic!("{other:?}"),
             }

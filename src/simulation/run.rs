@@ -233,7 +233,7 @@ fn start_threads(asked: Option<usize>, communicator: &Communicator) -> Result<us
             "the {threads} threads of a rank share {had} core(s), which is slower than {had} thread(s): use \
              `--threads {had}`, or more cores per rank (`mpirun --bind-to none`, `--map-by slot:PE={threads}`)"
         ),
-        Cores::MoreCores(had) if first => log::info!(
+        Cores::Extended(had) if first => log::info!(
             "each rank was started on {had} core(s); its {threads} threads now have as many"
         ),
         _ => {}
