@@ -513,7 +513,7 @@ impl SlabSurface {
             self.share_out(populations);
             self.unsettled = true;
         } else {
-            self.settle_changes(populations);
+            self.settle(populations);
         }
     }
 
@@ -548,22 +548,6 @@ impl SlabSurface {
                 self.cells.fill[cell as usize] = fill;
             }
         }
-        self.work.remember(&self.cells, &self.ghosts);
-        self.share_out(populations);
-    }
-
-    /// Makes a step's changes as [`Self::settle`] does for all cells: fill levels and kinds of other interface cells
-    /// are those of the exchange. Collective.
-    fn settle_changes<S: Stored>(&mut self, populations: &Populations<S>) {
-        self.ghosts.spread_kinds(&mut self.cells.kind);
-        self.lost += self.work.distribute(&mut self.cells);
-        self.list(populations);
-        let near = self.work.near(&mut self.cells, &self.ghosts, populations);
-        let cells = &mut self.cells;
-        with_set!(
-            populations,
-            exchange::classify_some(cells, near, populations)
-        );
         self.share_out(populations);
     }
 

@@ -19,8 +19,6 @@ pub(crate) struct Cells {
     pub(super) share: Vec<f64>,
     /// `true` for cells with a share among their neighbours.
     pub(super) takes: Vec<bool>,
-    /// `true` for cells already in a list of cells next to changes, while the list is made.
-    pub(super) near: Vec<bool>,
     /// `true` for interface cells that the liquid cell inside carries, during a step.
     pub(super) carried: Vec<bool>,
     /// Fraction filled by bodies; empty in a fluid without bodies.
@@ -48,7 +46,6 @@ impl Cells {
             fill: vec![0.0; count],
             share: vec![0.0; count],
             takes: vec![false; count],
-            near: vec![false; count],
             carried: vec![false; count],
             solid: Vec::new(),
             closed: Vec::new(),
@@ -194,7 +191,7 @@ impl Cells {
 
     /// Returns the size of the memory in bytes.
     pub(super) fn bytes(&self) -> usize {
-        4 * self.kind.len()
+        3 * self.kind.len()
             + 8 * (self.mass.len() + self.fill.len() + self.share.len() + self.solid.len())
             + 4 * self.closed.len()
     }

@@ -32,12 +32,6 @@ pub(super) struct Work {
     shared: Vec<u32>,
     /// Cells with a share among their neighbours.
     takers: Vec<u32>,
-    /// Cells that have become gas, interface or liquid in this step, and interface cells kept from emptying.
-    changed: Vec<u32>,
-    /// Those cells of the slab and their neighbours.
-    near: Vec<u32>,
-    /// Kinds of the ghost cells that may hold water after the last step, in their order.
-    ghosts: Vec<u8>,
 }
 
 /// Returns the directions from a cell or ghost cell to its neighbours in the slab.
@@ -113,13 +107,7 @@ impl Work {
         self.empties.clear();
         self.entered.clear();
         self.born.clear();
-        self.changed.clear();
         for plane in planes {
-            if cells.solid.is_empty() {
-                for (&cell, &fill) in plane.surface.iter().zip(&plane.fill) {
-                    cells.fill[cell as usize] = fill;
-                }
-            }
             for (&cell, &kind) in plane.surface.iter().zip(&plane.kind) {
                 cells.kind[cell as usize] = kind;
                 match kind {
@@ -133,64 +121,14 @@ impl Work {
 
     /// Prevents cells from emptying next to cells that fill.
     pub(super) fn resolve(&mut self, cells: &mut Cells) {
-        let changed = &mut self.changed;
         self.empties.retain(|&cell| {
-            let at = cell as usize;
-            let kept = cells.count_neighbours(at, |kind| kind == FILLS) > 0;
+            let cell = cell as usize;
+            let kept = cells.count_neighbours(cell, |kind| kind == FILLS) > 0;
             if kept {
-                cells.kind[at] = SURFACE;
-                changed.push(cell);
+                cells.kind[cell] = SURFACE;
             }
             !kept
         });
-    }
-
-    /// Returns the cells of the slab whose fill level or kind may follow from a change of this step: the changed
-    /// cells, with their neighbours, and the neighbours of changed ghost cells.
-    pub(super) fn near<S: Stored>(
-        &mut self,
-        cells: &mut Cells,
-        ghosts: &Ghosts,
-        populations: &Populations<S>,
-    ) -> &[u32] {
-        self.near.clear();
-        let near = &mut self.near;
-        let mut add = |cell: usize, cells: &mut Cells| {
-            if !cells.near[cell] {
-                cells.near[cell] = true;
-                near.push(to_u32(cell));
-            }
-        };
-        let changed = [&self.changed, &self.fills, &self.empties, &self.entered];
-        for &cell in changed.into_iter().flatten() {
-            add(cell as usize, cells);
-            for i in 1..cells.directions() {
-                let beside = cells.neighbour(cell as usize, i);
-                if !ghosts.holds(beside) {
-                    add(beside, cells);
-                }
-            }
-        }
-        for (&ghost, before) in ghosts.all().iter().zip(&mut self.ghosts) {
-            let ghost = ghost as usize;
-            if cells.kind[ghost] != *before {
-                *before = cells.kind[ghost];
-                for i in inside(populations, ghost) {
-                    add(cells.neighbour(ghost, i), cells);
-                }
-            }
-        }
-        for &cell in &self.near {
-            cells.near[cell as usize] = false;
-        }
-        &self.near
-    }
-
-    /// Remembers the kinds of the ghost cells.
-    pub(super) fn remember(&mut self, cells: &Cells, ghosts: &Ghosts) {
-        self.ghosts.clear();
-        let kinds = ghosts.all().iter().map(|&ghost| cells.kind[ghost as usize]);
-        self.ghosts.extend(kinds);
     }
 
     /// Changes the kinds of cells, and records the excess mass.
@@ -233,7 +171,6 @@ impl Work {
                     (false, LIQUID) => {
                         cells.kind[cell] = SURFACE;
                         cells.mass[cell] = 1.0 + populations.moments(cell).0;
-                        self.changed.push(to_u32(cell));
                         touch(populations, to_u32(cell));
                     }
                     _ => {}

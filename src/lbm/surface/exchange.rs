@@ -211,14 +211,7 @@ pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
                 (mass, 1.0 + stencil.density(numbers, cell))
             };
             plane.fill[n] = known.fill_from(cell, mass, density);
-            let kind = turned((known, cell), (mass, density), [alone, gas, liquid]);
-            // Bodies may still move water in the cell.
-            let stays = kind == own && known.solid.is_empty();
-            plane.kind[n] = if stays {
-                sorted(gas, liquid, plane.fill[n])
-            } else {
-                kind
-            };
+            plane.kind[n] = turned((known, cell), (mass, density), [alone, gas, liquid]);
         }
     });
     cells.mass = mass;
@@ -251,36 +244,7 @@ fn turned(
     }
 }
 
-/// Returns the kind of an interface cell from its neighbours and its fill level.
-#[inline(always)]
-fn sorted(gas: bool, liquid: bool, fill: f64) -> u8 {
-    match (gas, liquid) {
-        (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
-        (true, false) if fill >= NEARLY => STRAY,
-        _ => SURFACE,
-    }
-}
-
-/// Returns fill level and kind of an interface cell.
-#[inline(always)]
-fn classified<L: Lattice<Q>, S: Stored, const Q: usize>(
-    cells: &Cells,
-    (numbers, stencil): (&Numbers<S>, &Stencil<L, Q>),
-    cell: usize,
-) -> (f64, u8) {
-    let (mut gas, mut liquid) = (false, cells.is_fed(cell));
-    for kind in stencil.kinds(cells, cell) {
-        gas |= kind == GAS;
-        liquid |= kind == LIQUID;
-    }
-    // SAFETY: an interface cell of the slab, whose numbers are only read.
-    let density = 1.0 + unsafe { stencil.density(numbers, cell) };
-    let fill = cells.fill_from(cell, cells.mass[cell], density);
-    debug_assert!(is_surface(cells.kind[cell]));
-    (fill, sorted(gas, liquid, fill))
-}
-
-/// Computes fill level and kind of each interface cell in the lists.
+/// Computes the fill level and the kinds of the neighbours of each interface cell in the lists.
 pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &Cells,
     planes: &mut [Plane],
@@ -292,25 +256,21 @@ pub(super) fn classify<L: Lattice<Q>, S: Stored, const Q: usize>(
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
         for n in 0..plane.surface.len() {
             let cell = plane.surface[n] as usize;
-            (plane.fill[n], plane.kind[n]) = classified(cells, (numbers, stencil), cell);
+            let (mut gas, mut liquid) = (false, cells.is_fed(cell));
+            for kind in stencil.kinds(cells, cell) {
+                gas |= kind == GAS;
+                liquid |= kind == LIQUID;
+            }
+            // SAFETY: an interface cell of the slab, whose numbers are only read.
+            let density = 1.0 + unsafe { stencil.density(numbers, cell) };
+            let fill = cells.fill_from(cell, cells.mass[cell], density);
+            plane.fill[n] = fill;
+            plane.kind[n] = match (gas, liquid) {
+                (false, _) if fill <= 1.0 - NEARLY => ENCLOSED,
+                (true, false) if fill >= NEARLY => STRAY,
+                _ => SURFACE,
+            };
+            debug_assert!(is_surface(cells.kind[cell]));
         }
     });
-}
-
-/// Sets fill level and kind of the interface cells in a list of cells. The kinds that are compared, gas and liquid, do
-/// not change, so that the order has no effect.
-pub(super) fn classify_some<L: Lattice<Q>, S: Stored, const Q: usize>(
-    cells: &mut Cells,
-    list: &[u32],
-    populations: &Populations<S>,
-) {
-    let stencil = &Stencil::<L, Q>::new(populations);
-    let numbers = &Numbers::to_read(populations);
-    for &cell in list {
-        let cell = cell as usize;
-        if is_surface(cells.kind[cell]) {
-            let (fill, kind) = classified(cells, (numbers, stencil), cell);
-            (cells.fill[cell], cells.kind[cell]) = (fill, kind);
-        }
-    }
 }

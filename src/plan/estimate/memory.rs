@@ -17,8 +17,8 @@ const CELL: f64 = 4.0;
 /// Memory per cell for two velocities in f32, from which the eddy viscosity is computed, and their indices
 /// \[bytes\].
 const EDDY: f64 = 26.0;
-/// Memory per cell for kind, three marks, mass, fill level and excess mass below a free surface \[bytes\].
-const FREE_SURFACE: f64 = 28.0;
+/// Memory per cell for kind, mass, fill level and excess mass below a free surface \[bytes\].
+const FREE_SURFACE: f64 = 25.0;
 /// Memory per cell for eleven sums over time in f64 \[bytes\].
 const AVERAGES: f64 = 88.0;
 /// Memory per cell for solid fraction and owner with partially saturated cells \[bytes\].
