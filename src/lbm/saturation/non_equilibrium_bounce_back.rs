@@ -38,9 +38,15 @@ impl SolidOperatorModel for NonEquilibriumBounceBack {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (body.by_radius(0.38, 0.7, 0.38), body.by_radius(0.405, 1.47, 0.405))
+            (
+                body.by_radius(0.38, 0.7, 0.38),
+                body.by_radius(0.405, 1.47, 0.405),
+            )
         } else {
-            let (slow, fast) = (body.by_radius(0.48, 0.9, 0.48), body.by_radius(0.42, 1.7, 0.42));
+            let (slow, fast) = (
+                body.by_radius(0.48, 0.9, 0.48),
+                body.by_radius(0.42, 1.7, 0.42),
+            );
             (body.by_radius(0.45, 0.75, 0.45), body.by_time(slow, fast))
         };
         let mut ratios = DensityRatios::for_body(body, fails, holds, 0.05);

@@ -32,9 +32,15 @@ impl SolidOperatorModel for Superposition {
 
     fn lightest(&self, body: &LightBody) -> DensityRatios {
         let (fails, holds) = if body.flat {
-            (body.by_radius(0.38, 0.55, 0.38), body.by_radius(0.46, 1.0, 0.46))
+            (
+                body.by_radius(0.38, 0.55, 0.38),
+                body.by_radius(0.46, 1.0, 0.46),
+            )
         } else {
-            (body.by_radius(0.38, 0.55, 0.38), body.by_radius(0.42, 1.7, 0.42))
+            (
+                body.by_radius(0.38, 0.55, 0.38),
+                body.by_radius(0.42, 1.7, 0.42),
+            )
         };
         let wider = if body.relaxation_time > MEASURED.end {
             0.6

@@ -60,7 +60,10 @@ impl SolidOperatorModel for ViscosityMatched {
         let (fails, holds) = if body.flat {
             (0.4, body.by_radius(0.22, 1.35, 0.5))
         } else {
-            let (slow, fast) = (body.by_radius(0.27, 1.1, 0.46), body.by_radius(0.325, 1.45, 0.5));
+            let (slow, fast) = (
+                body.by_radius(0.27, 1.1, 0.46),
+                body.by_radius(0.325, 1.45, 0.5),
+            );
             (0.39, body.by_time(slow, fast))
         };
         DensityRatios::for_body(body, fails, holds, 0.05)
