@@ -325,7 +325,7 @@ mod tests {
             vec![6.0, 7.0]
         );
         let error = read_column(&path, "speed").unwrap_err();
-        assert!(error.to_string().contains("it holds id"), "{error}");
+        assert!(error.to_string().contains("its columns are id"), "{error}");
         assert!(read_f64(&path, "/g/id", &[1], &[usize::MAX]).is_err());
         assert!(inspect(&dir.path().join("b.h5")).is_err());
         std::fs::write(dir.path().join("c.h5"), b"no").unwrap();

@@ -385,10 +385,10 @@ impl<L: Lattice<Q>, S: Memory<N>, N: super::lanes::Lanes, const Q: usize> Site<N
 }
 
 /// Hides from the compiler that the distances are constant in the loop. The compiler would otherwise compute 27
-/// addresses from nine before the loop, and load most of them from the stack in every iteration.
+/// addresses from nine before the loop, and load most of them from the stack in every iteration. Miri has no assembly.
 #[inline(always)]
 fn opaque(along: &mut [isize; 2]) {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(miri)))]
     {
         let [a, b] = along;
         // SAFETY: the assembly contains no instruction.
@@ -401,7 +401,7 @@ fn opaque(along: &mut [isize; 2]) {
             );
         }
     }
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(any(miri, not(target_arch = "x86_64")))]
     let _ = along;
 }
 

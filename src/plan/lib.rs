@@ -120,7 +120,7 @@ impl Clock {
 }
 
 /// Ratio of the end of the last step to the stated end above which a run warns.
-const LATE: f64 = 1.05;
+const LATE: f64 = 1.1;
 /// Maximum number of steps; more would never complete.
 const MOST_STEPS: f64 = 1e13;
 

@@ -80,7 +80,7 @@ fn the_schema_takes_the_texts_of_the_boundaries() {
     let choice = &schema["oneOf"][0];
     assert_eq!(
         choice["description"],
-        "Toy boundary, which returns a fraction of each population."
+        "Boundary of this test, which returns a fraction of each population."
     );
     assert_eq!(
         choice["properties"]["toy"]["properties"]["returned"]["description"],

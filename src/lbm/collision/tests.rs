@@ -54,7 +54,7 @@ fn the_schema_takes_the_texts_of_the_operators() {
     assert_eq!(choices.len(), 1);
     assert_eq!(
         choices[0]["description"],
-        "Toy operator, which scales the incoming populations."
+        "Operator of this test, which scales the incoming populations."
     );
     assert!(choices[0]["properties"]["toy"].get("description").is_none());
     assert_eq!(
