@@ -14,7 +14,7 @@
 //! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
 //! | `ldl`, `order` | direct solution of sparse symmetric systems, order of elimination of large ones |
-//! | `flow` | pressures and discharges, steady and in time; `flow/newton` their solution, `flow/renewal` a new network for blocks that have moved |
+//! | `flow` | pressures and discharges, steady and in time; their solution (`newton`), new networks (`renewal`) |
 //! | `history` | pressure at a mouth as a function of time |
 //! | `motion` | motion of blocks together with the pressures |
 //! | `loads` | force and moment on the blocks |

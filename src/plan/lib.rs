@@ -530,3 +530,33 @@ fn steps(x: f64) -> u64 {
     let exact = (x - nearest).abs() <= 1e-9 * x.abs().max(1.0);
     u64::try_from(whole(if exact { nearest } else { x.ceil() })).unwrap_or(u64::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// Returns the findings on the end of the drawdown, with a solid time step \[s\] and an end \[s\]. An interval of the
+    /// seepage is ten solid steps.
+    fn findings(step: f64, end: f64) -> Vec<Problem> {
+        let text = case::examples::find("drawdown").unwrap().text;
+        let set = [
+            format!("time.solid_time_step={step}"),
+            format!("time.end={end}"),
+        ];
+        let document = Document::read(text, &set, Path::new(".")).unwrap();
+        let warnings = Plan::prepare(document).unwrap().warnings.into_iter();
+        warnings.filter(|one| one.path == "time.end").collect()
+    }
+
+    #[test]
+    fn a_step_longer_than_the_run_is_warned_of_with_one_that_fits() {
+        assert_eq!(findings(3600.0, 864_000.0), []);
+        assert_eq!(findings(3600.0, 850_000.0), []);
+        let found = findings(144_000.0, 432_000.0);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].reason.contains("ends at 1440000 s"), "{found:?}");
+        assert_eq!(findings(43_200.0, 432_000.0), []);
+        assert!(found[0].remedy.text.contains("43200 s"), "{found:?}");
+    }
+}

@@ -32,7 +32,8 @@ const MAP_GHOSTS: f64 = 4.0;
 /// Memory of the links of a cell at the surface of a solid \[bytes\].
 const SURFACE: f64 = 300.0;
 /// Memory per cell of the seepage, on every rank \[bytes\]: coefficients, vectors, multigrid levels and the state
-/// before a coupling. Measured as the difference of two sizes: 1,068 in space (216,000 and 729,000 cells), 1,145 in a plane.
+/// before a coupling. Measured as the difference of two sizes: 1,068 in space (216,000 and 729,000 cells), 1,145 in a
+/// plane.
 const SEEPAGE: f64 = 1150.0;
 /// Additional memory per cell if grains move \[bytes\]: sums over the grains of a cell, and channels of open water.
 /// Measured: 900.
