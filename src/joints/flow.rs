@@ -341,8 +341,8 @@ impl JointFlow {
     }
 
     /// Returns the state: pressures of the nodes \[Pa\], then discharges of the links, then those of the modes
-    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\]; then 1 and the matrix of
-    /// the factors if the next step uses them, or zeros.
+    /// \[m³/s\]; if blocks move, then the water of the nodes in excess of their volumes \[m³\]; then 1 and the matrix
+    /// of the factors if the next step uses them, or zeros.
     #[must_use]
     pub fn state(&self) -> Vec<f64> {
         let surplus = if self.movers.is_empty() {

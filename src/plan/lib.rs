@@ -536,8 +536,8 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// Returns the findings on the end of the drawdown, with a solid time step \[s\] and an end \[s\]. An interval of the
-    /// seepage is ten solid steps.
+    /// Returns the findings on the end of the drawdown, with a solid time step \[s\] and an end \[s\]. An interval of
+    /// the seepage is ten solid steps.
     fn findings(step: f64, end: f64) -> Vec<Problem> {
         let text = case::examples::find("drawdown").unwrap().text;
         let set = [
@@ -555,7 +555,7 @@ mod tests {
         assert_eq!(findings(3600.0, 850_000.0), []);
         let found = findings(144_000.0, 432_000.0);
         assert_eq!(found.len(), 1);
-        assert!(found[0].reason.contains("ends at 1440000 s"), "{found:?}");
+        assert!(found[0].reason.contains("ends at 1.440e6 s"), "{found:?}");
         assert_eq!(findings(43_200.0, 432_000.0), []);
         assert!(found[0].remedy.text.contains("43200 s"), "{found:?}");
     }

@@ -1,10 +1,10 @@
 //! Newton's method for a stage, with factors that are kept.
 //!
 //! With the factors of an earlier matrix each iteration reduces the error by about the same small factor, the relative
-//! change of the matrix (chord method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, 1995, section
-//! 5.4.1). It costs a solution instead of a factorisation. The factors are kept, also for the next step, as long as each
-//! change is at most [`KEPT`] of the last one; a stage that begins with factors that are too old begins again with new
-//! ones. The matrix of the factors belongs to the state: a restart computes the same factors from it.
+//! change of the matrix (chord method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, 1995,
+//! section 5.4.1). It costs a solution instead of a factorisation. The factors are kept, also for the next step, as
+//! long as each change is at most [`KEPT`] of the last one; a stage that begins with factors that are too old begins
+//! again with new ones. The matrix of the factors belongs to the state: a restart computes the same factors from it.
 
 use super::{FlowError, JointFlow};
 use crate::ldl::Singular;
