@@ -205,7 +205,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         self.fluid.advance_many(1).map_err(Error::Internal)?;
         if let Some(structures) = &mut self.structures {
             self.fluid.fetch().map_err(Error::Internal)?;
-            structures.bounce(&mut self.fluid, domain.communicator());
+            structures.bounce(self.fluid.populations_mut());
         }
         self.fluid.move_surface();
         if particles.is_empty() && domain.communicator().size() == 1 {

@@ -10,11 +10,9 @@
 
 use super::body_map::{BodyMap, GHOSTS, MapGrid};
 use base::units::LatticeUnits;
-use decomposition::Communicator;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::Load;
-use lbm::links::closed::{self, Reflected};
 use lbm::links::fixed::{FixedLink, bounce_fixed};
 use lbm::populations::Populations;
 use std::collections::HashSet;
@@ -35,16 +33,6 @@ const HALF: f64 = 1e-9;
 struct Group {
     structure: usize,
     places: Vec<Ends>,
-}
-
-/// Links that together keep the mass of the water, with reusable buffers.
-#[derive(Debug, Default)]
-struct Closed {
-    /// Cells at the ends of the links of each group.
-    ends: Vec<Vec<closed::LinkCells>>,
-    reflected: Vec<Reflected>,
-    sums: Vec<u128>,
-    shares: Vec<f64>,
 }
 
 /// Positions, in the map, of the ends of a link and of the cells behind them, and their state without moving
@@ -86,8 +74,6 @@ pub struct StructureMap {
     inside: Vec<u32>,
     /// Links between two fluid cells that a sheet cuts: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
-    /// `None` if each link is reflected by itself.
-    closed: Option<Closed>,
 }
 
 impl StructureMap {
@@ -118,7 +104,6 @@ impl StructureMap {
             loads: vec![[0; 6]; structures],
             inside: Vec::new(),
             sheets: HashSet::new(),
-            closed: None,
         };
         if local.contains(&0) {
             return map;
@@ -160,10 +145,7 @@ impl StructureMap {
             origin: [0.0; 3],
             spacing: units.spacing,
         };
-        let mut map = Self::new(fluid.populations(), grid, solids, interpolated);
-        if fluid.surface().is_some() {
-            map.closed = Some(map.close(fluid.populations()));
-        }
+        let map = Self::new(fluid.populations(), grid, solids, interpolated);
         let closed: Vec<usize> = map.inside.iter().map(|&cell| cell as usize).collect();
         fluid.close(closed.into_iter());
         Some(Box::new(map))
@@ -182,11 +164,13 @@ impl StructureMap {
     pub fn bound_surface<S: Stored>(&self, fluid: &mut Fluid<S>) {
         let solid: Vec<usize> = self.positions(fluid.populations()).collect();
         let populations = fluid.populations();
+        let opposite = populations.velocities().opposite.clone();
         let mut cut = Vec::new();
         for link in self.links.iter().flatten() {
             let forth = usize::from(link.direction);
-            let back = populations.velocities().opposite[forth];
-            let [near, far] = cells_of(link, populations);
+            let back = opposite[forth];
+            let near = link.link.near as usize - populations.slot(0, back);
+            let far = link.link.far as usize - populations.slot(0, forth);
             cut.extend([(near, forth), (far, back)]);
         }
         if let Some(surface) = fluid.surface_mut() {
@@ -511,75 +495,19 @@ impl StructureMap {
         &self.links
     }
 
-    /// Returns the ends of the links.
-    fn close<S: Stored>(&self, populations: &Populations<S>) -> Closed {
-        let ends = |links: &Vec<FixedLink>| {
-            let cells = links.iter().map(|link| cells_of(link, populations));
-            let ends = cells.map(|cells| cells.map(|n| u32::try_from(n).unwrap_or(u32::MAX)));
-            ends.collect()
-        };
-        Closed {
-            ends: self.links.iter().map(ends).collect(),
-            reflected: vec![Reflected::default(); self.links.len()],
-            ..Closed::default()
-        }
-    }
-
-    /// Reflects populations on all links and sums the loads of this step. Collective.
-    pub fn bounce<S: Stored>(&mut self, fluid: &mut Fluid<S>, communicator: &Communicator) {
-        if let Some(mut closed) = self.closed.take() {
-            self.bounce_closed(&mut closed, fluid, communicator);
-            self.closed = Some(closed);
+    /// Reflects populations on all links and sums the loads of this step.
+    pub fn bounce<S: Stored>(&mut self, populations: &mut Populations<S>) {
+        self.group_loads.fill([0; 6]);
+        if self.dimension == 2 {
+            bounce_fixed::<S, 2>(populations, &self.links, &mut self.group_loads);
         } else {
-            self.group_loads.fill([0; 6]);
-            let populations = fluid.populations_mut();
-            if self.dimension == 2 {
-                bounce_fixed::<S, 2>(populations, &self.links, &mut self.group_loads);
-            } else {
-                bounce_fixed::<S, 3>(populations, &self.links, &mut self.group_loads);
-            }
+            bounce_fixed::<S, 3>(populations, &self.links, &mut self.group_loads);
         }
         self.loads.fill([0; 6]);
         for (group, load) in self.groups.iter().zip(&self.group_loads) {
             for (sum, part) in self.loads[group.structure].iter_mut().zip(load) {
                 *sum += part;
             }
-        }
-    }
-
-    /// Reflects populations on links that together keep the mass of the water.
-    fn bounce_closed<S: Stored>(
-        &mut self,
-        closed: &mut Closed,
-        fluid: &mut Fluid<S>,
-        communicator: &Communicator,
-    ) {
-        let (populations, kinds) = fluid.populations_and_kinds();
-        let links = (&self.links[..], &closed.ends[..]);
-        let reflected = &mut closed.reflected[..];
-        closed::reflect(populations, links, kinds, reflected);
-        closed.sums.clear();
-        closed.sums.resize(2 * self.solids.len(), 0);
-        for (group, reflected) in self.groups.iter().zip(&*reflected) {
-            for (n, part) in reflected.sums.into_iter().enumerate() {
-                let sum = &mut closed.sums[2 * group.structure + n];
-                *sum = sum.wrapping_add(part.cast_unsigned());
-            }
-        }
-        communicator.all_reduce_sum_u128s(&mut closed.sums);
-        closed.shares.clear();
-        closed.shares.extend(self.groups.iter().map(|group| {
-            let first = 2 * group.structure;
-            closed::rest_per_weight([0, 1].map(|n| closed.sums[first + n].cast_signed()))
-        }));
-        let given = (reflected, &closed.shares[..]);
-        if self.dimension == 2 {
-            closed::complete::<S, 2>(populations, links, kinds, given);
-        } else {
-            closed::complete::<S, 3>(populations, links, kinds, given);
-        }
-        for (load, reflected) in self.group_loads.iter_mut().zip(&closed.reflected) {
-            *load = reflected.load;
         }
     }
 
@@ -612,14 +540,4 @@ impl StructureMap {
             }
         }
     }
-}
-
-/// Returns the positions of the cells at both ends of a link.
-fn cells_of<S: Stored>(link: &FixedLink, populations: &Populations<S>) -> [usize; 2] {
-    let forth = usize::from(link.direction);
-    let back = populations.velocities().opposite[forth];
-    [
-        link.link.near as usize - populations.slot(0, back),
-        link.link.far as usize - populations.slot(0, forth),
-    ]
 }

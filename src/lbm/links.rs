@@ -20,7 +20,6 @@
 //! Loads are summed as integers of [`super::quanta::QUANTA`], so that the order of links, threads and ranks does not
 //! affect them.
 
-pub mod closed;
 pub mod fixed;
 
 pub use super::rigid::Rigid;

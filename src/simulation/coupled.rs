@@ -54,7 +54,7 @@ pub fn flow<Sp: Space, S: Stored>(
                 buoyancy: buoyancy(plan),
             };
             let flow = PartiallySaturated::new(fluid, units, origin, settings)
-                .with_structures(structures(plan), true);
+                .with_structures(structures(plan), plan.scene.surface.is_none());
             Water::Saturated(Box::new(flow))
         }
         Some(Coupling::BounceBack(written)) => {
@@ -67,8 +67,10 @@ pub fn flow<Sp: Space, S: Stored>(
         }
         None => {
             let settings = links(plan, &WrittenBounceBack::default());
+            // Interpolated links read further cells, which a free surface may leave without water.
+            let interpolated = plan.scene.surface.is_none();
             let flow = BounceBack::new(fluid, units, origin, settings)
-                .with_structures(structures(plan), true);
+                .with_structures(structures(plan), interpolated);
             Water::BounceBack(Box::new(flow))
         }
     }

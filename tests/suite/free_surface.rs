@@ -345,3 +345,38 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
         "{found:?}"
     );
 }
+
+/// Checks that a wall between a basin and a log that floats in it holds no water: 1.2 m of the basin are 0.5 m deep, less
+/// the segment of the log below the level.
+#[test]
+fn structures_bound_the_water_where_bodies_float() {
+    let _beside = beside_others();
+    let study = Study::new(
+        r#"{
+        "domain": {"size": [1.6, 0.64], "spacing": 0.02},
+        "gravity": [0, -9.81],
+        "materials": {"wood": {"density": 500}},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 6e-4, "time_step": 5e-4,
+            "surface": {"water": [{"level": 0.5}]},
+            "boundaries": [
+                {"name": "floor", "face": "y_min", "condition": {"free_slip": {}}},
+                {"name": "left", "face": "x_min", "condition": {"free_slip": {}}},
+                {"name": "right", "face": "x_max", "condition": {"free_slip": {}}}]}},
+        "contact": {"linear": {"friction_angle_degrees": 0, "normal_stiffness": {"absolute": 1e6},
+                               "normal_damping_ratio": 0.2}},
+        "structures": [{"name": "wall", "shape": {"box": {"from": [0.2, -0.1], "to": [0.6, 0.7]}}}],
+        "bodies": [{"name": "log", "shape": {"disc": {"radius": 0.1}}, "position": [1.1, 0.53],
+                    "motion": {"free": {}}, "material": "wood"}],
+        "time": {"end": 0.02}
+        }"#,
+    );
+    study.run("straight", 1, 1, &[]);
+    study.same_on(&[("two", 2, 1, ""), ("threads", 1, 2, "")]);
+    let water = &study.summary("straight")["water"];
+    let [mass, error] = ["mass", "mass_error"].map(|key| water[key].as_f64().unwrap());
+    let segment = 0.01 * 0.3_f64.acos() - 0.03 * (0.01_f64 - 0.0009).sqrt();
+    let exact = 1000.0 * (1.2 * 0.5 - segment);
+    assert!((mass / exact - 1.0).abs() < 0.01, "{mass}, not {exact}");
+    assert!(error.abs() < 1e-12, "{error}");
+}

@@ -193,16 +193,6 @@ impl<S: Stored> Fluid<S> {
         }
     }
 
-    /// Returns the populations, and the kinds of the cells of a free surface by position; no kinds without one.
-    pub fn populations_and_kinds(&mut self) -> (&mut Populations<S>, &[u8]) {
-        self.shared_with_gpu = false;
-        let kinds = self
-            .surface
-            .as_ref()
-            .map_or(&[][..], |surface| surface.kinds());
-        (&mut self.populations, kinds)
-    }
-
     /// Returns `true` if the populations of a cell are defined: `false` for cells without water at a free surface.
     #[inline]
     #[must_use]
