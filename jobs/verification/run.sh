@@ -18,10 +18,14 @@ cargo build --locked --release --bin solver
 cargo build --locked --example verify
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-results=$here/results.csv
-if [ "${1:-}" = --single ]; then
-  results=$here/single-precision.csv
-  set -- --set fluid.lattice_boltzmann.arithmetic=f32 taylor-green taylor-green-3d taylor-green-d3q27 poiseuille-force poiseuille-pressure \
-    poiseuille-3d couette couette-3d duct cavity cavity-3d
+verify() { "$target/debug/examples/verify" long "$target/release/solver" "$work" "$@"; }
+if [ "${1:-}" != --single ]; then
+  verify "$here/results.csv" "$@"
+  exit
 fi
-"$target/debug/examples/verify" long "$target/release/solver" "$work" "$results" "$@"
+# In space the cases choose cumulants, whose errors in f32 were not measured: they run with TRT.
+single=(--set fluid.lattice_boltzmann.arithmetic=f32)
+verify "$work/plane.csv" "${single[@]}" taylor-green poiseuille-force poiseuille-pressure couette cavity || true
+verify "$work/space.csv" "${single[@]}" --set 'fluid.lattice_boltzmann.collision={"trt": {}}' \
+  taylor-green-3d taylor-green-d3q27 poiseuille-3d couette-3d duct cavity-3d || true
+{ cat "$work/plane.csv" && tail -n +2 "$work/space.csv"; } >"$here/single-precision.csv"
