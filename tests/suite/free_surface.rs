@@ -346,8 +346,8 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
     );
 }
 
-/// Checks that a wall between a basin and a log that floats in it holds no water: 1.2 m of the basin are 0.5 m deep, less
-/// the segment of the log below the level.
+/// Checks that a wall in a basin where a log floats holds no water: 1.2 m of the basin are 0.5 m deep, less the segment
+/// of the log below the level.
 #[test]
 fn structures_bound_the_water_where_bodies_float() {
     let _beside = beside_others();
