@@ -112,6 +112,16 @@ fn wrong_input_of_backward_erosion_gets_its_sentence() {
             "has no cell of the seepage below it",
         ),
         (change("pipe.to", "[59, 10]"), "pipe", "contains 2 centres"),
+        (
+            change("pipe", r#"{"from": [36, 10], "to": [60, 10]}"#),
+            "pipe",
+            "does not begin at the exit `ditch`",
+        ),
+        (
+            change("pipe", r#"{"from": [60, 5], "to": [36, 5]}"#),
+            "pipe",
+            "the ground continues above the line of the pipe",
+        ),
         (change("pipe.to", "[20, 10]"), "pipe", "the boundary `river` lies there"),
         (change("pipe.from", "[60.6, 10]"), "pipe", "the boundary `ditch` lies there"),
         (

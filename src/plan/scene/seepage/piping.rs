@@ -59,6 +59,7 @@ impl Seepage {
             return None;
         }
         let row = self.row(written, grid, vertical, &path, findings)?;
+        self.check_exit(&row, exit.0, &path, findings)?;
         let width = self.width(written, &row, grid, &path, findings)?;
         let water = self.written.density;
         if written.grain_density <= water {
@@ -305,6 +306,49 @@ impl Seepage {
         None
     }
 
+    /// Checks that a pipe begins at its exit: the first cell is next to a cell of the exit.
+    fn check_exit(
+        &self,
+        row: &PipePath,
+        exit: usize,
+        path: &str,
+        findings: &mut Findings,
+    ) -> Option<()> {
+        let (name, ends): (&str, [[usize; 2]; 3]) = match self.patches.get(exit) {
+            Some(patch) => {
+                let face = patch.face.axis();
+                let last = self.cells[face] - 1;
+                let end = if patch.face.is_max() { last } else { 0 };
+                let ends = std::array::from_fn(|a| {
+                    if a == face {
+                        [end, end + 1]
+                    } else {
+                        [patch.from[a], patch.to[a]]
+                    }
+                });
+                (&patch.name, ends)
+            }
+            None => {
+                let drain = self.drains.get(exit - self.patches.len())?;
+                let ends = std::array::from_fn(|a| [drain.cells.from[a], drain.cells.to[a]]);
+                (&drain.name, ends)
+            }
+        };
+        let apart = |a: usize| {
+            let ([from, to], cell) = (ends[a], row.first[a]);
+            from.saturating_sub(cell).max((cell + 1).saturating_sub(to))
+        };
+        if (0..3).all(|a| apart(a) <= 1) {
+            return Some(());
+        }
+        findings.error(
+            &format!("{path}.pipe"),
+            format!("the line of the pipe does not begin at the exit `{name}`"),
+            "write as `from` the edge of the exit, and as `to` the end towards the water that drives",
+        );
+        None
+    }
+
     /// `true` if the cells of a pipe are ground whose roof has no condition; reports a finding otherwise.
     fn check_roof(
         &self,
@@ -319,8 +363,8 @@ impl Seepage {
         let half = 0.5 * self.spacing[vertical];
         for cell in row.cells() {
             let centre = coarse.centre(cell);
-            let behind = |(outward, offset): &([f64; 3], f64)| {
-                (0..3).map(|a| outward[a] * centre[a]).sum::<f64>() > *offset
+            let outside = |(outward, offset): &([f64; 3], f64), at: [f64; 3]| {
+                (0..3).map(|a| outward[a] * at[a]).sum::<f64>() > *offset
             };
             let solid = self
                 .solids
@@ -329,7 +373,7 @@ impl Seepage {
             let drained = self.drains.iter().any(|drain| {
                 (0..3).all(|a| (drain.cells.from[a]..drain.cells.to[a]).contains(&cell[a]))
             });
-            if solid || drained || self.planes.iter().any(behind) {
+            if solid || drained || self.planes.iter().any(|plane| outside(plane, centre)) {
                 findings.error(
                     path,
                     format!(
@@ -342,6 +386,25 @@ impl Seepage {
                 return false;
             }
             let at_end = cell[vertical] == if rises { self.cells[vertical] - 1 } else { 0 };
+            // A roof may be a structure, a plane, the end of the grid, or a zone of clay above one of sand.
+            let mut above = centre;
+            above[vertical] += if rises { 2.0 * half } else { -2.0 * half };
+            let roofed = self
+                .solids
+                .iter()
+                .any(|s| s.distance(above) < (1.0 + SLACK) * half);
+            let roofed = roofed || at_end || self.written.zones.len() > 1;
+            if !roofed && !self.planes.iter().any(|plane| outside(plane, above)) {
+                findings.error(
+                    path,
+                    format!(
+                        "the ground continues above the line of the pipe at ({}) m: there is no roof",
+                        centre[..grid.dimension].iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ")
+                    ),
+                    "move the line to the lower face of a structure, to the end of the grid, or below a zone of clay",
+                );
+                return false;
+            }
             let on_roof = self.patches.iter().rfind(|patch| {
                 let covers =
                     |a: usize| a == vertical || (patch.from[a]..patch.to[a]).contains(&cell[a]);
