@@ -21,14 +21,12 @@ struct Ground {
     pressure: Pressure,
 }
 
+/// Head on a part of a face: axis, `true` for its upper end, first cell, one past the last cell, head \[m\].
+type FaceHead = (usize, bool, [usize; 3], [usize; 3], f64);
+
 impl Ground {
     /// Returns solved ground of a hydraulic conductivity \[m/s\] under heads on parts of faces: axis, upper, from, to.
-    fn new(
-        cells: [usize; 3],
-        spacing: [f64; 3],
-        conductivity: f64,
-        heads: &[(usize, bool, [usize; 3], [usize; 3], f64)],
-    ) -> Self {
+    fn new(cells: [usize; 3], spacing: [f64; 3], conductivity: f64, heads: &[FaceHead]) -> Self {
         let dimension = if cells[2] == 1 { 2 } else { 3 };
         let grid = SeepageGrid {
             cells,
@@ -37,17 +35,14 @@ impl Ground {
             dimension,
         };
         let openness = Openness::measure(&grid, &Enclosure::Everything);
-        let patch =
-            |(axis, upper, from, to, value): &(usize, bool, [usize; 3], [usize; 3], f64)| {
-                PressurePatch {
-                    axis: *axis,
-                    upper: *upper,
-                    from: *from,
-                    to: *to,
-                    condition: Condition::Head { value: *value },
-                    inside: false,
-                }
-            };
+        let patch = |(axis, upper, from, to, value): &FaceHead| PressurePatch {
+            axis: *axis,
+            upper: *upper,
+            from: *from,
+            to: *to,
+            condition: Condition::Head { value: *value },
+            inside: false,
+        };
         let mut gravity = [0.0; 3];
         gravity[dimension - 1] = -GRAVITY;
         let settings = PressureSettings {
