@@ -335,7 +335,14 @@ def blocks_of_a_grid(file):
     return blocks(file, 120)
 
 
-CASES = {"polygon": polygon, "raster": raster, "profile": profile, "blocks": blocks, "grid": blocks_of_a_grid}
+def bodies(file):
+    """Case of the bodies of a file, which lie around the origin, up to 120 m away."""
+    case = blocks(file, 240)
+    case["blocks"]["initial"]["file"]["origin"] = [120, 120, 120]
+    return case
+
+
+CASES = {"polygon": polygon, "raster": raster, "profile": profile, "blocks": blocks, "grid": blocks_of_a_grid, "bodies": bodies}
 
 # Runs -------------------------------------------------------------------------------------------------------------------------------
 

@@ -29,11 +29,14 @@ pub struct Blocks {
 pub enum BlockSource {
     /// A rock mass cut by joint sets.
     Joints(Joints),
-    /// A list in a file: written by `save`, the blocks of `SparkRocks`, or the polyhedra of a legacy VTK file such as
-    /// those of `UnBlocks-Gen`.
+    /// A list in a file: written by `save`, the blocks of `SparkRocks`, the polyhedra of a legacy VTK file such as
+    /// those of `UnBlocks-Gen`, or those of a file `BODIES.DAT` of LMGC90.
     File {
-        /// JSON file, or VTK file as text, relative to the case.
+        /// JSON file, VTK file as text or `BODIES.DAT`, relative to the case.
         path: PathBuf,
+        /// Position of the origin of the file in the domain [m]. Default: the origin of the domain.
+        #[serde(default)]
+        origin: Option<Vector>,
     },
     /// A list of blocks.
     List(Vec<Block>),

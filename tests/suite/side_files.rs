@@ -58,6 +58,15 @@ const ROCK: &str = r#"{"blocks": [
   {"id": 0, "half_spaces": [[1,0,0,2],[-1,0,0,-1],[0,1,0,2],[0,-1,0,-1],[0,0,1,1],[0,0,-1,0]], "fixed": true},
   {"id": 1, "vertices": [[1,1,1.5],[2,1,1.5],[1,2,1.5],[1,1,2.5]], "material": "granite"}
 ]}"#;
+/// A tetrahedron as UnBlocks-Gen writes it.
+const VTK: &str = "# vtk DataFile Version 3.0\nblocks\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0\n1 0 0\n\
+0 1 0\n0 0 1\nCELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n";
+/// This tetrahedron as LMGC90 writes it.
+const LMGC90: &str = "$bdyty\n RBDY3      1\n$nodty\n NO6xx 1 coo1= 0.0D+00  coo2= 0.0D+00  coo3= 0.0D+00\n\
+coo4= 0.0D+00  coo5= 0.0D+00  coo6= 0.0D+00\n$tacty\n POLYR 1  color  BLEUx  nb_vertex= 4  nb_face= 4\n\
+coo1= 0.0D+00  coo2= 0.0D+00  coo3= 0.0D+00\ncoo1= 1.0D+00  coo2= 0.0D+00  coo3= 0.0D+00\n\
+coo1= 0.0D+00  coo2= 1.0D+00  coo3= 0.0D+00\ncoo1= 0.0D+00  coo2= 0.0D+00  coo3= 1.0D+00\n\
+ver1= 1  ver2= 2  ver3= 3\nver1= 1  ver2= 2  ver3= 4\nver1= 1  ver2= 3  ver3= 4\nver1= 2  ver2= 3  ver3= 4\n$$$$$$\n";
 const SPARK_ROCKS: &str = r#"{"centerX":1.5,"centerY":1.5,"centerZ":0.5,"generation":3,"faces":[
 {"a":1,"b":0,"c":0,"d":0.5,"phi":30,"cohesion":0},{"a":1,"b":0,"c":0,"d":-0.5,"phi":30,"cohesion":0},
 {"a":0,"b":1,"c":0,"d":0.5,"phi":30,"cohesion":0},{"a":0,"b":-1,"c":0,"d":0.5,"phi":30,"cohesion":0},
@@ -146,6 +155,8 @@ fn corpus() -> Vec<Named> {
         named("solid mesh", &solid, "solid.stl", TETRAHEDRON.as_bytes()),
         named("blocks", &blocks, "rock.json", ROCK.as_bytes()),
         named("SparkRocks", &blocks, "rock.json", SPARK_ROCKS.as_bytes()),
+        named("VTK", &blocks, "rock.json", VTK.as_bytes()),
+        named("LMGC90", &blocks, "rock.json", LMGC90.as_bytes()),
     ]
 }
 

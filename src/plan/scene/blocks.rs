@@ -101,7 +101,16 @@ pub(crate) fn blocks(
             .into_iter()
             .map(|solid| RockBlock::resting(solid, index))
             .collect(),
-        BlockSource::File { path } => read(case, path, names, index, findings)?,
+        BlockSource::File { path, origin } => {
+            let mut blocks = read(case, path, names, index, findings)?;
+            if let Some(origin) = origin {
+                let origin = origin.resolve(3, "blocks.initial.file.origin", findings);
+                for block in &mut blocks {
+                    block.solid.position += Vector3::from(origin);
+                }
+            }
+            blocks
+        }
         BlockSource::List(list) => listed(case, grid, list, names, index, findings)?,
     };
     let boxes: Vec<Extent> = (written.fixed.iter().enumerate())

@@ -1,4 +1,4 @@
-//! Lists of blocks in files: three formats are read, one is written.
+//! Lists of blocks in files: four formats are read, one is written.
 //!
 //! The format of this program is one JSON object. Each block has an `id`, which determines the order of the blocks, and
 //! either `half_spaces`, each `[a, b, c, d]` for `a x + b y + c z <= d`, or `vertices`. A `material` and whether it is
@@ -13,8 +13,10 @@
 //! distance from the centre. Friction (`phi`) and cohesion of a face are not used, because the contact law defines
 //! friction.
 //!
-//! Polyhedra of a legacy VTK file are the third format ([`vtk`]).
+//! Polyhedra of a legacy VTK file are the third format ([`vtk`]), polyhedra of LMGC90 the fourth ([`lmgc90`]).
 
+mod faces;
+mod lmgc90;
 mod vtk;
 
 use nalgebra::Vector3;
@@ -83,6 +85,9 @@ struct Face {
 pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     if vtk::is_vtk(text) {
         return collected(vtk::read(text).map_err(|e| vec![e])?);
+    }
+    if lmgc90::is_bodies(text) {
+        return collected(lmgc90::read(text));
     }
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {

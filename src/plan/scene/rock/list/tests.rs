@@ -1,4 +1,4 @@
-//! Block lists: both formats, writing and reading back, and refusals.
+//! Block lists: all formats, writing and reading back, and refusals.
 
 use approx::assert_relative_eq;
 
@@ -158,4 +158,150 @@ fn polyhedra_that_are_no_blocks_are_refused_by_their_number() {
         assert_eq!(errors.len(), 1, "{errors:?}");
         assert!(errors[0].contains(expected), "{errors:?}, not {expected}");
     }
+}
+
+/// Returns a cube of 2 m at (10, 0, 0) and a tetrahedron, as LMGC90 writes them.
+fn bodies() -> String {
+    let corners = [
+        [-1, -1, -1],
+        [1, -1, -1],
+        [1, 1, -1],
+        [-1, 1, -1],
+        [-1, -1, 1],
+        [1, -1, 1],
+        [1, 1, 1],
+        [-1, 1, 1],
+    ];
+    let facets = [
+        [1, 2, 3],
+        [1, 3, 4],
+        [5, 7, 6],
+        [5, 8, 7],
+        [1, 5, 6],
+        [1, 6, 2],
+        [2, 6, 7],
+        [2, 7, 3],
+        [3, 7, 8],
+        [3, 8, 4],
+        [4, 8, 5],
+        [4, 5, 1],
+    ];
+    let tetrahedron = [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]];
+    let sides = [[1, 2, 3], [1, 2, 4], [1, 3, 4], [2, 3, 4]];
+    format!(
+        "\n! File BODIES\n!\n\n{}\n{}",
+        body(10, &corners, &facets),
+        body(0, &tetrahedron, &sides)
+    )
+}
+
+/// Returns a body of LMGC90 at a coordinate x.
+fn body(x: i32, corners: &[[i32; 3]], facets: &[[i32; 3]]) -> String {
+    let rows = corners
+        .iter()
+        .map(|[a, b, c]| format!("   coo1= {a}.0D+00  coo2={b:2}.0D+00  coor= {c}.0000000D+00\n"));
+    let corners: String = rows.collect();
+    let rows = facets
+        .iter()
+        .map(|[a, b, c]| format!("   ver1= {a}   ver2={b:4}   ver3= {c}\n"));
+    let count = [corners.lines().count(), facets.len()];
+    let facets: String = rows.collect();
+    format!(
+        "$bdyty\n RBDY3      1\n$blmty\n PLAIN      1  behav  PLEXx  avrd= 0.0D+00  gyrd= 0.0D+00\n\
+         $nodty\n NO6xx      1    coo1= {x}.0000000D+00  coo2= 0.0D+00  coo3= 0.0D+00\n    \
+         coo4= 0.0D+00  coo5= 0.0D+00  coo6= 0.0D+00\n$tacty\n POLYR      1  color  BLEUx  nb_vertex=    {}      \
+         nb_face=   {}\n{corners}{facets}$$$$$$\n",
+        count[0], count[1]
+    )
+}
+
+#[test]
+fn bodies_of_lmgc90_are_blocks() {
+    let blocks = read(&bodies()).unwrap();
+    let volumes: Vec<f64> = blocks.iter().map(|b| b.solid.shape.volume()).collect();
+    assert_relative_eq!(volumes[..], [8.0, 4.5][..], epsilon = 1e-13);
+    let centres: Vec<Vector3<f64>> = blocks.iter().map(|b| b.solid.position).collect();
+    assert_relative_eq!(centres[0], Vector3::new(10.0, 0.0, 0.0), epsilon = 1e-13);
+    assert_relative_eq!(centres[1], Vector3::repeat(0.75), epsilon = 1e-13);
+}
+
+#[test]
+fn bodies_of_lmgc90_that_are_no_blocks_are_refused_by_their_line() {
+    let cases = [
+        (
+            bodies().replacen("RBDY3", "MAILx", 1),
+            "body of line 6: `MAILx      1` is not read",
+        ),
+        (
+            bodies().replacen("POLYR", "SPHER", 1),
+            "body of line 6: a contactor SPHER is not a block",
+        ),
+        (
+            bodies().replacen("coo5= 0.0", "coo5= 0.1", 1),
+            "body of line 6: the body is turned",
+        ),
+        (
+            bodies().replacen("nb_face=   12", "nb_face=   11", 1),
+            "body of line 6: the polyhedron is not convex",
+        ),
+        (
+            bodies().replacen("nb_vertex=    8", "nb_vertex=    x", 1),
+            "does not have 2 numbers",
+        ),
+        (
+            bodies().replacen("ver1= 4   ver2=   8", "ver1= 9   ver2=   8", 1),
+            "there is no corner 9",
+        ),
+        (
+            bodies().replacen("ver1= 4   ver2=   8", "ver1= 0   ver2=   8", 1),
+            "there is no corner 0",
+        ),
+        (
+            bodies().trim_end().trim_end_matches('$').to_owned(),
+            "the file ends before `$$$$$$`",
+        ),
+        (
+            bodies().replacen(
+                "$tacty\n",
+                "$tacty\n SPHER  1  color  BLEUx  byrd= 1.0D+00\n",
+                1,
+            ),
+            "has 2 contactors",
+        ),
+    ];
+    for (text, expected) in cases {
+        let problems = read(&text).unwrap_err().join("; ");
+        assert!(problems.contains(expected), "{expected} in {problems}");
+    }
+}
+
+#[test]
+fn a_plane_of_lmgc90_is_a_fixed_cuboid() {
+    let plane = [
+        "$bdyty",
+        " RBDY3      2",
+        "$nodty",
+        " NO6xx 1  coo1= 1.0D+00  coo2= 2.0D+00  coo3=-0.5D+00",
+        "          coo4= 0.0D+00  coo5= 0.0D+00  coo6= 0.0D+00",
+        "$tacty",
+        " PLANx 1 color VERTx  axe1= 3.0D+00  axe2= 2.0D+00  axe3= 0.5D+00",
+        "$$$$$$",
+    ];
+    let plane = plane.join("\n");
+    let text = bodies() + &plane;
+    let blocks = read(&text).unwrap();
+    assert!(blocks[2].fixed && !blocks[0].fixed);
+    assert_relative_eq!(blocks[2].solid.shape.volume(), 24.0, epsilon = 1e-13);
+    let centre = Vector3::new(1.0, 2.0, -0.5);
+    assert_relative_eq!(blocks[2].solid.position, centre, epsilon = 1e-13);
+    let turned = text.replace(
+        "0.5D+00\n$$$$$$",
+        "0.5D+00\n localframe  alp1= 1.0D+00\n$$$$$$",
+    );
+    assert!(
+        read(&turned)
+            .unwrap_err()
+            .join(";")
+            .contains("of a plane is not read")
+    );
 }

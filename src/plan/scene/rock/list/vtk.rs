@@ -12,7 +12,7 @@
 //! another volume is refused, because it is not convex.
 
 use super::Listed;
-use dem::polyhedron::Polyhedron;
+use super::faces::block;
 use nalgebra::Vector3;
 
 /// First words of a legacy VTK file.
@@ -20,9 +20,6 @@ const FIRST: &str = "# vtk DataFile";
 /// Types of cells that may be blocks.
 const TETRAHEDRON: usize = 10;
 const POLYHEDRON: usize = 42;
-/// Largest difference between the volume inside the faces and that of the hull, relative to the hull. Coordinates
-/// have six digits in most files.
-const CONVEX: f64 = 1e-4;
 
 /// Returns `true` if a text is a legacy VTK file.
 pub(super) fn is_vtk(text: &str) -> bool {
@@ -75,7 +72,7 @@ pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, String>>, String> {
     let mut blocks = Vec::new();
     for (n, cell) in cells.iter().enumerate() {
         let kind = words.number::<usize>("a cell type")?;
-        blocks.push(block(&points, kind, cell).map_err(|e| format!("cell {n}: {e}")));
+        blocks.push(block_of_cell(&points, kind, cell).map_err(|e| format!("cell {n}: {e}")));
     }
     Ok(blocks)
 }
@@ -111,7 +108,7 @@ impl<'t, W: Iterator<Item = &'t str>> Words<'t, W> {
 }
 
 /// Returns the block of a cell.
-fn block(points: &[Vector3<f64>], kind: usize, cell: &[usize]) -> Result<Listed, String> {
+fn block_of_cell(points: &[Vector3<f64>], kind: usize, cell: &[usize]) -> Result<Listed, String> {
     let faces = match kind {
         TETRAHEDRON => match *cell {
             [a, b, c, d] => vec![vec![a, b, c], vec![a, c, d], vec![a, d, b], vec![b, d, c]],
@@ -125,31 +122,7 @@ fn block(points: &[Vector3<f64>], kind: usize, cell: &[usize]) -> Result<Listed,
             ));
         }
     };
-    let mut used: Vec<usize> = faces.iter().flatten().copied().collect();
-    used.sort_unstable();
-    used.dedup();
-    let corners = used.iter().map(|at| {
-        points
-            .get(*at)
-            .copied()
-            .ok_or_else(|| format!("there is no point {at}"))
-    });
-    let corners: Vec<Vector3<f64>> = corners.collect::<Result<_, _>>()?;
-    let solid = Polyhedron::from_vertices(&corners).map_err(|e| e.to_string())?;
-    if kind == POLYHEDRON {
-        let (inside, hull) = (enclosed(points, &faces), solid.shape.volume());
-        if (inside - hull).abs() > CONVEX * hull {
-            return Err(format!(
-                "the polyhedron is not convex: its faces enclose {inside} m3, its convex hull {hull} m3; cut it into \
-                 convex blocks"
-            ));
-        }
-    }
-    Ok(Listed {
-        solid,
-        material: None,
-        fixed: false,
-    })
+    block(points, &faces)
 }
 
 /// Returns the points of each face of a polyhedron.
@@ -168,19 +141,4 @@ fn faces(cell: &[usize]) -> Result<Vec<Vec<usize>>, String> {
     } else {
         Err(format!("{} numbers follow the last face", rest.len()))
     }
-}
-
-/// Returns the volume inside faces \[m³\]. Each face is a fan of triangles whose normal points away from the mean of
-/// the points, so that the order of its points has no effect; for a convex polyhedron the volume is exact.
-fn enclosed(points: &[Vector3<f64>], faces: &[Vec<usize>]) -> f64 {
-    let corners = faces.iter().flatten().map(|at| points[*at]);
-    let count = corners.clone().count().max(1) as f64;
-    let middle = corners.sum::<Vector3<f64>>() / count;
-    let volume = |face: &Vec<usize>| {
-        let from = |at: &usize| points[*at] - middle;
-        let fans = face.windows(2).skip(1);
-        let fans = fans.map(|pair| from(&face[0]).dot(&from(&pair[0]).cross(&from(&pair[1]))));
-        fans.sum::<f64>().abs() / 6.0
-    };
-    faces.iter().map(volume).sum()
 }
