@@ -416,6 +416,10 @@ impl<'a> Walk<'a> {
                     .find_map(|option| option.get("properties").and_then(|p| p.get(tag)));
                 if let Some(schema) = schema {
                     self.node(child, schema, &child_path);
+                } else if let Some(word) = plain.iter().find(|word| **word == tag) {
+                    let remedy = Remedy::from(format!("write \"{word}\"")).set(path, *word);
+                    let reason = "this choice is a word without parameters".into();
+                    self.report(path, value, reason, remedy);
                 } else {
                     let (reason, remedy) = not_known("choice", tag, &all);
                     self.report(&child_path, child, reason, remedy);

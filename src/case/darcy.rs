@@ -31,6 +31,9 @@ pub struct Darcy {
     /// Drains, wells and cavities inside the ground. A later one takes precedence.
     #[serde(default)]
     pub drains: Vec<Drain>,
+    /// Surface of the ground: slopes, the faces of a dam, a ditch. Default: the ground fills the grid.
+    #[serde(default)]
+    pub terrain: Option<Terrain>,
     /// Layers, boxes and rasters with their own permeability or porosity. A later zone replaces the values of an
     /// earlier one that it also defines.
     #[serde(default)]
@@ -336,6 +339,47 @@ pub struct SeepageBoundary {
     /// Table of times [s] and values that replace the value of the condition (pressure, head, level, flux, discharge or
     /// rate): linear between the rows, constant before and after; two values at one time give a jump. Default:
     /// constant. Needs `unsaturated.transient`.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
+}
+
+/// Surface of the ground. Cells whose centres lie above it contain no ground, so that it is a staircase of cells.
+/// Needs a case without grains: grains form their own surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Terrain {
+    /// The surface.
+    pub surface: TerrainSurface,
+    /// Conditions on parts of the surface. Other parts are impermeable. A later condition takes precedence.
+    #[serde(default)]
+    pub conditions: Vec<TerrainCondition>,
+}
+
+/// Points of the surface of the ground. Beyond its ends the surface keeps the height of the nearest point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum TerrainSurface {
+    /// The points [m]. In 2-D [x, y] in the order of x, joined by straight lines; two points of the same x are a
+    /// vertical face. In 3-D [x, y, z] at all combinations of some x and some y, in any order; the height is
+    /// bilinear between them.
+    Points(Vec<Vector>),
+    /// Table of the points, relative to the case, with the columns `x`, `y` and, in 3-D, `z` [m].
+    Path(PathBuf),
+}
+
+/// Condition on a part of the surface of the ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TerrainCondition {
+    /// Name in tables and outputs.
+    pub name: String,
+    /// The part: the surface below cells of air or open water whose centres lie in the region. Default: all of it.
+    #[serde(default)]
+    pub region: Option<Region>,
+    /// Condition of the seepage. A reservoir in front of a slope is a `seepage_face` with a `level`: water leaves
+    /// above the level, and below it the water of the reservoir enters or leaves. Rain falls on horizontal faces.
+    pub condition: Condition,
+    /// Table of times [s] and values that replace the value of the condition, as for a boundary.
     #[serde(default)]
     pub history: Option<Vec<[f64; 2]>>,
 }

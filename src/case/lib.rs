@@ -232,8 +232,8 @@ impl Document {
     }
 }
 
-/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, `{"mesh": {"path": ..}}`, `{"raster":
-/// {"path": ..}}`, `{"polygon": {"path": ..}}`. The original paths are appended to `written`.
+/// Makes the path of every input file absolute: `{"file": {"path": ..}}`, and the same for `mesh`, `raster`, `polygon`
+/// and `surface`. The original paths are appended to `written`.
 fn anchor(tree: &mut Value, directory: &Path, written: &mut Vec<String>) {
     each_path(tree, &mut |path| {
         written.push(path.clone());
@@ -259,7 +259,7 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
             for (key, child) in map {
-                if matches!(key.as_str(), "file" | "mesh" | "raster" | "polygon")
+                if matches!(key.as_str(), "file" | "mesh" | "raster" | "polygon" | "surface")
                     && let Some(Value::String(path)) = child.get_mut("path")
                 {
                     with(path);

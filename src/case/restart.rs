@@ -20,7 +20,7 @@ const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 42] = [
+pub const CHANGEABLE: [Changeable; 48] = [
     changeable("title", "changes a name only"),
     changeable("description", "changes a text only"),
     changeable(
@@ -124,6 +124,30 @@ pub const CHANGEABLE: [Changeable; 42] = [
     ),
     changeable(
         "fluid.darcy.boundaries[*].condition.evaporation.rate",
+        "takes effect at the next coupling",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].name",
+        "changes a name only",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].condition.pressure.value",
+        "takes effect at the next coupling",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].condition.head.value",
+        "takes effect at the next coupling",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].condition.flux.value",
+        "takes effect at the next coupling",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].condition.rain.rate",
+        "takes effect at the next coupling",
+    ),
+    changeable(
+        "fluid.darcy.terrain.conditions[*].condition.evaporation.rate",
         "takes effect at the next coupling",
     ),
     changeable("fluid.darcy.drains[*].name", "changes a name only"),

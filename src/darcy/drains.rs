@@ -1,4 +1,4 @@
-//! Drains, wells and cavities in the ground: cells removed from it, and planes between cells.
+//! Drains, wells and cavities in the ground, and the air above it: cells removed from it, and planes between cells.
 //!
 //! The condition of a drain applies to the faces between its cells and the ground, or to both sides of the faces of
 //! a plane. These faces are boundary faces like those at the ends of the grid, so that every boundary condition may
@@ -6,9 +6,11 @@
 //! ground and store water like all others.
 
 use super::enclosure::{DrainFace, Openness, with_one_more};
+use super::grid::SeepageGrid;
+use std::sync::Arc;
 
 /// Cells of a drain.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DrainCells {
     /// First cell along each axis.
     pub from: [usize; 3],
@@ -17,6 +19,9 @@ pub struct DrainCells {
     pub to: [usize; 3],
     /// `true` for a well whose discharge is a source of its cells, which stay in the ground.
     pub stays: bool,
+    /// `true` for each cell of the grid that belongs to it, for the air above the surface of the ground; none if all
+    /// cells between `from` and `to` do.
+    pub only: Option<Arc<[bool]>>,
 }
 
 impl DrainCells {
@@ -29,18 +34,29 @@ impl DrainCells {
     /// Returns the number of cells; 0 for a plane.
     #[must_use]
     pub fn count(&self) -> usize {
-        (0..3).map(|a| self.to[a] - self.from[a]).product()
+        match &self.only {
+            Some(only) => only.iter().filter(|belongs| **belongs).count(),
+            None => (0..3).map(|a| self.to[a] - self.from[a]).product(),
+        }
+    }
+
+    /// Returns `true` if a cell of the grid belongs to the cells; `false` for a plane.
+    #[must_use]
+    pub fn contains(&self, grid: &SeepageGrid, cell: [usize; 3]) -> bool {
+        self.normal().is_none() && self.holds(grid, cell, None)
     }
 
     /// Returns `true` if the cells, or the plane normal to `normal`, contain a cell.
-    fn holds(&self, cell: [usize; 3], normal: Option<usize>) -> bool {
-        (0..3).all(|a| {
+    fn holds(&self, grid: &SeepageGrid, cell: [usize; 3], normal: Option<usize>) -> bool {
+        let between = (0..3).all(|a| {
             if normal == Some(a) {
                 cell[a] == self.from[a]
             } else {
                 (self.from[a]..self.to[a]).contains(&cell[a])
             }
-        })
+        });
+        let only = self.only.as_ref();
+        between && only.is_none_or(|only| only[grid.index(cell)])
     }
 }
 
@@ -54,7 +70,7 @@ impl Openness {
         }
         let grid = self.grid;
         let of_cells = |cell: [usize; 3]| {
-            let holds = |drain: &DrainCells| drain.normal().is_none() && drain.holds(cell, None);
+            let holds = |drain: &DrainCells| drain.contains(&grid, cell);
             let last = drains.iter().rposition(holds);
             last.filter(|&n| !drains[n].stays)
         };
@@ -72,7 +88,7 @@ impl Openness {
                 let cells = [grid.index(lower), grid.index(upper)];
                 let sheet = drains
                     .iter()
-                    .rposition(|d| d.normal() == Some(axis) && d.holds(upper, Some(axis)));
+                    .rposition(|d| d.normal() == Some(axis) && d.holds(&grid, upper, Some(axis)));
                 let mut add = |side: usize, drain: usize| {
                     self.drain_faces.push(DrainFace {
                         cell: cells[side],
@@ -96,7 +112,7 @@ impl Openness {
             }
         }
         for (cell, inside) in self.inside.iter().enumerate() {
-            let holds = |d: &DrainCells| d.normal().is_none() && d.holds(grid.cell(cell), None);
+            let holds = |drain: &DrainCells| drain.contains(&grid, grid.cell(cell));
             let well = drains.iter().rposition(holds).filter(|&n| drains[n].stays);
             if let Some(drain) = well.filter(|_| *inside > 0.0) {
                 self.drain_faces.push(DrainFace {
@@ -146,6 +162,7 @@ mod tests {
             from: [2, 1, 0],
             to: [3, 2, 1],
             stays: false,
+            only: None,
         });
         assert!(open.blocked(7));
         assert_eq!(
@@ -156,6 +173,7 @@ mod tests {
             from: [1, 2, 0],
             to: [3, 2, 1],
             stays: false,
+            only: None,
         });
         assert!(open.inside.iter().all(|inside| *inside == 1.0));
         assert_eq!(
@@ -168,6 +186,7 @@ mod tests {
             from: [0, 0, 0],
             to: [1, 1, 1],
             stays: false,
+            only: None,
         });
         assert_eq!(found, [(1, 0, false), (5, 1, false)]);
     }

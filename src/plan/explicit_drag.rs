@@ -154,7 +154,11 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
     } else {
         Enclosure::HalfSpaces(seepage.planes.clone())
     };
-    let drains: Vec<_> = seepage.drains.iter().map(|drain| drain.cells).collect();
+    let drains: Vec<_> = seepage
+        .drains
+        .iter()
+        .map(|drain| drain.cells.clone())
+        .collect();
     Openness::measure(&grid, &enclosure)
         .with_structures(&seepage.solids)
         .with_drains(&drains)

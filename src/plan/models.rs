@@ -342,11 +342,11 @@ impl Choices<'_> {
                 None => format!("{} cells", drain.cells.count()),
             };
             let condition = format!("{:?}", drain.condition);
-            self.add(
-                &format!("drain {}", drain.name),
-                condition,
-                format!("requested; {cells}"),
-            );
+            let (kind, reason) = match &drain.cells.only {
+                Some(_) => ("surface", "requested; a staircase of cells".to_owned()),
+                None => ("drain", format!("requested; {cells}")),
+            };
+            self.add(&format!("{kind} {}", drain.name), condition, reason);
         }
         if !without_grains {
             match &written.unsaturated {

@@ -53,6 +53,7 @@ mod stopping;
 mod structures;
 mod surface_extremes;
 mod sweep;
+mod terrain;
 mod threshold;
 mod tutorial;
 mod unsaturated;

@@ -40,6 +40,8 @@ pub(super) struct Ground {
     zones: Vec<(String, Point, Point)>,
     /// Polygons: name and corners \[m\].
     polygons: Vec<(String, Vec<Point>)>,
+    /// Points of the surface of the ground \[m\].
+    surface: Vec<Point>,
     structures: Vec<String>,
 }
 
@@ -66,6 +68,10 @@ impl Ground {
         Self {
             zones: zones.iter().filter_map(zone).collect(),
             polygons: zones.iter().filter_map(polygon).collect(),
+            surface: serde_json::from_value(
+                case["fluid"]["darcy"]["terrain"]["surface"]["points"].clone(),
+            )
+            .unwrap_or_default(),
             structures: list(&case["structures"]).iter().map(name).collect(),
         }
     }
@@ -374,6 +380,22 @@ impl FlowNet {
             let middle = [0, 1].map(|a: usize| points.iter().map(|p| p[a]).sum::<f64>() / count);
             svg += &label(place(middle), name, 12);
         }
+        let surface: Vec<String> = (ground.surface.iter())
+            .map(|[x, y]| {
+                place([
+                    x.clamp(ends[0][0], ends[0][1]),
+                    y.clamp(ends[1][0], ends[1][1]),
+                ])
+            })
+            .map(|[x, y]| format!("{x:.1},{y:.1}"))
+            .collect();
+        if !surface.is_empty() {
+            let _ = writeln!(
+                svg,
+                "<polyline points=\"{}\" fill=\"none\" stroke=\"#6b4b2a\" stroke-width=\"1.5\"/>",
+                surface.join(" ")
+            );
+        }
         for (n, name) in ground.structures.iter().enumerate() {
             if let Some([x, y]) = structures.and_then(|faces| middle(faces, n)) {
                 svg += &label(place([x, y]), name, 12);
@@ -386,9 +408,11 @@ impl FlowNet {
 /// Returns a label with a white rim, readable on lines.
 fn label([x, y]: Point, words: &str, size: u32) -> String {
     let words = words.replace('&', "&amp;").replace('<', "&lt;");
+    let place = format!("x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\"");
+    // The rim is a text of its own: converters do not know the attribute `paint-order`.
     format!(
-        "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" stroke=\"white\" stroke-width=\"3\" \
-         paint-order=\"stroke\" fill=\"#222\">{words}</text>\n"
+        "<text {place} stroke=\"white\" stroke-width=\"3\">{words}</text>\n<text {place} \
+         fill=\"#222\">{words}</text>\n"
     )
 }
 

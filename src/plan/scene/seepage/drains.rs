@@ -9,11 +9,14 @@ use base::number::{real, whole};
 use darcy::{Condition, DrainCells};
 use serde::Serialize;
 
-/// Drain inside the ground.
+/// Drain inside the ground, or part of the surface of the ground.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drain {
     /// Name of the drain.
     pub name: String,
+    /// Path in the case, without that of the seepage.
+    #[serde(skip)]
+    pub path: String,
     /// Cells of the drain, or its plane between cells.
     #[serde(skip)]
     pub cells: DrainCells,
@@ -30,6 +33,7 @@ impl Seepage {
             .patches
             .iter()
             .map(|patch| patch.name.as_str())
+            .chain(self.drains.iter().map(|drain| drain.name.as_str()))
             .collect();
         let mut all = Vec::new();
         for (n, written) in self.written.drains.iter().enumerate() {
@@ -58,6 +62,7 @@ impl Seepage {
             }
             all.push(Drain {
                 name: written.name.clone(),
+                path: format!("drains[{n}]"),
                 cells,
                 condition,
                 history,
@@ -113,6 +118,7 @@ impl Seepage {
             from,
             to,
             stays: false,
+            only: None,
         })
     }
 

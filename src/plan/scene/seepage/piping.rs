@@ -330,6 +330,9 @@ impl Seepage {
             }
             None => {
                 let drain = self.drains.get(exit - self.patches.len())?;
+                if self.reaches(&drain.cells, row.first) {
+                    return Some(());
+                }
                 let ends = std::array::from_fn(|a| [drain.cells.from[a], drain.cells.to[a]]);
                 (&drain.name, ends)
             }
@@ -338,7 +341,10 @@ impl Seepage {
             let ([from, to], cell) = (ends[a], row.first[a]);
             from.saturating_sub(cell).max((cell + 1).saturating_sub(to))
         };
-        if (0..3).all(|a| apart(a) <= 1) {
+        let surface = exit.checked_sub(self.patches.len());
+        let surface = surface.and_then(|n| self.drains.get(n));
+        let surface = surface.is_some_and(|drain| drain.cells.only.is_some());
+        if !surface && (0..3).all(|a| apart(a) <= 1) {
             return Some(());
         }
         findings.error(
@@ -370,9 +376,10 @@ impl Seepage {
                 .solids
                 .iter()
                 .any(|s| s.distance(centre) < (1.0 - SLACK) * half);
-            let drained = self.drains.iter().any(|drain| {
-                (0..3).all(|a| (drain.cells.from[a]..drain.cells.to[a]).contains(&cell[a]))
-            });
+            let drained = self
+                .drains
+                .iter()
+                .any(|drain| drain.cells.contains(&coarse, cell));
             if solid || drained || self.planes.iter().any(|plane| outside(plane, centre)) {
                 findings.error(
                     path,

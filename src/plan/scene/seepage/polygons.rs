@@ -1,4 +1,4 @@
-//! Polygons that bound zones in 2-D, from lists and tables.
+//! Polygons that bound zones in 2-D, from lists and tables, and the reader of points in tables.
 
 use crate::scene::findings::Findings;
 use case::Case;
@@ -69,21 +69,34 @@ pub(super) fn polygon(
 
 /// Reads the corners of a table with the columns `x` and `y`.
 fn corners(text: &str) -> Result<Vec<[f64; 2]>, String> {
+    let points = points(text, 2, "A polygon")?;
+    Ok(points.into_iter().map(|[x, y, _]| [x, y]).collect())
+}
+
+/// Reads the points of a table with the columns `x`, `y` and, in 3-D, `z`. `subject` begins a sentence about them.
+pub(super) fn points(text: &str, dimension: usize, subject: &str) -> Result<Vec<[f64; 3]>, String> {
     let column = |name| Column {
         name,
         aliases: &[],
         unit: Unit::Length,
         required: true,
     };
-    let sheet = Sheet::new(text, &[column("x"), column("y")]).map_err(|refusal| match refusal {
+    let names = &["x", "y", "z"][..dimension];
+    let columns: Vec<Column> = names.iter().copied().map(column).collect();
+    let sheet = Sheet::new(text, &columns).map_err(|refusal| match refusal {
         Refusal::Sentence(sentence) => sentence,
-        Refusal::Unknown(name) => {
-            format!("the header has an unknown column `{name}`. A polygon has: x, y")
-        }
+        Refusal::Unknown(name) => format!(
+            "the header has an unknown column `{name}`. {subject} has: {}",
+            names.join(", ")
+        ),
     })?;
     let mut points = Vec::new();
     sheet.each(|row| {
-        points.push([row.number(0)?, row.number(1)?]);
+        let mut point = [0.0; 3];
+        for (a, x) in point[..dimension].iter_mut().enumerate() {
+            *x = row.number(a)?;
+        }
+        points.push(point);
         Ok(())
     })?;
     Ok(points)

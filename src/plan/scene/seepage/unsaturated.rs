@@ -1,6 +1,7 @@
 //! Unsaturated ground: parameters of the soil, and features that do not work with it.
 
 use super::polygons::polygon;
+use super::terrain::path_of;
 use super::{PATH, Seepage};
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
@@ -129,7 +130,11 @@ impl Seepage {
             boundaries.map(|(n, b)| (format!("boundaries[{n}]"), b.condition, &b.history));
         let drains = self.written.drains.iter().enumerate();
         let drains = drains.map(|(n, d)| (format!("drains[{n}]"), d.condition, &d.history));
-        for (place, condition, history) in boundaries.chain(drains) {
+        let surface = self.written.terrain.iter().flat_map(|t| &t.conditions);
+        let surface = surface
+            .enumerate()
+            .map(|(n, c)| (path_of(n), c.condition, &c.history));
+        for (place, condition, history) in boundaries.chain(drains).chain(surface) {
             let Some(table) = history else {
                 continue;
             };
@@ -294,8 +299,8 @@ impl Seepage {
     fn refuse_seepage_faces(&self, findings: &mut Findings) {
         let boundaries = self.patches.iter().enumerate();
         let boundaries = boundaries.map(|(n, patch)| (format!("boundaries[{n}]"), patch.condition));
-        let drains = self.drains.iter().enumerate();
-        let drains = drains.map(|(n, drain)| (format!("drains[{n}]"), drain.condition));
+        let drains = self.drains.iter();
+        let drains = drains.map(|drain| (drain.path.clone(), drain.condition));
         for (place, condition) in boundaries.chain(drains) {
             let path = format!("{PATH}.{place}.condition");
             match condition {

@@ -97,6 +97,7 @@ fn the_drawdown_of_a_well() {
         from: [0; 3],
         to: [1; 3],
         stays: true,
+        only: None,
     };
     let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&[cells]);
     let volume: Vec<f64> = (0..grid.count()).map(|cell| open.volume(cell)).collect();
@@ -180,11 +181,13 @@ fn a_sheet_and_a_box_of_stated_heads() {
             from: [10, 0, 0],
             to: [10, 8, 1],
             stays: false,
+            only: None,
         },
         DrainCells {
             from: [30, 0, 0],
             to: [32, 8, 1],
             stays: false,
+            only: None,
         },
     ];
     let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&cells);
@@ -310,6 +313,7 @@ fn a_well_that_runs_dry_is_a_named_failure() {
         from: [5, 9, 0],
         to: [7, 11, 1],
         stays: true,
+        only: None,
     };
     let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&[cells]);
     let volume: Vec<f64> = (0..grid.count()).map(|cell| open.volume(cell)).collect();
