@@ -104,9 +104,9 @@ pub enum SeepageError {
     },
     /// Unsaturated flow for which neither Newton's method nor the continuation converged.
     #[error(
-        "the steady flow in unsaturated ground did not converge in {iterations} iterations: use cells of at most some \
-         capillary lengths of {} m, a longer capillary length (a smaller `alpha` or `n`), or more `max_iterations`; \
-         where a `discharge` or `flux` takes water out of the ground, use less than the ground can yield",
+        "the steady flow in unsaturated ground did not converge in {iterations} iterations: where a `discharge` or \
+         `flux` takes water out of the ground, use less than the ground can yield; otherwise use cells of about a \
+         capillary length of the soil ({} m), a smaller `alpha` or `n`, or more `max_iterations`",
         number(*.length)
     )]
     Unsaturated {
@@ -115,12 +115,24 @@ pub enum SeepageError {
         /// Capillary length of the soil \[m\].
         length: f64,
     },
+    /// Well that takes more water than the ground can yield.
+    #[error(
+        "the well at ({:.6}, {:.6}, {:.6}) m takes more water than the ground can yield: its pressure head is {} m, \
+         and water boils at -10 m; use a smaller discharge, or a condition of the well that limits it, such as a head",
+        .at[0], .at[1], .at[2], number(*.head)
+    )]
+    DryWell {
+        /// Centre of a cell of the well \[m\].
+        at: [f64; 3],
+        /// Pressure head there \[m\].
+        head: f64,
+    },
     /// Unsaturated transient flow that did not converge even in the shortest step.
     #[error(
-        "the flow in unsaturated ground did not converge at {} s even with the shortest time step: use cells of at \
-         most some capillary lengths of {} m, a longer capillary length (a smaller `alpha` or `n`), or an initial \
-         state closer to the conditions of the boundary; where a `discharge` or `flux` takes water out of the ground, \
-         use less than the ground can yield",
+        "the flow in unsaturated ground did not converge at {} s even with the shortest time step: where a `discharge` \
+         or `flux` takes water out of the ground, use less than the ground can yield; otherwise use cells of about a \
+         capillary length of the soil ({} m), a smaller `alpha` or `n`, or an initial state closer to the conditions \
+         of the boundary",
         number(*.time),
         number(*.length)
     )]

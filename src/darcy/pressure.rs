@@ -267,6 +267,23 @@ impl Pressure {
         settings: PressureSettings,
         communicator: &Communicator,
     ) -> Result<Self, SeepageError> {
+        let all = Self::without_outlets(openness, patches, liquid, settings, communicator)?;
+        all.check_outlets()?;
+        Ok(all)
+    }
+
+    /// Returns a solver like [`Self::new`] whose water may be enclosed: its pressure follows from the water that is
+    /// stored at the start of a transient flow.
+    ///
+    /// # Errors
+    /// If the ranks disagree, or no cell is open.
+    pub fn without_outlets(
+        openness: &Openness,
+        patches: Vec<PressurePatch>,
+        liquid: Liquid,
+        settings: PressureSettings,
+        communicator: &Communicator,
+    ) -> Result<Self, SeepageError> {
         let grid = openness.grid;
         let layout = Layout::new(grid.cells);
         let message = |e: decomposition::Disagreement| SeepageError::Messages(e.to_string());
@@ -301,7 +318,7 @@ impl Pressure {
         };
         let n = layout.len();
         let conduction = Conduction::new(openness, &layout);
-        let all = Self {
+        Ok(Self {
             boundary: boundary(openness, &layout, &patches, &liquid, &settings),
             slab: Slab {
                 grid,
@@ -330,9 +347,7 @@ impl Pressure {
             unsaturated: None,
             tensor: None,
             interruption: Interruption::default(),
-        };
-        all.check_outlets()?;
-        Ok(all)
+        })
     }
 
     /// Checks that each set of connected cells has a face with an imposed pressure.
@@ -695,7 +710,7 @@ impl Pressure {
         }
     }
 
-    /// Returns the midpoint of the imposed reduced pressures \[Pa\].
+    /// Returns the midpoint of the imposed reduced pressures \[Pa\]; 0 without any.
     fn middle(&self) -> f64 {
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for face in &self.boundary {
@@ -704,7 +719,11 @@ impl Pressure {
                 most = most.max(phi);
             }
         }
-        0.5 * (least + most)
+        if least <= most {
+            0.5 * (least + most)
+        } else {
+            0.0
+        }
     }
 
     /// Returns the reduced pressure imposed on a face \[Pa\]; none without one.

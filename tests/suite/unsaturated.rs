@@ -1,6 +1,6 @@
 //! Runs of ground that drains: dams, rain, the same bits on any number of ranks and after a restart, and refusals.
 
-use crate::ranks::{Study, beside_others};
+use crate::ranks::{Study, beside_others, run};
 use solver::case::{Document, examples};
 use solver::plan::Plan;
 use std::path::Path;
@@ -48,6 +48,26 @@ fn a_dam_has_the_exact_discharge_and_the_exit_of_its_phreatic_surface() {
         "{coarse} {fine}"
     );
     assert!(coarse > fine && fine > 3.93959, "{coarse} {fine}");
+}
+
+/// Checks a dam of sand far above its water table (R. F. Carsel and R. S. Parrish, Water Resour. Res. 24 (1988) 755),
+/// on cells of two and four capillary lengths: the flow in the capillary zone adds less than a hundredth.
+#[test]
+fn a_dam_of_coarse_sand_has_its_discharge() {
+    let _beside = beside_others();
+    let sand = r#"{"van_genuchten": {"alpha": 14.5, "n": 2.68, "saturated_content": 0.43}}"#;
+    let study = Study::from_example("earth-dam", &[("fluid.darcy.unsaturated.retention", sand)]);
+    for (run, spacing) in [("coarse", 0.25), ("fine", 0.125)] {
+        let set = format!("domain.spacing={spacing}");
+        study.run(run, 1, 1, &[&set]).expect(0);
+        let discharge = study.summary(run)["seepage"]["outflow"].as_f64().unwrap();
+        let capillary = discharge / 4.8e-5 - 1.0;
+        assert!((0.0..0.01).contains(&capillary), "{run}: {discharge}");
+    }
+    study
+        .run("ranks", 2, 1, &["domain.spacing=0.125"])
+        .expect(0);
+    study.same("fine", "ranks");
 }
 
 /// Checks the phreatic line of a dam between 10 m and 0 m over 10 m, from the integrals of P. Ya. Polubarinova-Kochina.
@@ -183,7 +203,7 @@ fn what_does_not_go_with_ground_that_drains_is_refused_by_name() {
                 r#"{retention}={{"van_genuchten": {{"alpha": 1, "n": 0.9, "saturated_content": 0.4}}}}"#
             ),
             "fluid.darcy.unsaturated.retention.van_genuchten.n",
-            "the value must be at least 1.1 and at most 20",
+            "the value must be at least 1.05 and at most 20",
         ),
         (
             format!(
@@ -498,4 +518,80 @@ fn evaporation_drains_and_wells_give_the_same_bits_after_a_restart() {
     study.same("straight", "parts");
     let tables = |run: &str| rows(&study, run, "table");
     assert_eq!(tables("parts"), tables("straight"));
+}
+
+/// Returns a rectangular aquifer of 10 m by 5 m between levels of 4 m with a well of this discharge \[m2/s\].
+fn aquifer(discharge: f64) -> serde_json::Value {
+    serde_json::json!({
+        "domain": {"size": [10, 5], "spacing": 0.25},
+        "gravity": [0, -9.81],
+        "materials": {"sand": {"density": 2650}},
+        "fluid": {"darcy": {
+            "density": 1000, "viscosity": 1e-3,
+            "zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-5}}],
+            "unsaturated": {"retention": {"saturated_only": {}}},
+            "boundaries": [
+                {"name": "a", "face": "x_min", "condition": {"seepage_face": {"level": 4}}},
+                {"name": "b", "face": "x_max", "condition": {"seepage_face": {"level": 4}}}
+            ],
+            "drains": [{"name": "well", "box": {"from": [4.9, 1], "to": [5.1, 1.5]},
+                "condition": {"discharge": {"value": discharge}}}]
+        }},
+        "time": {"end": 1, "solid_time_step": 1},
+        "output": {"fluid": {"every": 1, "fields": ["pressure", "head"]}}
+    })
+}
+
+/// Checks that a well beyond the yield of the aquifer, 2 k h^2/L by Dupuit, is a failure with its name.
+#[test]
+fn a_well_beyond_the_yield_of_the_ground_is_a_failure() {
+    let _beside = beside_others();
+    let study = Study::new(&aquifer(-5e-5).to_string());
+    let arguments = study.arguments("dry", 1, &[]);
+    let message = run(1, &arguments).expect(4).stderr;
+    assert!(
+        message.contains("takes more water than the ground can yield"),
+        "{message}"
+    );
+    let study = Study::new(&aquifer(-1e-5).to_string());
+    study.run("wet", 1, 1, &[]).expect(0);
+    // The fields begin with the first solution.
+    assert!(!study.path("wet/fluid_000000000.vtkhdf").exists());
+    assert!(study.path("wet/fluid_000000001.vtkhdf").exists());
+}
+
+/// Checks rain into a closed column, whose pressure follows from the water that is stored at the start, and that the
+/// run ends at the stated time.
+#[test]
+fn a_closed_column_stores_its_rain_until_the_stated_end() {
+    let _beside = beside_others();
+    let study = Study::from_example(
+        "earth-dam",
+        &[
+            ("domain.size", "[0.5, 2]"),
+            ("domain.spacing", "0.1"),
+            (
+                "fluid.darcy.unsaturated",
+                r#"{"retention": {"van_genuchten": {"alpha": 2, "n": 1.8, "saturated_content": 0.4}},
+                    "transient": {"initial": {"pressure_head": -1}}}"#,
+            ),
+            (
+                "fluid.darcy.boundaries",
+                r#"[{"name": "rain", "face": "y_max", "condition": {"rain": {"rate": 1e-7}}}]"#,
+            ),
+            ("time", r#"{"end": 93600, "solid_time_step": 3600}"#),
+            (
+                "probes",
+                r#"[{"name": "water", "every": 7200, "at": {"water_balance": {}}}]"#,
+            ),
+            ("output", "{}"),
+        ],
+    );
+    study.run("rain", 1, 1, &[]).expect(0);
+    let table = rows(&study, "rain", "water");
+    let last = table.last().unwrap();
+    assert!((last[1] - 93_600.0).abs() < 1e-6, "{last:?}");
+    assert!((table[0][1] - 7200.0).abs() < 1e-6, "{:?}", table[0]);
+    let rain = 1e-7 * 0.5 * 93_600.0;
+    assert!((last[3] / rain - 1.0).abs() < 1e-9, "{last:?}");
 }

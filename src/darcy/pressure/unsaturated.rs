@@ -33,7 +33,8 @@
 //! of the matrix: in Kirchhoff's potential the flux along a horizontal axis is symmetric and as strong as at
 //! saturation. A step of Newton's method is halved until the norm of the imbalance falls. Where Newton's method
 //! fails, the permeability is first replaced by `k_r^s` with a small `s`, and `s` is raised to 1 from solution to
-//! solution; Gardner's soil with a power is Gardner's soil with a longer capillary length.
+//! solution; Gardner's soil with a power is Gardner's soil with a longer capillary length. Where that fails too, as in
+//! coarse soils far above the water table, the relative permeability gets a floor that is lowered to 1e-10.
 //!
 //! **Parallel.** Every rank evaluates the fluxes of the whole grid and solves the linear system in its slab. All sums
 //! are exact, so that the bits do not depend on ranks and threads.
@@ -59,8 +60,16 @@ const ATTEMPTS: u32 = 60;
 const FIRST_POWER: f64 = 0.125;
 /// Factor by which the exponent is raised after a success.
 const RAISE: f64 = 4.0;
-/// Minimum ratio of two exponents.
+/// Minimum ratio of two exponents, and of two floors.
 const CLOSEST: f64 = 1.02;
+/// First and last floor of the relative permeability after the continuation in the exponent has failed: the last one
+/// changes flows by less than the tolerance of the solution.
+const FIRST_FLOOR: f64 = 1e-2;
+const LAST_FLOOR: f64 = 1e-10;
+/// Pressure head at which water boils \[m\].
+const BOILS: f64 = -10.0;
+/// Factor by which the floor falls after a success.
+const LOWER: f64 = 0.1;
 
 /// Unsaturated soil.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,6 +127,8 @@ pub(super) struct Unsaturated {
     source: Vec<f64>,
     /// Exponent of the relative permeability: 1 except in a continuation.
     power: f64,
+    /// Floor of the relative permeability: 0 except in a continuation, and in coarse soils at its end.
+    floor: f64,
     states: Vec<CellState>,
     faces: [Vec<FaceFlux>; 3],
     /// Derivatives of the boundary inflow and of the storage with respect to minus the reduced pressure.
@@ -140,6 +151,11 @@ impl Unsaturated {
     /// Returns the soil of a position of the layout.
     fn law(&self, at: usize) -> &dyn RetentionLaw {
         self.soils[usize::from(self.soil_of[at])].model()
+    }
+
+    /// Returns the state of a soil at a pressure head \[m\], with the exponent and the floor of a continuation.
+    fn state(&self, soil: usize, head: f64) -> CellState {
+        conditioned(self.soils[soil].model(), head, self.power, self.floor)
     }
 
     /// Returns the shortest capillary length of the soils \[m\].
@@ -177,6 +193,7 @@ impl Pressure {
             saturated: std::array::from_fn(|_| vec![0.0; n]),
             source: vec![0.0; n],
             power: 1.0,
+            floor: 0.0,
             states: vec![CellState::default(); n],
             faces: std::array::from_fn(|_| vec![FaceFlux::default(); n]),
             diagonal: vec![0.0; n],
@@ -235,6 +252,7 @@ impl Pressure {
             }
         });
         self.take_fluxes(&own);
+        let solved = solved.and_then(|found| self.check_wells(&own).map(|()| found));
         // From here on the boundary inflow is that of unsaturated ground.
         self.unsaturated = Some(own);
         let (iterations, residual) = solved?;
@@ -245,6 +263,23 @@ impl Pressure {
             inflow,
             outflow,
         })
+    }
+
+    /// Checks that no well takes so much that its water would boil.
+    fn check_wells(&self, own: &Unsaturated) -> Result<(), SeepageError> {
+        let takes = |face: &&Boundary| {
+            let condition = self.patches[face.patch].condition;
+            matches!(condition, Condition::Discharge { .. }) && face.rate < 0.0
+        };
+        for face in self.boundary.iter().filter(takes) {
+            let head = own.states[face.at].head;
+            if head < BOILS {
+                let cell = self.slab.grid.cell(face.cell);
+                let at = self.slab.grid.centre(cell);
+                return Err(SeepageError::DryWell { at, head });
+            }
+        }
+        Ok(())
     }
 
     /// Stores conductivities and sources, and starts a new solution from stationary water at the highest head.
@@ -283,6 +318,8 @@ impl Pressure {
         if self.fresh {
             let highest = self.boundary.iter().filter_map(|face| self.imposed(face));
             let highest = highest.fold(f64::NEG_INFINITY, f64::max) - self.level;
+            // Without an imposed pressure the state at the start follows.
+            let highest = if highest.is_finite() { highest } else { 0.0 };
             self.phi.fill(0.0);
             for row in self.slab.layout.rows(&self.slab.layout.whole()) {
                 self.phi[row].fill(highest);
@@ -296,7 +333,8 @@ impl Pressure {
     /// iterations and residual.
     fn find_steady(&mut self, own: &mut Unsaturated) -> Result<(u32, f64), SeepageError> {
         own.kept.copy_from_slice(&self.phi);
-        own.power = 1.0;
+        let first = self.phi.clone();
+        (own.power, own.floor) = (1.0, 0.0);
         let (mut known, mut iterations) = (0.0, 0);
         for _ in 0..ATTEMPTS {
             let done = self.newton(own, STEPS)?;
@@ -321,6 +359,45 @@ impl Pressure {
             }
             log::debug!("relative permeability to the power {:.4}", own.power);
         }
+        self.phi.copy_from_slice(&first);
+        self.lower_floor(own, iterations)
+    }
+
+    /// Applies Newton's method with a floor of the relative permeability, which falls from solution to solution;
+    /// returns iterations and residual.
+    fn lower_floor(
+        &mut self,
+        own: &mut Unsaturated,
+        mut iterations: u32,
+    ) -> Result<(u32, f64), SeepageError> {
+        own.kept.copy_from_slice(&self.phi);
+        (own.power, own.floor) = (1.0, FIRST_FLOOR);
+        let mut known = 1.0;
+        for _ in 0..ATTEMPTS {
+            let done = self.newton(own, STEPS)?;
+            iterations += done.iterations;
+            log::debug!(
+                "floor {:e} of the relative permeability: {}",
+                own.floor,
+                done.converged
+            );
+            if done.converged {
+                if own.floor <= LAST_FLOOR {
+                    log::info!("the relative permeability has a floor of {LAST_FLOOR:e}");
+                    return Ok((iterations, done.residual));
+                }
+                known = own.floor;
+                own.kept.copy_from_slice(&self.phi);
+                own.floor = (LOWER * known).max(LAST_FLOOR);
+            } else {
+                self.phi.copy_from_slice(&own.kept);
+                own.floor = (known * own.floor).sqrt();
+                if own.floor * CLOSEST > known {
+                    break;
+                }
+            }
+        }
+        own.floor = 0.0;
         Err(SeepageError::Unsaturated {
             iterations,
             length: own.capillary_length(),
@@ -330,22 +407,14 @@ impl Pressure {
     /// Evaluates states, fluxes, imbalances and their derivatives at the present pressure, on the whole grid.
     fn evaluate(&mut self, own: &mut Unsaturated) {
         let (layout, whole) = (self.slab.layout, self.slab.layout.whole());
-        let (weight, level, power) = (own.weight, self.level, own.power);
+        let (weight, level, power, floor) = (own.weight, self.level, own.power, own.floor);
         let (phi, elevation) = (&self.phi, &own.elevation);
         let (soils, soil_of) = (&own.soils, &own.soil_of);
         layout.sweep(&whole, &mut own.states, |start, out| {
             for (i, state) in out.iter_mut().enumerate() {
                 let head = (level + phi[start + i]) / weight - elevation[start + i];
                 let law = soils[usize::from(soil_of[start + i])].model();
-                let found = law.state(head);
-                *state = CellState {
-                    head,
-                    log_permeability: power * found.log_permeability,
-                    slope: power * found.slope,
-                    potential: law.potential(head, power),
-                    content: found.content,
-                    capacity: found.capacity,
-                };
+                *state = conditioned(law, head, power, floor);
             }
         });
         let states = &own.states;
@@ -401,17 +470,10 @@ impl Pressure {
         let held = |phi: f64| {
             let cell = own.states[face.at];
             let head = (phi - surface) / own.weight;
-            let law = own.law(face.at);
-            let found = law.state(head);
-            let outside = Side {
-                head,
-                log_permeability: own.power * found.log_permeability,
-                slope: own.power * found.slope,
-                potential: law.potential(head, own.power),
-            };
+            let outside = own.state(usize::from(own.soil_of[face.at]), head);
             let k = mean(
                 cell.side(),
-                outside,
+                outside.side(),
                 surface / own.weight - own.elevation[face.at],
             );
             let difference = phi - self.level - self.phi[face.at];
@@ -528,6 +590,27 @@ impl Pressure {
             .multigrid
             .set(&self.system.matrix, ground, scale);
     }
+}
+
+/// Returns the state of a soil at a pressure head \[m\] with the relative permeability `f + (1 - f) k^s` for the
+/// exponent `s` and the floor `f`.
+fn conditioned(law: &dyn RetentionLaw, head: f64, power: f64, floor: f64) -> CellState {
+    let found = law.state(head);
+    let mut state = CellState {
+        head,
+        log_permeability: power * found.log_permeability,
+        slope: power * found.slope,
+        potential: law.potential(head, power),
+        content: found.content,
+        capacity: found.capacity,
+    };
+    if floor > 0.0 {
+        let part = (1.0 - floor) * state.log_permeability.exp();
+        state.log_permeability = (floor + part).ln();
+        state.slope *= part / (floor + part);
+        state.potential = (state.potential).map(|known| (1.0 - floor) * known + floor * head);
+    }
+    state
 }
 
 /// Returns the permeability of a face between two soils: that of the upstream side.

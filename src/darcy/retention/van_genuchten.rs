@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 /// Minimum exponent n: below it the permeability decreases by more than half within a thousandth of the capillary
 /// length.
-const LEAST_N: f64 = 1.1;
+const LEAST_N: f64 = 1.05;
 const MOST_N: f64 = 20.0;
 
 /// Retention of van Genuchten (1980) with the relative permeability of Mualem (1976).
@@ -31,7 +31,7 @@ pub struct VanGenuchten {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub alpha: f64,
     /// Exponent n [1]: 1.1 in clay to 3 in sand.
-    #[schemars(extend("minimum" = 1.1, "maximum" = 20))]
+    #[schemars(extend("minimum" = 1.05, "maximum" = 20))]
     pub n: f64,
     /// Content of water at saturation [1].
     #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn very_dry_and_nearly_saturated_soil_is_finite() {
-        for n in [1.1, 1.5, 2.0, 8.0, 20.0] {
+        for n in [1.05, 1.5, 2.0, 8.0, 20.0] {
             let law = VanGenuchten { n, ..NEW_MEXICO };
             for head in [-1e-300, -1e-12, -1e-3, -1.0, -1e3] {
                 let state = law.state(head);

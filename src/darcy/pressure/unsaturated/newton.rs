@@ -19,6 +19,10 @@ const CLOSURE: f64 = 1e-3;
 /// Ratio of imbalance to the largest term of a cell that is rounding.
 const ROUNDING: f64 = 1e-15;
 
+/// Maximum ratio of the suction after a step to that before it, which is at least a capillary length. A cell that is
+/// too dry conducts nothing, so that the norm of the imbalances does not show by how much.
+const DRIER: f64 = 10.0;
+
 /// Pressure head at the edge of saturation, as a fraction of the capillary length: well above the rounding of a
 /// pressure, and the water released by it well below that of a step.
 const EDGE: f64 = -1e-11;
@@ -137,6 +141,9 @@ impl Pressure {
     /// A saturated cell without storage does not know in advance how little suction releases water from a soil whose
     /// capacity has a jump at saturation, and the shorter the time step, the smaller that suction is. Such a cell
     /// changes only to the edge of saturation, where the next Newton step has its capacity.
+    ///
+    /// The suction of a cell grows at most by the factor [`DRIER`], and a cell under suction gets at most a pressure
+    /// head of a capillary length.
     fn try_change(&mut self, own: &Unsaturated, length: f64) {
         let stores = own
             .transient
@@ -145,12 +152,22 @@ impl Pressure {
         let edges: Vec<Option<f64>> = (own.soils.iter())
             .map(|soil| edge_of_saturation(soil.model()).filter(|_| stores))
             .collect();
+        let lengths: Vec<f64> = (own.soils.iter())
+            .map(|soil| soil.model().capillary_length())
+            .collect();
         let (start, change) = (&own.start, &own.krylov.change);
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for at in row {
+                let soil = usize::from(own.soil_of[at]);
+                let of_head = |head: f64| own.weight * (own.elevation[at] + head) - self.level;
+                let head = (self.level + start[at]) / own.weight - own.elevation[at];
                 let mut phi = start[at] + length * change[at];
-                if let Some(edge) = edges[usize::from(own.soil_of[at])] {
-                    let least = own.weight * (own.elevation[at] + edge) - self.level;
+                phi = phi.max(of_head(DRIER * head.min(-lengths[soil])));
+                if head < 0.0 {
+                    phi = phi.min(of_head(lengths[soil]));
+                }
+                if let Some(edge) = edges[soil] {
+                    let least = of_head(edge);
                     if start[at] > least && phi < least {
                         phi = least;
                     }
@@ -174,10 +191,13 @@ impl Pressure {
         for row in self.slab.layout.rows(&self.slab.layout.whole()) {
             for at in row {
                 most = most.max(self.system.residual[at].abs());
+                let pressure = self.level.abs() + self.phi[at].abs();
+                // The storage depends on the pressure as the fluxes do.
+                term = term.max(own.diagonal[at] * pressure);
                 for (axis, faces) in own.faces.iter().enumerate() {
                     let upper = at + self.slab.layout.stride[axis];
                     let conductance = faces[at].conductance + faces[upper].conductance;
-                    term = term.max(conductance * (self.level.abs() + self.phi[at].abs()));
+                    term = term.max(conductance * pressure);
                 }
             }
         }

@@ -375,7 +375,7 @@ impl Pressure {
         if settings.initial == InitialWater::Steady {
             self.find_steady(own)?;
         }
-        own.power = 1.0;
+        (own.power, own.floor) = (1.0, 0.0);
         self.evaluate(own);
         if let Some(transient) = &mut own.transient {
             transient.stored.copy_from_slice(&transient.content);
