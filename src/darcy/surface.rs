@@ -8,10 +8,12 @@ use super::Pressure;
 use super::cut_cells::centre_of_water;
 use super::grid::SeepageGrid;
 use decomposition::ExactSum;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use structure::Images;
 
-/// Distance in front of a surface at which its cell is sought, relative to the smallest edge of a cell.
+/// Distance in front of a surface at which its cell is sought, relative to the smallest edge of a cell; the distance of
+/// outline or facets from the true surface is added.
 const IN_FRONT: f64 = 1e-6;
 /// Fraction of the distance to the water of a cell that may lie in a solid because of rounding.
 const ROUNDING: f64 = 1e-7;
@@ -27,6 +29,9 @@ struct Piece {
     point: [f64; 3],
     area: [f64; 3],
 }
+
+/// Centres of the water of cells \[m\]; none for a cell without water.
+type WaterCentres = BTreeMap<usize, Option<[f64; 3]>>;
 
 /// Structures in the ground.
 pub type Solids = Vec<Arc<Images>>;
@@ -48,13 +53,17 @@ impl WettedSurface {
     ) -> Self {
         let smallest =
             (0..grid.dimension).fold(f64::INFINITY, |least, a| least.min(grid.spacing[a]));
+        let deviation = solids
+            .get(index)
+            .map_or(0.0, |solid| solid.solid().deviation(TOLERANCE * smallest));
+        let front = IN_FRONT * smallest + (1.0 + ROUNDING) * deviation;
         let mut pieces = Vec::new();
+        let mut water = BTreeMap::new();
         let mut add = |point: [f64; 3], area: [f64; 3]| {
             let size = area.iter().map(|n| n * n).sum::<f64>().sqrt();
             if size > 0.0 {
-                let start: [f64; 3] =
-                    std::array::from_fn(|a| point[a] + IN_FRONT * smallest * area[a] / size);
-                if let Some(cell) = in_front(grid, solids, wet, start) {
+                let start: [f64; 3] = std::array::from_fn(|a| point[a] + front * area[a] / size);
+                if let Some(cell) = in_front(grid, solids, (wet, &mut water), start) {
                     pieces.push(Piece { cell, point, area });
                 }
             }
@@ -137,15 +146,19 @@ fn outline(grid: &SeepageGrid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 
 fn in_front(
     grid: &SeepageGrid,
     solids: &[Arc<Images>],
-    wet: &dyn Fn(usize) -> bool,
+    (wet, water): (&dyn Fn(usize) -> bool, &mut WaterCentres),
     start: [f64; 3],
 ) -> Option<usize> {
     let own = grid.holding(start)?;
-    let reaches = |cell: [usize; 3]| {
-        if !wet(grid.index(cell)) {
+    let mut reaches = |cell: [usize; 3]| {
+        let index = grid.index(cell);
+        if !wet(index) {
             return false;
         }
-        let Some(water) = centre_of_water(grid, solids, cell) else {
+        let known = water
+            .entry(index)
+            .or_insert_with(|| centre_of_water(grid, solids, cell));
+        let Some(water) = *known else {
             return false;
         };
         let way: [f64; 3] = std::array::from_fn(|a| water[a] - start[a]);
