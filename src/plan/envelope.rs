@@ -36,6 +36,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         lattice_velocity(scene, flow, &mut margins, findings);
         super::stability::check(scene, flow, &mut margins, findings);
         super::free_surface::check(scene, flow, &mut margins, findings);
+        super::levels::check(scene, flow, &mut margins, findings);
         super::linear_stability::check(flow, clock, findings);
         compression(scene, flow, &mut margins, findings);
         needed_pressure(scene, flow, &mut margins, findings);

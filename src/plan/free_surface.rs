@@ -75,12 +75,13 @@ pub(super) fn check(
     let Some(surface) = &scene.surface else {
         return;
     };
+    let drop = drop(scene, surface);
     let fall = Cause {
-        speed: (2.0 * surface.gravity * surface.drop()).sqrt(),
+        speed: (2.0 * surface.gravity * drop).sqrt(),
         path: format!("{PATH}.surface.water"),
         kind: Kind::Fall,
         margin: "cell Reynolds number U h/nu: the fall of the water".to_owned(),
-        what: format!("water that falls {} m", number(surface.drop())),
+        what: format!("water that falls {} m", number(drop)),
     };
     add_margin(scene, flow, &fall, margins, findings);
     let bodies = (0..scene.bodies.len()).map(|n| body_entry_cause(scene, surface, n));
@@ -98,6 +99,24 @@ pub(super) fn check(
             what: format!("{} with a free surface", stream.what),
         };
         add_margin(scene, flow, &stream, margins, findings);
+    }
+}
+
+/// Returns the height through which water can fall \[m\].
+fn drop(scene: &Scene, surface: &FreeSurface) -> f64 {
+    let solids = || scene.structures.iter().filter(|s| s.stops.water());
+    let separated = |from: [f64; 3], to: [f64; 3]| {
+        let along = std::array::from_fn(|a| to[a] - from[a]);
+        let mut chords = Vec::new();
+        solids().any(|structure| {
+            structure.solid.chords(from, along, &mut chords);
+            !chords.is_empty()
+        })
+    };
+    if surface.drop() > 0.0 && surface.stands(scene.grid.cells, separated) {
+        surface.drop_at_openings()
+    } else {
+        surface.drop()
     }
 }
 

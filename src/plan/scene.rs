@@ -5,6 +5,7 @@
 
 pub mod auto;
 pub mod block;
+mod blocked;
 pub mod blocks;
 pub mod bodies;
 pub mod body_force;
@@ -314,6 +315,9 @@ impl Scene {
             solids.check_start(case, &grid, gravity, findings);
         }
         let (grains, structures) = (solids.grains.as_ref(), &solids.structures);
+        if let Some(flow) = flow.as_ref().filter(|_| surface.is_none()) {
+            blocked::check(flow, &grid, structures, findings);
+        }
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
         let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);

@@ -83,6 +83,11 @@ pub trait BoundaryModel {
         Inflow::None
     }
 
+    /// Returns the largest inflow into the domain at any time.
+    fn largest_inflow(&self, place: &Place<'_>) -> Inflow {
+        self.inflow(place)
+    }
+
     /// Returns the time over which the inflow increases from zero \[s\]; 0 for an immediate start.
     fn ramp_time(&self) -> f64 {
         0.0

@@ -133,6 +133,13 @@ impl BoundaryModel for Velocity {
             .map_or(Inflow::Any, Inflow::Mean)
     }
 
+    fn largest_inflow(&self, place: &Place<'_>) -> Inflow {
+        let largest = largest_factor(self.history.as_deref());
+        self.profile
+            .mean_inflow(place)
+            .map_or(Inflow::Any, |mean| Inflow::Mean(largest * mean))
+    }
+
     fn ramp_time(&self) -> f64 {
         self.ramp_time.unwrap_or(0.0)
     }

@@ -25,6 +25,10 @@ use structure::Images;
 
 /// Samples of a cell along each axis, if a surface crosses the cell.
 const SAMPLES: usize = 4;
+/// Maximum number of cells whose initial fill levels are compared.
+const MOST_CELLS_TO_COMPARE: usize = 2_000_000;
+/// Difference of fill levels that is none.
+const FILL_SLACK: f64 = 1e-3;
 
 /// A free surface.
 #[derive(Clone, Debug, Serialize)]
@@ -241,6 +245,73 @@ impl FreeSurface {
         (self.head() - lowest).max(0.0)
     }
 
+    /// Returns the height through which water can fall \[m\] if the initial water stands: from the energy line of water
+    /// outside, or the highest initial water, to the lowest level or outfall.
+    #[must_use]
+    pub fn drop_at_openings(&self) -> f64 {
+        let outside = self.openings.iter().filter_map(|opening| opening.lowest);
+        let lowest = outside.fold(f64::INFINITY, f64::min);
+        let (inside, whole) = (self.standing_head(), self.head());
+        let lowest = if whole > inside {
+            lowest.min(inside)
+        } else {
+            lowest
+        };
+        if lowest.is_finite() {
+            (whole - lowest).max(0.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// `true` if no initial water has air at its side or below it, so that it stands. `separated` returns `true` if
+    /// solids lie between two points.
+    #[must_use]
+    pub fn stands(
+        &self,
+        cells: [usize; 3],
+        separated: impl Fn([f64; 3], [f64; 3]) -> bool,
+    ) -> bool {
+        let level = |part: &WaterPart| matches!(part, WaterPart::Level(_) | WaterPart::Solid(_));
+        if !self.parts.iter().all(level) || cells.iter().product::<usize>() > MOST_CELLS_TO_COMPARE
+        {
+            return false;
+        }
+        let h = self.spacing;
+        let middle = |cell: [usize; 3]| cell.map(|n| (real(n) + 0.5) * h);
+        let wet = |cell: [usize; 3]| self.fill(cell);
+        for z in 0..cells[2] {
+            for y in 0..cells[1] {
+                for x in 0..cells[0] {
+                    let cell = [x, y, z];
+                    for a in 0..self.dimension {
+                        let mut next = cell;
+                        next[a] += 1;
+                        if next[a] == cells[a] {
+                            continue;
+                        }
+                        let (own, other) = (wet(cell), wet(next));
+                        let falls = if a == self.axis {
+                            // The lower cell must be full below water.
+                            let [low, high] = if self.rises {
+                                [own, other]
+                            } else {
+                                [other, own]
+                            };
+                            high > FILL_SLACK && low < 1.0 - FILL_SLACK
+                        } else {
+                            (own - other).abs() > FILL_SLACK
+                        };
+                        if falls && !separated(middle(cell), middle(next)) {
+                            return false;
+                        }
+                    }
+                }
+            }
+        }
+        true
+    }
+
     /// Returns the height of a point above the lowest point of the domain \[m\].
     #[must_use]
     pub fn height(&self, at: [f64; 3]) -> f64 {
@@ -251,8 +322,15 @@ impl FreeSurface {
     /// line of water outside.
     #[must_use]
     pub fn head(&self) -> f64 {
+        let outside = self.openings.iter().filter_map(|opening| opening.head);
+        outside.fold(self.standing_head(), f64::max)
+    }
+
+    /// Returns the height above the lowest point of the domain \[m\] of the highest initial water.
+    #[must_use]
+    pub fn standing_head(&self) -> f64 {
         let above = |height: f64| self.above(height).clamp(0.0, self.size[self.axis]);
-        let inside = self.parts.iter().map(|part| match part {
+        let heights = self.parts.iter().map(|part| match part {
             WaterPart::Level(height) => above(*height),
             WaterPart::Wave(wave) => above(wave.level + self.upwards() * wave.amplitude.abs()),
             WaterPart::Solitary(wave) => above(wave.level + self.upwards() * wave.crest_height()),
@@ -262,8 +340,7 @@ impl FreeSurface {
                 ends.fold(0.0, f64::max)
             }
         });
-        let outside = self.openings.iter().filter_map(|opening| opening.head);
-        inside.chain(outside).fold(0.0, f64::max)
+        heights.fold(0.0, f64::max)
     }
 }
 

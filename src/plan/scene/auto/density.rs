@@ -297,7 +297,7 @@ impl<'a> Inlet<'a> {
     fn discharge(&self, scene: &Scene) -> Option<f64> {
         let grid = &scene.grid;
         let place = self.patch.imposed_at(grid, PATH);
-        let Inflow::Mean(mean) = self.patch.condition.model().inflow(&place) else {
+        let Inflow::Mean(mean) = self.patch.condition.model().largest_inflow(&place) else {
             return None;
         };
         let depth = grid.spacing.powi(if grid.dimension == 2 { 1 } else { 2 });

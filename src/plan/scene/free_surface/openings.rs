@@ -27,14 +27,27 @@ pub struct Opening {
     pub lowest: Option<f64>,
     /// Largest height of the energy line outside above the lowest point of the domain \[m\]; none without water.
     pub head: Option<f64>,
-    /// Depth of the inflow \[m\]: that of a stream, the critical depth of a discharge, or the largest depth below a
-    /// level.
+    /// Depth of the inflow \[m\]: that of a stream, the initial or the critical depth of a discharge, or the largest
+    /// depth below a level.
     pub depth: Option<f64>,
+    /// Height of the initial water in front of the opening above the lowest point of the domain \[m\]; that of the
+    /// lower side of the opening without water.
+    pub inside: f64,
     /// Froude number U/(g depth)^½ of the inflow; none if it follows from the flow.
     pub froude: Option<f64>,
 }
 
 impl Opening {
+    /// Returns the lowest and the highest level outside \[m\] above the lowest point of the domain; none if the opening
+    /// has no level.
+    #[must_use]
+    pub fn levels(&self) -> Option<[f64; 2]> {
+        match (self.lowest, self.head, self.froude) {
+            (Some(low), Some(high), None) => Some([low, high]),
+            _ => None,
+        }
+    }
+
     /// Returns a sentence about the opening, with the depth in cells of this spacing \[m\].
     #[must_use]
     pub fn describe(&self, spacing: f64) -> String {
@@ -179,6 +192,7 @@ fn one(
         lowest: Some(floor),
         head: None,
         depth: None,
+        inside: floor + initial_depth(surface, grid, patch),
         froude: None,
     };
     let sideways = patch.face.axis() != up;
@@ -205,10 +219,13 @@ fn one(
                 .map(|a| (patch.ends[a][1] - patch.ends[a][0]) * grid.spacing)
                 .product::<f64>();
             let unit = discharge / width;
-            let depth = (unit * unit / surface.gravity).cbrt();
+            let critical = (unit * unit / surface.gravity).cbrt();
+            // Below deep water the inflow is as deep as the water, else critical.
+            let depth = initial_depth(surface, grid, patch).max(critical);
+            let speed = unit / depth;
             opening.depth = Some(depth);
-            opening.froude = Some(1.0);
-            opening.head = Some(floor + 1.5 * depth);
+            opening.froude = Some(speed / (surface.gravity * depth).sqrt());
+            opening.head = Some(floor + depth + speed * speed / (2.0 * surface.gravity));
             check_depth(grid, (&opening, depth), findings);
         }
     } else if let (Some(ImposedSpeed { field, value, .. }), Strength::Velocity) =
@@ -231,6 +248,27 @@ fn one(
         }
     }
     opening
+}
+
+/// Returns the initial depth of the water above the lower side of an opening \[m\].
+fn initial_depth(surface: &FreeSurface, grid: &Grid, patch: &ScenePatch) -> f64 {
+    let (up, h) = (surface.axis, grid.spacing);
+    let mut at: [f64; 3] = std::array::from_fn(|a| 0.5 * (patch.ends[a][0] + patch.ends[a][1]) * h);
+    let normal = patch.face.axis();
+    at[normal] = if patch.face.is_max() {
+        grid.size[normal] - 0.5 * h
+    } else {
+        0.5 * h
+    };
+    at[up] = if surface.rises {
+        (patch.ends[up][0] + 0.5) * h
+    } else {
+        (patch.ends[up][1] - 0.5) * h
+    };
+    match surface.depth(at) {
+        depth if depth > 0.0 => depth + 0.5 * h,
+        _ => 0.0,
+    }
 }
 
 /// Checks that an opening with a level lies on a vertical side, and that there is gravity.
