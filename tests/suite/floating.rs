@@ -123,6 +123,7 @@ fn discs_in_a_stream_between_openings() {
     set.extend([
         ("domain", r#"{"size": [0.12, 0.06], "spacing": 0.002}"#),
         ("box_walls", r#"["y_min"]"#),
+        ("fluid.lattice_boltzmann.collision", r#"{"bgk": {}}"#),
         (
             "fluid.lattice_boltzmann.boundaries",
             r#"[{"name": "in", "face": "x_min", "condition": {"discharge": {"value": 0.008}}},

@@ -124,7 +124,8 @@ fn a_dam_in_three_dimensions_with_eddies() {
 }
 
 /// Changes for a discharge over a weir to a tailwater, both given by tables, and a jet through the lid.
-const OVER_A_WEIR: [(&str, &str); 6] = [
+const OVER_A_WEIR: [(&str, &str); 7] = [
+    ("fluid.lattice_boltzmann.collision", r#"{"bgk": {}}"#),
     ("domain", r#"{"size": [0.16, 0.06], "spacing": 0.0025}"#),
     (
         "fluid.lattice_boltzmann.surface.water",
@@ -281,7 +282,10 @@ fn what_does_not_work_with_a_surface_is_refused_by_name() {
         ),
         (
             // The critical depth is 1.3 cells.
-            format!(r#"{lattice}.boundaries[1].condition={{"discharge": {{"value": 7e-4}}}}"#),
+            format!(
+                r#"{lattice}.boundaries[1]={{"name": "in", "face": "x_max",
+                    "condition": {{"discharge": {{"value": 7e-4}}}}}}"#
+            ),
             format!("{lattice}.boundaries[1].condition.discharge.value"),
         ),
         (
