@@ -445,6 +445,8 @@ impl FluidFields {
     ) -> Result<(), Error> {
         let first = view.domain.rank() == 0;
         let image = match (self, view.seepage) {
+            // Before its first solution the water has no state.
+            (Self::Seepage(_), Some(seepage)) if !seepage.is_known() => return Ok(()),
             (Self::Seepage(fields), Some(seepage)) => {
                 fields.read(seepage, first);
                 fields.image(seepage, first)

@@ -1,8 +1,8 @@
 //! Gauges: surface elevation and depth of the water in a column of cells.
 //!
 //! The elevation is that of the surface in the highest cell that is at least half full, from the heights of water
-//! in this cell and its two neighbours: exact for a level surface at any height within a cell. The depth is the sum
-//! of the fill levels of the column: drops are included, air is not.
+//! in this cell and its two neighbours: exact for a level surface at any height within a cell, also above a solid. The
+//! depth is the sum of the fill levels of the column: drops are included, air and solids are not.
 
 use super::quantity::Quantity;
 use super::{Heading, fluid, no_fluid};
@@ -15,6 +15,9 @@ use dem::space::Space;
 use lbm::boundary::from_quanta;
 use lbm::quanta::quanta;
 use plan::scene::Scene;
+
+/// Mark of a solid cell among the fill levels, above the quanta of a full cell.
+const SOLID: u128 = 1 << 100;
 
 /// A column of cells along the axis of gravity.
 #[derive(Debug)]
@@ -51,13 +54,18 @@ impl Gauge {
             let mut cell = self.bottom_cell;
             cell[self.axis] = if self.rises { n } else { count - 1 - n };
             let local: [usize; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(start[a]));
-            let mine = (0..3).all(|a| local[a] < cells[a]) && !fluid.solid_at(local);
-            let part = if mine { quanta(fluid.fill(local)) } else { 0 };
-            *level = i128::from(part).cast_unsigned();
+            let mine = (0..3).all(|a| local[a] < cells[a]);
+            *level = if mine && fluid.solid_at(local) {
+                SOLID
+            } else if mine {
+                i128::from(quanta(fluid.fill(local))).cast_unsigned()
+            } else {
+                0
+            };
         }
         communicator.all_reduce_sum_u128s(&mut self.levels);
-        let levels: Vec<f64> = (self.levels.iter())
-            .map(|level| from_quanta(level.cast_signed()))
+        let levels: Vec<Option<f64>> = (self.levels.iter())
+            .map(|level| (*level != SOLID).then(|| from_quanta(level.cast_signed())))
             .collect();
         let [elevation, depth] = measure(&levels).map(|cells| cells * self.height);
         let elevation = if self.rises {
@@ -85,16 +93,18 @@ impl Quantity for Gauge {
     }
 }
 
-/// Returns elevation and depth, in cells, of a column of fill levels from bottom to top.
-fn measure(levels: &[f64]) -> [f64; 2] {
-    let depth = levels.iter().sum();
-    let Some(top) = levels.iter().rposition(|level| *level >= 0.5) else {
+/// Returns elevation and depth, in cells, of a column of fill levels from bottom to top; none for solid cells.
+fn measure(levels: &[Option<f64>]) -> [f64; 2] {
+    let depth = levels.iter().flatten().sum();
+    let half = |level: &Option<f64>| level.is_some_and(|level| level >= 0.5);
+    let Some(top) = levels.iter().rposition(half) else {
         return [f64::NAN, depth];
     };
-    let first = top.saturating_sub(1);
-    let last = (top + 1).min(levels.len() - 1);
-    let height: f64 = levels[first..=last].iter().sum();
-    [real(first) + height, depth]
+    // The water stands on a solid cell below it and does not reach through one above it.
+    let below = top.checked_sub(1).map(|n| levels[n].unwrap_or(1.0));
+    let above = levels.get(top + 1).copied().flatten().unwrap_or(0.0);
+    let height = below.unwrap_or(0.0) + levels[top].unwrap_or(0.0) + above;
+    [real(top.saturating_sub(1)) + height, depth]
 }
 
 #[cfg(test)]
@@ -106,20 +116,36 @@ mod tests {
     fn a_level_surface_is_exact() {
         for n in 5..=60 {
             let height = f64::from(n) / 10.0;
-            let levels: Vec<f64> = (0..6)
-                .map(|cell| (height - f64::from(cell)).clamp(0.0, 1.0))
+            let levels: Vec<Option<f64>> = (0..6)
+                .map(|cell| Some((height - f64::from(cell)).clamp(0.0, 1.0)))
                 .collect();
             let [elevation, depth] = measure(&levels);
             approx::assert_relative_eq!(elevation, height, epsilon = 1e-12);
             approx::assert_relative_eq!(depth, height, epsilon = 1e-12);
         }
-        assert!(measure(&[0.3, 0.0])[0].is_nan());
+        assert!(measure(&[Some(0.3), Some(0.0)])[0].is_nan());
+    }
+
+    /// Checks a film on a solid, and water below one.
+    #[test]
+    fn water_stands_on_a_solid_and_below_one() {
+        for n in 5..=15 {
+            let film = f64::from(n) / 10.0;
+            let part = |cell: f64| Some((film - cell).clamp(0.0, 1.0));
+            let [elevation, depth] = measure(&[None, None, part(0.0), part(1.0), Some(0.0)]);
+            approx::assert_relative_eq!(elevation, 2.0 + film, epsilon = 1e-12);
+            approx::assert_relative_eq!(depth, film, epsilon = 1e-12);
+        }
+        let [elevation, depth] = measure(&[Some(1.0), Some(1.0), None, None]);
+        approx::assert_relative_eq!(elevation, 2.0);
+        approx::assert_relative_eq!(depth, 2.0);
     }
 
     /// Checks that a drop above the surface is the highest water, and that air below it is not counted.
     #[test]
     fn a_drop_counts_with_its_own_height() {
-        let [elevation, depth] = measure(&[1.0, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0]);
+        let levels = [1.0, 0.5, 0.0, 0.0, 0.25, 0.75, 0.0].map(Some);
+        let [elevation, depth] = measure(&levels);
         approx::assert_relative_eq!(elevation, 5.0);
         approx::assert_relative_eq!(depth, 2.5);
     }
