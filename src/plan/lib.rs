@@ -34,6 +34,7 @@ pub mod explicit_drag;
 mod free_surface;
 mod impacts;
 pub mod interval;
+mod levels;
 mod linear_stability;
 pub mod margin;
 pub mod models;
@@ -512,7 +513,8 @@ fn dry_step(
     });
     let longest = dt * f64::from(steps);
     if time.solid_time_step.is_some() {
-        (longest, steps)
+        let steps = fitting_interval(scene, dt, steps);
+        (dt * f64::from(steps), steps)
     } else {
         // A shorter coupling interval needs fewer solid steps, unless the case states their number.
         let step = divided(scene, longest);
@@ -522,6 +524,32 @@ fn dry_step(
         let stated = seepage.is_some_and(|s| s.written.coupling_interval.is_some());
         (step, if stated { steps } else { needed })
     }
+}
+
+/// Returns the number of solid steps between two solutions of transient seepage if the case states none: the largest,
+/// at most `most`, whose multiples meet the end and the times of probes, outputs and checkpoints, as far as solid steps
+/// meet them.
+fn fitting_interval(scene: &Scene, dt: f64, most: u32) -> u32 {
+    let free = |seepage: &scene::seepage::Seepage| {
+        seepage.is_transient() && seepage.written.coupling_interval.is_none()
+    };
+    if !scene.seepage.as_ref().is_some_and(free) {
+        return most;
+    }
+    let probes = scene.probes.iter().map(|probe| probe.every);
+    let fields = scene.output.fluid.iter().map(|output| output.every);
+    let grains = scene.output.grains.iter().map(|output| output.every);
+    let times = probes
+        .chain(fields)
+        .chain(grains)
+        .chain(scene.checkpoint.every);
+    let in_steps = times.chain([scene.time.end]).map(|time| time / dt);
+    let met: Vec<u64> = in_steps
+        .filter(|n| *n >= 0.5 && (n - n.round()).abs() <= 1e-6 * n)
+        .map(steps)
+        .collect();
+    let fits = |n: &u32| met.iter().all(|steps| steps.is_multiple_of(u64::from(*n)));
+    (1..=most).rev().find(fits).unwrap_or(most)
 }
 
 /// Returns a number of steps: the nearest whole number if the value is one to round-off, otherwise the next larger.

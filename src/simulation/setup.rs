@@ -370,7 +370,12 @@ pub fn seepage<S: Space>(
         density: written.density,
         viscosity: written.viscosity,
     };
-    let pressure = darcy::Pressure::new(
+    let new = if scene.has_stored_start() {
+        darcy::Pressure::without_outlets
+    } else {
+        darcy::Pressure::new
+    };
+    let pressure = new(
         &openness,
         scene.patches.iter().map(patch).chain(drains).collect(),
         liquid,

@@ -16,6 +16,7 @@ use case::fluid::Fluid;
 use case::geometry::{Axis, Face};
 use case::grains::Radii;
 use case::observe::{Action as Written, FieldName, When};
+use darcy::Condition;
 use darcy::Prisms;
 pub(crate) use probes::{Measured, probes};
 use serde::Serialize;
@@ -404,10 +405,23 @@ fn check_stream_function(case: &Case, path: &str, findings: &mut Findings) {
         "ground that stores water has no stream function, because inflow and outflow of a cell differ"
     } else if case.grains.is_some() || !case.bodies.is_empty() {
         "water between moving grains has no stream function, because the grains displace it"
+    } else if written.drains.iter().any(|drain| is_inside(case, drain)) {
+        "around a drain or a well inside the ground a stream function has no single value"
     } else {
         return;
     };
     findings.error(path, reason, "use `velocity`, and `picture --streamlines`");
+}
+
+/// Returns `true` if a drain that takes water touches no face of the domain.
+fn is_inside(case: &Case, drain: &case::darcy::Drain) -> bool {
+    let (from, to) = (drain.region.from.to_array(), drain.region.to.to_array());
+    let size = case.domain.size.0.iter().enumerate();
+    let touches = size.clone().any(|(a, size)| {
+        let slack = 1e-9 * size;
+        from[a] <= slack || to[a] >= size - slack
+    });
+    !touches && drain.condition != Condition::NoFlow {}
 }
 
 fn averages(case: &Case, findings: &mut Findings) {

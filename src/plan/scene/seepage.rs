@@ -3,6 +3,7 @@
 mod drains;
 mod piping;
 mod polygons;
+mod terrain;
 mod unsaturated;
 mod zones;
 
@@ -18,7 +19,7 @@ use super::unique;
 use base::error::Remedy;
 use base::number::{real, whole};
 use case::Case;
-use case::darcy::{self as written_as, Darcy};
+use case::darcy::{self as written_as, Darcy, InitialState};
 use case::fluid::Fluid;
 use case::geometry::Face;
 use darcy::cut_cells::centre_of_water;
@@ -59,7 +60,7 @@ pub struct Seepage {
     pub walls: [[bool; 2]; 3],
     /// Name of the boundary.
     pub patches: Vec<SeepagePatch>,
-    /// Face on which the condition acts.
+    /// Parts of the surface of the ground, then drains in it.
     pub drains: Vec<Drain>,
     /// Backward erosion piping.
     pub piping: Option<PipingScene>,
@@ -151,7 +152,8 @@ impl Seepage {
             scene.resolve_surface(gravity.to_array());
         }
         scene.patches = scene.patches_of(grid, grains.is_some(), findings);
-        scene.drains = scene.drains_of(grid, findings);
+        scene.drains = scene.terrain_of(case, grid, findings);
+        scene.drains.extend(scene.drains_of(grid, findings));
         scene.zones = scene.zones_of(case, grid, findings);
         scene.soil_of = scene.soils(case, grid);
         scene.piping = scene.piping_of(case, grid, findings);
@@ -179,6 +181,15 @@ impl Seepage {
     pub fn is_transient(&self) -> bool {
         let soil = self.written.unsaturated.as_ref();
         soil.is_some_and(|soil| soil.transient.is_some())
+    }
+
+    /// Returns `true` if the water stored at the start of a transient flow determines the pressure, so that no
+    /// condition has to.
+    #[must_use]
+    pub fn has_stored_start(&self) -> bool {
+        let soil = self.written.unsaturated.as_ref();
+        soil.and_then(|soil| soil.transient.as_ref())
+            .is_some_and(|flow| flow.initial != InitialState::Steady)
     }
 
     /// Returns the number of solid steps \[each of this time, s\] between two couplings; `longest` is the longest
@@ -548,7 +559,7 @@ impl Seepage {
 
     /// Checks that a condition determines the pressure, and that there is gravity if a condition needs it.
     fn check_conditions(&self, case: &Case, findings: &mut Findings) {
-        if !self.conditions().any(|condition| condition.holds()) {
+        if !self.has_stored_start() && !self.conditions().any(|condition| condition.holds()) {
             findings.error(
                 &format!("{PATH}.boundaries"),
                 "no boundary imposes a pressure or a head: the water has no outlet and its pressure is \
@@ -570,10 +581,10 @@ impl Seepage {
                 );
             }
         }
-        for (n, drain) in self.drains.iter().enumerate() {
+        for drain in &self.drains {
             if weightless && needs_gravity(&drain.condition) {
                 findings.error(
-                    &format!("{PATH}.drains[{n}].condition"),
+                    &format!("{PATH}.{}.condition", drain.path),
                     WEIGHTLESS,
                     "add `gravity`, or impose a pressure or a discharge",
                 );
