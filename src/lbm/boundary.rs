@@ -318,19 +318,18 @@ fn middle_of(cell: [usize; 3], c: [i8; 3]) -> [f64; 3] {
     std::array::from_fn(|a| real(cell[a]) + 0.5 + 0.5 * f64::from(c[a]))
 }
 
-/// Returns the patch of a link that leaves the domain along the axes `outside`, and the fraction of the surrounding
-/// cells that imposes a velocity. The last patches are the walls of the faces.
+/// Returns the patch that a link crosses along each of the axes `outside` along which it leaves the domain, and the
+/// fraction of the surrounding cells that imposes a velocity. The last patches are the walls of the faces.
 fn crossed<S: Stored>(
     patches: &[Patch<S>],
     frame: &Frame,
     c: [i8; 3],
     outside: [bool; 3],
     middle: [f64; 3],
-) -> (usize, f64) {
+) -> [Option<(usize, f64)>; 3] {
     let defaults = patches.len() - FACES;
-    (0..3)
-        .filter(|&a| outside[a])
-        .map(|axis| {
+    std::array::from_fn(|axis| {
+        outside[axis].then(|| {
             let upper = c[axis] > 0;
             let default = defaults + 2 * axis + usize::from(upper);
             let beside = surrounding_points(frame, c, outside, middle);
@@ -340,8 +339,7 @@ fn crossed<S: Stored>(
             });
             on_border(patches, middle, beside)
         })
-        .max_by_key(|&(p, _)| patches[p].rule.kind().strength)
-        .unwrap_or((defaults, 1.0))
+    })
 }
 
 /// Boundary links of one slab, sorted so that loops over them contain no branches: links at walls together, the
@@ -350,6 +348,9 @@ pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
     /// Numbers of the patches from the strongest to the weakest.
     order: Vec<usize>,
+    /// Links through an edge or a corner of the domain, by cell and direction: the patch of the face normal to each
+    /// axis that the link crosses, and the patch of the link for the other axes.
+    edges: Vec<(u32, usize, [usize; 3])>,
     walls: wall::Walls,
     open: covered::OpenCells,
     /// Patches whose rules need sums over all ranks, and a buffer for the sums.
@@ -388,6 +389,7 @@ impl<S: Stored> Boundaries<S> {
         patches.extend(no_slip_walls());
         let mut walls = Vec::new();
         let mut open = covered::OpenCells::default();
+        let mut edges = Vec::new();
         let velocities = populations.velocities().clone();
         let dimension = velocities.dimension;
         let [slow, across, _] = populations.order();
@@ -405,7 +407,14 @@ impl<S: Stored> Boundaries<S> {
                     continue;
                 }
                 let middle = middle_of(at, c);
-                let (patch, share) = crossed(&patches, frame, c, outside, middle);
+                let found = crossed(&patches, frame, c, outside, middle);
+                let (patch, share) = (found.iter().flatten().copied())
+                    .max_by_key(|&(p, _)| patches[p].rule.kind().strength)
+                    .unwrap_or((patches.len() - FACES, 1.0));
+                if found.iter().flatten().count() > 1 {
+                    let of_axes = found.map(|found| found.map_or(patch, |(p, _)| p));
+                    edges.push((to_u32(cell), i, of_axes));
+                }
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
                     open.add((cell, local), link);
@@ -433,6 +442,7 @@ impl<S: Stored> Boundaries<S> {
                 }
             }
         }
+        edges.sort_unstable();
         let mut order: Vec<usize> = (0..patches.len()).collect();
         order.sort_by_key(|&p| std::cmp::Reverse(patches[p].rule.kind().strength));
         let summed: Vec<usize> = (0..patches.len())
@@ -443,6 +453,7 @@ impl<S: Stored> Boundaries<S> {
             summed,
             patches,
             order,
+            edges,
             walls: wall::Walls::new(walls, populations.cells()[slow]),
             open,
         }

@@ -52,3 +52,33 @@ fn forces_on_walls_are_those_of_the_time_of_their_row() {
         assert!(off.abs() < 0.005 * scale, "{time}: {off} of {scale}");
     }
 }
+
+/// Checks that a uniform pressure acts alike on all faces of a box: along an edge each component of the force is that
+/// on the face normal to it.
+#[test]
+fn a_uniform_pressure_acts_alike_on_all_faces() {
+    let _beside = beside_others();
+    let names = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+    let walls =
+        names.map(|name| json!({"name": name, "every": 0.1, "at": {"wall": {"face": name}}}));
+    let case = json!({
+        "domain": {"size": [0.02, 0.016, 0.012], "spacing": 0.002},
+        "fluid": {"lattice_boltzmann": {
+            "density": 1000, "kinematic_viscosity": 1e-4, "relaxation_time": 0.8,
+            "boundaries": [{"name": "slip", "face": "z_max", "condition": {"free_slip": {}}}],
+            "initial": {"uniform": {"velocity": [0, 0, 0], "pressure": 5}}
+        }},
+        "time": {"end": 0.1},
+        "probes": walls
+    });
+    let study = Study::new(&case.to_string());
+    study.run("one", 1, 1, &[]);
+    for name in names {
+        let path = study.path("one").join(format!("probe_{name}.csv"));
+        let text = std::fs::read_to_string(path).unwrap();
+        let [_, pressure] = *columns(&text, ["time", "mean_pressure"]).last().unwrap();
+        let [shear, _] = *columns(&text, ["shear_force", "time"]).last().unwrap();
+        assert!((pressure - 5.0).abs() < 1e-9, "{name}: {pressure}");
+        assert!(shear.abs() < 1e-12, "{name}: {shear}");
+    }
+}

@@ -8,7 +8,8 @@ use crate::quanta::quanta;
 /// Momentum and mass that crossed one patch during a step (exact sums over links).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flux {
-    /// Force of the fluid on the outside of the patch, in units of 2^-56 lattice units.
+    /// Force of the fluid on the outside of the patch, in units of 2^-56 lattice units. Along an edge of the domain the
+    /// component along an axis is that on the face normal to it.
     pub force: [i128; 3],
     /// Mass that leaves the fluid through the patch, in the same units.
     pub mass: i128,
@@ -43,19 +44,23 @@ impl<S: Stored> Boundaries<S> {
         let velocities = populations.velocities();
         self.crossings(populations, |exchange| {
             let Exchange {
-                patch, out, into, ..
+                patch,
+                out,
+                into,
+                cells,
             } = exchange;
             let [(a, i), (b, j)] = [out, into];
             let (leaves, enters) = (
                 i128::from(quanta(a + velocities.w[i])),
                 i128::from(quanta(b + velocities.w[j])),
             );
-            let flux = &mut fluxes[patch];
+            let edge = (self.edges).binary_search_by_key(&(cells[0], i), |edge| (edge.0, edge.1));
+            let of_axes = edge.map_or([patch; 3], |n| self.edges[n].2);
             for axis in 0..3 {
-                flux.force[axis] += i128::from(velocities.c[i][axis]) * leaves
+                fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
                     - i128::from(velocities.c[j][axis]) * enters;
             }
-            flux.mass += leaves - enters;
+            fluxes[patch].mass += leaves - enters;
         });
     }
 

@@ -195,15 +195,20 @@ fn reference(face: Face, flow: &Flow, grid: &Grid, velocities: &Velocities) -> [
                         .filter(|&a| outside[a])
                         .map(|a| Face::ALL[2 * a + usize::from(c[a] > 0)])
                         .max_by_key(|face| wall_kind(condition(*face, cell, flow)).strength);
-                    if owner != Some(face) {
+                    let Some(owner) = owner else {
                         continue;
-                    }
+                    };
                     // A population leaves with velocity c and returns reversed, or mirrored at the faces that it
-                    // crosses.
-                    let surface = wall_kind(condition(face, cell, flow)).surface;
+                    // crosses. Each component acts on the face normal to it, the others on the owner of the link.
+                    let surface = wall_kind(condition(owner, cell, flow)).surface;
                     let mirrored = surface == SurfaceKind::Symmetry;
                     for a in 0..3 {
-                        if outside[a] || !mirrored {
+                        let on = if outside[a] {
+                            Face::ALL[2 * a + usize::from(c[a] > 0)]
+                        } else {
+                            owner
+                        };
+                        if on == face && (outside[a] || !mirrored) {
                             sum[a] += 2 * i128::from(c[a]) * i128::from(quanta(*w));
                         }
                     }
