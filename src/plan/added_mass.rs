@@ -41,6 +41,7 @@ use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::packed::{in_a_bed, lie_packed};
 use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
+use dem::polyhedron::PlacedPolyhedron;
 use lbm::saturation::{DensityRatios, LightBody};
 
 /// Values of s R above which bodies with links are stable, by relaxation time: a table for discs and one for spheres.
@@ -177,16 +178,36 @@ fn body_kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
         }));
     }
     for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
-        let faces = 0..solid.shape.half_spaces().len();
-        let surface: f64 = faces.map(|face| solid.shape.face_area(face)).sum();
-        let radius = 3.0 * solid.shape.volume() / surface / h;
         kinds.push(Kind {
             material,
-            radius,
+            radius: hydraulic_radius(scene, solid) / h,
             packed: false,
         });
     }
     kinds
+}
+
+/// Returns the radius of the sphere with the ratio of volume to surface of a polyhedron \[m\]; of the cylinder for one
+/// that spans a periodic axis, whose ends touch no water.
+fn hydraulic_radius(scene: &Scene, solid: &PlacedPolyhedron) -> f64 {
+    let grid = &scene.grid;
+    let planes = solid.half_spaces();
+    let mut wetted: Vec<bool> = vec![true; planes.len()];
+    let mut dimension = 3.0;
+    for a in (0..grid.dimension).filter(|&a| grid.periodic[a]) {
+        let end = |sign: f64| planes.iter().position(|p| sign * p.normal[a] > 1.0 - 1e-9);
+        let (Some(high), Some(low)) = (end(1.0), end(-1.0)) else {
+            continue;
+        };
+        let length = planes[high].offset + planes[low].offset;
+        if length >= grid.size[a] - 0.5 * grid.spacing {
+            (wetted[high], wetted[low]) = (false, false);
+            dimension -= 1.0;
+        }
+    }
+    let faces = (0..planes.len()).filter(|&face| wetted[face]);
+    let surface: f64 = faces.map(|face| solid.shape.face_area(face)).sum();
+    dimension * solid.shape.volume() / surface
 }
 
 /// Adds the margin of the lightest body, and refuses or reports bodies that were unstable in the maps.
