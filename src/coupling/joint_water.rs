@@ -17,9 +17,10 @@ use dem::polyhedron::PlacedPolyhedron;
 use dem::space::{Components, Space};
 use joints::flow::{Drive, FlowSettings, JointFlow, StepReport};
 use joints::history::PressureHistory;
-use joints::loads::{RockLoad, loads};
+use joints::loads::{RockLoad, add_friction, loads};
 use joints::network::Network;
 use joints::pairs::{Rock, RockFace};
+use joints::takeover::TakenOver;
 use moving::Moving;
 use nalgebra::Vector3;
 
@@ -69,6 +70,8 @@ pub struct MouthAt {
     pub outward: Vector3<f64>,
     /// Normal of the joint.
     pub normal: Vector3<f64>,
+    /// Aperture in the middle of the piece, and length of the piece \[m\].
+    pub size: [f64; 2],
 }
 
 /// Open piece of an edge that stays closed: the faces of its joint, and its direction out of the joint.
@@ -89,6 +92,8 @@ pub struct Mouths {
     closed: Vec<ClosedEdge>,
     /// Pressures in front of the open pieces from a lattice \[Pa\]; none if the mouths give the pressures.
     fronts: Option<Vec<Option<f64>>>,
+    /// Pressures of a lattice one step earlier; none where they are not known.
+    earlier: Vec<Option<f64>>,
 }
 
 impl Mouths {
@@ -107,6 +112,7 @@ impl Mouths {
             list,
             weight,
             fronts: None,
+            earlier: Vec::new(),
         }
     }
 
@@ -135,6 +141,8 @@ impl Mouths {
             // Pressures of the lattice are taken again before they are used.
             fronts.clear();
             fronts.resize(network.open.len(), None);
+            self.earlier.clear();
+            self.earlier.resize(network.open.len(), None);
         }
     }
 }
@@ -172,12 +180,20 @@ pub struct Balance {
     pub entered: f64,
     /// Volume of water in overlaps of joints that have vanished since the beginning, minus that in new overlaps \[m³\].
     pub released: f64,
+    /// Volume of water that passed to a lattice with joints that it took over, minus that of joints that returned
+    /// \[m³\]; included in `released`.
+    pub taken_over: f64,
+    /// Volume of water in the cells with which the lattice took over these joints \[m³\].
+    pub opened: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
 
+/// Value in a checkpoint for a pressure that is not known.
+const UNKNOWN: f64 = f64::MIN;
+
 /// Number of values of the balance in a saved state.
-const BALANCE: usize = 5;
+const BALANCE: usize = 7;
 
 /// Water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
@@ -191,6 +207,10 @@ pub struct JointWater {
     of_lattice: Vec<[Vector3<f64>; 2]>,
     /// Water that returns to the lattice: index of the mouth, and volume of the last step \[m³\].
     returned: Vec<(usize, f64)>,
+    /// Joints that the lattice takes over after this step.
+    taken: Vec<TakenOver>,
+    /// Number of networks so far, to notice a new one.
+    networks: u64,
     /// Acceleration of gravity on the blocks [m/s²].
     gravity: Vector3<f64>,
     /// Id of the first block.
@@ -243,6 +263,7 @@ impl JointWater {
     ) -> Result<Self, Error> {
         let mut mouths = Mouths::new(Vec::new(), Vector3::zeros(), &network);
         mouths.fronts = Some(vec![Some(0.0); network.open.len()]);
+        mouths.earlier = vec![None; network.open.len()];
         Self::with_mouths((network, settings), mouths, blocks, gravity, steps)
     }
 
@@ -264,6 +285,8 @@ impl JointWater {
                 initial: flow.stored(),
                 entered: 0.0,
                 released: 0.0,
+                taken_over: 0.0,
+                opened: 0.0,
                 pressure: [f64::INFINITY, f64::NEG_INFINITY],
             },
             report: StepReport::default(),
@@ -274,6 +297,8 @@ impl JointWater {
             moving,
             of_lattice: Vec::new(),
             returned: Vec::new(),
+            taken: Vec::new(),
+            networks: 1,
             gravity,
             first,
             interval,
@@ -287,6 +312,9 @@ impl JointWater {
         let pressures = self.flow.pressures();
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
         self.loads = loads(self.flow.network(), pressures, &centroids);
+        if let Some(wide) = self.wide() {
+            add_friction(&self.flow, (wide, None), &centroids, &mut self.loads);
+        }
         self.add_outside();
         for (load, [force, torque]) in self.loads.iter_mut().zip(&self.of_lattice) {
             load.force += force;
@@ -298,6 +326,11 @@ impl JointWater {
             *low = low.min(*pressure);
             *high = high.max(*pressure);
         }
+    }
+
+    /// Returns the aperture above which joints occupy cells of a lattice \[m\]; none without a lattice.
+    fn wide(&self) -> Option<f64> {
+        self.flow.network().settings.under.map(|under| under.wide)
     }
 
     /// Returns the pressures and discharges.
@@ -372,12 +405,16 @@ impl JointWater {
             initial,
             entered,
             released,
+            taken_over,
+            opened,
             pressure: [low, high],
         } = self.balance;
-        let mut state = vec![initial, entered, released, low, high];
+        let mut state = vec![initial, entered, released, taken_over, opened, low, high];
         if let Some(moving) = &self.moving {
             moving.save(&self.solids, self.flow.network(), &mut state);
         }
+        let earlier = self.mouths.earlier.iter();
+        state.extend(earlier.map(|pressure| pressure.unwrap_or(UNKNOWN)));
         state.extend(self.flow.state());
         state
     }
@@ -392,6 +429,10 @@ impl JointWater {
         if self.moving.is_some() {
             state = self.restore_positions(state).ok_or_else(another)?;
         }
+        let mouths = self.mouths.earlier.len();
+        let (earlier, state) = state.split_at_checked(mouths).ok_or_else(another)?;
+        let known = |pressure: f64| (pressure > UNKNOWN).then_some(pressure);
+        self.mouths.earlier = earlier.iter().map(|pressure| known(*pressure)).collect();
         if !self.flow.restore(state) {
             return Err(another());
         }
@@ -399,9 +440,12 @@ impl JointWater {
             initial: sums[0],
             entered: sums[1],
             released: sums[2],
-            pressure: [sums[3], sums[4]],
+            taken_over: sums[3],
+            opened: sums[4],
+            pressure: [sums[5], sums[6]],
         };
         self.steps = steps;
+        self.networks += 1;
         self.measure();
         Ok(())
     }

@@ -58,3 +58,4 @@ mod tutorial;
 mod unsaturated;
 mod usage;
 mod verification;
+mod wide_joints;

@@ -5,6 +5,7 @@ use base::number::real;
 use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
+use joints::takeover::TakenOver;
 use nalgebra::Vector3;
 
 /// Number of values of a block that ranks exchange: id, force, torque.
@@ -15,10 +16,15 @@ impl JointWater {
     #[must_use]
     pub fn mouths_at(&self) -> Vec<MouthAt> {
         let network = self.flow.network();
-        let mouth = |piece: &joints::edges::Piece| MouthAt {
-            middle: piece.middle,
-            outward: piece.outward,
-            normal: network.joints[piece.joint].normal,
+        let mouth = |piece: &joints::edges::Piece| {
+            let gap = &self.flow.gaps()[piece.joint];
+            let aperture = gap.value(&piece.path[1]).max(network.settings.residual);
+            MouthAt {
+                middle: piece.middle,
+                outward: piece.outward,
+                normal: network.joints[piece.joint].normal,
+                size: [aperture, piece.width],
+            }
         };
         network.open.iter().map(mouth).collect()
     }
@@ -28,6 +34,38 @@ impl JointWater {
     #[must_use]
     pub fn returned(&self) -> &[(usize, f64)] {
         &self.returned
+    }
+
+    /// Returns the id of a block of the network.
+    #[must_use]
+    pub fn id_of(&self, block: usize) -> u64 {
+        self.first + block as u64
+    }
+
+    /// Returns the number of networks so far: it changes whenever the network is another one.
+    #[must_use]
+    pub fn networks(&self) -> u64 {
+        self.networks
+    }
+
+    /// Returns the joints that the lattice takes over after this step, once.
+    pub fn take_taken_over(&mut self) -> Vec<TakenOver> {
+        std::mem::take(&mut self.taken)
+    }
+
+    /// Adds the volume of water in the cells with which the lattice took over joints \[m³\].
+    pub fn add_opened(&mut self, volume: f64) {
+        self.balance.opened += volume;
+    }
+
+    /// Adds the loads of joints that the lattice takes over: they act until the next step.
+    pub(super) fn add_taken_over(&mut self) {
+        for joint in &self.taken {
+            for (face, load) in joint.joint.faces.iter().zip(&joint.loads) {
+                self.loads[face.rock].force += load.force;
+                self.loads[face.rock].moment += load.moment;
+            }
+        }
     }
 
     /// Records the water that returns to the lattice.
@@ -58,6 +96,25 @@ impl JointWater {
         1.0 - self.flow.settings().water.air
     }
 
+    /// Stores the pressures in front of the mouths. At wide mouths the pressures of the end of the step drive the network,
+    /// extrapolated from the last two: with those of its beginning the water swings between the cells at the mouths and
+    /// the inertia of the joint, and gains energy ([`crate::jointed`]).
+    fn take_fronts(&mut self, fronts: Vec<Option<f64>>) {
+        let network = self.flow.network();
+        let wide = self.wide().unwrap_or(f64::INFINITY);
+        let earlier = std::mem::take(&mut self.mouths.earlier);
+        let pieces = network.open.iter().zip(&fronts).enumerate();
+        let driving = pieces.map(|(number, (piece, front))| {
+            let aperture = self.flow.gaps()[piece.joint].value(&piece.path[1]);
+            let before = earlier.get(number).copied().flatten();
+            let before = before.filter(|_| aperture > wide);
+            front.map(|now| before.map_or(now, |before| now + (now - before)))
+        });
+        let driving = driving.collect();
+        self.mouths.fronts = Some(driving);
+        self.mouths.earlier = fronts;
+    }
+
     /// Stores the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
     pub fn meet_lattice<S: Space>(
         &mut self,
@@ -65,7 +122,7 @@ impl JointWater {
         particles: &Particles<S>,
         domain: &Domain,
     ) {
-        self.mouths.fronts = Some(fronts);
+        self.take_fronts(fronts);
         let mut bytes = Vec::new();
         for k in 0..particles.owned() {
             let Some([force, torque]) = particles.block_fluid_load(k) else {
