@@ -92,8 +92,6 @@ pub struct Mouths {
     closed: Vec<ClosedEdge>,
     /// Pressures in front of the open pieces from a lattice \[Pa\]; none if the mouths give the pressures.
     fronts: Option<Vec<Option<f64>>>,
-    /// Pressures of a lattice one step earlier; none where they are not known.
-    earlier: Vec<Option<f64>>,
 }
 
 impl Mouths {
@@ -112,7 +110,6 @@ impl Mouths {
             list,
             weight,
             fronts: None,
-            earlier: Vec::new(),
         }
     }
 
@@ -141,8 +138,6 @@ impl Mouths {
             // Pressures of the lattice are taken again before they are used.
             fronts.clear();
             fronts.resize(network.open.len(), None);
-            self.earlier.clear();
-            self.earlier.resize(network.open.len(), None);
         }
     }
 }
@@ -188,9 +183,6 @@ pub struct Balance {
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
-
-/// Value in a checkpoint for a pressure that is not known.
-const UNKNOWN: f64 = f64::MIN;
 
 /// Number of values of the balance in a saved state.
 const BALANCE: usize = 7;
@@ -263,7 +255,6 @@ impl JointWater {
     ) -> Result<Self, Error> {
         let mut mouths = Mouths::new(Vec::new(), Vector3::zeros(), &network);
         mouths.fronts = Some(vec![Some(0.0); network.open.len()]);
-        mouths.earlier = vec![None; network.open.len()];
         Self::with_mouths((network, settings), mouths, blocks, gravity, steps)
     }
 
@@ -413,8 +404,6 @@ impl JointWater {
         if let Some(moving) = &self.moving {
             moving.save(&self.solids, self.flow.network(), &mut state);
         }
-        let earlier = self.mouths.earlier.iter();
-        state.extend(earlier.map(|pressure| pressure.unwrap_or(UNKNOWN)));
         state.extend(self.flow.state());
         state
     }
@@ -429,10 +418,6 @@ impl JointWater {
         if self.moving.is_some() {
             state = self.restore_positions(state).ok_or_else(another)?;
         }
-        let mouths = self.mouths.earlier.len();
-        let (earlier, state) = state.split_at_checked(mouths).ok_or_else(another)?;
-        let known = |pressure: f64| (pressure > UNKNOWN).then_some(pressure);
-        self.mouths.earlier = earlier.iter().map(|pressure| known(*pressure)).collect();
         if !self.flow.restore(state) {
             return Err(another());
         }

@@ -19,14 +19,13 @@
 //! the compressibility of the lattice: water that passes from one to the other is counted on both sides, and the
 //! difference is reported. A joint that closes again returns to the network where it is narrower by a quarter.
 //!
-//! **Stability.** The water in a joint is a mass `m` that swings against the compressibility of the cells at its mouth.
-//! With their pressure at the beginning of a step the amplitude would grow by `w²/4` per step, where `w` is the frequency
-//! times the step; friction exceeds this in narrow joints. At the mouths of wide joints the pressure is extrapolated to
-//! the end of the step from the last two, with which the amplitude decreases by `w²/4`: with `p_n+1 = p_n + k (Q_n +
-//! Q_n+1)/2` and `Q_n+1 = Q_n - (2 p_n - p_n-1)/m` the roots of the characteristic equation lie within the unit circle for
-//! `w² = k/m < 2/3`. The shortest mass is that between the mouth and the first point of the joint, half a cell `l` of the
-//! joint: with a speed of sound of `1/√3` of a cell of the lattice `h` per step, `w² = h/(3 l)`, below the limit for cells
-//! of the joint of at least `h`.
+//! **Stability.** In the norm in which the populations of a lattice lose energy (the sum of `f²/w` over the weights `w`), a
+//! volume `V` that enters a cell of density deviation `p` gains it `V (p + V/2)` in lattice units. A network that is driven
+//! by the pressure before the water enters gives this energy and receives `V p`: the difference acts as a negative
+//! resistance, which friction exceeds in narrow joints alone. The pressure at wide mouths therefore has half of the
+//! increase by the discharge of the end of the last step. What remains of the difference is the change of the discharge in
+//! a step; it reduces the inertia of the water between a mouth and the first point of the joint, half a cell `l` of the
+//! joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep it positive.
 //!
 //! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over
 //! hydrostatic, in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.
@@ -45,6 +44,7 @@ use joints::network::WIDE_CELLS;
 use joints::takeover::TakenOver;
 use lbm::lanes::Stored;
 use nalgebra::Vector3;
+use std::collections::BTreeMap;
 
 /// Bytes of a pressure that ranks exchange: index of the mouth, index of the cell at the mouth, pressure.
 const ROW: usize = 24;
@@ -231,7 +231,33 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
             fronts.push((!cells.is_empty()).then_some(pressure));
         }
         self.cells = cells;
+        self.add_half_of_discharge(&mouths, &mut fronts);
         fronts
+    }
+
+    /// Adds half of the increase of the pressure by the last discharge to the pressures at wide mouths.
+    fn add_half_of_discharge(&self, mouths: &[MouthAt], fronts: &mut [Option<f64>]) {
+        let units = self.lattice.units();
+        let wide = |mouth: &MouthAt| mouth.size[0] > WIDE_CELLS * units.spacing;
+        if !mouths.iter().any(wide) {
+            return;
+        }
+        let outflows = self.joints.flow().outflows();
+        let mut volumes: BTreeMap<[usize; 3], f64> = BTreeMap::new();
+        for ((mouth, cells), outflow) in mouths.iter().zip(&self.cells).zip(&outflows) {
+            for (cell, part) in cells.iter().filter(|_| wide(mouth)) {
+                *volumes.entry(*cell).or_default() += part * outflow * self.joints.interval();
+            }
+        }
+        let ratio = self.joints.density_ratio() / units.spacing.powi(3);
+        let half = 0.5 * units.density_deviation_to_pressure(ratio);
+        let all = mouths.iter().zip(&self.cells).zip(fronts);
+        for ((_, cells), front) in all.filter(|((mouth, _), _)| wide(mouth)) {
+            let Some(front) = front else { continue };
+            for (cell, part) in cells {
+                *front += part * half * volumes.get(cell).copied().unwrap_or(0.0);
+            }
+        }
     }
 
     /// Adds the water that left the joints in the last step to the cells in front of the mouths.

@@ -495,8 +495,7 @@ pub fn most_numbers(movers: usize, nodes: usize, links: usize, inertia: bool) ->
     let modes = if inertia { joints::slot::MODES } else { 0 };
     let network = super::numbers(2 * nodes + links * (1 + modes)) + PAIR * links;
     // The matrix of the factors: nodes, links, and each cell with the six freedoms of two blocks.
-    // A link at most ends at a mouth, whose last pressure is known.
-    let network = network + 13 * nodes + 2 * links + 9 * movers + 1;
+    let network = network + 13 * nodes + links + 9 * movers + 1;
     GROWTH * (network + SAVED_NUMBERS * movers + 1)
 }
 

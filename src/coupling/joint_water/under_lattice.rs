@@ -36,6 +36,12 @@ impl JointWater {
         &self.returned
     }
 
+    /// Returns the time step \[s\].
+    #[must_use]
+    pub fn interval(&self) -> f64 {
+        self.interval
+    }
+
     /// Returns the id of a block of the network.
     #[must_use]
     pub fn id_of(&self, block: usize) -> u64 {
@@ -96,25 +102,6 @@ impl JointWater {
         1.0 - self.flow.settings().water.air
     }
 
-    /// Stores the pressures in front of the mouths. At wide mouths the pressures of the end of the step drive the network,
-    /// extrapolated from the last two: with those of its beginning the water swings between the cells at the mouths and
-    /// the inertia of the joint, and gains energy ([`crate::jointed`]).
-    fn take_fronts(&mut self, fronts: Vec<Option<f64>>) {
-        let network = self.flow.network();
-        let wide = self.wide().unwrap_or(f64::INFINITY);
-        let earlier = std::mem::take(&mut self.mouths.earlier);
-        let pieces = network.open.iter().zip(&fronts).enumerate();
-        let driving = pieces.map(|(number, (piece, front))| {
-            let aperture = self.flow.gaps()[piece.joint].value(&piece.path[1]);
-            let before = earlier.get(number).copied().flatten();
-            let before = before.filter(|_| aperture > wide);
-            front.map(|now| before.map_or(now, |before| now + (now - before)))
-        });
-        let driving = driving.collect();
-        self.mouths.fronts = Some(driving);
-        self.mouths.earlier = fronts;
-    }
-
     /// Stores the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
     pub fn meet_lattice<S: Space>(
         &mut self,
@@ -122,7 +109,7 @@ impl JointWater {
         particles: &Particles<S>,
         domain: &Domain,
     ) {
-        self.take_fronts(fronts);
+        self.mouths.fronts = Some(fronts);
         let mut bytes = Vec::new();
         for k in 0..particles.owned() {
             let Some([force, torque]) = particles.block_fluid_load(k) else {

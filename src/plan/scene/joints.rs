@@ -263,15 +263,9 @@ impl JointScene {
         let movers = (blocks.list.iter().enumerate())
             .filter(|(_, block)| !block.fixed)
             .map(|(n, block)| Mover::new(n, 1.0, Matrix3::identity(), block.solid.position));
-        let network_mouths = network.open.len();
         let flow = JointFlow::with_movers(network, self.settings([0.0; 3]), movers.collect());
         self.bytes = flow.bytes();
-        let mouths = if self.under_lattice {
-            network_mouths
-        } else {
-            0
-        };
-        self.numbers = flow.state().len() + mouths;
+        self.numbers = flow.state().len();
         for (n, mouth) in self.mouths.iter().enumerate() {
             if mouth.width <= 0.0 {
                 findings.error(
