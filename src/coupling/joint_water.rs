@@ -17,7 +17,7 @@ use dem::polyhedron::PlacedPolyhedron;
 use dem::space::{Components, Space};
 use joints::flow::{Drive, FlowSettings, JointFlow, StepReport};
 use joints::history::PressureHistory;
-use joints::loads::{RockLoad, add_friction, loads};
+use joints::loads::{RockLoad, add_wide_loads, loads};
 use joints::network::Network;
 use joints::pairs::{Rock, RockFace};
 use joints::takeover::TakenOver;
@@ -303,9 +303,9 @@ impl JointWater {
         let pressures = self.flow.pressures();
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
         self.loads = loads(self.flow.network(), pressures, &centroids);
-        if let Some(wide) = self.wide() {
-            add_friction(&self.flow, (wide, None), &centroids, &mut self.loads);
-        }
+        let mut wide = std::mem::take(&mut self.loads);
+        self.add_wide_loads(&centroids, &mut wide);
+        self.loads = wide;
         self.add_outside();
         for (load, [force, torque]) in self.loads.iter_mut().zip(&self.of_lattice) {
             load.force += force;
@@ -319,9 +319,12 @@ impl JointWater {
         }
     }
 
-    /// Returns the aperture above which joints occupy cells of a lattice \[m\]; none without a lattice.
-    fn wide(&self) -> Option<f64> {
-        self.flow.network().settings.under.map(|under| under.wide)
+    /// Adds the loads of wide joints under a lattice, with the present pressures of the lattice at their mouths.
+    fn add_wide_loads(&self, centroids: &[Vector3<f64>], loads: &mut [RockLoad]) {
+        if let Some(fronts) = &self.mouths.fronts {
+            let front = |piece: usize| fronts[piece];
+            add_wide_loads(&self.flow, None, front, centroids, loads);
+        }
     }
 
     /// Returns the pressures and discharges.

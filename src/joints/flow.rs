@@ -326,6 +326,11 @@ impl JointFlow {
         ]
     }
 
+    /// Returns the pressure outside an open piece in the last step \[Pa\]; `None` if the piece is closed.
+    pub(crate) fn front(&self, piece: usize) -> Option<f64> {
+        self.work.fronts[piece]
+    }
+
     /// Returns the pressure at the end of a link minus that at its start \[Pa\]; `None` if its end is closed.
     pub(crate) fn rise(&self, link: usize) -> Option<f64> {
         let ends = &self.network.links[link];

@@ -4,10 +4,10 @@
 //! blocks is the pressure times the change of the cell's volume.
 //!
 //! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area of
-//! the cross section ([`add_friction`]). It matters where an aperture is no longer small compared with a block.
+//! the cross section ([`add_wide_loads`]). It matters where an aperture is no longer small compared with a block.
 
 use crate::flow::JointFlow;
-use crate::network::Network;
+use crate::network::{End, Network, WIDE_CELLS};
 use crate::pairs::{Rock, RockFace};
 use nalgebra::Vector3;
 
@@ -121,21 +121,31 @@ pub fn loads(network: &Network, pressure: &[f64], centroids: &[Vector3<f64>]) ->
     loads
 }
 
-/// Adds the friction of the present discharges on the faces of joints that are wider than a limit \[m\]; of a single
-/// joint if `only` is given. `centroids` are those of the blocks \[m\].
-pub fn add_friction(
+/// Adds loads in joints that are wider than those with one cell of a lattice at their mouths; of a single joint if `only`
+/// is given. `centroids` are those of the blocks \[m\].
+///
+/// - The friction of the present discharges on both faces.
+/// - At mouths, where `front` returns the pressure \[Pa\] outside an open piece, less load on both faces: the lattice
+///   loads a strip of a sixth of a cell there. Of the populations that carry the pressure on a face along the lattice,
+///   a sixth moves aside by a cell, into the face of the joint from the first cell outside.
+pub fn add_wide_loads(
     flow: &JointFlow,
-    (wide, only): (f64, Option<usize>),
+    only: Option<usize>,
+    front: impl Fn(usize) -> Option<f64>,
     centroids: &[Vector3<f64>],
     loads: &mut [RockLoad],
 ) {
     let network = flow.network();
+    let Some(under) = network.settings.under else {
+        return;
+    };
+    let strip = under.wide / (6.0 * WIDE_CELLS);
     for (number, link) in network.links.iter().enumerate() {
         if only.is_some_and(|joint| joint != link.joint) {
             continue;
         }
         let (joint, gap) = (&network.joints[link.joint], &flow.gaps()[link.joint]);
-        if gap.constant <= wide {
+        if gap.constant <= under.wide {
             continue;
         }
         let [from, to] = link.path;
@@ -146,6 +156,15 @@ pub fn add_friction(
         let sides = [-0.5, 0.5].map(|side| joint.normal * (side * aperture));
         for (face, side) in joint.faces.iter().zip(sides) {
             let point = joint.point(&middle) + side;
+            loads[face.rock].add(&force, &(point - centroids[face.rock]));
+        }
+        let End::Open(piece) = link.to else { continue };
+        let Some(pressure) = front(piece) else {
+            continue;
+        };
+        for ((face, side), tilt) in joint.faces.iter().zip(sides).zip(&joint.tilts) {
+            let point = joint.point(&to) + side;
+            let force = tilt * (pressure * strip * link.width);
             loads[face.rock].add(&force, &(point - centroids[face.rock]));
         }
     }

@@ -7,7 +7,7 @@
 
 use crate::cover::{Cover, covers};
 use crate::flow::JointFlow;
-use crate::loads::{RockLoad, add_friction};
+use crate::loads::{RockLoad, add_wide_loads};
 use crate::network::End;
 use crate::pairs::{Joint, Rock};
 use decomposition::ExactSum;
@@ -127,8 +127,8 @@ impl JointFlow {
         let waters = self.local_waters(number, cells.clone());
         let centroids: Vec<_> = rocks.iter().map(|rock| rock.position).collect();
         let mut all = vec![RockLoad::default(); rocks.len()];
-        let wide = network.settings.under?.wide;
-        add_friction(self, (wide, Some(number)), &centroids, &mut all);
+        let front = |piece: usize| self.front(piece);
+        add_wide_loads(self, Some(number), front, &centroids, &mut all);
         let old = &network.joints[number];
         for cell in cells {
             let centre = old.point(&network.cells[cell].centroid);

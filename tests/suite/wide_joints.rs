@@ -47,7 +47,7 @@ fn pools(boundaries: &Value, method: &str) -> Value {
         }},
         "probes": [{"name": "block", "every": 0.01, "at": {"block": {"position": [0.2, 0.025, 0.115]}}}],
         "checkpoint": {"every": 0.01},
-        "time": {"end": 0.6}
+        "time": {"end": 2.0}
     })
 }
 
@@ -85,26 +85,23 @@ fn a_joint_of_four_cells_lifts_its_block_alike_by_network_and_by_lattice() {
         ["force_z", "force_x"].map(|name| late(&of_block(&study, "run", name)))
     });
     let [[lift, push], [lattice_lift, lattice_push]] = forces;
-    let exact = [
-        0.5 * (6.0 + 2.0) * LENGTH * WIDTH,
-        // On the sides, and half of the friction of the joint.
-        (6.0 - 2.0) * WIDTH * (0.05 + 0.02),
-    ];
-    println!("lift {lift}, lattice {lattice_lift}, exact {} N", exact[0]);
-    println!("push {push}, lattice {lattice_push}, exact {} N", exact[1]);
-    assert!((lift / exact[0] - 1.0).abs() < 0.05);
-    assert!((lift / lattice_lift - 1.0).abs() < 0.05);
-    // The links along the edges of the sides have other pressures: a sixth of a row of cells.
-    assert!((push / exact[1] - 1.0).abs() < 0.1);
-    assert!((push / lattice_push - 1.0).abs() < 0.1);
+    let exact = 0.5 * (6.0 + 2.0) * LENGTH * WIDTH;
+    // Links end at the walls: of those of a row of cells next to a wall a sixth.
+    let lattice_lift = lattice_lift / (1.0 - 1.0 / (3.0 * WIDTH / SPACING));
+    println!("lift {lift}, lattice {lattice_lift}, exact {exact} N");
+    println!("push {push} N, lattice {lattice_push} N");
+    assert!((lift / exact - 1.0).abs() < 0.01);
+    assert!((lift / lattice_lift - 1.0).abs() < 0.01);
+    // The friction of the joint is a part of the push.
+    assert!((push / lattice_push - 1.0).abs() < 0.01);
 }
 
-/// Returns the case of a block that rises from a joint of 3.52 cells, which the lattice takes over at four.
+/// Returns the case of a block that rises from a joint of 3.97 cells, which the lattice takes over at four.
 fn rising() -> Value {
     let mut case = pools(&pressures(6.0, 2.0), "auto");
     case["domain"]["size"][2] = json!(0.17);
-    case["blocks"]["initial"]["list"][1] = cuboid([0.1, 0.0, 0.0852], [0.3, WIDTH, 0.1352]);
-    case["blocks"]["initial"]["list"][1]["velocity"] = json!([0, 0, 0.1]);
+    case["gravity"] = json!([0, 0, 2]);
+    case["blocks"]["initial"]["list"][1] = cuboid([0.1, 0.0, 0.0897], [0.3, WIDTH, 0.1397]);
     case["blocks"]["fixed"] = json!([{"from": [0, 0, 0], "to": [0.4, WIDTH, 0.06]}]);
     case["fluid"]["lattice_boltzmann"]["joints"]["cell"] = json!(0.01);
     case["contact"]["blocks"]["normal_stiffness"]["per_area"] = json!(1e5);
@@ -128,7 +125,7 @@ fn a_joint_passes_from_the_network_to_the_lattice_without_a_jump_of_the_force() 
     assert!((opened / taken - 1.0).abs() < 0.26, "{opened} {taken}");
     assert!(joints["mass_error"].as_f64().unwrap().abs() < 1e-10);
     let [force, height] = ["force_z", "z"].map(|name| of_block(&study, "run", name));
-    let at = height.iter().position(|z| z - 0.1102 > 0.04 - 0.0352);
+    let at = height.iter().position(|z| z - 0.1147 > 0.04 - 0.0397);
     let at = at.unwrap();
     assert!(at > 20 && at + 10 < force.len(), "{at}");
     let changes: Vec<f64> = force

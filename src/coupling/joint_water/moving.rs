@@ -21,7 +21,7 @@ use dem::particles::Particles;
 use dem::polyhedron::{PlacedPolyhedron, RotationState};
 use dem::space::Space;
 use dem::{BlockMotion, Kind};
-use joints::loads::{RockLoad, add_friction, cells_at, outside};
+use joints::loads::{RockLoad, cells_at, outside};
 use joints::motion::Mover;
 use joints::network::Network;
 use joints::pairs::RockFace;
@@ -281,7 +281,7 @@ impl JointWater {
         let rocks = rocks(&self.solids);
         let gravity = self.gravity;
         let mut loads = Vec::with_capacity(bodies.len());
-        let friction = self.friction();
+        let wide = self.wide_loads();
         for (body, (_, numbers)) in bodies.iter().zip(all) {
             let mut load = Vector6::from_column_slice(&numbers[..6]);
             for axis in 0..3 {
@@ -293,7 +293,7 @@ impl JointWater {
                     load[3 + axis] += torque[axis];
                 }
             }
-            if let Some(more) = friction.get(body.rock) {
+            if let Some(more) = wide.get(body.rock) {
                 for axis in 0..3 {
                     load[axis] += more.force[axis];
                     load[3 + axis] += more.moment[axis];
@@ -327,18 +327,18 @@ impl JointWater {
         }
     }
 
-    /// Returns the friction of the last discharges on all blocks; empty if no joint is wide.
-    fn friction(&self) -> Vec<RockLoad> {
-        let Some(wide) = self.wide() else {
+    /// Returns the loads of wide joints under a lattice on all blocks; empty if no joint is wide.
+    fn wide_loads(&self) -> Vec<RockLoad> {
+        let Some(under) = self.flow.network().settings.under else {
             return Vec::new();
         };
         let mut gaps = self.flow.gaps().iter();
-        if !gaps.any(|gap| gap.constant > wide) {
+        if !gaps.any(|gap| gap.constant > under.wide) {
             return Vec::new();
         }
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
         let mut loads = vec![RockLoad::default(); centroids.len()];
-        add_friction(&self.flow, (wide, None), &centroids, &mut loads);
+        self.add_wide_loads(&centroids, &mut loads);
         loads
     }
 
