@@ -2,30 +2,32 @@
 //!
 //! The network meets the lattice at its mouths: open pieces of edges whose joint ends in front of cells of water. In a
 //! step the lattice moves first. The pressures of the cells at the mouths then drive the network, implicitly, as
-//! constants of the step. The water that left a mouth enters its cells at the end of the step, without velocity, so that
-//! the total mass of water is conserved to rounding; the momentum of the jet out of a joint is neglected. A joint of up
-//! to half a cell has one cell at a mouth. A wider one has all cells of water in front of the rectangle of its mouth:
-//! their mean pressure counts, by the parts of the rectangle, and they receive the discharge in these parts.
+//! constants of the step. The water that left a mouth enters its cells at the end of the step, without velocity, so
+//! that the total mass of water is conserved to rounding; the momentum of the jet out of a joint is neglected. A joint
+//! of up to half a cell has one cell at a mouth. A wider one has all cells of water in front of the rectangle of its
+//! mouth: their mean pressure counts, by the parts of the rectangle, and they receive the discharge in these parts.
 //!
 //! Both waters load a block. The lattice loads its surface at the links between its cells and cells of water. No such
 //! link lies in a joint of the network: cells with their centres there are closed
-//! ([`crate::body_map::BodyMap::set_joint_cells`]), so that no part of a surface has both loads. In joints wider than half
-//! a cell the network also gives the friction of its discharge to both faces.
+//! ([`crate::body_map::BodyMap::set_joint_cells`]), so that no part of a surface has both loads. In joints wider than
+//! half a cell the network also gives the friction of its discharge to both faces.
 //!
 //! **Takeover.** Where blocks move apart, the lattice takes over a joint at a stated aperture: its cells open, with the
-//! pressure and the velocity that the network had there ([`joints::takeover`]). The lattice averages loads over two half
-//! steps; the load of the network takes the part of the first, so that the force on a block goes on without a jump. The
-//! volume of the cells differs from that of the joint by the rounding of its faces to cells, and their density follows
-//! the compressibility of the lattice: water that passes from one to the other is counted on both sides, and the
-//! difference is reported. A joint that closes again returns to the network where it is narrower by a quarter.
+//! pressure and the velocity that the network had there ([`joints::takeover`]). The lattice averages loads over two
+//! half steps; the load of the network takes the part of the first, so that the force on a block has no
+//! jump. The volume of the cells differs from that of the joint by the rounding of its faces to cells, and their
+//! density follows the compressibility of the lattice: water that passes from one to the other is counted on both
+//! sides, and the difference is reported. A joint that closes again returns to the network where it is narrower by a
+//! quarter.
 //!
-//! **Stability.** In the norm in which the populations of a lattice lose energy (the sum of `f²/w` over the weights `w`), a
-//! volume `V` that enters a cell of density deviation `p` gains it `V (p + V/2)` in lattice units. A network that is driven
-//! by the pressure before the water enters gives this energy and receives `V p`: the difference acts as a negative
-//! resistance, which friction exceeds in narrow joints alone. The pressure at wide mouths therefore has half of the
-//! increase by the discharge of the end of the last step. What remains of the difference is the change of the discharge in
-//! a step; it reduces the inertia of the water between a mouth and the first point of the joint, half a cell `l` of the
-//! joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep it positive.
+//! **Stability.** In the norm in which the populations of a lattice lose energy (the sum of `f²/w` over the weights
+//! `w`), a volume `V` that enters a cell of density deviation `p` gains it `V (p + V/2)` in lattice units. A network
+//! that is driven by the pressure before the water enters gives this energy and receives `V p`: the difference acts as
+//! a negative resistance, which friction exceeds in narrow joints alone. The pressure at wide mouths therefore has half
+//! of the increase by the discharge of the end of the last step. What remains of the difference is the change of the
+//! discharge in a step; it reduces the inertia of the water between a mouth and the first point of the joint, half a
+//! cell `l` of the joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h`
+//! keep it positive.
 //!
 //! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over
 //! hydrostatic, in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.
@@ -138,8 +140,8 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         Some(local)
     }
 
-    /// Returns the cells in front of a mouth. At a narrow joint the first of two that contains water counts, one on each
-    /// side of the joint; at a wide one all count that contain water.
+    /// Returns the cells in front of a mouth. At a narrow joint the first of two that contains water counts, one on
+    /// each side of the joint; at a wide one all count that contain water.
     fn cells_before(&self, mouth: &MouthAt, to: &mut Vec<MouthCell>) {
         to.clear();
         let spacing = self.lattice.units().spacing;

@@ -1,5 +1,5 @@
-//! Space that the water of a network occupies, on the lattice of another fluid: cells with their centres there belong to
-//! the network.
+//! Space that the water of a network occupies, on the lattice of another fluid: cells with their centres there belong
+//! to the network.
 //!
 //! A cover is a prism over the overlap of a joint, as thick as its gap. Edges where joints meet end at the corner
 //! between the joints, which belongs to neither overlap: the prism is longer there by the gaps of the other joints.
@@ -47,8 +47,8 @@ impl Cover {
     }
 }
 
-/// Piece of an edge: its direction out of the joint, and the largest gap of the other joints that meet there \[m\]; none
-/// for a piece that is open.
+/// Piece of an edge: its direction out of the joint, and the largest gap of the other joints that meet there \[m\];
+/// none for a piece that is open.
 type Ending = (Vector3<f64>, Option<f64>);
 
 /// Returns the spaces of all joints of a network, in their order.

@@ -3,8 +3,8 @@
 //! The pressure of a cell acts on its area on both faces, normal to the faces. Its work in a small motion of the
 //! blocks is the pressure times the change of the cell's volume.
 //!
-//! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area of
-//! the cross section ([`add_wide_loads`]). It matters where an aperture is no longer small compared with a block.
+//! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area
+//! of the cross section ([`add_wide_loads`]). It matters where an aperture is no longer small compared with a block.
 
 use crate::flow::JointFlow;
 use crate::network::{End, Network, WIDE_CELLS};
@@ -121,8 +121,8 @@ pub fn loads(network: &Network, pressure: &[f64], centroids: &[Vector3<f64>]) ->
     loads
 }
 
-/// Adds loads in joints that are wider than those with one cell of a lattice at their mouths; of a single joint if `only`
-/// is given. `centroids` are those of the blocks \[m\].
+/// Adds loads in joints that are wider than those with one cell of a lattice at their mouths; of a single joint if
+/// `only` is given. `centroids` are those of the blocks \[m\].
 ///
 /// - The friction of the present discharges on both faces.
 /// - At mouths, where `front` returns the pressure \[Pa\] outside an open piece, less load on both faces: the lattice

@@ -1,9 +1,9 @@
 //! Joints that have opened so far that a lattice takes over their water.
 //!
 //! The lattice continues from the pressures and discharges of the network. In a cell of the network the pressure is a
-//! linear function of the position, fitted to the pressures at the ends of its links, and the flux is that of its links.
-//! Across the aperture the velocity along the faces has the profile of laminar flow; between two faces that move apart
-//! it goes from the velocity of one to that of the other.
+//! linear function of the position, fitted to the pressures at the ends of its links, and the flux is that of its
+//! links. Across the aperture the velocity along the faces has the profile of laminar flow; between two faces that move
+//! apart it goes from the velocity of one to that of the other.
 
 use crate::cover::{Cover, covers};
 use crate::flow::JointFlow;

@@ -212,8 +212,8 @@ impl Choices<'_> {
         if methods.network.joints > 0 {
             let [_, takeover] = joints.lattice_limits.unwrap_or_default();
             let reason = format!(
-                "{}; the network needs no cell in a joint: a lattice with four cells across the narrowest one would cost {} \
-                 times as much; the lattice takes over joints that open to more than {} m",
+                "{}; the network needs no cell in a joint: a lattice with four cells across the narrowest one would \
+                 cost {} times as much; the lattice takes over joints that open to more than {} m",
                 across(&methods.network),
                 number(methods.resolved_cost()),
                 number(takeover)

@@ -1,8 +1,8 @@
 //! Method for each joint under a lattice: the network, or the lattice itself.
 //!
 //! The network neglects the momentum of water at mouths and corners, and takes the flow between the faces as that of a
-//! thin layer; it does not depend on the cells of the lattice. The lattice resolves the flow in a joint with enough cells
-//! across it, at the cost of cells as small as a part of the narrowest joint. `auto` divides them at
+//! thin layer; it does not depend on the cells of the lattice. The lattice resolves the flow in a joint with enough
+//! cells across it, at the cost of cells as small as a part of the narrowest joint. `auto` divides them at
 //! [`TAKEOVER_CELLS`]; `jobs/verification/wide-joint` has errors and costs of both.
 
 use super::blocks::PlacedBlocks;
@@ -63,8 +63,8 @@ pub struct JointMethods {
     pub limit: Option<f64>,
 }
 
-/// Returns the largest aperture of a joint in the network \[m\]; none if the method has no network. `spacing` is the size
-/// of a cell of the lattice \[m\].
+/// Returns the largest aperture of a joint in the network \[m\]; none if the method has no network. `spacing` is the
+/// size of a cell of the lattice \[m\].
 pub(super) fn widest(written: &LatticeJoints, spacing: f64) -> Option<f64> {
     let largest = written.joints.largest_aperture;
     match written.method {
@@ -76,7 +76,7 @@ pub(super) fn widest(written: &LatticeJoints, spacing: f64) -> Option<f64> {
 
 impl JointMethods {
     /// Returns the methods for the joints between these blocks.
-    pub(super) fn of(written: &LatticeJoints, grid: &Grid, blocks: &PlacedBlocks) -> Self {
+    pub(super) fn between(written: &LatticeJoints, grid: &Grid, blocks: &PlacedBlocks) -> Self {
         let limit = widest(written, grid.spacing);
         let mut all = Self {
             method: written.method,
@@ -108,7 +108,7 @@ impl JointMethods {
     pub(super) fn resolve(case: &Case, grid: &Grid, blocks: Option<&PlacedBlocks>) -> Option<Self> {
         match &case.fluid {
             Some(Fluid::LatticeBoltzmann(water)) => {
-                Some(Self::of(water.joints.as_ref()?, grid, blocks?))
+                Some(Self::between(water.joints.as_ref()?, grid, blocks?))
             }
             _ => None,
         }
@@ -119,15 +119,15 @@ impl JointMethods {
         self.limit.unwrap_or(NO_JOINT)
     }
 
-    /// Returns the apertures above which a joint occupies cells of the lattice, and above which the lattice takes it over
-    /// \[m\].
+    /// Returns the apertures above which a joint occupies cells of the lattice, and above which the lattice takes it
+    /// over \[m\].
     pub(super) fn lattice_limits(&self, grid: &Grid) -> [f64; 2] {
         let takeover = TAKEOVER_CELLS * grid.spacing;
         [WIDE * grid.spacing, takeover.max(self.limit())]
     }
 
-    /// Returns the cost of a lattice with [`TAKEOVER_CELLS`] cells across the narrowest joint of the network, relative to
-    /// the present lattice: with the cells and steps of a finer spacing. At least 1.
+    /// Returns the cost of a lattice with [`TAKEOVER_CELLS`] cells across the narrowest joint of the network, relative
+    /// to the present lattice: with the cells and steps of a finer spacing. At least 1.
     #[must_use]
     pub fn resolved_cost(&self) -> f64 {
         let [low, _] = self.network.cells_across;
