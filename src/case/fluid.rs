@@ -4,7 +4,7 @@ use super::boundary::Boundary;
 use super::darcy::Darcy;
 pub use super::free_surface::FreeSurface;
 use super::geometry::Vector;
-use super::joints::{JointNetwork, JointSettings};
+use super::joints::{JointNetwork, LatticeJoints};
 pub use lbm::collision::Operator as Collision;
 pub use lbm::gpu::Device;
 use lbm::synthetic::Fluctuations;
@@ -103,7 +103,7 @@ pub struct LatticeBoltzmann {
     pub porous_zones: Vec<PorousZone>,
     /// Water in joints between blocks, for joints that are thinner than a cell. Default: no water in joints.
     #[serde(default)]
-    pub joints: Option<Box<JointSettings>>,
+    pub joints: Option<Box<LatticeJoints>>,
     /// Largest speed and pressure of a run on coarse cells, for the automatic choices; `solver plan --pilot` writes
     /// this field. Default: the estimates of the plan.
     #[serde(default)]

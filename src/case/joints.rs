@@ -32,16 +32,42 @@ pub struct JointNetwork {
     pub joints: JointSettings,
 }
 
-/// Joints between blocks, and the water in them: a network of thin layers. Under a lattice density and viscosity are
-/// those of the lattice, whose cells in front of open edges drive the network and take its discharge. Its inertia
-/// counts then, with the friction of a laminar layer at each frequency, and the network begins at rest at the
-/// reference pressure. This needs the coupling `bounce_back`. Blocks that move make one step with each step of the
-/// lattice, and can open their joints up to `largest_aperture`.
+/// Water in the joints between blocks under a lattice: a network of thin layers, which takes density and viscosity from
+/// the lattice. The lattice cells in front of open edges drive it and take its discharge. Its inertia counts, with the
+/// friction of a laminar layer at each frequency, and it begins at rest at the reference pressure. This needs the
+/// coupling `bounce_back`. Blocks that move make one step with each step of the lattice.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LatticeJoints {
+    /// Method for the joints.
+    #[serde(default)]
+    pub method: JointMethod,
+    /// Joints, and the water in them.
+    #[serde(flatten)]
+    pub joints: JointSettings,
+}
+
+/// Method by which the water in joints under a lattice is computed. The lattice takes over a joint that opens to more
+/// than four of its cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum JointMethod {
+    /// Network in joints of up to four cells of the lattice and up to `largest_aperture`, lattice in wider ones.
+    #[default]
+    Auto,
+    /// Network in all joints up to `largest_aperture`, also of more than four cells; the lattice takes over above it.
+    Network,
+    /// Lattice alone: joints thinner than a cell contain no water.
+    Lattice,
+}
+
+/// Joints between blocks, and the water in them: a network of thin layers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JointSettings {
     /// Largest distance of two faces that form a joint [m], at the middle of their overlap. It must be smaller than the
-    /// thinnest block; under a lattice it is at most half a cell of the lattice.
+    /// thinnest block.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub largest_aperture: f64,
     /// Aperture with which closed joints conduct and store water [m], because their walls are rough.
@@ -83,7 +109,7 @@ pub struct JointSettings {
     pub roughness: Option<f64>,
 }
 
-impl JointSettings {
+impl LatticeJoints {
     /// Returns the network with the water of a lattice: its density [kg/m3], kinematic viscosity [m2/s] and time step
     /// \[s\].
     #[must_use]
@@ -94,7 +120,7 @@ impl JointSettings {
             time_step,
             inertia: true,
             mouths: Vec::new(),
-            joints: self.clone(),
+            joints: self.joints.clone(),
         }
     }
 }

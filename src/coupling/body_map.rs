@@ -8,6 +8,7 @@
 //! All geometry is computed in the frame of a body's raw position, so that all periodic images of a body have the same
 //! bits.
 
+mod joint_cells;
 mod links;
 mod look;
 mod owners;
@@ -19,6 +20,7 @@ use base::number::to_i32;
 use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
+use joint_cells::JointCells;
 use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
@@ -33,7 +35,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Owner tag of cells outside the domain or in a structure, which belong to no body. The highest bit of owners is
 /// reserved.
 const OUTSIDE: u32 = u32::MAX >> 1;
-/// Maximum id plus one: ids below it have tags between [`FLUID`] and [`OUTSIDE`].
+/// Owner tag of cells of joints whose water a network computes.
+const JOINT: u32 = OUTSIDE - 1;
+/// Maximum id plus one: ids below it have tags between [`FLUID`] and [`JOINT`].
 const MOST_IDS: u64 = OUTSIDE as u64 - 2;
 /// Owner tag of a fluid cell.
 const FLUID: u32 = 0;
@@ -144,6 +148,7 @@ pub struct BodyMap {
     rows_below: Vec<usize>,
     /// Links between two fluid cells that sheets cut: index of the cell, and direction.
     sheets: HashSet<(usize, u8)>,
+    joint_cells: JointCells,
 }
 
 /// Body that is mapped again.
@@ -204,6 +209,7 @@ impl BodyMap {
             settled: Vec::new(),
             rows_below: Vec::new(),
             sheets: HashSet::new(),
+            joint_cells: JointCells::default(),
         }
     }
 
@@ -262,7 +268,7 @@ impl BodyMap {
     pub fn body_at(&self, cell: [usize; 3]) -> Option<u64> {
         let cell = cell.map(|v| i32::try_from(v).unwrap_or(i32::MAX));
         match self.owner[self.slab.layout_index(cell)] {
-            FLUID | OUTSIDE => None,
+            FLUID | OUTSIDE | JOINT => None,
             tag => Some(u64::from(tag) - 1),
         }
     }
@@ -350,9 +356,10 @@ impl BodyMap {
             self.assign_maps(particles);
         }
         self.recheck_moved_bodies();
-        if self.again.is_empty() && self.changes.is_empty() {
+        if self.again.is_empty() && self.changes.is_empty() && !self.joints_changed() {
             return;
         }
+        self.open_joints();
         // The owners of cells shared by several bodies are determined again.
         for &body in &self.sharing {
             if !self.bodies[body].again {
@@ -364,7 +371,9 @@ impl BodyMap {
             }
         }
         self.settle();
+        self.close_joints();
         self.apply_changes(populations, loads);
+        self.link_joints(populations);
     }
 
     /// Computes loads from covered and uncovered cells, and new links for every body near a change.

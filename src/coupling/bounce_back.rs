@@ -104,6 +104,17 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         self
     }
 
+    /// Returns the map of the cells inside bodies, to set the cells of joints.
+    pub fn map_mut(&mut self) -> &mut BodyMap {
+        &mut self.map
+    }
+
+    /// Returns `true` if the loads of two half steps are averaged.
+    #[must_use]
+    pub fn averages_loads(&self) -> bool {
+        self.settings.average
+    }
+
     /// Returns the map of the cells inside bodies.
     #[must_use]
     pub fn map(&self) -> &BodyMap {
@@ -214,8 +225,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
         // Reflection at links runs on this processor.
         self.fluid.fetch().map_err(Error::Internal)?;
         let map = &self.map;
-        self.fluid
-            .close_openings(|cell| map.body_at(cell).is_some());
+        self.fluid.close_openings(|cell| map.is_closed(cell));
         self.loads.resize(particles.len(), [0; 6]);
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);
@@ -239,9 +249,16 @@ impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
                 &mut self.loads,
             );
         }
+        let at_joints = self.map.bounce_at_joints(self.fluid.populations_mut());
         particles.reduce_to_owners(&mut self.loads, domain)?;
         self.owned = particles.owned();
         self.load_grains(particles);
+        if let Some(load) = at_joints {
+            // For the balance of the momentum: it acts on no body.
+            self.loads.truncate(self.owned);
+            self.loads.push(load);
+            self.owned += 1;
+        }
         Ok(())
     }
 

@@ -17,9 +17,10 @@ use dem::polyhedron::PlacedPolyhedron;
 use dem::space::{Components, Space};
 use joints::flow::{Drive, FlowSettings, JointFlow, StepReport};
 use joints::history::PressureHistory;
-use joints::loads::{RockLoad, loads};
+use joints::loads::{RockLoad, add_wide_loads, loads};
 use joints::network::Network;
 use joints::pairs::{Rock, RockFace};
+use joints::takeover::TakenOver;
 use moving::Moving;
 use nalgebra::Vector3;
 
@@ -69,6 +70,8 @@ pub struct MouthAt {
     pub outward: Vector3<f64>,
     /// Normal of the joint.
     pub normal: Vector3<f64>,
+    /// Aperture in the middle of the piece, and length of the piece \[m\].
+    pub size: [f64; 2],
 }
 
 /// Open piece of an edge that stays closed: the faces of its joint, and its direction out of the joint.
@@ -172,12 +175,17 @@ pub struct Balance {
     pub entered: f64,
     /// Volume of water in overlaps of joints that have vanished since the beginning, minus that in new overlaps \[m³\].
     pub released: f64,
+    /// Volume of water that passed to a lattice with joints that it took over, minus that of joints that returned
+    /// \[m³\]; included in `released`.
+    pub taken_over: f64,
+    /// Volume of water in the cells with which the lattice took over these joints \[m³\].
+    pub opened: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
 
 /// Number of values of the balance in a saved state.
-const BALANCE: usize = 5;
+const BALANCE: usize = 7;
 
 /// Water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
@@ -191,6 +199,10 @@ pub struct JointWater {
     of_lattice: Vec<[Vector3<f64>; 2]>,
     /// Water that returns to the lattice: index of the mouth, and volume of the last step \[m³\].
     returned: Vec<(usize, f64)>,
+    /// Joints that the lattice takes over after this step.
+    taken: Vec<TakenOver>,
+    /// Number of networks so far, to notice a new one.
+    networks: u64,
     /// Acceleration of gravity on the blocks [m/s²].
     gravity: Vector3<f64>,
     /// Id of the first block.
@@ -264,6 +276,8 @@ impl JointWater {
                 initial: flow.stored(),
                 entered: 0.0,
                 released: 0.0,
+                taken_over: 0.0,
+                opened: 0.0,
                 pressure: [f64::INFINITY, f64::NEG_INFINITY],
             },
             report: StepReport::default(),
@@ -274,6 +288,8 @@ impl JointWater {
             moving,
             of_lattice: Vec::new(),
             returned: Vec::new(),
+            taken: Vec::new(),
+            networks: 1,
             gravity,
             first,
             interval,
@@ -287,6 +303,9 @@ impl JointWater {
         let pressures = self.flow.pressures();
         let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
         self.loads = loads(self.flow.network(), pressures, &centroids);
+        let mut wide = std::mem::take(&mut self.loads);
+        self.add_wide_loads(&centroids, &mut wide);
+        self.loads = wide;
         self.add_outside();
         for (load, [force, torque]) in self.loads.iter_mut().zip(&self.of_lattice) {
             load.force += force;
@@ -297,6 +316,14 @@ impl JointWater {
             let [low, high] = &mut self.balance.pressure;
             *low = low.min(*pressure);
             *high = high.max(*pressure);
+        }
+    }
+
+    /// Adds the loads of wide joints under a lattice, with the present pressures of the lattice at their mouths.
+    fn add_wide_loads(&self, centroids: &[Vector3<f64>], loads: &mut [RockLoad]) {
+        if let Some(fronts) = &self.mouths.fronts {
+            let front = |piece: usize| fronts[piece];
+            add_wide_loads(&self.flow, None, front, centroids, loads);
         }
     }
 
@@ -372,9 +399,11 @@ impl JointWater {
             initial,
             entered,
             released,
+            taken_over,
+            opened,
             pressure: [low, high],
         } = self.balance;
-        let mut state = vec![initial, entered, released, low, high];
+        let mut state = vec![initial, entered, released, taken_over, opened, low, high];
         if let Some(moving) = &self.moving {
             moving.save(&self.solids, self.flow.network(), &mut state);
         }
@@ -399,9 +428,12 @@ impl JointWater {
             initial: sums[0],
             entered: sums[1],
             released: sums[2],
-            pressure: [sums[3], sums[4]],
+            taken_over: sums[3],
+            opened: sums[4],
+            pressure: [sums[5], sums[6]],
         };
         self.steps = steps;
+        self.networks += 1;
         self.measure();
         Ok(())
     }

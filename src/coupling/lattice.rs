@@ -14,8 +14,8 @@ use lbm::populations::Populations;
 use lbm::quanta::{from_quanta, quanta};
 use lbm::saturation::cells;
 
-/// Cells whose momentum is included in the balance of the fluid with the bodies: those outside structures, and
-/// outside bodies that contain fluid of their own.
+/// Cells whose momentum is included in the balance of the fluid with the bodies: those outside structures, outside
+/// bodies that contain fluid of their own, and outside joints.
 #[derive(Clone, Copy)]
 pub struct Balanced<'a> {
     /// Bodies that contain fluid of their own.
@@ -27,7 +27,7 @@ impl Balanced<'_> {
     /// Returns `true` if the balance includes a cell of the slab.
     #[must_use]
     pub fn holds(&self, cell: [usize; 3]) -> bool {
-        self.bodies.is_none_or(|map| map.body_at(cell).is_none())
+        self.bodies.is_none_or(|map| !map.is_closed(cell))
             && self.structures.is_none_or(|map| !map.holds(cell))
     }
 

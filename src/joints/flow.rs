@@ -315,6 +315,42 @@ impl JointFlow {
         &self.gaps
     }
 
+    /// Returns the parts of the water of a node, whose sum over all nodes is [`Self::stored`] \[m³\].
+    pub(crate) fn stored_at(&self, node: usize) -> [f64; 4] {
+        let (more, _) = self.settings.water.compression(self.pressure[node]);
+        [
+            self.fills[node],
+            self.opened[node],
+            self.volumes[node] * more,
+            self.surplus[node],
+        ]
+    }
+
+    /// Returns the pressure outside an open piece in the last step \[Pa\]; `None` if the piece is closed.
+    pub(crate) fn front(&self, piece: usize) -> Option<f64> {
+        self.work.fronts[piece]
+    }
+
+    /// Returns the pressure at the end of a link minus that at its start \[Pa\]; `None` if its end is closed.
+    pub(crate) fn rise(&self, link: usize) -> Option<f64> {
+        let ends = &self.network.links[link];
+        let end = match ends.to {
+            End::Node(to) => self.pressure[to],
+            End::Open(piece) => self.work.fronts[piece]?,
+        };
+        Some(end - self.pressure[ends.from])
+    }
+
+    /// Returns the pressure that the present discharge of a link loses by friction, positive along the link \[Pa\].
+    #[must_use]
+    pub fn friction(&self, link: usize) -> f64 {
+        let (channel, discharge) = (&self.channels[link], self.discharge[link]);
+        let (excess, _) = channel
+            .turbulence
+            .excess(discharge.abs(), channel.resistance);
+        channel.resistance * discharge + excess.copysign(discharge)
+    }
+
     /// Returns the volume of water between the walls at the density of atmospheric pressure \[m³\].
     #[must_use]
     pub fn water(&self) -> f64 {

@@ -10,6 +10,8 @@
 //! | `cells` | division of a joint into cells |
 //! | `edges` | edges where joints meet, and edges that are open |
 //! | `network` | nodes and links |
+//! | `cover` | space of the joints on the lattice of another fluid |
+//! | `takeover` | joints that open so far that a lattice takes over their water |
 //! | `friction` | laminar and turbulent friction |
 //! | `slot` | inertia with frequency-dependent friction |
 //! | `water` | density of water with air, vapour pressure |
@@ -39,6 +41,7 @@
 )]
 
 pub mod cells;
+pub mod cover;
 pub mod edges;
 pub mod flow;
 pub mod friction;
@@ -56,6 +59,7 @@ pub mod pairs;
 pub mod polygon;
 mod sets;
 pub mod slot;
+pub mod takeover;
 pub mod water;
 
 pub use flow::JointFlow;

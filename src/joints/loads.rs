@@ -2,8 +2,12 @@
 //!
 //! The pressure of a cell acts on its area on both faces, normal to the faces. Its work in a small motion of the
 //! blocks is the pressure times the change of the cell's volume.
+//!
+//! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area
+//! of the cross section ([`add_wide_loads`]). It matters where an aperture is no longer small compared with a block.
 
-use crate::network::Network;
+use crate::flow::JointFlow;
+use crate::network::{End, Network, WIDE_CELLS};
 use crate::pairs::{Rock, RockFace};
 use nalgebra::Vector3;
 
@@ -22,7 +26,7 @@ pub struct RockLoad {
 
 impl RockLoad {
     /// Adds the force \[N\] at a point whose vector from the centroid is `arm` \[m\].
-    fn add(&mut self, force: &Vector3<f64>, arm: &Vector3<f64>) {
+    pub(crate) fn add(&mut self, force: &Vector3<f64>, arm: &Vector3<f64>) {
         self.force += force;
         self.moment += arm.cross(force);
     }
@@ -115,4 +119,53 @@ pub fn loads(network: &Network, pressure: &[f64], centroids: &[Vector3<f64>]) ->
         }
     }
     loads
+}
+
+/// Adds loads in joints that are wider than those with one cell of a lattice at their mouths; of a single joint if
+/// `only` is given. `centroids` are those of the blocks \[m\].
+///
+/// - The friction of the present discharges on both faces.
+/// - At mouths, where `front` returns the pressure \[Pa\] outside an open piece, less load on both faces: the lattice
+///   loads a strip of a sixth of a cell there. Of the populations that carry the pressure on a face along the lattice,
+///   a sixth moves aside by a cell, into the face of the joint from the first cell outside.
+pub fn add_wide_loads(
+    flow: &JointFlow,
+    only: Option<usize>,
+    front: impl Fn(usize) -> Option<f64>,
+    centroids: &[Vector3<f64>],
+    loads: &mut [RockLoad],
+) {
+    let network = flow.network();
+    let Some(under) = network.settings.under else {
+        return;
+    };
+    let strip = under.wide / (6.0 * WIDE_CELLS);
+    for (number, link) in network.links.iter().enumerate() {
+        if only.is_some_and(|joint| joint != link.joint) {
+            continue;
+        }
+        let (joint, gap) = (&network.joints[link.joint], &flow.gaps()[link.joint]);
+        if gap.constant <= under.wide {
+            continue;
+        }
+        let [from, to] = link.path;
+        let middle = 0.5 * (from + to);
+        let aperture = gap.value(&middle).max(network.settings.residual);
+        let along = joint.direction(&(to - from)) / link.length;
+        let force = along * (0.5 * flow.friction(number) * aperture * link.width);
+        let sides = [-0.5, 0.5].map(|side| joint.normal * (side * aperture));
+        for (face, side) in joint.faces.iter().zip(sides) {
+            let point = joint.point(&middle) + side;
+            loads[face.rock].add(&force, &(point - centroids[face.rock]));
+        }
+        let End::Open(piece) = link.to else { continue };
+        let Some(pressure) = front(piece) else {
+            continue;
+        };
+        for ((face, side), tilt) in joint.faces.iter().zip(sides).zip(&joint.tilts) {
+            let point = joint.point(&to) + side;
+            let force = tilt * (pressure * strip * link.width);
+            loads[face.rock].add(&force, &(point - centroids[face.rock]));
+        }
+    }
 }

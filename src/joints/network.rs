@@ -18,7 +18,24 @@ pub struct NetworkSettings {
     pub residual: f64,
     /// Maximum size of a cell \[m\].
     pub cell: f64,
+    /// Limits of the apertures if a lattice computes the water outside; none without a lattice.
+    pub under: Option<UnderLattice>,
 }
+
+/// Aperture above which a joint occupies cells of a lattice \[cells\].
+pub const WIDE_CELLS: f64 = 0.5;
+
+/// Limits of the apertures of joints under a lattice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnderLattice {
+    /// Aperture above which a joint occupies cells of the lattice \[m\].
+    pub wide: f64,
+    /// Aperture above which the lattice takes over the water of a joint \[m\].
+    pub takeover: f64,
+}
+
+/// Aperture below which a joint returns from the lattice to the network, divided by that of the takeover.
+const RETURN: f64 = 0.75;
 
 /// End of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,12 +93,29 @@ impl Network {
         Self::of_joints(joints(rocks, &settings.limits), settings)
     }
 
-    /// Returns the network of blocks that have moved: the known joints are kept as long as their faces overlap
-    /// ([`joints_after`]). A joint that is wider than the limit and meets no other joint has opened into the water
-    /// outside and is removed.
+    /// Returns the network of blocks that have moved, and the joints that a lattice takes over. The known joints are
+    /// kept as long as their faces overlap ([`joints_after`]). A joint that is wider than the limit and meets no other
+    /// joint has opened into the water outside and is removed. Under a lattice joints are removed at the aperture of
+    /// the takeover instead, and only joints that are narrower by a quarter are added.
     #[must_use]
-    pub fn after(&self, rocks: &[Rock]) -> Self {
-        let joints = joints_after(rocks, &self.settings.limits, &self.pairs());
+    pub fn after(&self, rocks: &[Rock]) -> (Self, Vec<Joint>) {
+        let mut limits = self.settings.limits;
+        if let Some(under) = self.settings.under {
+            limits.distance = limits.distance.min(RETURN * under.takeover);
+        }
+        let mut joints = joints_after(rocks, &limits, &self.pairs());
+        if let Some(under) = self.settings.under {
+            let wide = |joint: &Joint| joint.gap.constant > under.takeover;
+            let left = joints.iter().filter(|joint| wide(joint)).cloned();
+            let left = left.collect();
+            joints.retain(|joint| !wide(joint));
+            return (Self::of_joints(joints, &self.settings), left);
+        }
+        (self.without_opened(joints), Vec::new())
+    }
+
+    /// Returns the network of joints without those that have opened into the water outside.
+    fn without_opened(&self, joints: Vec<Joint>) -> Self {
         let network = Self::of_joints(joints, &self.settings);
         let mut open: Vec<bool> = (network.joints.iter())
             .map(|joint| joint.gap.constant > self.settings.limits.distance)

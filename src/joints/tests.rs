@@ -5,3 +5,4 @@ mod large;
 mod moving;
 mod squeeze;
 mod steady;
+mod takeover;

@@ -9,6 +9,7 @@ use crate::scene::auto::SEEPAGE_ALONE;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
+use crate::scene::joint_methods::{JointMethods, JointShare};
 use crate::scene::joints::JointScene;
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::{PipingScene, Seepage};
@@ -17,6 +18,7 @@ use case::coupling::{Coupling, Scheme, SolidFraction};
 use case::darcy::{Darcy, Unsaturated};
 use case::fluid::Device;
 use case::fluid::Precision;
+use case::joints::JointMethod;
 use darcy::piping::PipeWidth;
 use lbm::lattice::VelocitySet;
 use serde::Serialize;
@@ -201,9 +203,45 @@ impl Choices<'_> {
         }
     }
 
+    /// Adds the method of each joint under a lattice, with its reason and its cost.
+    fn joint_methods(&mut self, methods: &JointMethods, joints: &JointScene) {
+        let across = |share: &JointShare| {
+            let [low, high] = share.cells_across.map(number);
+            format!("{low} to {high} cells across")
+        };
+        if methods.network.joints > 0 {
+            let [_, takeover] = joints.lattice_limits.unwrap_or_default();
+            let reason = format!(
+                "{}; the network needs no cell in a joint: a lattice with four cells across the narrowest one would \
+                 cost {} times as much; the lattice takes over joints that open to more than {} m",
+                across(&methods.network),
+                number(methods.resolved_cost()),
+                number(takeover)
+            );
+            let count = methods.network.joints;
+            self.add("joints by the network", count.to_string(), reason);
+        }
+        if methods.lattice.joints > 0 {
+            let why = match methods.method {
+                JointMethod::Lattice => "requested; those thinner than a cell contain no water",
+                JointMethod::Network => "wider than `largest_aperture`",
+                JointMethod::Auto => "four cells and more resolve the flow",
+            };
+            let reason = format!("{}: {why}", across(&methods.lattice));
+            let count = methods.lattice.joints;
+            self.add("joints by the lattice", count.to_string(), reason);
+        }
+    }
+
     /// Adds the models of the water in joints.
     fn joints(&mut self, joints: &JointScene) {
         let (written, counts) = (&joints.written, joints.counts);
+        if let Some(methods) = &self.scene.joint_methods {
+            self.joint_methods(methods, joints);
+        }
+        if counts.joints == 0 {
+            return;
+        }
         let [low, high] = joints.apertures.map(number);
         let name = if joints.under_lattice {
             "joints"

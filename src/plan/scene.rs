@@ -21,6 +21,7 @@ pub mod grains;
 pub(crate) mod gravity;
 pub mod grid;
 pub mod initial;
+pub mod joint_methods;
 pub mod joints;
 mod motion;
 pub mod observe;
@@ -71,6 +72,8 @@ pub struct Scene {
     pub seepage: Option<seepage::Seepage>,
     /// The water in the joints between blocks, if it is the fluid.
     pub joints: Option<joints::JointScene>,
+    /// Methods for the joints under a lattice, if the case has any.
+    pub joint_methods: Option<joint_methods::JointMethods>,
     /// The grains, if any.
     pub grains: Option<grains::Grains>,
     /// The blocks, if any.
@@ -321,6 +324,7 @@ impl Scene {
         let seepage = seepage::Seepage::resolve(case, &grid, grains, structures, findings);
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
         let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);
+        let joint_methods = joint_methods::JointMethods::resolve(case, &grid, rock.0);
         let porous_zones = porous::zones(case, &grid, findings);
         let regions = observe::regions(case, &grid, &names, findings);
         let measured = observe::Measured {
@@ -356,6 +360,7 @@ impl Scene {
             surface,
             seepage,
             joints,
+            joint_methods,
             grains: solids.grains,
             blocks: solids.blocks,
             contact: solids.contact,

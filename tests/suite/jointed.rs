@@ -247,7 +247,7 @@ fn wrong_joints_under_a_lattice_are_refused_with_one_finding_each() {
     let wrong = [
         (
             format!("{water}/joints/largest_aperture"),
-            json!(0.006),
+            json!(0.05),
             "fluid.lattice_boltzmann.joints.largest_aperture",
         ),
         (
@@ -261,20 +261,20 @@ fn wrong_joints_under_a_lattice_are_refused_with_one_finding_each() {
             "coupling",
         ),
         (
-            "/blocks/initial/list/1/position/2".to_owned(),
-            json!(0.0675),
-            "fluid.lattice_boltzmann.joints",
+            format!("{water}/joints/cell"),
+            json!(0.009),
+            "fluid.lattice_boltzmann.joints.cell",
         ),
     ];
     for (field, value, path) in wrong {
         let mut case = good.clone();
         let storage = &mut case["fluid"]["lattice_boltzmann"]["storage"];
         *storage = json!("f64");
-        if path == "fluid.lattice_boltzmann.joints" {
-            // The lower face of the upper block above the centres of a row of cells, the base up to them.
-            case["blocks"]["initial"]["list"][0]["shape"]["cuboid"]["edges"][2] = json!(0.0435);
-            case["blocks"]["initial"]["list"][0]["position"][2] = json!(0.02175);
-            case["blocks"]["initial"]["list"][1]["shape"]["cuboid"]["edges"][2] = json!(0.0435);
+        if path.ends_with(".cell") {
+            // A joint of a cell of the lattice.
+            case["blocks"]["initial"]["list"][1]["shape"]["cuboid"]["edges"][2] = json!(0.0405);
+            case["blocks"]["initial"]["list"][1]["position"][2] = json!(0.06975);
+            case["fluid"]["lattice_boltzmann"]["joints"]["largest_aperture"] = json!(0.02);
         }
         *case.pointer_mut(&field).unwrap() = value;
         let found = problems(&case);

@@ -59,3 +59,4 @@ mod tutorial;
 mod unsaturated;
 mod usage;
 mod verification;
+mod wide_joints;

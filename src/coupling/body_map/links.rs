@@ -11,11 +11,11 @@ use std::sync::atomic::Ordering;
 /// Direction of the lattice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Direction {
-    c: [i32; 3],
+    pub(super) c: [i32; 3],
     /// Index offset in the map, then in the lattice.
-    map_offset: isize,
-    lattice_offset: isize,
-    opposite: usize,
+    pub(super) map_offset: isize,
+    pub(super) lattice_offset: isize,
+    pub(super) opposite: usize,
 }
 
 /// Returns the directions of a lattice.
@@ -161,7 +161,7 @@ impl BodyMap {
 
     /// Returns `true` if a sheet cuts the link from the cell at an index of the map along a direction: the link
     /// then belongs to the sheet.
-    fn cut(&self, place: usize, direction: usize) -> bool {
+    pub(super) fn cut(&self, place: usize, direction: usize) -> bool {
         !self.sheets.is_empty()
             && u8::try_from(direction).is_ok_and(|d| self.sheets.contains(&(place, d)))
     }

@@ -21,7 +21,7 @@ use dem::particles::Particles;
 use dem::polyhedron::{PlacedPolyhedron, RotationState};
 use dem::space::Space;
 use dem::{BlockMotion, Kind};
-use joints::loads::{cells_at, outside};
+use joints::loads::{RockLoad, cells_at, outside};
 use joints::motion::Mover;
 use joints::network::Network;
 use joints::pairs::RockFace;
@@ -240,16 +240,20 @@ impl JointWater {
             let radius = self.solids[body.rock].shape.radius();
             (position - body.built.0).norm() + 2.0 * radius * turned > RENEWAL * cell
         };
-        if moving.bodies.iter().any(far) {
-            let water = self.flow.renew(&rocks(&self.solids));
-            self.release(water);
+        if moving.bodies.iter().any(far) || self.opens_to_lattice() {
+            let renewal = self.flow.renew(&rocks(&self.solids));
+            self.release(renewal.water);
+            self.balance.released += renewal.exchanged;
+            self.balance.taken_over += renewal.exchanged;
+            self.taken = renewal.taken;
+            self.networks += 1;
             self.take_network(&mut moving);
         } else {
             self.flow.move_to(&rocks(&self.solids));
         }
-        self.check_widths(&moving)?;
         self.moving = Some(moving);
         self.measure();
+        self.add_taken_over();
         self.set_loads(particles);
         let mut path = 0.0_f64;
         for k in 0..particles.owned() {
@@ -261,28 +265,13 @@ impl JointWater {
         Ok(path)
     }
 
-    /// Refuses joints under a lattice that have opened so far that cells of the lattice may lie in them.
-    fn check_widths(&self, moving: &Moving) -> Result<(), Error> {
-        if self.mouths.fronts.is_none() {
-            return Ok(());
-        }
-        let network = self.flow.network();
-        let limit = network.settings.limits.distance;
-        let mut cells = moving.bodies.iter().flat_map(|body| &body.covered);
-        let wide = cells.find_map(|(face, cells)| {
-            let cell = *cells.first()?;
-            let gap = self.flow.gaps()[network.joint_of[cell]].constant;
-            (gap > limit).then_some((face.rock, gap))
-        });
-        match wide {
-            None => Ok(()),
-            Some((block, gap)) => Err(Error::Numerical(format!(
-                "a joint at block {block} has opened to {gap:.3e} m at time {:.6e} s, more than \
-                 `largest_aperture`, {limit:e} m: the lattice cannot yet compute the water of joints that open \
-                 this far; end the run earlier, or use a larger aperture on larger cells",
-                self.time()
-            ))),
-        }
+    /// Returns `true` if a joint is so wide that the lattice takes it over.
+    fn opens_to_lattice(&self) -> bool {
+        let under = self.flow.network().settings.under;
+        under.is_some_and(|under| {
+            let mut gaps = self.flow.gaps().iter();
+            gaps.any(|gap| gap.constant > under.takeover)
+        })
     }
 
     /// Sets velocities, positions and external loads of the moving blocks in the network; `all` is the result of
@@ -292,6 +281,7 @@ impl JointWater {
         let rocks = rocks(&self.solids);
         let gravity = self.gravity;
         let mut loads = Vec::with_capacity(bodies.len());
+        let wide = self.wide_loads();
         for (body, (_, numbers)) in bodies.iter().zip(all) {
             let mut load = Vector6::from_column_slice(&numbers[..6]);
             for axis in 0..3 {
@@ -301,6 +291,12 @@ impl JointWater {
                 for axis in 0..3 {
                     load[axis] += force[axis];
                     load[3 + axis] += torque[axis];
+                }
+            }
+            if let Some(more) = wide.get(body.rock) {
+                for axis in 0..3 {
+                    load[axis] += more.force[axis];
+                    load[3 + axis] += more.moment[axis];
                 }
             }
             if let Some(mouth) = body.mouth {
@@ -329,6 +325,21 @@ impl JointWater {
             mover.velocity =
                 Vector6::new(numbers[9], numbers[10], numbers[11], spin.x, spin.y, spin.z);
         }
+    }
+
+    /// Returns the loads of wide joints under a lattice on all blocks; empty if no joint is wide.
+    fn wide_loads(&self) -> Vec<RockLoad> {
+        let Some(under) = self.flow.network().settings.under else {
+            return Vec::new();
+        };
+        let mut gaps = self.flow.gaps().iter();
+        if !gaps.any(|gap| gap.constant > under.wide) {
+            return Vec::new();
+        }
+        let centroids: Vec<_> = self.solids.iter().map(|solid| solid.position).collect();
+        let mut loads = vec![RockLoad::default(); centroids.len()];
+        self.add_wide_loads(&centroids, &mut loads);
+        loads
     }
 
     /// Copies the positions of the moving blocks from the network. Returns the id of each block and its motion.

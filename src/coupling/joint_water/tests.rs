@@ -153,6 +153,7 @@ fn water(
         },
         residual,
         cell,
+        under: None,
     };
     let solids: Vec<_> = blocks.iter().map(|block| block.solid.clone()).collect();
     let network = Network::new(&super::rocks(&solids), &settings);

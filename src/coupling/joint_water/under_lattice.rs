@@ -5,6 +5,7 @@ use base::number::real;
 use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::Space;
+use joints::takeover::TakenOver;
 use nalgebra::Vector3;
 
 /// Number of values of a block that ranks exchange: id, force, torque.
@@ -15,10 +16,15 @@ impl JointWater {
     #[must_use]
     pub fn mouths_at(&self) -> Vec<MouthAt> {
         let network = self.flow.network();
-        let mouth = |piece: &joints::edges::Piece| MouthAt {
-            middle: piece.middle,
-            outward: piece.outward,
-            normal: network.joints[piece.joint].normal,
+        let mouth = |piece: &joints::edges::Piece| {
+            let gap = &self.flow.gaps()[piece.joint];
+            let aperture = gap.value(&piece.path[1]).max(network.settings.residual);
+            MouthAt {
+                middle: piece.middle,
+                outward: piece.outward,
+                normal: network.joints[piece.joint].normal,
+                size: [aperture, piece.width],
+            }
         };
         network.open.iter().map(mouth).collect()
     }
@@ -28,6 +34,44 @@ impl JointWater {
     #[must_use]
     pub fn returned(&self) -> &[(usize, f64)] {
         &self.returned
+    }
+
+    /// Returns the time step \[s\].
+    #[must_use]
+    pub fn interval(&self) -> f64 {
+        self.interval
+    }
+
+    /// Returns the id of a block of the network.
+    #[must_use]
+    pub fn id_of(&self, block: usize) -> u64 {
+        self.first + block as u64
+    }
+
+    /// Returns the number of networks so far: it changes whenever the network is another one.
+    #[must_use]
+    pub fn networks(&self) -> u64 {
+        self.networks
+    }
+
+    /// Returns the joints that the lattice takes over after this step, once.
+    pub fn take_taken_over(&mut self) -> Vec<TakenOver> {
+        std::mem::take(&mut self.taken)
+    }
+
+    /// Adds the volume of water in the cells with which the lattice took over joints \[m³\].
+    pub fn add_opened(&mut self, volume: f64) {
+        self.balance.opened += volume;
+    }
+
+    /// Adds the loads of joints that the lattice takes over: they act until the next step.
+    pub(super) fn add_taken_over(&mut self) {
+        for joint in &self.taken {
+            for (face, load) in joint.joint.faces.iter().zip(&joint.loads) {
+                self.loads[face.rock].force += load.force;
+                self.loads[face.rock].moment += load.moment;
+            }
+        }
     }
 
     /// Records the water that returns to the lattice.

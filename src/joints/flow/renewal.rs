@@ -10,6 +10,8 @@ use super::JointFlow;
 use crate::network::{End, Network};
 use crate::pairs::{Rock, RockFace};
 use crate::slot::MODES;
+use crate::takeover::{Renewal, TakenOver};
+use decomposition::ExactSum;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
@@ -39,19 +41,36 @@ fn axis(network: &Network, link: usize) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 impl JointFlow {
-    /// Rebuilds the network for the present positions of the blocks. Returns the volume of water that is no longer in
-    /// the network, at the density of atmospheric pressure \[m³\]; negative if the network has gained water.
-    pub fn renew(&mut self, rocks: &[Rock]) -> f64 {
+    /// Rebuilds the network for the present positions of the blocks.
+    pub fn renew(&mut self, rocks: &[Rock]) -> Renewal {
         self.move_to(rocks);
         let before = self.stored();
-        let network = self.network.after(rocks);
+        let (network, left) = self.network.after(rocks);
+        let taken: Vec<TakenOver> = left
+            .into_iter()
+            .filter_map(|joint| self.taken_over(joint, rocks))
+            .collect();
         let mut next = Self::with_movers(network, self.settings, self.movers.clone());
         next.set_positions(rocks);
         next.take_pressures(self);
         next.take_surplus(self);
         next.take_discharges(self);
+        let returned = next.returned_from_lattice(self);
         *self = next;
-        before - self.stored()
+        let mut water = ExactSum::new();
+        water.add(before);
+        water.add(-self.stored());
+        let mut exchanged = ExactSum::new();
+        for joint in &taken {
+            exchanged.add(joint.water);
+        }
+        exchanged.add(-returned);
+        water.add(-exchanged.value());
+        Renewal {
+            water: water.value(),
+            exchanged: exchanged.value(),
+            taken,
+        }
     }
 
     fn take_pressures(&mut self, old: &Self) {

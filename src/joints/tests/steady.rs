@@ -39,6 +39,7 @@ pub(super) fn settings(cell: f64) -> NetworkSettings {
         },
         residual: 1e-6,
         cell,
+        under: None,
     }
 }
 

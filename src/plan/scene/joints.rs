@@ -2,24 +2,25 @@
 //! boxes.
 
 use super::block::AlignedBox;
-use super::blocks::PlacedBlocks;
+use super::blocks::{PlacedBlocks, RockBlock};
 use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
 use super::flow::Flow;
 use super::grid::Grid;
+use super::joint_methods::{JointMethods, WIDE};
 use super::unique;
 use base::error::Remedy;
 use case::Case;
 use case::coupling::Coupling;
 use case::fluid::{Device, Fluid, Precision};
-use case::joints::JointNetwork;
+use case::joints::{JointNetwork, JointSettings};
 use joints::flow::{FlowSettings, JointFlow};
 use joints::history::PressureHistory;
 use joints::motion::Mover;
-use joints::network::{Network, NetworkSettings};
+use joints::network::{Network, NetworkSettings, UnderLattice};
 use joints::pairs::{PairLimits, Rock};
 use joints::water::Mixture;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 use serde_json::json;
 
@@ -48,6 +49,13 @@ pub struct JointScene {
     pub gravity_acts: [bool; 3],
     /// `true` if the mouths are cells of a lattice.
     pub under_lattice: bool,
+    /// Number of joints that the lattice computes.
+    pub joints_of_lattice: usize,
+    /// Largest aperture of a joint of the network \[m\]; negative if the method has no network.
+    pub limit: f64,
+    /// Apertures above which a joint occupies cells of the lattice, and above which the lattice takes it over \[m\];
+    /// none without a lattice.
+    pub lattice_limits: Option<[f64; 2]>,
     /// Number of blocks that can move.
     pub movers: usize,
     /// Memory of the network with its factors, on every rank \[bytes\].
@@ -88,7 +96,7 @@ impl JointScene {
     /// Returns the network of joints between the blocks.
     #[must_use]
     pub fn network(&self, blocks: &PlacedBlocks) -> Network {
-        network(&self.written, blocks)
+        network(&self.written, (self.limit, self.lattice_limits), blocks)
     }
 
     /// Returns the number of nodes.
@@ -140,19 +148,18 @@ impl JointScene {
         let (written, path) = match &case.fluid {
             Some(Fluid::Joints(written)) => (written.clone(), JOINTS_PATH),
             Some(Fluid::LatticeBoltzmann(water)) => {
-                let written = water.joints.as_ref()?;
+                let joints = water.joints.as_ref()?;
                 let step = flow.map_or(1.0, |flow| flow.time_step);
-                (
-                    written.network([water.density, water.kinematic_viscosity], step),
-                    LATTICE_JOINTS_PATH,
-                )
+                let water = [water.density, water.kinematic_viscosity];
+                (joints.network(water, step), LATTICE_JOINTS_PATH)
             }
             _ => return None,
         };
         let (written, under_lattice) = (&written, path == LATTICE_JOINTS_PATH);
+        let methods = JointMethods::resolve(case, grid, blocks);
         check_water(written, path, findings);
         let mouths = if under_lattice {
-            refuse_lattice(case, written, grid, findings);
+            refuse_lattice(case, findings);
             Vec::new()
         } else {
             refuse_others(case, findings);
@@ -183,12 +190,31 @@ impl JointScene {
             longest: 0.0,
             gravity_acts: flow.map_or([true; 3], |flow| flow.gravity_acts),
             under_lattice,
+            joints_of_lattice: methods.as_ref().map_or(0, |methods| methods.lattice.joints),
+            limit: methods
+                .as_ref()
+                .map_or(written.joints.largest_aperture, JointMethods::limit),
+            lattice_limits: methods.as_ref().map(|methods| methods.lattice_limits(grid)),
             movers,
             bytes: 0,
             numbers: 0,
         };
         scene.measure(path, (blocks, grid), findings);
         Some(scene)
+    }
+
+    /// Checks the size of the cells of joints that occupy cells of the lattice.
+    fn check_cells(&self, grid: &Grid, findings: &mut Findings) {
+        let wide = WIDE * grid.spacing;
+        if self.apertures[1] > wide && self.written.joints.cell < grid.spacing * (1.0 - 1e-9) {
+            let path = format!("{LATTICE_JOINTS_PATH}.cell");
+            findings.error(
+                &path,
+                "in a joint wider than half a cell of the lattice, waves grow between shorter cells and the lattice",
+                Remedy::from(format!("use at least {} m", number(grid.spacing)))
+                    .set(&*path, grid.spacing),
+            );
+        }
     }
 
     /// Builds the network, counts its parts and checks its mouths.
@@ -222,7 +248,7 @@ impl JointScene {
                 self.mouths[*mouth].width += piece.width;
             }
         }
-        if network.joints.is_empty() {
+        if network.joints.is_empty() && self.joints_of_lattice == 0 {
             let path = format!("{path}.largest_aperture");
             findings.error(
                 &path,
@@ -232,7 +258,7 @@ impl JointScene {
             return;
         }
         if self.under_lattice {
-            refuse_cells_in_joints(&network, grid, findings);
+            self.check_cells(grid, findings);
         }
         let movers = (blocks.list.iter().enumerate())
             .filter(|(_, block)| !block.fixed)
@@ -252,30 +278,43 @@ impl JointScene {
     }
 }
 
+/// Returns the blocks in the form that the network reads.
+pub(super) fn rocks(blocks: &PlacedBlocks) -> Vec<Rock<'_>> {
+    fn rock(block: &RockBlock) -> Rock<'_> {
+        let solid = &block.solid;
+        Rock {
+            shape: &solid.shape,
+            position: solid.position,
+            orientation: solid.orientation,
+        }
+    }
+    blocks.list.iter().map(rock).collect()
+}
+
+/// Returns the limits within which faces form joints.
+pub(super) fn pair_limits(joints: &JointSettings) -> PairLimits {
+    PairLimits {
+        distance: joints.largest_aperture,
+        angle: joints.largest_angle_degrees.to_radians(),
+    }
+}
+
 /// Returns the network of joints between the blocks.
-fn network(written: &JointNetwork, blocks: &PlacedBlocks) -> Network {
-    let rock = |solid: &dem::polyhedron::PlacedPolyhedron| (solid.position, solid.orientation);
-    let rocks: Vec<Rock> = blocks
-        .list
-        .iter()
-        .map(|block| {
-            let (position, orientation) = rock(&block.solid);
-            Rock {
-                shape: &block.solid.shape,
-                position,
-                orientation,
-            }
-        })
-        .collect();
+fn network(
+    written: &JointNetwork,
+    (limit, lattice): (f64, Option<[f64; 2]>),
+    blocks: &PlacedBlocks,
+) -> Network {
     let settings = NetworkSettings {
         limits: PairLimits {
-            distance: written.joints.largest_aperture,
-            angle: written.joints.largest_angle_degrees.to_radians(),
+            distance: limit,
+            ..pair_limits(&written.joints)
         },
         residual: written.joints.residual_aperture,
         cell: written.joints.cell,
+        under: lattice.map(|[wide, takeover]| UnderLattice { wide, takeover }),
     };
-    Network::new(&rocks, &settings)
+    Network::new(&rocks(blocks), &settings)
 }
 
 fn water(written: &JointNetwork) -> Mixture {
@@ -323,7 +362,7 @@ fn refuse_others(case: &Case, findings: &mut Findings) {
 }
 
 /// Refuses features that do not work with a lattice over joints.
-fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &mut Findings) {
+fn refuse_lattice(case: &Case, findings: &mut Findings) {
     let Some(Fluid::LatticeBoltzmann(water)) = &case.fluid else {
         return;
     };
@@ -332,15 +371,6 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
             "coupling",
             "water in joints under a lattice needs a coupling whose loads act on the faces between cells",
             Remedy::from("use bounce_back").set("coupling", json!({"bounce_back": {}})),
-        );
-    }
-    let limit = 0.5 * grid.spacing;
-    if written.joints.largest_aperture > limit * (1.0 + 1e-9) {
-        let path = format!("{LATTICE_JOINTS_PATH}.largest_aperture");
-        findings.error(
-            &path,
-            "in joints wider than half a cell, lattice cells may have their centres in the joint",
-            Remedy::from(format!("use at most {} m", number(limit))).set(&*path, limit),
         );
     }
     let fields = [
@@ -369,61 +399,6 @@ fn refuse_lattice(case: &Case, written: &JointNetwork, grid: &Grid, findings: &m
             reason,
             Remedy::take_out("remove it", "time.warm_up"),
         );
-    }
-}
-
-/// Refuses cells of the lattice with their centres in joints: two waters would act there.
-fn refuse_cells_in_joints(network: &Network, grid: &Grid, findings: &mut Findings) {
-    for joint in &network.joints {
-        let half = 0.5 * joint.gap.constant.max(0.0) + 1e-9 * grid.spacing;
-        let corners = joint.overlap.corners().iter();
-        let corners: Vec<Vector3<f64>> = corners.map(|(c, _)| joint.point(c)).collect();
-        let (mut low, mut high) = (joint.origin, joint.origin);
-        for corner in &corners {
-            low = low.inf(corner);
-            high = high.sup(corner);
-        }
-        let cell = |point: f64| point / grid.spacing - 0.5;
-        let first = low.map(|c| cell(c - half).ceil());
-        let last = high.map(|c| cell(c + half).floor());
-        if (0..3).any(|axis| first[axis] > last[axis]) {
-            continue;
-        }
-        // A plane joint along the lattice has all centres at one distance: those of its box decide.
-        let count = |axis: usize| last[axis] - first[axis] + 1.0;
-        let mut at = first;
-        let mut left = count(0) * count(1) * count(2);
-        while left > 0.5 {
-            let centre = at.map(|number| (number + 0.5) * grid.spacing);
-            let offset = centre - joint.origin;
-            let flat = Vector2::new(joint.axes[0].dot(&offset), joint.axes[1].dot(&offset));
-            let mut edges = joint.overlap.edges();
-            let inside = |(from, to, _): (Vector2<f64>, Vector2<f64>, usize)| {
-                (to - from).perp(&(flat - from)) >= 0.0
-            };
-            if joint.normal.dot(&offset).abs() <= half && edges.all(inside) {
-                let [x, y, z] = centre.into();
-                findings.error(
-                    LATTICE_JOINTS_PATH,
-                    format!(
-                        "the lattice cell at ({}, {}, {}) m has its centre in a joint",
-                        number(x),
-                        number(y),
-                        number(z)
-                    ),
-                    "move the blocks so that their faces lie between cell centres, or change the spacing",
-                );
-                return;
-            }
-            left -= 1.0;
-            for axis in 0..3 {
-                at[axis] += 1.0;
-                if at[axis] <= last[axis] {
-                    break;
-                }
-                at[axis] = first[axis];
-            }
-        }
     }
 }
 

@@ -362,6 +362,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "initial_water": balance.initial,
             "water_in": balance.entered,
             "water_released": balance.released,
+            "water_taken_over": balance.taken_over,
+            "water_opened": balance.opened,
             "mass_error": joints.mass_error(),
             "blocks_left": departures.collect::<Vec<_>>(),
             "smallest_pressure": balance.pressure[0],
