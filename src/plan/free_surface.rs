@@ -130,7 +130,7 @@ fn body_entry_cause(scene: &Scene, surface: &FreeSurface, n: usize) -> Cause {
         0.0
     };
     Cause {
-        speed: (squares(body.velocity) + falls).sqrt(),
+        speed: (squares(body.largest_motion()[0]) + falls).sqrt(),
         path: format!("bodies[{n}].motion"),
         kind: Kind::Fall,
         margin: "cell Reynolds number U h/nu: a body that meets the water".to_owned(),

@@ -203,7 +203,7 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
                 to_u32(w.material),
             ),
         };
-        wall.velocity = vector::<S>(w.velocity);
+        wall.velocity = vector::<S>(w.velocity_at_start());
         // A wall that is inserted later is not part of the preparation.
         wall.open = w.from.is_some();
         wall
@@ -257,7 +257,8 @@ pub fn bodies<S: Space>(
             Mobility::Driven => Kind::Driven,
             Mobility::Free => Kind::Free,
         };
-        let motion = motion_of::<S>(body.position, body.velocity, body.angular_velocity);
+        let [velocity, rate] = body.motion_at_start();
+        let motion = motion_of::<S>(body.position, velocity, rate);
         match &body.solid {
             None => particles.insert(made, motion),
             Some(solid) => {
