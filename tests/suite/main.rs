@@ -21,6 +21,7 @@ mod claims;
 mod collapse;
 mod dams;
 mod dice;
+mod drives;
 mod element_tests;
 mod estimate;
 mod excavations;
