@@ -23,6 +23,7 @@ use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
+use lbm::surface::SurfaceTension;
 use lbm::term::TermBuilder;
 use lbm::term::porous::Porous;
 use plan::scene::bodies::Mobility;
@@ -148,6 +149,19 @@ fn patch<S: Stored>(
         upper,
         range,
         rule: patch.condition.rule(&place, units)?,
+    })
+}
+
+/// Returns the surface tension of a plan in lattice units; none if it is not computed.
+#[must_use]
+pub fn tension(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<SurfaceTension> {
+    let tension = plan.scene.surface.as_ref()?.tension?;
+    // σ/h is a pressure.
+    let pressure = tension.value / plan.scene.grid.spacing / flow.density;
+    let speed = units.velocity_to_lattice(1.0);
+    Some(SurfaceTension {
+        tension: pressure * speed * speed,
+        contact_angles: tension.contact_angles(),
     })
 }
 

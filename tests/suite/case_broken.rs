@@ -802,7 +802,10 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
     (
         "servo with a table of velocities",
         "triaxial",
-        Set(&["walls[0].history=[[0, 1], [1, 2]]", "walls[0].velocity=[0, 0.1, 0]"]),
+        Set(&[
+            "walls[0].history=[[0, 1], [1, 2]]",
+            "walls[0].velocity=[0, 0.1, 0]",
+        ]),
         "walls[0].history",
     ),
     (

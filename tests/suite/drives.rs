@@ -75,7 +75,9 @@ fn a_restart_may_change_a_table_but_not_remove_it() {
     assert!(text.contains("bodies[0].motion.driven.history"), "{text}");
     assert!(text.contains("write a table with one row"), "{text}");
     let table = "bodies[0].motion.driven.history=[[0, 0], [0.04, 0], [0.06, 0.2]]";
-    study.restart("parts", 3, &["time.end=0.06", table]).expect(0);
+    study
+        .restart("parts", 3, &["time.end=0.06", table])
+        .expect(0);
     // Before the change 0.004 + 0.4 * 0.01, then 0.5 * 0.2 * 0.02.
     let found = last(&study, "parts", "probe_plunger.csv", "y");
     let exact = 0.0351 - 0.004 - 0.004 - 0.002;

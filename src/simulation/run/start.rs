@@ -212,6 +212,11 @@ fn build_flow<Sp: Space, S: SavedNumber>(
     }
     if plan.scene.surface.is_some() {
         fluid.open_surface(domain).map_err(Error::Internal)?;
+        if let Some(tension) = setup::tension(plan, scene, &units) {
+            fluid
+                .stretch_surface(tension, domain)
+                .map_err(Error::Internal)?;
+        }
     }
     let mut flow = coupled::flow::<Sp, S>(plan, fluid, units);
     if let Some(joints) = setup::joints(plan)? {
