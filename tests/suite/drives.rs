@@ -84,34 +84,40 @@ fn a_restart_may_change_a_table_but_not_remove_it() {
     assert!((found - exact).abs() < 1e-12, "{found} of {exact}");
 }
 
-/// Checks that a block that fills a duct moves its area times its velocity of water, at each time of its table.
+/// Checks that a block that fills a duct moves its area times its velocity of water, at each velocity of its table.
+///
+/// The walls are free of friction: water at a wall without slip passes a piston within a layer of the width of a cell.
 #[test]
 fn a_piston_moves_its_area_times_its_velocity() {
     let _beside = beside_others();
     let study = Study::new(
         r#"{"domain": {"size": [0.08, 0.016, 0.012], "spacing": 0.002, "periodic": ["x", "z"]},
             "materials": {"rock": {"density": 2600}},
-            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-4, "time_step": 1e-3}},
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-4, "time_step": 1e-3,
+                "boundaries": [{"name": "floor", "face": "y_min", "condition": {"free_slip": {}}},
+                    {"name": "roof", "face": "y_max", "condition": {"free_slip": {}}}]}},
             "coupling": {"partially_saturated": {}},
             "bodies": [{"name": "piston", "shape": {"cuboid": {"edges": [0.02, 0.016, 0.012]}},
                 "position": [0.0211, 0.008, 0.006], "material": "rock",
                 "motion": {"driven": {"velocity": [0.01, 0, 0], "history": [[0, 0], [1, 1], [2, 1], [3, 0.5]]}}}],
-            "probes": [{"name": "ahead", "every": 0.1, "at": {"plane": {"axis": "x", "position": 0.061}}}],
+            "probes": [{"name": "ahead", "every": 0.01, "at": {"plane": {"axis": "x", "position": 0.061}}}],
             "time": {"end": 4}}"#,
     );
     study.run("straight", 1, 2, &[]);
     study.run("three", 3, 1, &[]);
     study.same("straight", "three");
     let rows = io::table::read(&study.path("straight").join("probe_ahead.csv")).unwrap();
-    let (times, found) = (
-        rows.column("time").unwrap(),
-        rows.column("discharge").unwrap(),
-    );
-    for (time, factor) in [(2.0, 1.0), (4.0, 0.5)] {
-        let n = times.iter().position(|t| (t - time).abs() < 1e-6).unwrap();
+    let times = rows.column("time").unwrap();
+    let discharges = rows.column("discharge").unwrap();
+    for (from, to, factor) in [(1.2, 2.0, 1.0), (3.2, 4.0, 0.5)] {
+        let rows = times.iter().zip(discharges.iter());
+        let during = rows.filter(|(time, _)| (from..to).contains(*time));
+        let found: Vec<f64> = during.map(|(_, discharge)| *discharge).collect();
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
         let exact = factor * 0.01 * 0.016 * 0.012;
-        let error = found[n] / exact - 1.0;
-        assert!(error.abs() < 1e-3, "{error} at {time} s");
+        // The sound of the block that crosses cells has no mean.
+        let error = mean / exact - 1.0;
+        assert!(error.abs() < 1e-3, "{error} from {from} s");
     }
 }
 

@@ -357,3 +357,39 @@ fn tension_keeps_bits_and_mass() {
         assert!(states.iter().all(|state| *state == states[0]));
     }
 }
+
+#[test]
+fn explore() {
+    for radius in [5.0, 10.0] {
+        for tension in [0.002, 0.006, 0.02] {
+            for tau in [0.505, 0.51, 0.52, 0.55, 0.6, 0.8] {
+                let size = 4 * base::number::whole(radius);
+                let mid = 0.5 * size as f64;
+                let mut tank = Tank::new([size, size, 1]);
+                tank.gravity = 0.0;
+                tank.tau = tau;
+                tank.periodic = [true; 3];
+                let mut fluid = stretched(
+                    &tank,
+                    |at| part(at, true, |p| (p[0] - mid - 0.1).hypot((p[1] - mid + 0.2) * 1.2) - radius),
+                    (tension, UPRIGHT),
+                );
+                let before = mass(&fluid);
+                step(&mut fluid, 4000);
+                let [density, speed] = inside(&fluid, [mid, mid, 0.5], 2.0 * radius);
+                let lost = fluid.surface().unwrap().lost_mass() / before;
+                let (mut x, mut y, mut m) = (0.0, 0.0, 0.0);
+                for (at, cell) in fluid.populations().interior() {
+                    let f = fluid.surface().unwrap().fill(cell);
+                    x += f * (at[0] as f64 + 0.5);
+                    y += f * (at[1] as f64 + 0.5);
+                    m += f;
+                }
+                println!(
+                    "EX R {radius} sigma {tension} tau {tau}: density {:.4} speed {speed:.1e} lost {lost:.1e} centre {:.2} {:.2} of {mid}",
+                    density / (3.0 * tension / radius * 1.1), x / m, y / m
+                );
+            }
+        }
+    }
+}
