@@ -53,6 +53,7 @@ mod speaking;
 mod stopping;
 mod structures;
 mod surface_extremes;
+mod surface_tension;
 mod sweep;
 mod threshold;
 mod tutorial;
