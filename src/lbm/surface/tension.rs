@@ -84,6 +84,8 @@ impl Jump for CapillaryJump {
 pub(super) struct SlabTension {
     pub(super) levels: Levels,
     exchange: HaloExchange,
+    /// Levels of the planes to send; reusable buffers.
+    sent: [Vec<f64>; 2],
 }
 
 /// Fill levels in the middle of the step, in the slab and round it.
@@ -130,7 +132,11 @@ impl SlabTension {
             middle: vec![0.0; populations.cell_positions()],
         };
         let exchange = HaloExchange::new(domain, TAG, bytes).map_err(|e| e.to_string())?;
-        Ok(Self { levels, exchange })
+        Ok(Self {
+            levels,
+            exchange,
+            sent: [const { Vec::new() }; 2],
+        })
     }
 
     /// Sends the levels of the outer planes, one layer after the other, so that slabs may be thinner than the reach.
@@ -141,8 +147,8 @@ impl SlabTension {
         for layer in 0..REACH {
             let depth = layer.cast_signed();
             // The buffers are filled from this slab and from the layers received before.
-            let mut planes: [Vec<f64>; 2] = std::array::from_fn(|_| Vec::new());
-            for (side, plane) in planes.iter_mut().enumerate() {
+            for (side, plane) in self.sent.iter_mut().enumerate() {
+                plane.clear();
                 if !self.levels.neighbours[side] {
                     continue;
                 }
@@ -157,7 +163,7 @@ impl SlabTension {
                 }
             }
             let (lower, upper) = self.exchange.send_buffers_mut::<f64>();
-            for (buffer, plane) in [lower, upper].into_iter().zip(&planes) {
+            for (buffer, plane) in [lower, upper].into_iter().zip(&self.sent) {
                 if let Some(buffer) = buffer {
                     buffer.copy_from_slice(plane);
                 }

@@ -146,7 +146,7 @@ fn crossings(signal: &[f64]) -> Vec<f64> {
 /// ω² = n (n² - 1) σ/(ρ R³), with n = 2.
 #[test]
 fn a_drop_oscillates_with_the_frequency_of_lamb() {
-    for radius in [10.0_f64, 20.0] {
+    for radius in [8.0_f64, 16.0] {
         let tension = 1e-2;
         let size = base::number::whole(2.6 * radius) + 4;
         let mut tank = Tank::new([size, size, 1]);
@@ -249,7 +249,6 @@ fn a_meniscus_has_its_height() {
     for (degrees, length) in [
         (30.0_f64, 5.0),
         (30.0, 10.0),
-        (60.0, 10.0),
         (120.0, 10.0),
         (150.0, 10.0),
     ] {
@@ -268,7 +267,7 @@ fn a_meniscus_has_its_height() {
             |[_, y, _]| (level - y as f64).clamp(0.0, 1.0),
             (tension, angles),
         );
-        step(&mut fluid, 20_000);
+        step(&mut fluid, 10_000);
         let surface = fluid.surface().unwrap();
         let height = |x: usize| {
             let column =
@@ -294,7 +293,7 @@ fn a_meniscus_has_its_height() {
 /// number σ/ν² below which it warns.
 #[test]
 fn a_small_drop_bears_the_largest_tension() {
-    for tau in [0.5325, 0.8] {
+    for tau in [0.55, 0.8] {
         let (radius, tension) = (5.0, 0.02);
         let mut tank = Tank::new([20, 20, 1]);
         tank.gravity = 0.0;
