@@ -48,8 +48,8 @@ pub const CHANGEABLE: [Changeable; 43] = [
     ),
     changeable(
         "walls",
-        "walls may be added, removed, and change their velocity, its table and servo; a wall that remains keeps its shape, \
-         material and times",
+        "walls may be added, removed, and change their velocity, its table and servo; a wall that remains keeps \
+         its shape, material and times",
     ),
     changeable(
         "bodies[*].motion.driven.history",

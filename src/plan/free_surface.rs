@@ -194,7 +194,7 @@ pub(super) fn without_tension(surface: &FreeSurface, density: f64) -> String {
     format!("no surface tension{}, ", bond.unwrap_or_default())
 }
 
-/// Returns model and reason of the surface tension, with the lengths and numbers that tell its part.
+/// Returns model and reason of the surface tension, with the numbers that show how much it acts.
 pub(super) fn describe_tension(
     scene: &Scene,
     flow: &Flow,

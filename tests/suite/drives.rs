@@ -1,5 +1,5 @@
-//! Walls and bodies whose velocity follows a table in time: paths, discharge of a piston, the same bits on any ranks and
-//! across restarts that change a table.
+//! Walls and bodies whose velocity follows a table in time: paths, discharge of a piston, the same bits on any ranks
+//! and across restarts, and restarts that change a table.
 
 use super::ranks::{Study, beside_others};
 

@@ -14,8 +14,13 @@
 //! neighbour by cot θ, and a wedge that a wall cuts off is continued behind the wall with the slope tan θ.
 //!
 //! The fill levels are those of the middle of the step, moved by half of the step with the velocity of the cell: a
-//! delay of half a step would amplify a wave of frequency ω at the rate ω²/4. They are computed in each cell and sent to
-//! the neighbours, so that no number of ranks changes a bit.
+//! delay of half a step would amplify a wave of frequency ω at the rate ω²/4. They are computed in each cell and sent
+//! to the neighbours, so that no number of ranks changes a bit.
+//!
+//! The pressure in drops of 5, 10 and 20 cells of radius has errors of 0.8, 0.3 and 0.04 % in 2-D, of 1.3 and 0.9 % in
+//! drops of 5 and 8 cells in 3-D. Waves of 20 and 40 cells have errors of the frequency of 2 to 3 % and of 1 %, and are
+//! damped 1.2 and 1.1 times as strongly as in the theory. At walls the normals that extrapolate the traction do not
+//! know the contact angle: menisci with angles far from 90 degrees are too small by up to half a cell.
 
 use super::cells::Cells;
 use super::cut;
