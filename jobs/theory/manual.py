@@ -49,6 +49,7 @@ CHAPTERS = [
             "lbm/surface/carried.rs",
             "lbm/surface/exchange.rs",
             "lbm/surface/conversion.rs",
+            "lbm/surface/tension.rs",
         ],
     ),
     ("Porous zones", ["porous_zone"], ["lbm/term/porous.rs"]),

@@ -30,6 +30,42 @@ impl TimeTable {
         v0 + (v1 - v0) * (time - t0) / (t1 - t0)
     }
 
+    /// Returns the value just after a time: at the time of a jump, the value after the jump.
+    #[must_use]
+    pub fn value_after(&self, time: f64) -> f64 {
+        let after = self.0.partition_point(|[t, _]| *t <= time);
+        let last = self.0.len().saturating_sub(1);
+        let [t1, v1] = self.0[after.min(last)];
+        if after == 0 || after > last {
+            return v1;
+        }
+        let [t0, v0] = self.0[after - 1];
+        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
+    }
+
+    /// Returns the mean of the values between two times, exact for rows and jumps between them.
+    #[must_use]
+    pub fn mean(&self, from: f64, to: f64) -> f64 {
+        let (mut time, mut sum) = (from, 0.0);
+        while let Some(next) = self.next(time).filter(|next| *next < to) {
+            sum += 0.5 * (self.value_after(time) + self.value(next)) * (next - time);
+            time = next;
+        }
+        let last = 0.5 * (self.value_after(time) + self.value(to));
+        if time > from {
+            (sum + last * (to - time)) / (to - from)
+        } else {
+            last
+        }
+    }
+
+    /// Returns the largest magnitude of the values.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        let [low, high] = self.range();
+        low.abs().max(high.abs())
+    }
+
     /// Returns the first time in the table after `time`.
     #[must_use]
     pub fn next(&self, time: f64) -> Option<f64> {
@@ -102,6 +138,21 @@ mod tests {
         ] {
             assert!((history.value(time) - value).abs() < 1e-12, "{time}");
         }
+        assert_eq!(history.value_after(3.0), 5.0);
+        assert_eq!(history.value_after(0.0), 10.0);
+        assert_eq!(history.value_after(9.0), 6.0);
+        // The integral over the whole table is 10 + 30 + 5.5 + 12.
+        for (from, to, mean) in [
+            (0.0, 6.0, 57.5 / 6.0),
+            (2.0, 2.5, 16.25),
+            (3.0, 4.0, 5.5),
+            (2.0, 3.0, 17.5),
+            (8.0, 9.0, 6.0),
+        ] {
+            assert!((history.mean(from, to) - mean).abs() < 1e-12, "{from}");
+        }
+        assert_eq!(TimeTable::new(None, 0.1).mean(0.3, 0.7), 0.1);
+        assert_eq!(history.largest(), 20.0);
         assert_eq!(history.next(1.0), Some(3.0));
         assert_eq!(history.next(4.0), None);
         assert_eq!((history.end(), history.range()), (4.0, [5.0, 20.0]));

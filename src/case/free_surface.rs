@@ -14,6 +14,15 @@ use serde::{Deserialize, Serialize};
 pub struct FreeSurface {
     /// Parts of the water at the start. Where parts overlap, the larger fill level applies.
     pub water: Vec<Water>,
+    /// Surface tension [N/m]; water at 20 °C: 0.0728. Default: none, for waves and drops well above 2 cm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub surface_tension: Option<f64>,
+    /// Contact angle at no-slip walls on whole faces of the domain, measured in the water [degrees]. Clean glass: near
+    /// 20; concrete: 30 to 60; wax: 110. Default: 90.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 15.0, max = 165.0))]
+    pub contact_angle_degrees: Option<f64>,
 }
 
 /// A part of the water at the start.

@@ -20,7 +20,7 @@ const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 48] = [
+pub const CHANGEABLE: [Changeable; 49] = [
     changeable("title", "changes a name only"),
     changeable("description", "changes a text only"),
     changeable(
@@ -48,8 +48,12 @@ pub const CHANGEABLE: [Changeable; 48] = [
     ),
     changeable(
         "walls",
-        "walls may be added, removed, and change their velocity and servo; a wall that remains keeps its shape, \
-         material and times",
+        "walls may be added, removed, and change their velocity, its table and servo; a wall that remains keeps \
+         its shape, material and times",
+    ),
+    changeable(
+        "bodies[*].motion.driven.history",
+        "takes effect at once; times count from the start of the run",
     ),
     changeable(
         "box_walls",
@@ -294,7 +298,13 @@ fn refusal_of(path: &str, new: &Value) -> Option<&'static str> {
     let asked = |inner: &str| new.pointer(inner).is_some_and(|v| *v == Value::Bool(true));
     let displacement = path == "output.grains.displacement" && *new == Value::Bool(true)
         || path == "output.grains" && asked("/displacement");
-    displacement.then_some("the run did not store the initial positions of its grains")
+    if displacement {
+        return Some("the run did not store the initial positions of its grains");
+    }
+    let table = path.starts_with("bodies[") && path.ends_with(".driven.history");
+    (table && new.is_null()).then_some(
+        "without its table the body would keep the velocity of its last step; write a table with one row",
+    )
 }
 
 fn problem(path: String, old: &Value, new: &Value, reason: &str) -> Problem {

@@ -18,6 +18,10 @@ pub struct Wall {
     /// Velocity [m/s]. The tangential component drags grains along, the normal component moves the wall. Default: zero.
     #[serde(default)]
     pub velocity: Option<Vector>,
+    /// Table of times of the run [s] and factors of the velocity [1]: linear between the rows, constant before and
+    /// after; two factors at one time are a jump. Default: constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub history: Option<Vec<[f64; 2]>>,
     /// Control of a plane by the mean stress of its contacts. Default: none, the wall moves with its velocity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<Servo>,
@@ -172,7 +176,7 @@ impl Shape {
 pub enum Motion {
     /// No motion.
     Fixed {},
-    /// Prescribed velocity, independent of the forces.
+    /// Prescribed velocity, independent of the forces: a piston, a gate, the front of a slide.
     Driven {
         /// Velocity of the centre [m/s]. Default: zero.
         #[serde(default)]
@@ -180,6 +184,11 @@ pub enum Motion {
         /// Angular velocity [rad/s]. Default: zero.
         #[serde(default)]
         angular_velocity: Option<Rotation>,
+        /// Table of times of the run [s] and factors of both velocities [1]: linear between the rows, constant before
+        /// and after; two factors at one time are a jump. With a velocity of [1, 0] the factors are the velocity along
+        /// x [m/s]. Default: constant.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        history: Option<Vec<[f64; 2]>>,
     },
     /// Free motion under the acting forces.
     Free {

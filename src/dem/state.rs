@@ -72,6 +72,11 @@ impl<S: Space> Dem<S> {
         self.engine.each_contact(grains, walls);
     }
 
+    /// Sets the velocity of a wall [m/s].
+    pub fn drive_wall(&mut self, wall: usize, velocity: S::Vector) {
+        self.engine.walls_mut()[wall].velocity = velocity;
+    }
+
     /// Sets the velocities of the walls [m/s], in their order.
     pub fn drive_walls(&mut self, velocities: &[S::Vector]) {
         for (wall, velocity) in self.engine.walls_mut().iter_mut().zip(velocities) {

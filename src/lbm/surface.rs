@@ -60,6 +60,7 @@
 //! | `conversion` | conversions between kinds |
 //! | `stencil` | numbers and neighbours of a cell at fixed distances |
 //! | `opening` | openings: inflow and outflow |
+//! | `tension` | surface tension with a contact angle |
 
 pub(crate) mod bodies;
 mod carried;
@@ -76,12 +77,14 @@ mod moments;
 mod momentum;
 mod opening;
 mod stencil;
+mod tension;
 
 pub use ghosts::Ends;
 use momentum::Left;
 pub use momentum::StepMomentum;
 pub(crate) use opening::Opening;
 pub use opening::{Outside, Passed, UpAxis};
+pub use tension::SurfaceTension;
 
 use super::lanes::Stored;
 use super::lattice::Velocities;
@@ -94,6 +97,7 @@ use ghosts::Ghosts;
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
 use stencil::with_set;
+use tension::{CapillaryJump, NoJump, SlabTension};
 
 /// Distance of a fill level from 0 or 1 below which a cell is empty or full at the start.
 const ROUND: f64 = 1e-9;
@@ -121,6 +125,8 @@ pub struct SlabSurface {
     /// Mass on this rank that could not be distributed, in quanta.
     lost: i128,
     openings: Vec<Opening>,
+    /// Surface tension, if there is one.
+    tension: Option<Box<SlabTension>>,
     /// Dry cells of a step next to water outside an opening; a reusable buffer.
     fed: Vec<conversion::FedCell>,
     /// Cells of gas with the velocities of the water next to them; the list keeps its memory.
@@ -153,10 +159,27 @@ impl SlabSurface {
             beyond: Vec::new(),
             lost: 0,
             openings: Vec::new(),
+            tension: None,
             fed: Vec::new(),
             shore: Vec::new(),
             balance: None,
         })
+    }
+
+    /// Gives the surface a tension. Collective.
+    ///
+    /// # Errors
+    /// If the slabs of two neighbours do not fit each other.
+    pub fn stretch<S: Stored>(
+        &mut self,
+        populations: &Populations<S>,
+        ends: Ends,
+        domain: &Domain,
+        settings: SurfaceTension,
+    ) -> Result<(), String> {
+        let tension = SlabTension::new(populations, ends, domain, settings)?;
+        self.tension = Some(Box::new(tension));
+        Ok(())
     }
 
     /// Makes cells solid, given by position, including ghost cells.
@@ -356,7 +379,9 @@ impl SlabSurface {
     /// Returns the size of the memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.cells.bytes() + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
+        self.cells.bytes()
+            + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
+            + self.tension.as_ref().map_or(0, |tension| tension.levels.bytes())
     }
 
     /// Returns the cells reached by the surface in the last step, with their velocities.
@@ -439,11 +464,36 @@ impl SlabSurface {
         let (cells, planes) = (&mut self.cells, &mut self.planes[..]);
         let drive = (half_force, viscosity);
         let state = (&*cells, self.ghosts.around());
+        let Some(tension) = &mut self.tension else {
+            let without = (NoJump, 0.0);
+            with_set!(
+                populations,
+                exchange::prepare(state, planes, populations, drive, without)
+            );
+            with_set!(
+                populations,
+                carried::set(cells, planes, populations, NoJump)
+            );
+            return;
+        };
         with_set!(
             populations,
-            exchange::prepare(state, planes, populations, drive)
+            tension::advance(&mut tension.levels, cells, planes, populations, half_force)
         );
-        with_set!(populations, carried::set(cells, planes, populations));
+        tension.spread(cells, populations);
+        with_set!(
+            populations,
+            tension::press(&tension.levels, cells, planes, populations)
+        );
+        let with = (CapillaryJump, tension.levels.density_of_waves());
+        with_set!(
+            populations,
+            exchange::prepare(state, planes, populations, drive, with)
+        );
+        with_set!(
+            populations,
+            carried::set(cells, planes, populations, CapillaryJump)
+        );
     }
 
     /// Sets the populations that gas cells sent in the pass to zero.
@@ -469,7 +519,17 @@ impl SlabSurface {
         self.add_state(populations, left, 1);
         let slab = (&mut self.planes[..], &self.ghosts);
         let (cells, beyond) = (&mut self.cells, &mut self.beyond);
-        with_set!(populations, carried::link(cells, slab, populations, beyond));
+        if self.tension.is_some() {
+            with_set!(
+                populations,
+                carried::link(cells, slab, populations, beyond, CapillaryJump)
+            );
+        } else {
+            with_set!(
+                populations,
+                carried::link(cells, slab, populations, beyond, NoJump)
+            );
+        }
         self.add_state(populations, left, -1);
         carried::clear(&mut self.cells, &self.planes);
         self.fed.clear();
@@ -485,10 +545,17 @@ impl SlabSurface {
         self.ghosts.exchange_moments(shore);
         let (cells, around) = (&mut self.cells, self.ghosts.around());
         let planes = &mut self.planes[..];
-        with_set!(
-            populations,
-            exchange::exchange(cells, around, planes, populations)
-        );
+        if self.tension.is_some() {
+            with_set!(
+                populations,
+                exchange::exchange(cells, around, planes, populations, CapillaryJump)
+            );
+        } else {
+            with_set!(
+                populations,
+                exchange::exchange(cells, around, planes, populations, NoJump)
+            );
+        }
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
         self.ghosts.spread_kinds(&mut self.cells.kind);

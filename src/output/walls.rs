@@ -1,7 +1,9 @@
-//! Walls of facets as surfaces, written once: their position at time 0, and the velocity with which they move.
+//! Walls of facets as surfaces, written once: their position at time 0, and the velocity with which they move; with a
+//! table in time the mean velocity of the run.
 
 use super::group::RankGroup;
 use base::error::Error;
+use base::history::TimeTable;
 use base::number::{to_i32, to_i64};
 use io::{Cells, Column, Data, MeshData, Mode, OutputTime, Series};
 use nalgebra::Vector3;
@@ -31,7 +33,8 @@ pub(super) fn write(
         let Some(surface) = &one.surface else {
             continue;
         };
-        let moves = surface.moving(&Vector3::from(one.velocity));
+        let factor = TimeTable::new(one.history.as_deref(), 1.0).mean(0.0, scene.time.end);
+        let moves = surface.moving(&Vector3::from(one.velocity.map(|v| v * factor)));
         for facet in 0..surface.len() {
             let first = points.len() / 3;
             points.extend(

@@ -114,6 +114,7 @@ pub const MODELS: &[(&str, Models)] = &[
                 &["korner2005", "thurey2007", "bogner2015"],
             ),
             ("solitary_wave", &["grimshaw1971", "fenton1972"]),
+            ("surface_tension", &["cummins2005", "afkhami2008"]),
         ],
     ),
     (
@@ -386,6 +387,9 @@ fn flow_models(scene: &Scene, flow: &Flow, used: &mut Vec<(&'static str, String)
         let solitary = |part: &WaterPart| matches!(part, WaterPart::Solitary(_));
         if surface.parts.iter().any(solitary) {
             used.push(("free_surface", "solitary_wave".into()));
+        }
+        if surface.tension.is_some() {
+            used.push(("free_surface", "surface_tension".into()));
         }
     }
     if let Some(coupling) = &scene.coupling {

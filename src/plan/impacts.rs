@@ -145,7 +145,7 @@ impl ImpactPartners {
                     ..ball
                 });
             } else {
-                self.fixed_velocities.push(body.velocity);
+                self.fixed_velocities.push(body.largest_motion()[0]);
                 self.standing.push(Ball {
                     at: body.position,
                     reach: (1.0 + SUPPORT_GAP) * body.radius,

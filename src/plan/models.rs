@@ -3,6 +3,7 @@
 use super::Clock;
 use super::arithmetic;
 use super::device::device;
+use super::free_surface;
 use super::impacts;
 use crate::scene::Scene;
 use crate::scene::auto::SEEPAGE_ALONE;
@@ -536,11 +537,16 @@ impl Choices<'_> {
                 "volume of fluid on the lattice",
                 format!(
                     "water stands up to {} m; the flow and the pressure of air are not computed: air that water \
-                     encloses disappears, and its volume is counted; no surface tension, no entrainment of \
-                     air{openings}",
-                    number(surface.head())
+                     encloses disappears, and its volume is counted; {tension}no entrainment of air{openings}",
+                    number(surface.head()),
+                    tension = free_surface::without_tension(surface, flow.density),
                 ),
             );
+            if let Some(tension) = &surface.tension {
+                let (model, reason) =
+                    free_surface::describe_tension(self.scene, flow, surface, tension);
+                self.add("surface tension", model, reason);
+            }
             if self.scene.coupling.is_some() {
                 self.add(
                     "bodies at the surface",

@@ -11,7 +11,7 @@
 //! | `balance`, `calibration`, `affinity` | slabs of equal cost; speed of the fluid on this machine; cores of threads |
 //! | `schedule` | the events that are due after a step |
 //! | `removal`, `gates` | regions that remove and generate grains; walls that are inserted or removed |
-//! | `servos` | stresses that servo walls follow |
+//! | `servos`, `drives` | stresses of servo walls, velocities of walls and bodies that follow tables in time |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
@@ -43,6 +43,7 @@ pub mod blocks;
 pub mod calibration;
 pub mod collapse;
 pub mod coupled;
+mod drives;
 mod element_test;
 pub mod energy;
 pub mod erosion;
@@ -78,6 +79,7 @@ use decomposition::Domain;
 use dem::Dem;
 use dem::particles::Particles;
 use dem::space::Space;
+use drives::Drives;
 use erosion::ErosionRecorder;
 use gates::Gates;
 use guards::Guards;
@@ -159,6 +161,7 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     removal: Removal,
     gates: Gates,
     servos: Servos,
+    drives: Drives<Sp>,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
     outputs: Outputs,
@@ -246,8 +249,11 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     fn advance_solids(&mut self, due: Schedule) -> Result<(), Error> {
         let now = &mut self.now;
         let time = now.time();
+        let next = base::number::real(now.step + due.steps) * now.plan.clock.time_step;
         if let Some(dem) = &mut now.dem {
             self.servos.set_stresses(time, dem);
+            self.drives
+                .set_velocities([time, next], dem, &mut now.particles);
         }
         let carrier = now.flow.as_mut().and_then(Water::carrier);
         if let (Some(dem), Some(carrier)) = (&mut now.dem, carrier) {

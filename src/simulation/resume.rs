@@ -608,9 +608,10 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
     let walls = setup::walls::<S>(plan);
     let walls = walls.iter().zip(&plan.scene.walls).zip(dem.walls());
     let velocities: Vec<S::Vector> = walls
-        .map(|((wall, scene), now)| match scene.servo {
-            Some(_) => now.velocity,
-            None => wall.velocity,
+        .map(|((wall, scene), now)| {
+            // The tables set the velocity before the next step.
+            let keeps = scene.servo.is_some() || scene.history.is_some();
+            if keeps { now.velocity } else { wall.velocity }
         })
         .collect();
     dem.drive_walls(&velocities);

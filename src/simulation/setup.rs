@@ -23,6 +23,7 @@ use dem::{Dem, DemSettings, GrainDomain, Wall};
 use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
+use lbm::surface::SurfaceTension;
 use lbm::term::TermBuilder;
 use lbm::term::porous::Porous;
 use plan::scene::bodies::Mobility;
@@ -151,6 +152,19 @@ fn patch<S: Stored>(
     })
 }
 
+/// Returns the surface tension of a plan in lattice units; none if it is not computed.
+#[must_use]
+pub fn tension(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Option<SurfaceTension> {
+    let tension = plan.scene.surface.as_ref()?.tension?;
+    // σ/h is a pressure.
+    let pressure = tension.value / plan.scene.grid.spacing / flow.density;
+    let speed = units.velocity_to_lattice(1.0);
+    Some(SurfaceTension {
+        tension: pressure * speed * speed,
+        contact_angles: tension.contact_angles(),
+    })
+}
+
 /// Returns the rotation rate from a vector along the axes: the vector in 3-D, its component along z in 2-D.
 pub fn spin<S: Space>(w: [f64; 3]) -> S::Spin {
     let mut spin = S::Spin::default();
@@ -203,7 +217,7 @@ pub fn walls<S: Space>(plan: &Plan) -> Vec<Wall<S>> {
                 to_u32(w.material),
             ),
         };
-        wall.velocity = vector::<S>(w.velocity);
+        wall.velocity = vector::<S>(w.velocity_at_start());
         // A wall that is inserted later is not part of the preparation.
         wall.open = w.from.is_some();
         wall
@@ -257,7 +271,8 @@ pub fn bodies<S: Space>(
             Mobility::Driven => Kind::Driven,
             Mobility::Free => Kind::Free,
         };
-        let motion = motion_of::<S>(body.position, body.velocity, body.angular_velocity);
+        let [velocity, rate] = body.motion_at_start();
+        let motion = motion_of::<S>(body.position, velocity, rate);
         match &body.solid {
             None => particles.insert(made, motion),
             Some(solid) => {

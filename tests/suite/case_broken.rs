@@ -800,6 +800,33 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "walls[2].servo.history",
     ),
     (
+        "servo with a table of velocities",
+        "triaxial",
+        Set(&[
+            "walls[0].history=[[0, 1], [1, 2]]",
+            "walls[0].velocity=[0, 0.1, 0]",
+        ]),
+        "walls[0].history",
+    ),
+    (
+        "body whose times do not rise",
+        "rock-into-reservoir",
+        Set(&["bodies[0].motion.driven.history=[[0, 1], [2, 1], [1, 0]]"]),
+        "bodies[0].motion.driven.history",
+    ),
+    (
+        "body with a factor beyond the numbers",
+        "rock-into-reservoir",
+        Set(&["bodies[0].motion.driven.history=[[0, 1], [2, 1e999]]"]),
+        "bodies[0].motion.driven.history",
+    ),
+    (
+        "table of a body that stands",
+        "rock-into-reservoir",
+        Set(&["bodies[0].motion.driven={\"history\": [[0, 1], [2, 1]]}"]),
+        "bodies[0].motion.driven.history",
+    ),
+    (
         "servo that pulls",
         "triaxial",
         Set(&["walls[0].servo.stress=-1"]),

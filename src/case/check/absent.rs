@@ -27,12 +27,7 @@ const fn absent(
 }
 
 /// Absent features, in the order of README.md.
-pub const ABSENT: [Absent; 11] = [
-    absent(
-        &["surfacetension"],
-        "surface tension of water",
-        "use a free surface (`fluid.lattice_boltzmann.surface`) where waves and drops are well above 2 cm",
-    ),
+pub const ABSENT: [Absent; 10] = [
     absent(
         &[
             "multiphase",
@@ -139,7 +134,12 @@ struct Renamed {
 }
 
 /// Features under other names.
-const RENAMED: [Renamed; 3] = [
+const RENAMED: [Renamed; 4] = [
+    Renamed {
+        words: &["surfacetension"],
+        feature: "surface tension of water",
+        field: "fluid.lattice_boltzmann.surface.surface_tension",
+    },
     Renamed {
         words: &["freesurface", "vof", "levelset", "watersurface", "dambreak"],
         feature: "a free surface of water",
@@ -205,7 +205,6 @@ mod tests {
     #[test]
     fn names_of_absent_features_are_recognised() {
         for (name, found) in [
-            ("surface_tension", "surface tension of water"),
             ("clumps", "clumps of spheres and ellipsoids"),
             ("gas", "two fluids, gas and bubbles"),
             ("adaptive_refinement", "grids with local refinement"),

@@ -3,7 +3,7 @@
 use super::Fluid;
 use crate::lanes::Stored;
 use crate::populations::Populations;
-use crate::surface::{Ends, Opening, Outside, SlabSurface, UpAxis};
+use crate::surface::{Ends, Opening, Outside, SlabSurface, SurfaceTension, UpAxis};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
@@ -12,6 +12,30 @@ impl<S: Stored> Fluid<S> {
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
     pub fn open_surface(&mut self, domain: &Domain) -> Result<(), String> {
+        let mut surface = SlabSurface::new(&self.populations, self.ends(domain), domain)?;
+        surface.open(self.openings());
+        self.surface = Some(Box::new(surface));
+        Ok(())
+    }
+
+    /// Gives the free surface a tension. Collective.
+    ///
+    /// # Errors
+    /// If the slabs of two neighbours do not fit each other.
+    pub fn stretch_surface(
+        &mut self,
+        tension: SurfaceTension,
+        domain: &Domain,
+    ) -> Result<(), String> {
+        let ends = self.ends(domain);
+        match &mut self.surface {
+            Some(surface) => surface.stretch(&self.populations, ends, domain, tension),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the conditions at the ends of the slab.
+    fn ends(&self, domain: &Domain) -> Ends {
         let split = domain.axis().index();
         let mut mirrored = self.boundaries.mirrored();
         let local = self.populations.cells();
@@ -21,14 +45,10 @@ impl<S: Stored> Fluid<S> {
             mirrored[axis][0] &= start == 0 && !self.periodic[axis];
             mirrored[axis][1] &= end == self.cells[axis] && !self.periodic[axis];
         }
-        let ends = Ends {
+        Ends {
             periodic: self.periodic_within,
             mirrored,
-        };
-        let mut surface = SlabSurface::new(&self.populations, ends, domain)?;
-        surface.open(self.openings());
-        self.surface = Some(Box::new(surface));
-        Ok(())
+        }
     }
 
     /// Returns the openings of the surface with the links of this slab.

@@ -13,6 +13,7 @@ use super::ghosts::Ghosts;
 use super::kind::{LIQUID, SOLID, is_surface};
 use super::lists::Plane;
 use super::stencil::{Numbers, Stencil};
+use super::tension::Jump;
 use crate::initial::equilibrium;
 use crate::lanes::Stored;
 use crate::lattice::{Lattice, unroll};
@@ -25,16 +26,17 @@ pub(super) fn set<L: Lattice<Q>, S: Stored, const Q: usize>(
     cells: &mut Cells,
     planes: &mut [Plane],
     populations: &mut Populations<S>,
+    jump: impl Jump,
 ) {
     let least = least(planes);
     let numbers = Numbers::new(populations);
     let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+        for (n, (&cell, facet)) in plane.surface.iter().zip(&plane.facets).enumerate() {
             if !facet.carried {
                 continue;
             }
-            let density = facet.density();
+            let density = plane.pressed(jump, n, facet.density());
             unroll!(populations i < Q => {
                 let g = equilibrium(L::W[i], L::C[i], density, facet.given);
                 // SAFETY: the incoming numbers of a cell belong to it.
@@ -64,7 +66,8 @@ pub(super) fn carrier<S: Stored>(
     let slow = populations.order()[0];
     let plane = &planes[populations.coordinates(cell)[slow].unsigned_abs()];
     let n = plane.surface.binary_search(&to_u32(cell)).ok()?;
-    Some(plane.facets[n].carrier())
+    let capillary = plane.capillary.get(n).copied();
+    Some(plane.facets[n].carrier(capillary.unwrap_or(0.0)))
 }
 
 /// Sets the populations that return to wet cells from the carried cells of the slab and outside it.
@@ -75,6 +78,7 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     (planes, ghosts): (&mut [Plane], &Ghosts),
     populations: &mut Populations<S>,
     beyond: &mut Vec<(usize, Carrier)>,
+    jump: impl Jump,
 ) {
     beyond.clear();
     let surface = ghosts.all().iter().map(|&cell| cell as usize);
@@ -94,18 +98,19 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     let (numbers, stencil) = (&numbers, &Stencil::<L, Q>::new(populations));
     let velocities = populations.velocities();
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (&cell, facet) in plane.surface.iter().zip(&plane.facets) {
+        for (n, (&cell, facet)) in plane.surface.iter().zip(&plane.facets).enumerate() {
             if !facet.carried {
                 continue;
             }
             let cell = cell as usize;
-            let carrier = facet.carrier();
+            let carrier = facet.carrier(0.0);
             let kinds = stencil.kinds(cells, cell);
             for i in 1..Q {
                 if !takes(kinds[i], stencil.neighbour(cell, i)) {
                     continue;
                 }
-                let even = 2.0 * L::W[i] * carrier.even(Stencil::<L, Q>::C[i]);
+                let even = plane.pressed(jump, n, carrier.even(Stencil::<L, Q>::C[i]));
+                let even = 2.0 * L::W[i] * even;
                 // SAFETY: both numbers of the link between this cell and one that is not carried.
                 unsafe {
                     let sent = numbers.read(stencil.back(cell, i));
@@ -122,7 +127,8 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
                 continue;
             }
             let link = populations.link(cell, back);
-            let even = 2.0 * velocities.w[i] * carrier.even(velocities.c[i].map(f64::from));
+            let even = with_tension(jump, carrier, carrier.even(velocities.c[i].map(f64::from)));
+            let even = 2.0 * velocities.w[i] * even;
             // SAFETY: both numbers of the link between a cell of the slab and a ghost cell; no other thread is
             // active.
             unsafe {
@@ -133,6 +139,15 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     }
     for (ghost, _) in beyond.iter() {
         cells.carried[*ghost] = false;
+    }
+}
+
+/// Returns a density with that of the tension of a ghost cell.
+fn with_tension<J: Jump>(_: J, carrier: &Carrier, density: f64) -> f64 {
+    if J::ACTS {
+        density + carrier.capillary
+    } else {
+        density
     }
 }
 

@@ -11,6 +11,8 @@ pub(super) struct Carrier {
     pub(super) slope: f64,
     pub(super) traction: [f64; 3],
     pub(super) velocity: [f64; 3],
+    /// Density that the surface tension adds.
+    pub(super) capillary: f64,
 }
 
 /// Returns the scalar product of a direction and a vector.
@@ -28,7 +30,7 @@ pub(super) fn inertia(c: [f64; 3], density: f64, u: [f64; 3]) -> f64 {
 }
 
 impl Carrier {
-    /// Returns f⁺/w_i at the midpoint of a link that leaves the cell of the facet along `c`.
+    /// Returns f⁺/w_i at the midpoint of a link that leaves the cell of the facet along `c`, without the tension.
     #[inline(always)]
     pub(super) fn even(&self, c: [f64; 3]) -> f64 {
         let up = dot(c, self.normal);
@@ -38,25 +40,40 @@ impl Carrier {
         density + inertia(c, density, self.velocity) - shear
     }
 
-    /// Returns the values of a message; the last one is 1.
+    /// Returns the values of a message.
     pub(super) fn numbers(&self) -> [f64; NUMBERS] {
         let [a, b, c] = self.normal;
         let [d, e, f] = self.traction;
         let [u, v, w] = self.velocity;
-        [a, b, c, self.distance, self.slope, d, e, f, u, v, w, 1.0]
+        [
+            a,
+            b,
+            c,
+            self.distance,
+            self.slope,
+            d,
+            e,
+            f,
+            u,
+            v,
+            w,
+            self.capillary,
+        ]
     }
 
     /// Returns the carrier from the values of a message, reflected at symmetry planes with these signs; `None` for
     /// a cell that is not carried.
     pub(super) fn received(numbers: &[f64; NUMBERS], sign: [f64; 3]) -> Option<Self> {
-        let [a, b, c, distance, slope, d, e, f, u, v, w, there] = *numbers;
+        let [a, b, c, distance, slope, d, e, f, u, v, w, capillary] = *numbers;
         let turned = |v: [f64; 3]| std::array::from_fn(|axis| sign[axis] * v[axis]);
-        (there > 0.0).then(|| Self {
+        // The normal of a carried cell has the length 1.
+        (a * a + b * b + c * c > 0.0).then(|| Self {
             normal: turned([a, b, c]),
             distance,
             slope,
             traction: turned([d, e, f]),
             velocity: turned([u, v, w]),
+            capillary,
         })
     }
 }

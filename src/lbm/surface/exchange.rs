@@ -15,6 +15,7 @@ use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SUR
 use super::lists::Plane;
 use super::moments::{Moments, moments};
 use super::stencil::{Numbers, Stencil};
+use super::tension::Jump;
 use crate::lanes::Stored;
 use crate::lattice::Lattice;
 use crate::populations::Populations;
@@ -41,19 +42,23 @@ pub(super) fn least(planes: &[Plane]) -> usize {
     planes.len().div_ceil(threads).max(1)
 }
 
-/// Computes the surface in each interface cell from the state before the pass.
+/// Computes the surface in each interface cell from the state before the pass; `of_waves` is the density of the
+/// smallest capillary waves.
 pub(super) fn prepare<L: Lattice<Q>, S: Stored, const Q: usize>(
     (cells, around): (&Cells, &Around),
     planes: &mut [Plane],
     populations: &Populations<S>,
     drive: ([f64; 3], f64),
+    (jump, of_waves): (impl Jump, f64),
 ) {
     let least = least(planes);
     let stencil = Stencil::<L, Q>::new(populations);
     let state = (populations, &Numbers::to_read(populations), &stencil);
     thread_pool::each_item_in_runs(planes, least, |_, plane| {
-        for (&cell, facet) in plane.surface.iter().zip(&mut plane.facets) {
-            *facet = find((cells, around), state, drive, cell as usize);
+        for n in 0..plane.surface.len() {
+            let cell = plane.surface[n] as usize;
+            let tension = (jump, [plane.pressed(jump, n, 0.0), of_waves]);
+            plane.facets[n] = find((cells, around), state, drive, cell, tension);
         }
     });
 }
@@ -149,6 +154,7 @@ pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
     around: &Around,
     planes: &mut [Plane],
     populations: &mut Populations<S>,
+    jump: impl Jump,
 ) {
     let mut mass = std::mem::take(&mut cells.mass);
     let masses = Numbers::from_list(&mut mass);
@@ -182,6 +188,7 @@ pub(super) fn exchange<L: Lattice<Q>, S: Stored, const Q: usize>(
                 if kind == GAS {
                     gas = true;
                     let even = facet.even(Stencil::<L, Q>::C[i], inside);
+                    let even = plane.pressed(jump, n, even);
                     let back = 2.0 * w * even - sent;
                     // SAFETY: as above.
                     unsafe {

@@ -24,6 +24,7 @@ use super::ghosts::Around;
 use super::kind::{HELD, LIQUID, SOLID};
 use super::moments::{Moments, across};
 use super::stencil::{Numbers, Stencil};
+use super::tension::Jump;
 use crate::lanes::Stored;
 use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
@@ -33,6 +34,9 @@ const MOST_RATIO: f64 = 0.5;
 
 /// Maximum acceleration in the pressure bound, relative to the body force: that of a free fall.
 const MOST_ACCELERATION: f64 = 1.0;
+
+/// Largest wave number of a capillary wave in the pressure bound.
+const MOST_WAVE_NUMBER: f64 = 0.5;
 
 /// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
 /// cell inside.
@@ -59,7 +63,7 @@ pub(crate) struct Facet {
     most: f64,
     /// Direction to the liquid cell closest to the inward normal; 0 without one.
     pub(super) inward: u8,
-    /// Density of the normal part of the traction in that liquid cell.
+    /// Density of the normal part of the traction in that liquid cell, less that of the tension.
     pub(super) inside: f64,
     /// Density in that liquid cell.
     pub(super) density_inside: f64,
@@ -100,8 +104,8 @@ impl Facet {
         density + inertia(c, density, self.velocity) - shear
     }
 
-    /// Returns the data of a carried cell for the links of its neighbours.
-    pub(super) fn carrier(&self) -> Carrier {
+    /// Returns the data of a carried cell for the links of its neighbours, with the density of the tension.
+    pub(super) fn carrier(&self, capillary: f64) -> Carrier {
         let reach = self.inner + self.distance;
         Carrier {
             normal: self.normal,
@@ -109,18 +113,19 @@ impl Facet {
             slope: self.at_rest - self.excess(self.inside) / reach,
             traction: self.traction.map(|t| t / reach),
             velocity: self.velocity,
+            capillary,
         }
     }
 
-    /// Returns the density of a carried cell at its centre.
+    /// Returns the density of a carried cell at its centre, without that of the tension.
     pub(super) fn density(&self) -> f64 {
-        -self.distance * self.carrier().slope
+        -self.distance * self.carrier(0.0).slope
     }
 }
 
 /// Returns the normal from the gradient of the fill levels around a cell, with the weights of the velocity set.
 #[inline(always)]
-fn normal<L: Lattice<Q>, const Q: usize>(
+pub(super) fn normal<L: Lattice<Q>, const Q: usize>(
     cells: &Cells,
     stencil: &Stencil<L, Q>,
     (cell, kinds): (usize, &[u8; Q]),
@@ -162,14 +167,15 @@ fn inward<L: Lattice<Q>, const Q: usize>(kinds: &[u8; Q], normal: [f64; 3]) -> u
     best.1
 }
 
-/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water. No thread writes
-/// the numbers.
+/// Returns the facet of an interface cell; `half_force` is F/2, and `viscosity` that of the water. `capillary` is the
+/// density of the tension, and `least` that of its smallest waves. No thread writes the numbers.
 #[inline(always)]
-pub(super) fn find<L: Lattice<Q>, S: Stored, const Q: usize>(
+pub(super) fn find<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize>(
     (cells, around): (&Cells, &Around),
     (populations, numbers, stencil): (&Populations<S>, &Numbers<S>, &Stencil<L, Q>),
     (half_force, viscosity): ([f64; 3], f64),
     cell: usize,
+    (_, [capillary, least]): (J, [f64; 2]),
 ) -> Facet {
     // SAFETY: an interface cell of the slab, whose numbers are only read.
     let (density, momentum) = unsafe { stencil.momentum(numbers, cell) };
@@ -193,6 +199,10 @@ pub(super) fn find<L: Lattice<Q>, S: Stored, const Q: usize>(
     facet.at_rest = 6.0 * along(half_force);
     let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
     facet.most = MOST_ACCELERATION * weight * (0.5 + facet.inner);
+    if J::ACTS {
+        let waves = MOST_WAVE_NUMBER * capillary.abs() + least;
+        facet.most += MOST_ACCELERATION * waves * (0.5 + facet.inner);
+    }
     // SAFETY: as above.
     let of_cell = |cell: usize| unsafe { stencil.moments(numbers, cell) };
     let found = around.moments_along(populations, (cell, i), of_cell);
@@ -204,6 +214,9 @@ pub(super) fn find<L: Lattice<Q>, S: Stored, const Q: usize>(
     let pressed = along(stress);
     facet.density_inside = found[0];
     facet.inside = found[0] + 3.0 * pressed;
+    if J::ACTS {
+        facet.inside -= capillary;
+    }
     facet.traction = std::array::from_fn(|a| stress[a] - pressed * normal[a]);
     carry(
         &mut facet,

@@ -2,6 +2,7 @@
 
 use super::facet::Facet;
 use super::kind::{GAS, LIQUID, is_surface, is_wet};
+use super::tension::Jump;
 use base::number::to_u32;
 
 /// Number of cells of a row that are processed together: the widest vector of the pass.
@@ -20,6 +21,8 @@ pub(crate) struct Plane {
     pub(super) surface: Vec<u32>,
     /// Surface in each interface cell.
     pub(super) facets: Vec<Facet>,
+    /// Density that the surface tension adds in each interface cell; empty without it.
+    pub(super) capillary: Vec<f64>,
     /// Fill level of each interface cell at the end of the step.
     pub(super) fill: Vec<f64>,
     /// Kind of each interface cell at the end of the step.
@@ -49,6 +52,16 @@ impl Plane {
     /// Returns `true` if the lists have been made.
     pub(super) fn is_made(&self) -> bool {
         !self.begins.is_empty()
+    }
+
+    /// Returns a density with that of the tension of an interface cell.
+    #[inline(always)]
+    pub(super) fn pressed<J: Jump>(&self, _: J, n: usize, density: f64) -> f64 {
+        if J::ACTS {
+            density + self.capillary[n]
+        } else {
+            density
+        }
     }
 
     /// Makes the lists from the kinds of the cells; `rows` returns the position of the first cell of each row.

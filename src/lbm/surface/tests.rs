@@ -1,4 +1,5 @@
 mod bodies;
+mod drops;
 mod films;
 mod momentum;
 mod openings;

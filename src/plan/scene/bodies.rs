@@ -3,7 +3,7 @@
 use super::block::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
-use super::motion::{motion, needs_density};
+use super::motion::{factors, first_and_largest, motion, needs_density};
 use super::{blocks, material, unique};
 use base::error::Remedy;
 use case::Case;
@@ -24,10 +24,13 @@ pub struct NamedBody {
     pub solid: Option<PlacedPolyhedron>,
     /// Centre \[m\].
     pub position: [f64; 3],
-    /// Velocity at the start [m/s], or at all times if driven.
+    /// Velocity at the start [m/s]; of a driven body the velocity that `history` multiplies.
     pub velocity: [f64; 3],
-    /// Rotation rate at the start [rad/s], or at all times if driven.
+    /// Rotation rate at the start [rad/s]; of a driven body the rate that `history` multiplies.
     pub angular_velocity: [f64; 3],
+    /// Times \[s\] and factors of both velocities of a driven body; none if they are constant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub history: Option<Vec<[f64; 2]>>,
     /// Kind of motion.
     pub mobility: Mobility,
     /// Index of its material.
@@ -35,6 +38,21 @@ pub struct NamedBody {
 }
 
 impl NamedBody {
+    /// Returns velocity [m/s] and rotation rate [rad/s] at the start of the run.
+    #[must_use]
+    pub fn motion_at_start(&self) -> [[f64; 3]; 2] {
+        let [first, _] = first_and_largest(self.history.as_ref());
+        [self.velocity, self.angular_velocity].map(|v| v.map(|v| v * first))
+    }
+
+    /// Returns the largest velocity [m/s] and rotation rate [rad/s] of a prescribed motion; those at the start of a
+    /// free body.
+    #[must_use]
+    pub fn largest_motion(&self) -> [[f64; 3]; 2] {
+        let [_, largest] = first_and_largest(self.history.as_ref());
+        [self.velocity, self.angular_velocity].map(|v| v.map(|v| v * largest))
+    }
+
     /// Returns the diameter of the inscribed sphere of a polyhedron \[m\]; none for a disc or sphere.
     #[must_use]
     pub fn thickness(&self) -> Option<f64> {
@@ -113,6 +131,7 @@ pub(crate) fn bodies(
             position,
             velocity: moves.velocity,
             angular_velocity: moves.angular_velocity,
+            history: moves.history,
             mobility: moves.mobility,
             material: index.unwrap_or(0),
         });
@@ -179,6 +198,7 @@ struct BodyMotion {
     mobility: Mobility,
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
+    history: Option<Vec<[f64; 2]>>,
 }
 
 /// Resolves the motion of a body.
@@ -189,16 +209,22 @@ fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findin
                 mobility: Mobility::Fixed,
                 velocity: [0.0; 3],
                 angular_velocity: [0.0; 3],
+                history: None,
             };
         }
         WrittenMotion::Driven {
             velocity,
             angular_velocity,
+            ..
         } => (Mobility::Driven, "driven", velocity, angular_velocity),
         WrittenMotion::Free {
             velocity,
             angular_velocity,
         } => (Mobility::Free, "free", velocity, angular_velocity),
+    };
+    let table = match written {
+        WrittenMotion::Driven { history, .. } => history.as_ref(),
+        _ => None,
     };
     let path = format!("{path}.{name}");
     let (velocity, rotation) = (velocity.as_ref(), rotation.as_ref());
@@ -207,5 +233,6 @@ fn moves(written: &WrittenMotion, grid: &Grid, path: &str, findings: &mut Findin
         mobility,
         velocity,
         angular_velocity,
+        history: factors(table, [velocity, angular_velocity], &path, findings),
     }
 }

@@ -4,6 +4,7 @@ use super::Scene;
 use super::findings::Findings;
 use super::grains::{GrainSource as Resolved, Grains};
 use super::has_polyhedra;
+use super::motion::first_and_largest;
 use base::error::Remedy;
 use base::number::to_u32;
 use case::Case;
@@ -143,9 +144,15 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
     let size = |vector: [f64; 3]| vector.iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut speeds = vec![0.0, 0.0];
     for body in &case.bodies {
-        if let Motion::Free { velocity, .. } | Motion::Driven { velocity, .. } = &body.motion {
-            speeds.extend(velocity.as_ref().map(|v| size(v.to_array())));
-        }
+        let (velocity, table) = match &body.motion {
+            Motion::Free { velocity, .. } => (velocity, None),
+            Motion::Driven {
+                velocity, history, ..
+            } => (velocity, history.as_ref()),
+            Motion::Fixed {} => continue,
+        };
+        let [_, factor] = first_and_largest(table);
+        speeds.extend(velocity.as_ref().map(|v| factor * size(v.to_array())));
     }
     if let Some(Resolved::List(grains) | Resolved::File { grains, .. }) =
         sample.map(|grains| &grains.source)
@@ -153,8 +160,10 @@ pub(crate) fn fastest_approach(case: &Case, sample: Option<&Grains>) -> f64 {
         let moving = grains.iter().map(|grain| size(grain.velocity));
         speeds.extend(moving.filter(|speed| *speed > 0.0));
     }
-    let velocities = case.walls.iter().filter_map(|wall| wall.velocity.as_ref());
-    speeds.extend(velocities.map(|v| size(v.to_array())));
+    speeds.extend(case.walls.iter().filter_map(|wall| {
+        let [_, factor] = first_and_largest(wall.history.as_ref());
+        Some(factor * size(wall.velocity.as_ref()?.to_array()))
+    }));
     let servos = case.walls.iter().filter_map(|wall| wall.servo.as_ref());
     speeds.extend(servos.map(|servo| servo.velocity_limit));
     speeds.sort_by(|a, b| b.total_cmp(a));

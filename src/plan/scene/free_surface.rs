@@ -4,9 +4,11 @@
 
 mod openings;
 mod solitary;
+mod tension;
 
 pub use openings::Opening;
 pub use solitary::SolitaryForm;
+pub use tension::Tension;
 
 use super::block::AlignedBox;
 use super::boundaries::ScenePatch;
@@ -43,6 +45,9 @@ pub struct FreeSurface {
     pub parts: Vec<WaterPart>,
     /// Openings through which water passes.
     pub openings: Vec<Opening>,
+    /// Surface tension; none if it is not computed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tension: Option<Tension>,
     /// Edge of a cell \[m\].
     spacing: f64,
     /// Edge lengths of the domain \[m\].
@@ -375,6 +380,7 @@ pub(crate) fn resolve(
         gravity: weight.abs(),
         parts,
         openings: Vec::new(),
+        tension: tension::resolve(case, (lbm, written), patches, findings),
         spacing: grid.spacing,
         size: grid.size,
         dimension: grid.dimension,

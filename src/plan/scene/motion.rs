@@ -4,6 +4,7 @@ use super::block::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
 use base::error::Remedy;
+use base::history::{self, TimeTable};
 use case::Case;
 use case::geometry::{Rotation, Vector};
 
@@ -21,6 +22,37 @@ pub(super) fn needs_density(case: &Case, name: &str, findings: &mut Findings) {
                 .set(format!("materials.{name}.density"), 2650),
         );
     }
+}
+
+/// Returns the table of velocity factors in time, if it is valid and changes something.
+pub(super) fn factors(
+    written: Option<&Vec<[f64; 2]>>,
+    velocities: [[f64; 3]; 2],
+    path: &str,
+    findings: &mut Findings,
+) -> Option<Vec<[f64; 2]>> {
+    let table = written?;
+    let path = format!("{path}.history");
+    if !history::check(table, &path, findings) {
+        return None;
+    }
+    if velocities.as_flattened().iter().all(|v| *v == 0.0) {
+        findings.error(
+            &path,
+            "the table multiplies a velocity of zero, so that nothing moves",
+            Remedy::take_out(
+                "add a velocity, for example of 1 m/s along the motion, or remove the table",
+                &path,
+            ),
+        );
+    }
+    Some(table.clone())
+}
+
+/// Returns the factor of a velocity table at the start of the run, and the largest magnitude of its factors.
+pub(super) fn first_and_largest(table: Option<&Vec<[f64; 2]>>) -> [f64; 2] {
+    let table = TimeTable::new(table.map(Vec::as_slice), 1.0);
+    [table.value_after(0.0), table.largest()]
 }
 
 /// Returns the velocity [m/s] and rotation rate [rad/s] at the start.

@@ -198,12 +198,10 @@ pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<It
     let speeds = bodies.map(move |(n, body)| Speed {
         what: "the moving body".into(),
         path: format!("bodies[{n}].motion"),
-        value: norm(body.angular_velocity) * body.radius
-            + if rotation_alone {
-                0.0
-            } else {
-                norm(body.velocity)
-            },
+        value: {
+            let [velocity, spin] = body.largest_motion().map(norm);
+            spin * body.radius + if rotation_alone { 0.0 } else { velocity }
+        },
     });
     speeds.filter(|speed| speed.value != 0.0)
 }
@@ -214,7 +212,7 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
         what: "the moving body".into(),
         path: format!("bodies[{n}].motion"),
-        value: norm(body.velocity),
+        value: norm(body.largest_motion()[0]),
     });
     let speeds = driven.chain(settling_speed(scene, flow));
     speeds

@@ -11,6 +11,7 @@ use super::auto::features::grain_diameters;
 use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
+use super::motion::{factors, first_and_largest};
 use super::structures::Structure;
 use super::{material, stl, unique, usual_material};
 use base::error::Remedy;
@@ -36,8 +37,11 @@ pub struct SceneWall {
     /// Facets; none for a plane.
     #[serde(skip)]
     pub surface: Option<Arc<FacetSurface>>,
-    /// Velocity [m/s].
+    /// Velocity [m/s], which `history` multiplies.
     pub velocity: [f64; 3],
+    /// Times \[s\] and factors of the velocity; none if it is constant.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub history: Option<Vec<[f64; 2]>>,
     /// Control by the mean normal stress; none for a surface, or for a plane without a control.
     pub servo: Option<SceneServo>,
     /// Index of its material.
@@ -61,10 +65,18 @@ impl SceneWall {
         self.from.is_some() || self.until.is_some()
     }
 
-    /// Returns the velocity of the wall [m/s]; with a servo the largest velocity towards the grains.
+    /// Returns the largest velocity of the wall [m/s]; with a servo towards the grains.
     pub(crate) fn largest_velocity(&self) -> [f64; 3] {
         let limit = self.servo.as_ref().map_or(0.0, |s| s.velocity_limit);
-        std::array::from_fn(|a| self.velocity[a] + limit * self.normal[a])
+        let [_, largest] = first_and_largest(self.history.as_ref());
+        std::array::from_fn(|a| largest * self.velocity[a] + limit * self.normal[a])
+    }
+
+    /// Returns the velocity of the wall at the start of the run [m/s].
+    #[must_use]
+    pub fn velocity_at_start(&self) -> [f64; 3] {
+        let [first, _] = first_and_largest(self.history.as_ref());
+        self.velocity.map(|v| v * first)
     }
 
     /// Returns `true` if the wall exists at a time of the run \[s\].
@@ -140,6 +152,7 @@ pub(crate) fn walls(
             normal: face.inward(),
             surface: None,
             velocity: [0.0; 3],
+            history: None,
             servo: None,
             material: material.unwrap_or(0),
             temporary: false,
@@ -182,12 +195,22 @@ fn written_wall(
     }
     check_times(case, wall, path, findings);
     let servo = servo::resolve(case, wall, (plane.normal, velocity), path, findings);
+    let history = factors(wall.history.as_ref(), [velocity, [0.0; 3]], path, findings);
+    if servo.is_some() && history.is_some() {
+        let at = format!("{path}.history");
+        findings.error(
+            &at,
+            "a servo wall moves as its stress requires; its velocity along the plane is constant",
+            Remedy::take_out("remove the table, or the servo", &at),
+        );
+    }
     SceneWall {
         name: wall.name.clone(),
         point: plane.point,
         normal: plane.normal,
         surface: surface.map(Arc::new),
         velocity,
+        history,
         servo,
         material: index.unwrap_or(0),
         temporary,

@@ -4,6 +4,7 @@ use super::super::agreement;
 use super::super::balance::{self, Costs};
 use super::super::collapse::CollapseRecorder;
 use super::super::coupled;
+use super::super::drives::Drives;
 use super::super::erosion::ErosionRecorder;
 use super::super::phases::Phases;
 use super::super::progress::Progress;
@@ -100,12 +101,14 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let Outside { start, watch, .. } = outside;
         let first_step = now.step;
         let servos = Servos::start(&now.plan, now.dem.as_mut());
+        let drives = Drives::new(&now.plan);
         let mut runner = Self {
             simulation: Simulation {
                 now,
                 removal: parts.removal,
                 gates: parts.gates,
                 servos,
+                drives,
                 recorder: records.recorder,
                 collapse: records.collapse,
                 outputs: records.outputs,
@@ -209,6 +212,11 @@ fn build_flow<Sp: Space, S: SavedNumber>(
     }
     if plan.scene.surface.is_some() {
         fluid.open_surface(domain).map_err(Error::Internal)?;
+        if let Some(tension) = setup::tension(plan, scene, &units) {
+            fluid
+                .stretch_surface(tension, domain)
+                .map_err(Error::Internal)?;
+        }
     }
     let mut flow = coupled::flow::<Sp, S>(plan, fluid, units);
     if let Some(joints) = setup::joints(plan)? {

@@ -38,6 +38,30 @@ impl Complex {
     }
 }
 
+/// Returns the frequency and the damping of linear waves: the root n = -γ + iω of
+/// ν² ((m² + k²)² - 4 k³ m tanh(kh)/tanh(mh)) + pull = 0, m² = k² + n/ν, with the pull (g k + σ k³/ρ) tanh(kh) (H.
+/// Lamb, Hydrodynamics, 6th edition, section 349, here for a depth h over a floor without friction).
+pub(super) fn viscous(k: f64, nu: f64, depth: f64, pull: f64) -> [f64; 2] {
+    let left = |n: Complex| {
+        let square = n.scaled(1.0 / nu).plus(Complex(k * k, 0.0));
+        let m = square.root();
+        let sum = square.plus(Complex(k * k, 0.0));
+        let rotational = m.over(m.scaled(depth).tanh());
+        let factor = -4.0 * k.powi(3) * (k * depth).tanh();
+        let viscous = sum.times(sum).plus(rotational.scaled(factor));
+        viscous.scaled(nu * nu).plus(Complex(pull, 0.0))
+    };
+    let mut n = Complex(-2.0 * nu * k * k, pull.sqrt());
+    for _ in 0..50 {
+        let by = 1e-6 * pull.sqrt();
+        let up = left(n.plus(Complex(by, 0.0)));
+        let down = left(n.plus(Complex(-by, 0.0)));
+        let rise = up.plus(down.scaled(-1.0)).scaled(0.5 / by);
+        n = n.plus(left(n).over(rise).scaled(-1.0));
+    }
+    [n.1, -n.0]
+}
+
 /// A standing wave of one wave length in a box that is periodic along x, with a floor without friction.
 struct Wave {
     length: usize,
@@ -60,31 +84,11 @@ impl Wave {
         self.pull / self.length as f64
     }
 
-    /// Returns the frequency and the damping of the linear theory: the root n = -γ + iω of
-    /// ν² ((m² + k²)² - 4 k³ m tanh(kh)/tanh(mh)) + g k tanh(kh) = 0, m² = k² + n/ν (H. Lamb, Hydrodynamics,
-    /// 6th edition, section 349, here for a depth h over a floor without friction).
+    /// Returns the frequency and the damping of the linear theory.
     fn theory(&self) -> [f64; 2] {
         let k = TAU / self.length as f64;
         let (nu, depth) = ((self.tau - 0.5) / 3.0, self.level());
-        let pull = self.gravity() * k * (k * depth).tanh();
-        let left = |n: Complex| {
-            let square = n.scaled(1.0 / nu).plus(Complex(k * k, 0.0));
-            let m = square.root();
-            let sum = square.plus(Complex(k * k, 0.0));
-            let rotational = m.over(m.scaled(depth).tanh());
-            let factor = -4.0 * k.powi(3) * (k * depth).tanh();
-            let viscous = sum.times(sum).plus(rotational.scaled(factor));
-            viscous.scaled(nu * nu).plus(Complex(pull, 0.0))
-        };
-        let mut n = Complex(-2.0 * nu * k * k, pull.sqrt());
-        for _ in 0..50 {
-            let by = 1e-6 * pull.sqrt();
-            let up = left(n.plus(Complex(by, 0.0)));
-            let down = left(n.plus(Complex(-by, 0.0)));
-            let rise = up.plus(down.scaled(-1.0)).scaled(0.5 / by);
-            n = n.plus(left(n).over(rise).scaled(-1.0));
-        }
-        [n.1, -n.0]
+        viscous(k, nu, depth, self.gravity() * k * (k * depth).tanh())
     }
 
     /// Returns the first Fourier coefficient of the surface after each step, over `periods`.

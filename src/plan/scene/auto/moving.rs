@@ -51,8 +51,8 @@ pub(super) fn causes(scene: &Scene, flow: &Flow) -> Vec<Cause> {
             Mobility::Fixed => {}
             Mobility::Driven => {
                 let path = format!("bodies[{n}].motion");
-                let speed = size(body.velocity);
-                causes.extend(start(scene, &path, speed));
+                let speed = size(body.largest_motion()[0]);
+                causes.extend(start(scene, &path, size(body.motion_at_start()[0])));
                 causes.extend(around(scene, flow, path, radius, speed));
             }
             Mobility::Free => {

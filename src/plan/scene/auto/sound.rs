@@ -114,7 +114,8 @@ pub(super) fn left_of_a_start<'a>(scene: &'a Scene, flow: &Flow) -> Option<(&'a 
     };
     let started = |body: &&NamedBody| {
         let moves = body.mobility != Mobility::Fixed;
-        let differs = (body.velocity.iter().zip(&velocity)).any(|(a, b)| (a - b).abs() > 0.0);
+        let differs =
+            (body.motion_at_start()[0].iter().zip(&velocity)).any(|(a, b)| (a - b).abs() > 0.0);
         differs && (moves || velocity.iter().any(|u| u.abs() > 0.0))
     };
     let body = scene.bodies.iter().find(started)?;

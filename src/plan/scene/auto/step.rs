@@ -286,6 +286,12 @@ fn limits(
             },
         );
     }
+    if let Some(tension) = scene.surface.as_ref().and_then(|surface| surface.tension) {
+        add(
+            "the shortest capillary waves".into(),
+            tension.step_limit(flow.density, h),
+        );
+    }
     if let BodyForce::Oscillating { period, .. } = flow.body_force {
         add(
             format!("{STEPS_IN_A_PERIOD} steps in a period"),

@@ -36,6 +36,7 @@ fn are_one_plane(one: &SceneWall, other: &SceneWall) -> bool {
 /// Returns `true` if two walls have different velocities or controls.
 fn moves_otherwise(one: &SceneWall, other: &SceneWall) -> bool {
     one.servo != other.servo
+        || one.history != other.history
         || (one.velocity.iter().zip(&other.velocity)).any(|(a, b)| a - b != 0.0)
 }
 

@@ -54,6 +54,7 @@ pub(super) fn walls_of_structures(
             normal: [0.0; 3],
             surface: None,
             velocity: [0.0; 3],
+            history: None,
             servo: None,
             material,
             temporary: false,
