@@ -8,6 +8,7 @@ use crate::edges::{Junction, Piece, ends};
 use crate::pairs::{Joint, PairLimits, Rock, RockFace, joints, joints_after, joints_of};
 use crate::sets::root;
 use nalgebra::{Vector2, Vector3};
+use std::collections::BTreeSet;
 
 /// Settings of a network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,11 +95,12 @@ impl Network {
     }
 
     /// Returns the network of blocks that have moved, and the joints that a lattice takes over. The known joints are
-    /// kept as long as their faces overlap ([`joints_after`]). A joint that is wider than the limit and meets no other
-    /// joint has opened into the water outside and is removed. Under a lattice joints are removed at the aperture of
-    /// the takeover instead, and only joints that are narrower by a quarter are added.
+    /// kept as long as their faces overlap ([`joints_after`]). A joint that is wider than the limit has opened into the
+    /// water outside, and is removed, if it meets no other joint or if one of its blocks moves and has no narrower
+    /// joint: such a block has left its socket. Under a lattice joints are removed at the aperture of the takeover
+    /// instead, and only joints that are narrower by a quarter are added.
     #[must_use]
-    pub fn after(&self, rocks: &[Rock]) -> (Self, Vec<Joint>) {
+    pub fn after(&self, rocks: &[Rock], moves: impl Fn(usize) -> bool) -> (Self, Vec<Joint>) {
         let mut limits = self.settings.limits;
         if let Some(under) = self.settings.under {
             limits.distance = limits.distance.min(RETURN * under.takeover);
@@ -111,21 +113,29 @@ impl Network {
             joints.retain(|joint| !wide(joint));
             return (Self::of_joints(joints, &self.settings), left);
         }
-        (self.without_opened(joints), Vec::new())
+        (self.without_opened(joints, moves), Vec::new())
     }
 
     /// Returns the network of joints without those that have opened into the water outside.
-    fn without_opened(&self, joints: Vec<Joint>) -> Self {
+    fn without_opened(&self, joints: Vec<Joint>, moves: impl Fn(usize) -> bool) -> Self {
         let network = Self::of_joints(joints, &self.settings);
-        let mut open: Vec<bool> = (network.joints.iter())
-            .map(|joint| joint.gap.constant > self.settings.limits.distance)
-            .collect();
+        let wide = |joint: &Joint| joint.gap.constant > self.settings.limits.distance;
+        let mut open: Vec<bool> = network.joints.iter().map(wide).collect();
+        let narrow = network.joints.iter().filter(|joint| !wide(joint));
+        let held: BTreeSet<usize> = narrow.flat_map(|j| j.faces.map(|face| face.rock)).collect();
+        let left = |joint: &Joint| {
+            let rocks = joint.faces.iter().map(|face| face.rock);
+            wide(joint)
+                && rocks
+                    .clone()
+                    .any(|rock| moves(rock) && !held.contains(&rock))
+        };
         for piece in network
             .junctions
             .iter()
             .flat_map(|junction| &junction.pieces)
         {
-            open[piece.joint] = false;
+            open[piece.joint] &= left(&network.joints[piece.joint]);
         }
         if !open.contains(&true) {
             return network;

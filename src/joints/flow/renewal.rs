@@ -45,7 +45,8 @@ impl JointFlow {
     pub fn renew(&mut self, rocks: &[Rock]) -> Renewal {
         self.move_to(rocks);
         let before = self.stored();
-        let (network, left) = self.network.after(rocks);
+        let moves = |rock: usize| self.movers.iter().any(|mover| mover.rock == rock);
+        let (network, left) = self.network.after(rocks, moves);
         let taken: Vec<TakenOver> = left
             .into_iter()
             .filter_map(|joint| self.taken_over(joint, rocks))
