@@ -101,7 +101,7 @@ pub struct LatticeBoltzmann {
     /// Zones that resist the flow: screens, racks, filters, rockfill.
     #[serde(default)]
     pub porous_zones: Vec<PorousZone>,
-    /// Water in joints between blocks, for joints that are thinner than a cell. Default: no water in joints.
+    /// Water in joints between blocks, by a network or by the lattice. Default: no water in joints.
     #[serde(default)]
     pub joints: Option<Box<LatticeJoints>>,
     /// Largest speed and pressure of a run on coarse cells, for the automatic choices; `solver plan --pilot` writes
