@@ -1713,8 +1713,8 @@ fn absent_features_are_named_as_such() {
     for (example, set, reason) in [
         (
             "couette",
-            "fluid.lattice_boltzmann.surface_tension=0.07",
-            "surface tension",
+            "fluid.lattice_boltzmann.bubbles={}",
+            "gas and bubbles",
         ),
         (
             "collision",
@@ -1749,6 +1749,11 @@ fn features_under_other_names_lead_to_their_field() {
             "couette",
             "fluid.lattice_boltzmann.boundaries[0].condition=\"free_surface\"",
             surface,
+        ),
+        (
+            "couette",
+            "fluid.lattice_boltzmann.surface_tension=0.07",
+            "fluid.lattice_boltzmann.surface.surface_tension",
         ),
         (
             "seepage",
