@@ -402,3 +402,62 @@ fn forty_random_rock_masses_keep_their_water() {
     }
     assert!(most > 100);
 }
+
+/// Returns a block in a socket of fixed rock on a slab whose edges have this length \[m\]; the pressure at the rim throws
+/// it out.
+fn socket(slab: f64) -> Value {
+    let cuboid = |edges: [f64; 3], position: [f64; 3]| json!({"shape": {"cuboid": {"edges": edges}}, "position": position});
+    let fixed = |from: [f64; 3], to: [f64; 3]| json!({"from": from, "to": to});
+    json!({
+        "domain": {"size": [0.8, 0.8, 0.8], "spacing": 0.1},
+        "gravity": [0, 0, -9.81],
+        "materials": {"rock": {"density": 2650}},
+        "blocks": {
+            "material": "rock",
+            "initial": {"list": [
+                cuboid([0.2, 0.2, 0.1], [0.4, 0.4, 0.15]),
+                cuboid([slab, slab, 0.05], [0.4, 0.4, 0.075]),
+                cuboid([0.1, 0.4, 0.1], [0.551, 0.4, 0.15]),
+                cuboid([0.1, 0.4, 0.1], [0.249, 0.4, 0.15]),
+                cuboid([0.2, 0.1, 0.1], [0.4, 0.551, 0.15]),
+                cuboid([0.2, 0.1, 0.1], [0.4, 0.249, 0.15])
+            ]},
+            "fixed": [
+                fixed([0.0, 0.0, 0.0], [0.8, 0.8, 0.1]),
+                fixed([0.0, 0.0, 0.1], [0.3, 0.8, 0.3]),
+                fixed([0.5, 0.0, 0.1], [0.8, 0.8, 0.3]),
+                fixed([0.3, 0.0, 0.1], [0.5, 0.3, 0.3]),
+                fixed([0.3, 0.5, 0.1], [0.5, 0.8, 0.3])
+            ]
+        },
+        "contact": {"blocks": {
+            "normal_stiffness": {"per_area": 2e7}, "friction_angle_degrees": 35, "normal_damping_ratio": 0.3
+        }},
+        "fluid": {"joints": {
+            "density": 1000, "viscosity": 1e-3, "time_step": 1e-4, "largest_aperture": 0.02,
+            "residual_aperture": 2e-4, "cell": 0.05, "inertia": false,
+            "mouths": [{"name": "bed", "box": {"from": [0, 0, 0.19], "to": [0.8, 0.8, 0.21]},
+                "pressure": {"table": [[0, 0], [0.05, 20_000]]}}]
+        }},
+        "time": {"end": 0.3},
+        "probes": [{"name": "block", "every": 0.05, "at": {"block": {"position": [0.4, 0.4, 0.15]}}}]
+    })
+}
+
+/// Checks that a block leaves its socket alike whether the slab below it ends at its edges or carries its neighbours.
+#[test]
+fn a_block_leaves_its_socket_whatever_its_neighbours_stand_on() {
+    let _beside = beside_others();
+    let [wide, narrow] = [0.6, 0.2].map(|slab| {
+        let study = Study::new(&socket(slab).to_string());
+        study.run("run", 1, 1, &[]);
+        let path = study.path("run").join("probe_block.csv");
+        let rows = io::table::read(&path).unwrap();
+        let last = |name: &str| *rows.column(name).unwrap().last().unwrap();
+        (last("z"), last("velocity_z"), last("force_z"))
+    });
+    println!("{wide:?} {narrow:?}");
+    assert!(wide.0 > 0.31 && wide.1 > 0.9, "{wide:?}");
+    assert!((wide.0 - narrow.0).abs() < 1e-3, "{wide:?} {narrow:?}");
+    assert!(wide.2.abs() < 1e-9, "no water acts on it: {wide:?}");
+}
