@@ -33,7 +33,7 @@ use case::Case;
 use case::darcy::InitialState;
 use io::csv::Reader;
 pub use lengths::{Ground, GroundLength};
-use lengths::{INFILTRATION, WITHIN_CELLS};
+use lengths::{INFILTRATION, LEAST_LAYER, WITHIN_CELLS};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -441,12 +441,17 @@ pub(super) fn spacing(
     let answers = asked(scene, seepage, &ground);
     // Length of the shortest length over one cell, in isotropic ground.
     let isotropic = length.cells * scene.grid.spacing * ground.stretch;
+    // Layers may be thin, but not thinner than any measured one.
+    let layers = ground.lengths.iter().filter(|length| !length.counts);
+    let most = layers
+        .map(|layer| layer.cells * scene.grid.spacing / LEAST_LAYER)
+        .fold(f64::INFINITY, f64::min);
     let wanted = |kind: &str| {
         let bounds = answers.iter().filter_map(|answer| bound(kind, answer.kind));
         let cells = bounds
             .map(|bound| bound.cells_for(target, 0.0))
             .reduce(f64::max)?;
-        Some((isotropic / (cells * ground.stretch), cells))
+        Some(((isotropic / (cells * ground.stretch)).min(most), cells))
     };
     let sizes = &case.domain.size.0;
     let coarsest = (sizes.iter().product::<f64>() / SEEPAGE_CELLS).sqrt();

@@ -24,7 +24,7 @@ const SHEET: f64 = 0.2;
 /// Beginning of the names of layers.
 const ZONE: &str = "zone";
 /// Thickness of a layer in cells below which no error was measured.
-const LEAST_LAYER: f64 = 0.3;
+pub(super) const LEAST_LAYER: f64 = 0.3;
 /// Distance over a cell within which an edge lies on a face of the grid.
 const ON_FACE: f64 = 1e-5;
 

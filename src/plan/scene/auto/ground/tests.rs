@@ -283,3 +283,19 @@ fn lengths_of_a_column_that_is_wetted() {
     );
     assert!(error(&scene, "profile: front").is_some());
 }
+
+/// Checks a seam of 0.2 m at draft: cells that hold the wall alone would be thicker than the rows allow.
+#[test]
+fn a_thin_layer_bounds_the_cells() {
+    let mut case = dam(1.0, None);
+    case["accuracy"] = json!("draft");
+    let seam = json!({"name": "seam", "region": {"layer": {"from": 4.0, "to": 4.2}},
+        "permeability": {"hydraulic_conductivity": 1e-6}});
+    case["fluid"]["darcy"]["zones"]
+        .as_array_mut()
+        .unwrap()
+        .push(seam);
+    let scene = scene(&case);
+    assert!(cells(&scene, "zone from 4 to 4.2") >= lengths::LEAST_LAYER);
+    assert!(scene.chosen.promised.is_some_and(|error| error <= 0.1));
+}
