@@ -519,8 +519,8 @@ fn zones_that_polygons_bound_conduct_as_layers() {
 }
 
 /// Returns the findings of a case with changes: path and reason.
-/// Checks the sheet pile of the example, below which k h/2 = 5e-6 m2/s flows (M. E. Harr), on the cells that the program
-/// chooses: the discharge is within the promised error, and that within the target.
+/// Checks the sheet pile of the example, below which k h/2 = 5e-6 m2/s flows (M. E. Harr), on the cells that the
+/// program chooses: the discharge is within the promised error, and that within the target.
 #[test]
 fn a_pile_without_a_grid_keeps_the_promised_discharge() {
     let _beside = beside_others();

@@ -1,15 +1,15 @@
 //! Errors promised for seepage without grains, and the spacing that keeps a requested error.
 //!
 //! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or
-//! much finer cells. Its number of cells is that across the shortest length that the cells must resolve
-//! ([`lengths`]): height and length of the ground, stretches between the edges of heads, the depth of a wall and the
-//! ground below it, layers, the capillary length, the length over which water moves in the run. Its error is the largest at
-//! this number of cells and at every larger one of the scene.
+//! much finer cells. Its number of cells is that across the shortest length that the cells must resolve ([`lengths`]):
+//! height and length of the ground, stretches between the edges of heads, the depth of a wall and the ground below it,
+//! layers, the capillary length, the length over which water moves in the run. Its error is the largest at this number
+//! of cells and at every larger one of the scene.
 //!
 //! The rows of a kind of ground and an answer give a bound by the method of [`bound`](super::bound), under which 97.5 %
-//! of them lie, with the margin 1 + 5/k for k problems. The plan promises the bound for each answer that the case asks for, and none for
-//! ground that no row covers. Errors are those of cells and steps in time: material values, hysteresis and closed ends
-//! are not among them.
+//! of them lie, with the margin 1 + 5/k for k problems. The plan promises the bound for each answer that the case asks
+//! for, and none for ground that no row covers. Errors are those of cells and steps in time: material values,
+//! hysteresis and closed ends are not among them.
 //!
 //! | answer | error relative to |
 //! |---|---|
@@ -107,7 +107,7 @@ fn bound_of(rows: &[&'static Row]) -> Option<Bound> {
     (bound.problems.len() >= LEAST_PROBLEMS).then_some(bound)
 }
 
-/// Rows by kind of ground and kind of answer.
+/// Returns the rows by kind of ground and kind of answer.
 fn groups() -> BTreeMap<(&'static str, &'static str), Vec<&'static Row>> {
     let mut groups: BTreeMap<_, Vec<&'static Row>> = BTreeMap::new();
     for row in rows() {

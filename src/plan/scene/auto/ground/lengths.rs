@@ -73,7 +73,7 @@ pub struct Ground {
     pub kind: String,
     /// Lengths: those that count from the shortest in cells, then the others.
     pub lengths: Vec<GroundLength>,
-    /// Range of the heads [m]: differences of imposed and initial heads, the height of ground with suction, and the
+    /// Range of the heads \[m\]: differences of imposed and initial heads, the height of ground with suction, and the
     /// drawdown Q/k of wells.
     pub drop: f64,
     /// Largest factor of the edge of a cell in isotropic ground.

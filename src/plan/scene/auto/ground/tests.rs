@@ -267,7 +267,8 @@ fn lengths_of_a_column_that_is_wetted() {
                 {"name": "base", "face": "y_min", "condition": {"pressure": {"value": -19620}}}
             ]
         }},
-        "probes": [{"name": "profile", "every": 5000, "at": {"line": {"from": [0.05, 0.01], "to": [0.05, 0.99], "points": 50}}}],
+        "probes": [{"name": "profile", "every": 5000,
+            "at": {"line": {"from": [0.05, 0.01], "to": [0.05, 0.99], "points": 50}}}],
         "time": {"end": 5000, "solid_time_step": 50}
     });
     let scene = scene(&case);
