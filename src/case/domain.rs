@@ -12,7 +12,8 @@ pub struct Domain {
     pub size: Vector,
     /// Cell size h [m]. Every edge of the domain must be a whole number of cells. Cell centres lie at (i + 1/2) h, so
     /// that half-way walls coincide with the faces of the domain. Default: enough cells across the smallest body,
-    /// grain, gap or opening to meet `accuracy`; if no such spacing divides all edges, it divides the shortest edge,
+    /// grain, gap or opening to meet `accuracy`; in seepage without grains across the shortest wall, layer, stretch
+    /// between heads or capillary length. If no such spacing divides all edges, it divides the shortest edge,
     /// and the others are lengthened to whole cells with a warning that states by how much.
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]

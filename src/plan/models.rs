@@ -6,7 +6,6 @@ use super::device::device;
 use super::free_surface;
 use super::impacts;
 use crate::scene::Scene;
-use crate::scene::auto::SEEPAGE_ALONE;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
@@ -110,13 +109,23 @@ impl Choices<'_> {
                 || String::from("nothing promised"),
                 |error| format!("{} % promised", number(100.0 * error)),
             );
+            let of = if chosen.answers.is_empty() {
+                "forces"
+            } else {
+                "answers"
+            };
             self.add(
                 "accuracy",
-                format!("{level}: {target} % of forces, {promised}"),
+                format!("{level}: {target} % of {of}, {promised}"),
                 "no measured row covers these cells",
             );
         } else if self.scene.seepage.is_some() && !self.scene.has_solids() {
-            self.add("accuracy", "nothing promised", SEEPAGE_ALONE);
+            let errors = chosen.answers.iter().filter_map(|answer| answer.error);
+            let model = errors.reduce(f64::max).map_or_else(
+                || String::from("nothing promised"),
+                |error| format!("answers within {} % promised", number(100.0 * error)),
+            );
+            self.add("accuracy", model, "");
         }
         if chosen.reason_of("spacing").is_some() {
             let cells = grid.cell_count();

@@ -232,10 +232,11 @@ impl Scene {
         if findings.stopped {
             return (scene, findings);
         }
-        // Shapes are known before velocities: a fast flow may require finer cells than the shapes.
-        let finer = scene.as_ref();
-        match finer.and_then(|scene| auto::spacing::finer_spacing(case, scene)) {
-            Some(finer) => Self::resolve_at(case, &finer, None, Findings::with_wrong(case, wrong)),
+        // Shapes are known before velocities: a fast flow may require finer cells than the shapes. The cells of a
+        // seepage follow from its lengths and answers.
+        let first = scene.as_ref();
+        match first.and_then(|scene| auto::spacing::second_spacing(case, scene)) {
+            Some(other) => Self::resolve_at(case, &other, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }
     }

@@ -519,6 +519,37 @@ fn zones_that_polygons_bound_conduct_as_layers() {
 }
 
 /// Returns the findings of a case with changes: path and reason.
+/// Checks the sheet pile of the example, below which k h/2 = 5e-6 m2/s flows (M. E. Harr), on the cells that the
+/// program chooses: the discharge is within the promised error, and that within the target.
+#[test]
+fn a_pile_without_a_grid_keeps_the_promised_discharge() {
+    let _beside = beside_others();
+    let study = Study::from_example(
+        "sheet-pile",
+        &[("domain.spacing", "null"), ("output", "{}")],
+    );
+    let text = examples::find("sheet-pile").unwrap().text;
+    let mut last = f64::INFINITY;
+    for (level, target) in [("draft", 0.1), ("normal", 0.05), ("reference", 0.02)] {
+        let accuracy = format!("accuracy=\"{level}\"");
+        study.run(level, 1, 1, &[&accuracy]);
+        let set = ["domain.spacing=null".to_owned(), accuracy];
+        let plan = Plan::prepare(Document::read(text, &set, Path::new(".")).unwrap()).unwrap();
+        let mut answers = plan.scene.chosen.answers.iter();
+        let promised = answers.find(|answer| answer.answer == "under_pile: discharge");
+        let promised = promised.unwrap().error.unwrap();
+        let error = (rows(&study, level, "under_pile")[0][2] / 5e-6 - 1.0).abs();
+        let h = plan.scene.grid.spacing;
+        println!("{level}: {h} m, {error}, promised {promised}");
+        assert!(
+            error <= promised && promised <= target,
+            "{level}: {error} {promised}"
+        );
+        assert!(h < last, "{level}: {h} m");
+        last = h;
+    }
+}
+
 fn findings(example: &str, sets: &[&str]) -> Vec<(String, String)> {
     let text = examples::find(example).unwrap().text;
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();

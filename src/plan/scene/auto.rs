@@ -9,6 +9,8 @@
 //! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling
 //!    interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
 //!    with resolved flow ([`resistance`]).
+//! 5. In seepage without grains the spacing follows from its lengths and the answers that the case asks for
+//!    ([`ground`]).
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
 //! step.
@@ -17,6 +19,7 @@ mod bound;
 pub mod density;
 pub(crate) mod features;
 pub(crate) mod gaps;
+pub mod ground;
 pub mod measured;
 mod moving;
 pub(crate) mod promise;
@@ -36,16 +39,13 @@ use case::Case;
 use case::accuracy::Accuracy;
 use case::contact::Contact;
 use case::coupling::Coupling;
+use ground::{Ground, PromisedAnswer};
 use lbm::boundary::Condition;
 use lbm::boundary::pressure::Held;
 use serde::Serialize;
 use serde_json::json;
 use spacing::Spacing;
 use std::borrow::Cow;
-
-/// Reason for which the plan promises no error of a seepage without grains.
-pub(crate) const SEEPAGE_ALONE: &str = "no error was measured for seepage without grains, which depends on edges, \
-    layers and fronts; `solver estimate` runs the case on other cells and gives an interval for each answer";
 
 /// Choices made for a case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -59,6 +59,10 @@ pub struct Chosen {
     /// Features on which the promised accuracy is based, each with its cells and its bound, and the features that
     /// it does not cover.
     pub details: Vec<String>,
+    /// Ground of a seepage without grains; none if no measured error covers it.
+    pub ground: Option<Ground>,
+    /// Answers of a seepage without grains, with the error promised for each.
+    pub answers: Vec<PromisedAnswer>,
     /// All choices with their reasons.
     pub reasons: Vec<Reason>,
     /// Contact law, if it was chosen.
@@ -243,12 +247,12 @@ pub(crate) fn choose_remaining(
     if case.contact.is_none() || solids::without_stiffness(case) {
         solids::choose_contact(scene, case, target, findings);
     }
-    if let (Some(target), Some(_)) = (target, &scene.seepage) {
+    if scene.seepage.is_some() {
         scene.chosen.accuracy = requested_accuracy(written);
-        if scene.has_solids() {
+        if !scene.has_solids() {
+            ground::promise(scene, case, target, findings);
+        } else if let Some(target) = target {
             seepage::choose(scene, target, findings);
-        } else {
-            scene.chosen.note("accuracy", SEEPAGE_ALONE);
         }
     }
 }

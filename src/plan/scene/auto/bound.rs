@@ -26,6 +26,27 @@ const STEP: f64 = 0.1;
 /// Number of values, between the smallest and the largest number of cells of the rows, at which a target is sought.
 const TRIALS: usize = 400;
 
+/// Measured error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    /// Number of cells.
+    pub(super) cells: f64,
+    /// Reynolds number.
+    pub(super) reynolds: f64,
+    /// Relative error.
+    pub(super) error: f64,
+}
+
+impl From<&MeasuredRow> for Point {
+    fn from(row: &MeasuredRow) -> Self {
+        Self {
+            cells: row.cells,
+            reynolds: row.reynolds,
+            error: row.error,
+        }
+    }
+}
+
 /// Error bound of an obstacle.
 #[derive(Clone, Debug)]
 pub(crate) struct Bound {
@@ -35,6 +56,8 @@ pub(crate) struct Bound {
     order: f64,
     /// Exponent q.
     inertia: f64,
+    /// Factor for scenes that differ from those of the rows.
+    margin: f64,
     /// Smallest and largest number of cells of a row.
     pub(crate) cells: [f64; 2],
     /// Largest Reynolds number of a row.
@@ -57,35 +80,46 @@ impl Bound {
     }
 
     fn from(rows: &[&'static MeasuredRow]) -> Self {
-        let slow = rows
+        let points: Vec<Point> = rows.iter().map(|row| Point::from(*row)).collect();
+        let problems = rows.iter().map(|row| row.problem.as_str());
+        Self::of_points(&points, problems.collect(), [CONFIDENCE, MARGIN])
+    }
+
+    /// Returns the bound of measured points, with the problem of each, for a fraction of the points and a margin.
+    pub(super) fn of_points(
+        points: &[Point],
+        mut problems: Vec<&'static str>,
+        [confidence, margin]: [f64; 2],
+    ) -> Self {
+        let slow = points
             .iter()
-            .all(|row| row.reynolds <= 0.0 || row.reynolds >= rows[0].reynolds);
-        let fast = rows.iter().all(|row| row.reynolds <= rows[0].reynolds);
+            .all(|row| row.reynolds <= 0.0 || row.reynolds >= points[0].reynolds);
+        let fast = points.iter().all(|row| row.reynolds <= points[0].reynolds);
         let trials = |steps: usize| (0..=steps).map(|n| STEP * real(n));
         let mut best: Option<(f64, [f64; 3])> = None;
         for order in trials(33).map(|p| 0.2 + p) {
             for inertia in trials(if slow && fast { 0 } else { 8 }) {
-                let (constant, loss) = at_quantile(rows, order, inertia);
+                let (constant, loss) = at_quantile(points, confidence, [order, inertia]);
                 if best.is_none_or(|(least, _)| loss < least * (1.0 - 1e-9)) {
                     best = Some((loss, [constant, order, inertia]));
                 }
             }
         }
         let [constant, order, inertia] = best.map_or([f64::INFINITY, 0.0, 0.0], |(_, fit)| fit);
-        let cells = rows.iter().map(|row| row.cells);
-        let mut problems: Vec<&str> = rows.iter().map(|row| row.problem.as_str()).collect();
+        let cells = points.iter().map(|row| row.cells);
         problems.sort_unstable();
         problems.dedup();
         Self {
             constant,
             order,
             inertia,
+            margin: 1.0 + margin / real(problems.len()),
             cells: [
                 cells.clone().fold(f64::INFINITY, f64::min),
                 cells.fold(0.0, f64::max),
             ],
-            most_reynolds: rows.iter().map(|row| row.reynolds).fold(0.0, f64::max),
-            rows: rows.len(),
+            most_reynolds: points.iter().map(|row| row.reynolds).fold(0.0, f64::max),
+            rows: points.len(),
             problems,
         }
     }
@@ -104,7 +138,7 @@ impl Bound {
 
     fn formula(&self, cells: f64, reynolds: f64) -> f64 {
         let log = self.constant - self.order * cells.ln() + self.inertia * reynolds.ln_1p();
-        (1.0 + MARGIN / real(self.problems.len())) * log.exp()
+        self.margin * log.exp()
     }
 
     /// Returns the smallest number of cells with at most this error, or the largest number of the rows if the error
@@ -131,20 +165,19 @@ impl Bound {
 const MOST_REYNOLDS: f64 = 1000.0;
 
 /// Returns the coefficient a of a bound with these exponents, and the loss of the quantile regression.
-fn at_quantile(rows: &[&MeasuredRow], order: f64, inertia: f64) -> (f64, f64) {
-    let value = |row: &&MeasuredRow| {
-        row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p()
-    };
+fn at_quantile(rows: &[Point], confidence: f64, [order, inertia]: [f64; 2]) -> (f64, f64) {
+    let value =
+        |row: &Point| row.error.ln() + order * row.cells.ln() - inertia * row.reynolds.ln_1p();
     let mut values: Vec<f64> = rows.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
-    let place = whole((CONFIDENCE * real(rows.len() - 1)).ceil());
+    let place = whole((confidence * real(rows.len() - 1)).ceil());
     let constant = values[place];
     let loss = |value: &f64| {
         let above = value - constant;
         if above > 0.0 {
-            CONFIDENCE * above
+            confidence * above
         } else {
-            (CONFIDENCE - 1.0) * above
+            (confidence - 1.0) * above
         }
     };
     (constant, values.iter().map(loss).sum())

@@ -3,7 +3,7 @@
 
 use super::bound::Bound;
 use super::features::{self, Feature};
-use super::{Chosen, requested_accuracy, step};
+use super::{Chosen, ground, requested_accuracy, step};
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::{Scene, sample};
 use base::error::Remedy;
@@ -24,6 +24,15 @@ pub(crate) struct Spacing {
 }
 
 impl Spacing {
+    /// Returns a chosen spacing that divides every edge.
+    pub(super) fn chosen(value: f64, reason: String) -> Self {
+        Self {
+            value,
+            reason: Some(reason),
+            rounded: None,
+        }
+    }
+
     /// Returns the spacing of another scene, which needs no reason.
     pub(crate) fn of_scene(scene: &Scene) -> Self {
         Self {
@@ -68,7 +77,7 @@ const SLAB_DIAMETERS: f64 = 2.0;
 const SEEPAGE_DIAMETERS: f64 = 3.0;
 /// Maximum number of cells of seepage without grains: along the shortest edge, and in total.
 const SEEPAGE_LAYERS: f64 = 50.0;
-const SEEPAGE_CELLS: f64 = 1e6;
+pub(super) const SEEPAGE_CELLS: f64 = 1e6;
 /// Fraction of the target for the error of the spacing; the rest is for the time step.
 const SPACING_SHARE: f64 = 0.75;
 /// Maximum refinement factor to move bodies away from positions of symmetry.
@@ -115,8 +124,16 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     whole_cells(case, wanted, reason, findings)
 }
 
-/// Returns a finer spacing than that of the scene, if its velocities require one.
-pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
+/// Returns the spacing that replaces that of the scene: a finer one if its velocities require it, and in seepage the
+/// one for which the plan promises the requested error.
+pub(crate) fn second_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
+    if scene.seepage.is_some() {
+        let target = requested_accuracy(case)?.target();
+        // Findings about the sizes were already reported for the first cells.
+        let found = ground::spacing(case, scene, target, &mut Findings::new(case))?;
+        let changes = (found.value / scene.grid.spacing - 1.0).abs() > 1e-9;
+        return changes.then_some(found);
+    }
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;
@@ -247,7 +264,7 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
 /// If there is none, the shortest edge stays as written, since the flow is resolved across it, and the others are
 /// lengthened to the next whole number of cells. Among the spacings in this range, the one with the smallest
 /// relative lengthening is taken. Edges are never shortened, so that everything placed in the domain stays in it.
-fn whole_cells(
+pub(super) fn whole_cells(
     case: &Case,
     wanted: f64,
     reason: String,
@@ -308,6 +325,6 @@ fn rounded_up(size: f64, h: f64) -> f64 {
 }
 
 /// Returns `true` if an edge is a whole number of cells.
-fn fits_one(size: f64, h: f64) -> bool {
+pub(super) fn fits_one(size: f64, h: f64) -> bool {
     (size / h - (size / h).round()).abs() <= 1e-7 * (size / h)
 }

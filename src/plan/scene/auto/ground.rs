@@ -1,0 +1,486 @@
+//! Errors promised for seepage without grains, and the spacing that keeps a requested error.
+//!
+//! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or
+//! much finer cells. Its number of cells is that across the shortest length that the cells must resolve ([`lengths`]):
+//! height and length of the ground, stretches between the edges of heads, the depth of a wall and the ground below it,
+//! layers, the capillary length, the length over which water moves in the run. Its error is the largest at this number
+//! of cells and at every larger one of the scene.
+//!
+//! The rows of a kind of ground and an answer give a bound by the method of [`bound`](super::bound), under which 97.5 %
+//! of them lie, with the margin 1 + 5/k for k problems. The plan promises the bound for each answer that the case asks
+//! for, and none for ground that no row covers. Errors are those of cells and steps in time: material values,
+//! hysteresis and closed ends are not among them.
+//!
+//! | answer | error relative to |
+//! |---|---|
+//! | discharge, volume of water, exit gradient | the value itself |
+//! | head | the range of imposed and initial heads, at least the height of ground with suction |
+//! | phreatic line | the height of the ground |
+//! | uplift, thrust and moment | the pressure of the whole range of heads over the base or the depth of the structure |
+//! | front: where the pressure head along a line is half of that at the start | the height of the ground |
+
+mod lengths;
+
+use super::bound::{Bound, Point};
+use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
+use crate::scene::Scene;
+use crate::scene::block::AlignedBox;
+use crate::scene::findings::{Findings, number};
+use crate::scene::observe::ProbeAt;
+use crate::scene::seepage::Seepage;
+use base::number::{real, whole};
+use case::Case;
+use case::darcy::InitialState;
+use io::csv::Reader;
+pub use lengths::{Ground, GroundLength};
+use lengths::{INFILTRATION, LEAST_LAYER, WITHIN_CELLS};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+const TABLE: &str = include_str!("measured_ground.csv");
+/// Smallest measured error of the fit: below it lie rounding and the references.
+const LEAST_ERROR: f64 = 1e-5;
+/// Largest bound that is a promise. Heads next to a front have no smaller one: there they change by all of their range.
+const MOST_ERROR: f64 = 0.3;
+/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. Rows of one problem err
+/// together, so that both are larger than those of lattices.
+const FRACTION: f64 = 0.975;
+const MARGIN: f64 = 5.0;
+/// Fewest problems of a bound.
+const LEAST_PROBLEMS: usize = 4;
+
+/// Measured error of an answer on one grid.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Row {
+    /// Kind of ground.
+    ground: String,
+    /// Kind of answer.
+    answer: String,
+    /// Scene with its parameters.
+    problem: String,
+    /// Cells across the shortest length.
+    cells: f64,
+    /// Largest error on this grid and finer ones.
+    error: f64,
+}
+
+/// Error promised for an answer.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PromisedAnswer {
+    /// Name of the answer, as `solver estimate` prints it.
+    pub answer: String,
+    /// Kind of the answer, as in the table of measured errors.
+    pub kind: &'static str,
+    /// Bound of the error at a confidence of 95 % \[1\]; none if no row covers the answer.
+    pub error: Option<f64>,
+    /// Value to which the error is relative, in the unit of the answer; none for the answer itself.
+    pub scale: Option<f64>,
+}
+
+/// Returns all rows.
+fn rows() -> &'static [Row] {
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
+        let mut reader = Reader::new(TABLE);
+        let mut rows = Vec::new();
+        while let Some(row) = reader.as_mut().and_then(Reader::row) {
+            // A test checks that every row can be read.
+            rows.extend(row.read());
+        }
+        rows
+    });
+    &ROWS
+}
+
+fn bound_of(rows: &[&'static Row]) -> Option<Bound> {
+    let points: Vec<Point> = (rows.iter())
+        .map(|row| Point {
+            cells: row.cells,
+            reynolds: 0.0,
+            error: row.error.max(LEAST_ERROR),
+        })
+        .collect();
+    let problems = rows.iter().map(|row| row.problem.as_str()).collect();
+    let bound =
+        (!points.is_empty()).then(|| Bound::of_points(&points, problems, [FRACTION, MARGIN]))?;
+    (bound.problems.len() >= LEAST_PROBLEMS).then_some(bound)
+}
+
+/// Returns the rows by kind of ground and kind of answer.
+fn groups() -> BTreeMap<(&'static str, &'static str), Vec<&'static Row>> {
+    let mut groups: BTreeMap<_, Vec<&'static Row>> = BTreeMap::new();
+    for row in rows() {
+        let key = (row.ground.as_str(), row.answer.as_str());
+        groups.entry(key).or_default().push(row);
+    }
+    groups
+}
+
+/// Returns the bound of an answer in a kind of ground; none if it was not measured.
+fn bound(ground: &str, answer: &str) -> Option<&'static Bound> {
+    static BOUNDS: LazyLock<BTreeMap<(&'static str, &'static str), Bound>> = LazyLock::new(|| {
+        let found = groups()
+            .into_iter()
+            .filter_map(|(key, rows)| Some((key, bound_of(&rows)?)));
+        found.collect()
+    });
+    let found = BOUNDS
+        .iter()
+        .find(|((g, a), _)| *g == ground && *a == answer);
+    found.map(|(_, bound)| bound)
+}
+
+/// Computes the errors promised for the answers of a scene, with cells that the case states or leaves free.
+pub(super) fn promise(
+    scene: &mut Scene,
+    case: &Case,
+    target: Option<f64>,
+    findings: &mut Findings,
+) {
+    let ground = match Ground::new(scene, case) {
+        Ok(ground) => ground,
+        Err(reason) => {
+            scene.chosen.note(
+                "accuracy",
+                format!("nothing is promised: {reason}; {ESTIMATE}"),
+            );
+            return;
+        }
+    };
+    let Some(seepage) = &scene.seepage else {
+        return;
+    };
+    let cells = ground.cells();
+    let mut answers = asked(scene, seepage, &ground);
+    for answer in &mut answers {
+        let found = bound(&ground.kind, answer.kind);
+        answer.error = found
+            .and_then(|bound| bound.error(cells, 0.0))
+            .filter(|error| *error <= MOST_ERROR);
+    }
+    scene.chosen.details = details(&ground, &answers);
+    let text = summary(&ground, &answers);
+    scene.chosen.note("accuracy", text);
+    let largest = answers.iter().filter_map(|a| a.error).reduce(f64::max);
+    let all = answers.iter().all(|answer| answer.error.is_some());
+    scene.chosen.promised = largest.filter(|_| all);
+    if let (Some(target), Some(largest), Some(length)) = (target, largest, ground.lengths.first())
+        && largest > target * (1.0 + 1e-9)
+    {
+        let what = &length.what;
+        findings.warn(
+            "accuracy",
+            format!(
+                "an error of {} % is requested, but with {} cells across the {what} of {} m the plan promises {} %",
+                number(100.0 * target),
+                number(cells),
+                number(length.size),
+                number(100.0 * largest)
+            ),
+            "use a smaller spacing, or request a lower accuracy",
+        );
+    }
+    scene.chosen.ground = Some(ground);
+    scene.chosen.answers = answers;
+}
+
+const ESTIMATE: &str =
+    "`solver estimate` runs the case on other cells and gives an interval for each answer";
+
+/// Returns the sentence of the plan about the promised errors.
+fn summary(ground: &Ground, answers: &[PromisedAnswer]) -> String {
+    let mut of_kinds: BTreeMap<&str, f64> = BTreeMap::new();
+    for answer in answers {
+        if let Some(error) = answer.error {
+            of_kinds.insert(answer.kind, error);
+        }
+    }
+    let Some(length) = ground.lengths.first() else {
+        return format!("nothing is promised: the ground has no extent; {ESTIMATE}");
+    };
+    let across = format!(
+        "{} cells across the {} of {} m, the shortest length ({})",
+        number(length.cells),
+        length.what,
+        number(length.size),
+        ground.kind
+    );
+    if of_kinds.is_empty() {
+        return format!("nothing is promised: no measured row covers {across}; {ESTIMATE}");
+    }
+    let parts: Vec<String> = of_kinds
+        .iter()
+        .map(|(kind, error)| format!("{kind} {} %", number(100.0 * error)))
+        .collect();
+    let missing = answers
+        .iter()
+        .filter(|answer| answer.error.is_none())
+        .count();
+    let rest = match missing {
+        0 => String::new(),
+        _ => format!("; nothing for {missing} answers, which `solver plan --details` lists"),
+    };
+    format!(
+        "{} at a confidence of 95 %, with {across}{rest}",
+        parts.join(", ")
+    )
+}
+
+/// Returns a line for each answer and each length.
+fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
+    let of_answer = |answer: &PromisedAnswer| {
+        let name = &answer.answer;
+        let Some(error) = answer.error else {
+            return format!(
+                "{name}: no measured row gives this {} a bound of at most {} %",
+                answer.kind,
+                number(100.0 * MOST_ERROR)
+            );
+        };
+        let rows = bound(&ground.kind, answer.kind).map_or(0, |bound| bound.rows);
+        let within = match answer.scale {
+            Some(scale) => format!(
+                "{} ({} % of {})",
+                number(error * scale),
+                number(100.0 * error),
+                number(scale)
+            ),
+            None => format!("{} %", number(100.0 * error)),
+        };
+        format!("{name}: within {within}, the 95 % confidence bound of {rows} measured rows")
+    };
+    let of_length = |length: &GroundLength| {
+        format!(
+            "{}, {} m, {} cells",
+            length.what,
+            number(length.size),
+            number(length.cells)
+        )
+    };
+    let lines = answers.iter().map(of_answer);
+    lines.chain(ground.lengths.iter().map(of_length)).collect()
+}
+
+/// Returns the answers that a scene asks for, without errors.
+fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswer> {
+    let mut answers = Vec::new();
+    let mut add = |answer: String, kind: &'static str, scale: Option<f64>| {
+        answers.push(PromisedAnswer {
+            answer,
+            kind,
+            error: None,
+            scale,
+        });
+    };
+    let (up, across) = (ground.up, 1 - ground.up);
+    let height = real(seepage.cells[up]) * seepage.spacing[up];
+    let weight = seepage.written.density * scene.gravity[up].abs();
+    // A front enters ground that starts under one suction; heads change there by all of their range.
+    let transient = (seepage.written.unsaturated.as_ref()).and_then(|s| s.transient.as_ref());
+    let dry = ground.kind == INFILTRATION
+        && transient.is_some_and(|t| matches!(t.initial, InitialState::PressureHead(_)));
+    let head = if dry { "head near a front" } else { "head" };
+    for probe in &scene.probes {
+        let name = &probe.name;
+        match &probe.at {
+            ProbeAt::Section { .. } | ProbeAt::Crossing { .. } => {
+                add(format!("{name}: discharge"), "discharge", None);
+            }
+            ProbeAt::Point(_) => add(format!("{name}: head"), head, Some(ground.drop)),
+            ProbeAt::Line { .. } => {
+                add(format!("{name}: head"), head, Some(ground.drop));
+                if dry {
+                    add(format!("{name}: front"), "front", Some(height));
+                }
+            }
+            ProbeAt::WaterTable(_) => {
+                let axis = ["x", "y"][up];
+                add(format!("{name}: {axis}"), "phreatic line", Some(height));
+            }
+            ProbeAt::WaterBalance => {
+                add(format!("{name}: water_in"), "water", None);
+                add(format!("{name}: water_out"), "water", None);
+            }
+            ProbeAt::Uplift { axis, part, .. } if *axis == up => {
+                let width = width_of(seepage, part.as_ref(), across);
+                let force = weight * ground.drop * width;
+                add(format!("{name}: force"), "uplift", Some(force));
+                add(format!("{name}: torque_z"), "moment", Some(force * width));
+            }
+            ProbeAt::Structure { index, .. } => {
+                let of_water = scene.structures.iter().filter(|s| s.stops.water());
+                let parts = of_water.zip(ground.parts.iter());
+                let Some((_, [width, depth])) = parts.into_iter().nth(*index) else {
+                    continue;
+                };
+                let push = |size: f64| weight * ground.drop * size;
+                let [along, upright] = [across, up].map(|a| ["x", "y"][a]);
+                add(
+                    format!("{name}: fluid_force_{upright}"),
+                    "uplift on a structure",
+                    Some(push(*width)),
+                );
+                if *depth > 0.0 {
+                    let kind = "thrust on a structure";
+                    add(
+                        format!("{name}: fluid_force_{along}"),
+                        kind,
+                        Some(push(*depth)),
+                    );
+                }
+                add(
+                    format!("{name}: fluid_torque_z"),
+                    "moment on a structure",
+                    Some(push(*width) * width.max(*depth)),
+                );
+            }
+            ProbeAt::Uplift { .. } => add(format!("{name}: force"), "thrust on a plane", None),
+            ProbeAt::Heave(_) => add(format!("{name}: factor_of_safety"), "heave", None),
+            _ => {}
+        }
+    }
+    if seepage.is_transient() {
+        add("seepage.water_in".into(), "water", None);
+        add("seepage.water_out".into(), "water", None);
+    } else {
+        add("seepage.outflow".into(), "discharge", None);
+    }
+    for name in bounded_exits(scene, seepage, ground) {
+        add(
+            format!("seepage.exit_gradients.{name}.gradient"),
+            "exit gradient",
+            None,
+        );
+    }
+    answers
+}
+
+/// Returns the length of a part of a plane along an axis, within the grid \[m\].
+fn width_of(seepage: &Seepage, part: Option<&AlignedBox>, axis: usize) -> f64 {
+    let (low, h) = (seepage.origin[axis], seepage.spacing[axis]);
+    let high = low + real(seepage.cells[axis]) * h;
+    part.map_or(high - low, |part| {
+        part.to[axis].min(high) - part.from[axis].max(low)
+    })
+}
+
+/// Returns the names of the patches whose exit gradient is finite: each of their ends is an end of the ground or a
+/// wall that reaches the face. At any other end of a head the gradient grows without bound as cells become finer.
+fn bounded_exits<'a>(scene: &Scene, seepage: &'a Seepage, ground: &Ground) -> Vec<&'a str> {
+    let (up, along) = (ground.up, 1 - ground.up);
+    if seepage.written.unsaturated.is_some() {
+        return Vec::new();
+    }
+    let head = |patch: &crate::scene::seepage::SeepagePatch| match patch.condition {
+        darcy::Condition::Head { value } => Some(value),
+        _ => None,
+    };
+    let highest = seepage
+        .patches
+        .iter()
+        .filter_map(head)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let of_written = seepage.patches.iter().zip(&seepage.written.boundaries);
+    let found = of_written.filter(|(patch, written)| {
+        let leaves = head(patch).is_some_and(|head| head < highest);
+        let Some(extent) = written
+            .patch
+            .as_ref()
+            .filter(|_| leaves && patch.face.axis() == up)
+        else {
+            return false;
+        };
+        let low = seepage.origin[along];
+        let high = low + real(seepage.cells[along]) * seepage.spacing[along];
+        let near = 0.51 * seepage.spacing[along];
+        let level = seepage.origin[up]
+            + if patch.face.is_max() {
+                real(seepage.cells[up]) * seepage.spacing[up]
+            } else {
+                0.0
+            };
+        let ends = [extent.from.to_array()[along], extent.to.to_array()[along]];
+        ends.into_iter().all(|end| {
+            let outside = end <= low || end >= high;
+            let walled = scene
+                .structures
+                .iter()
+                .filter(|s| s.stops.water())
+                .any(|structure| {
+                    structure.solid.extents().any(|[from, to]| {
+                        let reaches = from[up] < level - seepage.spacing[up] && to[up] > level
+                            || !patch.face.is_max()
+                                && to[up] > level + seepage.spacing[up]
+                                && from[up] < level;
+                        reaches && from[along] - near <= end && end <= to[along] + near
+                    })
+                });
+            outside || walled
+        })
+    });
+    found.map(|(patch, _)| patch.name.as_str()).collect()
+}
+
+/// Returns the spacing with which a scene keeps a requested error, if the case states no cells and rows cover its
+/// answers. `scene` is the case on other cells. Edges of conditions lie on faces of cells if a spacing allows it.
+pub(super) fn spacing(
+    case: &Case,
+    scene: &Scene,
+    target: f64,
+    findings: &mut Findings,
+) -> Option<Spacing> {
+    let seepage = scene.seepage.as_ref()?;
+    let free = case.domain.spacing.is_none() && seepage.written.grid.is_none();
+    if !free || scene.has_solids() {
+        return None;
+    }
+    let ground = Ground::new(scene, case).ok()?;
+    let length = ground.lengths.first()?;
+    let base = ground.kind.trim_end_matches(WITHIN_CELLS).to_owned();
+    let answers = asked(scene, seepage, &ground);
+    // Length of the shortest length over one cell, in isotropic ground.
+    let isotropic = length.cells * scene.grid.spacing * ground.stretch;
+    // Layers may be thin, but not thinner than any measured one.
+    let layers = ground.lengths.iter().filter(|length| !length.counts);
+    let most = layers
+        .map(|layer| layer.cells * scene.grid.spacing / LEAST_LAYER)
+        .fold(f64::INFINITY, f64::min);
+    let wanted = |kind: &str| {
+        let bounds = answers.iter().filter_map(|answer| bound(kind, answer.kind));
+        let cells = bounds
+            .map(|bound| bound.cells_for(target, 0.0))
+            .reduce(f64::max)?;
+        Some(((isotropic / (cells * ground.stretch)).min(most), cells))
+    };
+    let sizes = &case.domain.size.0;
+    let coarsest = (sizes.iter().product::<f64>() / SEEPAGE_CELLS).sqrt();
+    let shortest = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    let reason = |cells: f64| {
+        format!(
+            "at least {} cells across the {} of {} m, for an error of {} %",
+            number(cells),
+            length.what,
+            number(length.size),
+            number(100.0 * target)
+        )
+    };
+    if let Some((h, cells)) = wanted(&base) {
+        let h = h.max(coarsest);
+        let least = (shortest / h - 1e-9).ceil().max(LEAST_CELLS);
+        let spacings = (0..=whole(least)).map(|more| shortest / (least + real(more)));
+        let mut fitting = spacings.filter(|h| sizes.iter().all(|size| fits_one(*size, *h)));
+        if let Some(h) = fitting.find(|h| ground.is_aligned([*h, *h])) {
+            return Some(Spacing::chosen(h, reason(cells)));
+        }
+    }
+    let (h, cells) = wanted(&format!("{base}{WITHIN_CELLS}"))?;
+    let h = h.max(coarsest).min(shortest / LEAST_CELLS);
+    whole_cells(case, h, reason(cells), findings)
+}
+
+/// Fewest cells along the shortest edge; the plan warns of fewer.
+const LEAST_CELLS: f64 = 5.0;
+
+#[cfg(test)]
+mod tests;
