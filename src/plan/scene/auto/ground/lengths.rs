@@ -378,6 +378,9 @@ impl<'a> Reader<'a> {
     /// Returns the kind of the ground.
     fn kind(&self) -> Result<&'static str, String> {
         let written = &self.seepage.written;
+        if written.terrain.is_some() {
+            return Err("no error was measured below a surface of the ground (`terrain`)".into());
+        }
         let held = |c: &Condition| {
             matches!(
                 c,
