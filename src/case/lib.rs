@@ -259,8 +259,10 @@ fn each_path(tree: &mut Value, with: &mut impl FnMut(&mut String)) {
     match tree {
         Value::Object(map) => {
             for (key, child) in map {
-                if matches!(key.as_str(), "file" | "mesh" | "raster" | "polygon" | "surface")
-                    && let Some(Value::String(path)) = child.get_mut("path")
+                if matches!(
+                    key.as_str(),
+                    "file" | "mesh" | "raster" | "polygon" | "surface"
+                ) && let Some(Value::String(path)) = child.get_mut("path")
                 {
                     with(path);
                 }

@@ -71,6 +71,7 @@ mod cut;
 mod exchange;
 mod facet;
 mod ghosts;
+mod jump;
 pub mod kind;
 pub(crate) mod lists;
 mod moments;
@@ -94,10 +95,11 @@ use bodies::Bodies;
 use cells::Cells;
 use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
+use jump::{CapillaryJump, NoJump};
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
 use lists::Plane;
 use stencil::with_set;
-use tension::{CapillaryJump, NoJump, SlabTension};
+use tension::SlabTension;
 
 /// Distance of a fill level from 0 or 1 below which a cell is empty or full at the start.
 const ROUND: f64 = 1e-9;
@@ -381,7 +383,10 @@ impl SlabSurface {
     pub fn bytes(&self) -> usize {
         self.cells.bytes()
             + self.bodies.as_ref().map_or(0, |bodies| bodies.bytes())
-            + self.tension.as_ref().map_or(0, |tension| tension.levels.bytes())
+            + self
+                .tension
+                .as_ref()
+                .map_or(0, |tension| tension.levels.bytes())
     }
 
     /// Returns the cells reached by the surface in the last step, with their velocities.

@@ -235,7 +235,13 @@ impl Scene {
         // Shapes are known before velocities: a fast flow may require finer cells than the shapes. The cells of a
         // seepage follow from its lengths and answers.
         let first = scene.as_ref();
-        match first.and_then(|scene| auto::spacing::second_spacing(case, scene)) {
+        match first.and_then(|scene| {
+            if scene.seepage.is_some() {
+                auto::ground::promised_spacing(case, scene)
+            } else {
+                auto::spacing::finer_spacing(case, scene)
+            }
+        }) {
             Some(other) => Self::resolve_at(case, &other, None, Findings::with_wrong(case, wrong)),
             None => (scene, findings),
         }

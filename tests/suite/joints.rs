@@ -403,10 +403,13 @@ fn forty_random_rock_masses_keep_their_water() {
     assert!(most > 100);
 }
 
-/// Returns a block in a socket of fixed rock on a slab whose edges have this length \[m\]; the pressure at the rim throws
-/// it out.
+/// Returns a block in a socket of fixed rock on a slab whose edges have this length \[m\]; the pressure at the rim
+/// throws it out.
 fn socket(slab: f64) -> Value {
-    let cuboid = |edges: [f64; 3], position: [f64; 3]| json!({"shape": {"cuboid": {"edges": edges}}, "position": position});
+    let cuboid = |edges: [f64; 3], position: [f64; 3]| {
+        let shape = json!({"cuboid": {"edges": edges}});
+        json!({"shape": shape, "position": position})
+    };
     let fixed = |from: [f64; 3], to: [f64; 3]| json!({"from": from, "to": to});
     json!({
         "domain": {"size": [0.8, 0.8, 0.8], "spacing": 0.1},

@@ -108,7 +108,7 @@ fn friction_on_both_faces_is_half_of_the_lost_pressure() {
     let mut with_strips = vec![RockLoad::default(); 2];
     let front = |piece: usize| {
         let x = flow.network().open[piece].middle.x;
-        (x < 1e-9 || x > SIDES[0] - 1e-9).then_some(if x < 1e-9 { 30.0 } else { 10.0 })
+        (!(1e-9..=SIDES[0] - 1e-9).contains(&x)).then_some(if x < 1e-9 { 30.0 } else { 10.0 })
     };
     add_wide_loads(&flow, None, front, &centroids, &mut with_strips);
     let strips = 0.004 / 6.0 * (30.0 + 10.0) * SIDES[1];

@@ -11,11 +11,11 @@
 use super::cells::Cells;
 use super::facet::{Facet, find};
 use super::ghosts::Around;
+use super::jump::Jump;
 use super::kind::{EMPTIES, ENCLOSED, FILLS, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface};
 use super::lists::Plane;
 use super::moments::{Moments, moments};
 use super::stencil::{Numbers, Stencil};
-use super::tension::Jump;
 use crate::lanes::Stored;
 use crate::lattice::Lattice;
 use crate::populations::Populations;

@@ -1,8 +1,8 @@
 //! Interface cells of each plane, and the parts of rows that contain water.
 
 use super::facet::Facet;
+use super::jump::Jump;
 use super::kind::{GAS, LIQUID, is_surface, is_wet};
-use super::tension::Jump;
 use base::number::to_u32;
 
 /// Number of cells of a row that are processed together: the widest vector of the pass.

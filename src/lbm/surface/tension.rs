@@ -2,7 +2,7 @@
 //!
 //! The pressure below a surface of mean curvature κ is σκ above that of the gas (Laplace). It enters the traction of
 //! [`super::facet`] as a density 3σκ at the surface, so that only the populations from the gas change: mass is
-//! conserved as without it. A surface without tension is compiled without any of it ([`Jump`]).
+//! conserved as without it. A surface without tension is compiled without any of it ([`super::jump`]).
 //!
 //! κ follows from height functions (S. J. Cummins, M. M. Francois, D. B. Kothe, Comput. Struct. 83 (2005) 425): sums of
 //! the fill levels along the axis closest to the normal, in three columns (in 3-D nine) of up to three cells to each
@@ -61,28 +61,6 @@ pub struct SurfaceTension {
     pub tension: f64,
     /// Contact angle at the lower and the upper end of each axis, in the water \[rad\].
     pub contact_angles: [[f64; 2]; 3],
-}
-
-/// Choice of a surface with or without a jump of the pressure.
-pub(super) trait Jump: Copy + Sync {
-    /// `true` for a surface with tension.
-    const ACTS: bool;
-}
-
-/// A surface without tension.
-#[derive(Clone, Copy)]
-pub(super) struct NoJump;
-
-impl Jump for NoJump {
-    const ACTS: bool = false;
-}
-
-/// A surface with tension.
-#[derive(Clone, Copy)]
-pub(super) struct CapillaryJump;
-
-impl Jump for CapillaryJump {
-    const ACTS: bool = true;
 }
 
 /// Surface tension of a slab.

@@ -5,13 +5,12 @@
 //! cells across it, at the cost of cells as small as a part of the narrowest joint. `auto` divides them at
 //! [`TAKEOVER_CELLS`]; `jobs/verification/wide-joint` has errors and costs of both.
 
-use super::blocks::PlacedBlocks;
+use super::blocks::{PlacedBlocks, RockBlock};
 use super::grid::Grid;
-use super::joints::{pair_limits, rocks};
 use case::Case;
 use case::fluid::Fluid;
-use case::joints::{JointMethod, LatticeJoints};
-use joints::pairs::joints;
+use case::joints::{JointMethod, JointSettings, LatticeJoints};
+use joints::pairs::{PairLimits, Rock, joints};
 use serde::Serialize;
 
 /// Aperture up to which a joint is left to the network by `auto`, and above which the lattice takes over from the
@@ -133,5 +132,26 @@ impl JointMethods {
         let [low, _] = self.network.cells_across;
         // A closed joint would need cells of its roughness.
         (TAKEOVER_CELLS / low.max(1e-3)).max(1.0).powi(4)
+    }
+}
+
+/// Returns the blocks in the form that the network reads.
+pub(super) fn rocks(blocks: &PlacedBlocks) -> Vec<Rock<'_>> {
+    fn rock(block: &RockBlock) -> Rock<'_> {
+        let solid = &block.solid;
+        Rock {
+            shape: &solid.shape,
+            position: solid.position,
+            orientation: solid.orientation,
+        }
+    }
+    blocks.list.iter().map(rock).collect()
+}
+
+/// Returns the limits within which faces form joints.
+pub(super) fn pair_limits(joints: &JointSettings) -> PairLimits {
+    PairLimits {
+        distance: joints.largest_aperture,
+        angle: joints.largest_angle_degrees.to_radians(),
     }
 }

@@ -2,23 +2,23 @@
 //! boxes.
 
 use super::block::AlignedBox;
-use super::blocks::{PlacedBlocks, RockBlock};
+use super::blocks::PlacedBlocks;
 use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
 use super::flow::Flow;
 use super::grid::Grid;
-use super::joint_methods::{JointMethods, WIDE};
+use super::joint_methods::{JointMethods, WIDE, pair_limits, rocks};
 use super::unique;
 use base::error::Remedy;
 use case::Case;
 use case::coupling::Coupling;
 use case::fluid::{Device, Fluid, Precision};
-use case::joints::{JointNetwork, JointSettings};
+use case::joints::JointNetwork;
 use joints::flow::{FlowSettings, JointFlow};
 use joints::history::PressureHistory;
 use joints::motion::Mover;
 use joints::network::{Network, NetworkSettings, UnderLattice};
-use joints::pairs::{PairLimits, Rock};
+use joints::pairs::PairLimits;
 use joints::water::Mixture;
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -275,27 +275,6 @@ impl JointScene {
                 );
             }
         }
-    }
-}
-
-/// Returns the blocks in the form that the network reads.
-pub(super) fn rocks(blocks: &PlacedBlocks) -> Vec<Rock<'_>> {
-    fn rock(block: &RockBlock) -> Rock<'_> {
-        let solid = &block.solid;
-        Rock {
-            shape: &solid.shape,
-            position: solid.position,
-            orientation: solid.orientation,
-        }
-    }
-    blocks.list.iter().map(rock).collect()
-}
-
-/// Returns the limits within which faces form joints.
-pub(super) fn pair_limits(joints: &JointSettings) -> PairLimits {
-    PairLimits {
-        distance: joints.largest_aperture,
-        angle: joints.largest_angle_degrees.to_radians(),
     }
 }
 

@@ -246,12 +246,7 @@ fn waves_have_the_frequency_of_gravity_and_tension() {
 /// Batchelor, An introduction to fluid dynamics, section 1.9).
 #[test]
 fn a_meniscus_has_its_height() {
-    for (degrees, length) in [
-        (30.0_f64, 5.0),
-        (30.0, 10.0),
-        (120.0, 10.0),
-        (150.0, 10.0),
-    ] {
+    for (degrees, length) in [(30.0_f64, 5.0), (30.0, 10.0), (120.0, 10.0), (150.0, 10.0)] {
         let tension = 4e-3;
         let gravity = tension / (length * length);
         let mut tank = Tank::new([60, 48, 1]);

@@ -22,6 +22,7 @@
 mod lengths;
 
 use super::bound::{Bound, Point};
+use super::requested_accuracy;
 use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
 use crate::scene::Scene;
 use crate::scene::block::AlignedBox;
@@ -420,6 +421,16 @@ fn bounded_exits<'a>(scene: &Scene, seepage: &'a Seepage, ground: &Ground) -> Ve
         })
     });
     found.map(|(patch, _)| patch.name.as_str()).collect()
+}
+
+/// Returns the spacing for which the plan promises the requested error of a seepage, if it differs from that of the
+/// scene.
+pub(crate) fn promised_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
+    let target = requested_accuracy(case)?.target();
+    // Findings about the sizes were already reported for the first cells.
+    let found = spacing(case, scene, target, &mut Findings::new(case))?;
+    let changes = (found.value / scene.grid.spacing - 1.0).abs() > 1e-9;
+    changes.then_some(found)
 }
 
 /// Returns the spacing with which a scene keeps a requested error, if the case states no cells and rows cover its

@@ -3,7 +3,7 @@
 
 use super::bound::Bound;
 use super::features::{self, Feature};
-use super::{Chosen, ground, requested_accuracy, step};
+use super::{Chosen, requested_accuracy, step};
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::{Scene, sample};
 use base::error::Remedy;
@@ -124,16 +124,8 @@ pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
     whole_cells(case, wanted, reason, findings)
 }
 
-/// Returns the spacing that replaces that of the scene: a finer one if its velocities require it, and in seepage the
-/// one for which the plan promises the requested error.
-pub(crate) fn second_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
-    if scene.seepage.is_some() {
-        let target = requested_accuracy(case)?.target();
-        // Findings about the sizes were already reported for the first cells.
-        let found = ground::spacing(case, scene, target, &mut Findings::new(case))?;
-        let changes = (found.value / scene.grid.spacing - 1.0).abs() > 1e-9;
-        return changes.then_some(found);
-    }
+/// Returns a finer spacing than that of the scene, if its velocities require one.
+pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
     let lbm = features::lattice(case).filter(|_| case.domain.spacing.is_none())?;
     let flow = scene.flow.as_ref()?;
     let speed = step::fastest(scene, flow)?.value;

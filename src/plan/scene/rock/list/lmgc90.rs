@@ -133,7 +133,7 @@ fn position(lines: &[(usize, &str)]) -> Result<Vector3<f64>, String> {
     let node = lines.iter().position(|(_, line)| line.starts_with("NO6xx"));
     let node = node.ok_or(missing)?;
     let turned = values::<f64, 3>(*lines.get(node + 1).ok_or(missing)?)?;
-    if turned != [0.0; 3] {
+    if turned.iter().any(|angle| angle.abs() > 0.0) {
         return Err(
             "the body is turned (coo4, coo5, coo6); write its corners where they are".into(),
         );
