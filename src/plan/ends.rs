@@ -2,12 +2,19 @@
 //!
 //! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k,
 //! water leaks into a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27,
-//! 198, 1946; J. Bear, Hydraulics of Groundwater, 1979, section 5-5). In uniform ground of depth D it enters over λ =
-//! 2 D/π, the length of the slowest mode, cos(π z/2D) exp(-π x/2D). An end at the distance L beyond the last edge of
-//! an imposed head adds the resistance of a length λ coth(L/λ) instead of λ. Between the heads lies the base B:
+//! 198, 1946; J. Bear, Hydraulics of Groundwater, 1979, section 5-5). An end at the distance L beyond the last edge of
+//! an imposed head adds the resistance of a length E(L) = λ coth(L/λ) instead of E(∞) = λ. In uniform ground of depth D
+//! the conformal map cosh(π (x + i z)/D) of the strip gives the length of the entrance, and λ = 2 D/π is the length of
+//! the slowest mode, cos(π z/2D) exp(-π x/2D):
 //!
 //! ```text
-//! q(L) / q(∞) = (B + 2 λ) / (B + λ coth(L1/λ) + λ coth(L2/λ))
+//! E(L) = L - (2 D/π) ln sinh(π L/2D),     E(∞) = (2 ln 2/π) D
+//! ```
+//!
+//! Between the heads lies the base B:
+//!
+//! ```text
+//! q(L) / q(∞) = (B + 2 E(∞)) / (B + E(L1) + E(L2))
 //! ```
 //!
 //! At L = 3 λ an end reduces the discharge by less than 1 %. The formula needs layers along the axis of gravity
@@ -20,6 +27,7 @@ use base::number::real;
 use case::darcy::ZonePermeability;
 use case::geometry::{Axis, Region};
 use darcy::Condition;
+use std::f64::consts::{FRAC_2_PI, LN_2};
 
 /// Relative loss of discharge above which the plan warns.
 const WARNED_LOSS: f64 = 0.02;
@@ -33,12 +41,13 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let Some(conductivity) = layers(scene, seepage, up) else {
         return;
     };
-    let length = leakage_length(&conductivity, seepage.spacing[up]);
+    let entrance = Entrance::new(&conductivity, seepage.spacing[up]);
+    let length = entrance.length();
     for axis in (0..dimension).filter(|axis| *axis != up) {
         let Some(ends) = Ends::find(seepage, axis) else {
             continue;
         };
-        let loss = ends.loss(length);
+        let loss = ends.loss(entrance);
         if loss < WARNED_LOSS {
             continue;
         }
@@ -47,12 +56,11 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
         findings.warn(
             &format!("domain.size[{axis}]"),
             format!(
-                "the closed ends along {name} lie {} m from the imposed heads, and the leakage length of the ground \
-                 is {} m: \
-                 the discharge is about {} % below that of ground without ends",
+                "the closed ends along {name} lie {} m from the edges of the imposed heads, and the leakage length of \
+                 the ground is {} m: the discharge is about {} % below that of ground without ends",
                 number(shortest.unwrap_or(0.0)),
                 number(length),
-                number(100.0 * loss)
+                (100.0 * loss).round()
             ),
             format!(
                 "place the ends at least {} m (three leakage lengths) from the heads, or impose at the ends the \
@@ -82,7 +90,7 @@ impl FarEnds {
     pub fn find(scene: &Scene, seepage: &Seepage) -> Option<Self> {
         let up = scene.grid.dimension - 1;
         let length = layers(scene, seepage, up).map_or(0.0, |conductivity| {
-            leakage_length(&conductivity, seepage.spacing[up])
+            Entrance::new(&conductivity, seepage.spacing[up]).length()
         });
         (0..up).find_map(|axis| {
             let ends = Ends::find(seepage, axis)?;
@@ -140,13 +148,68 @@ impl Ends {
         })
     }
 
-    /// Returns the relative loss of discharge caused by the ends, for a leakage length \[m\].
-    fn loss(&self, length: f64) -> f64 {
-        let entry = |distance: &Option<f64>| {
-            distance.map_or(length, |distance| length / (distance / length).tanh())
-        };
+    /// Returns the relative loss of discharge caused by the ends.
+    fn loss(&self, entrance: Entrance) -> f64 {
+        let far = entrance.far();
+        let entry = |distance: &Option<f64>| distance.map_or(far, |at| entrance.closed_at(at));
         let closed: f64 = self.distances.iter().map(entry).sum();
-        1.0 - (self.base + 2.0 * length) / (self.base + closed)
+        1.0 - (self.base + 2.0 * far) / (self.base + closed)
+    }
+}
+
+/// Way of the water into the ground below an imposed head.
+#[derive(Clone, Copy, Debug)]
+enum Entrance {
+    /// Through a cover, over this leakage length \[m\].
+    Cover(f64),
+    /// Into uniform ground of this depth \[m\].
+    Uniform(f64),
+}
+
+impl Entrance {
+    /// Returns the entrance of layers of equal thickness \[m\] with these conductivities, from the lowest to the highest.
+    fn new(conductivity: &[f64], thickness: f64) -> Self {
+        let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
+        let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
+        let depth = (transmissivity(conductivity) * resistance(conductivity)).sqrt();
+        let leaks = (1..conductivity.len()).map(|split| {
+            let (below, cover) = conductivity.split_at(split);
+            (transmissivity(below) * resistance(cover)).sqrt()
+        });
+        let leak = leaks.fold(0.0, f64::max);
+        if leak > FRAC_2_PI * depth {
+            Self::Cover(leak)
+        } else {
+            Self::Uniform(depth)
+        }
+    }
+
+    /// Returns the leakage length \[m\].
+    fn length(self) -> f64 {
+        match self {
+            Self::Cover(length) => length,
+            Self::Uniform(depth) => FRAC_2_PI * depth,
+        }
+    }
+
+    /// Returns the length of ground with the resistance of the entrance below a head without end \[m\].
+    fn far(self) -> f64 {
+        match self {
+            Self::Cover(length) => length,
+            Self::Uniform(depth) => FRAC_2_PI * LN_2 * depth,
+        }
+    }
+
+    /// Returns this length below a head that ends at a closed end \[m\].
+    fn closed_at(self, distance: f64) -> f64 {
+        match self {
+            Self::Cover(length) => length / (distance / length).tanh(),
+            Self::Uniform(depth) => {
+                let modes = distance / (FRAC_2_PI * depth);
+                // L - λ ln sinh(L/λ) without the overflow of the hyperbolic sine.
+                FRAC_2_PI * depth * (LN_2 - (-(-2.0 * modes).exp()).ln_1p())
+            }
+        }
     }
 }
 
@@ -184,19 +247,6 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     found.into_iter().collect()
 }
 
-/// Returns the leakage length \[m\] of layers of equal thickness \[m\] with these conductivities, from the lowest to
-/// the highest.
-fn leakage_length(conductivity: &[f64], thickness: f64) -> f64 {
-    let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
-    let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
-    let of_all = (transmissivity(conductivity) * resistance(conductivity)).sqrt();
-    let leaks = (1..conductivity.len()).map(|split| {
-        let (below, cover) = conductivity.split_at(split);
-        (transmissivity(below) * resistance(cover)).sqrt()
-    });
-    leaks.fold(std::f64::consts::FRAC_2_PI * of_all, f64::max)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -210,10 +260,25 @@ mod tests {
     fn leakage_lengths_of_a_cover_and_of_uniform_ground() {
         // Two metres of 1e-3 m/s under one metre of 1e-6 m/s: (2e-3 * 1e6)^(1/2).
         let layered = [1e-3, 1e-3, 1e-6];
-        assert!((leakage_length(&layered, 1.0) / 2000_f64.sqrt() - 1.0).abs() < 0.01);
+        let length = |layers: &[f64], thickness| Entrance::new(layers, thickness).length();
+        assert!((length(&layered, 1.0) / 2000_f64.sqrt() - 1.0).abs() < 0.01);
         let uniform = [1e-5; 40];
         let exact = 2.0 * 10.0 / std::f64::consts::PI;
-        assert!((leakage_length(&uniform, 0.25) / exact - 1.0).abs() < 1e-12);
+        assert!((length(&uniform, 0.25) / exact - 1.0).abs() < 1e-12);
+    }
+
+    /// Checks the entrance into uniform ground against the elliptic integrals of a head of length L at a closed end: the
+    /// map cosh(π x/D) gives L + D/π ln(2/(cosh(π L/D) - 1)).
+    #[test]
+    fn the_entrance_into_uniform_ground_is_that_of_its_conformal_map() {
+        use std::f64::consts::PI;
+        let entrance = Entrance::Uniform(10.0);
+        for length in [1.0, 5.0, 10.0, 30.0_f64] {
+            let exact = length + 10.0 / PI * (2.0 / ((PI * length / 10.0).cosh() - 1.0)).ln();
+            let found = entrance.closed_at(length);
+            assert!((found - exact).abs() < 1e-9, "{length}: {found} {exact}");
+        }
+        assert!((entrance.closed_at(1e4) - entrance.far()).abs() < 1e-12);
     }
 
     #[test]
@@ -222,9 +287,10 @@ mod tests {
             distances: [Some(distance), Some(distance)],
             base: 20.0,
         };
-        assert!(ends(400.0).loss(40.0) < 1e-8);
-        assert!(ends(120.0).loss(40.0) < 0.005);
-        let near = ends(20.0).loss(40.0);
+        let cover = Entrance::Cover(40.0);
+        assert!(ends(400.0).loss(cover) < 1e-8);
+        assert!(ends(120.0).loss(cover) < 0.005);
+        let near = ends(20.0).loss(cover);
         let exact = 1.0 - (20.0 + 80.0) / (20.0 + 80.0 / 0.5_f64.tanh());
         assert!((near - exact).abs() < 1e-12 && near > 0.4);
     }
