@@ -51,6 +51,18 @@ fn length(text: &str) -> Option<f64> {
     found.map(|(_, over)| *over)
 }
 
+fn time(text: &str) -> Option<f64> {
+    match text.to_lowercase().as_str() {
+        "s" | "sec" | "second" | "seconds" => Some(1.0),
+        "ms" => Some(1e3),
+        "min" | "minute" | "minutes" => Some(1.0 / 60.0),
+        "h" | "hr" | "hour" | "hours" => Some(1.0 / 3600.0),
+        "d" | "day" | "days" => Some(1.0 / 86_400.0),
+        "a" | "year" | "years" => Some(1.0 / 31_557_600.0),
+        _ => None,
+    }
+}
+
 impl Unit {
     /// Returns the SI unit of numbers without a stated unit.
     const fn name(self) -> &'static str {
@@ -78,7 +90,10 @@ impl Unit {
         let per_second = || text.strip_suffix("/s").or_else(|| text.strip_suffix("s-1"));
         match self {
             Self::Length => length(&text),
-            Self::Velocity => per_second().and_then(length),
+            Self::Velocity => match text.split_once('/') {
+                Some((way, span)) => Some(length(way)? / time(span)?),
+                None => per_second().and_then(length),
+            },
             Self::Rotation => match text.as_str() {
                 "rpm" => Some(30.0 / std::f64::consts::PI),
                 _ => match per_second()? {
@@ -95,14 +110,7 @@ impl Unit {
                     .and_then(length)
                     .map(|over| over * over),
             },
-            Self::Time => match text.to_lowercase().as_str() {
-                "s" | "sec" | "second" | "seconds" => Some(1.0),
-                "ms" => Some(1e3),
-                "min" | "minute" | "minutes" => Some(1.0 / 60.0),
-                "h" | "hr" | "hour" | "hours" => Some(1.0 / 3600.0),
-                "d" | "day" | "days" => Some(1.0 / 86_400.0),
-                _ => None,
-            },
+            Self::Time => time(&text),
             Self::Ratio => match text.as_str() {
                 "1" => Some(1.0),
                 "%" => Some(100.0),
@@ -648,5 +656,28 @@ impl SheetRow<'_> {
             name.map_or(known, String::as_str),
             text.chars().take(24).collect::<String>()
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checks velocities in the units of geotechnical reports.
+    #[test]
+    fn velocities_have_any_length_and_time() {
+        for (unit, over) in [
+            ("m/s", 1.0),
+            ("cm/s", 100.0),
+            ("mm s-1", 1e3),
+            ("m/d", 86_400.0),
+            ("m/day", 86_400.0),
+            ("mm/h", 3.6e6),
+        ] {
+            let found = Unit::Velocity.divisor(unit).unwrap();
+            assert!((found / over - 1.0).abs() < 1e-12, "{unit}: {found}");
+        }
+        assert!(Unit::Velocity.divisor("m").is_none());
+        assert!(Unit::Velocity.divisor("m/kg").is_none());
     }
 }
