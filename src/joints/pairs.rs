@@ -10,7 +10,6 @@
 //! thinnest block ([`PairLimits::distance`]).
 //!
 //! A joint that is known stays one while its faces open, at any distance, until they no longer overlap or have turned
-//! A joint that is known stays one while its faces open, at any distance, until they no longer overlap or have turned
 //! by 45 degrees ([`joints_after`]).
 //!
 //! **Order.** Blocks come in the order of their ids, and the pairs in the order of blocks and faces, so that the

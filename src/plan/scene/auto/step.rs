@@ -492,7 +492,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
     if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
         let reason = format!(
             "at this viscosity and speed the relaxation time is tau = {tau:.5}; the operator trt is stable for \
-             tau of {least} and above"
+             tau of {least:.5} and above"
         );
         let path = format!("{PATH}.kinematic_viscosity");
         // A stated value is used, with a warning.

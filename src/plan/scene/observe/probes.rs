@@ -366,7 +366,11 @@ impl Measured<'_> {
             findings.error(
                 path,
                 "no structure with this name stops water",
-                format!("structures here: {}", names.join(", ")),
+                if names.is_empty() {
+                    "add a structure to `structures` that stops water".to_owned()
+                } else {
+                    format!("use one of: {}", names.join(", "))
+                },
             );
             findings.depends(&["structures"]);
         }
