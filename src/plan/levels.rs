@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn a_level_is_unstable_where_runs_failed() {
         assert!(!found(3e-3, &[]).contains("levels that differ"));
-        let problem = found(1e-3, &[]);
+        let problem = found(1.1e-3, &[]);
         assert!(problem.contains("levels that differ by 0.1 m"), "{problem}");
         assert!(problem.contains("use the operator `bgk`"), "{problem}");
         let bgk = r#"fluid.lattice_boltzmann.collision={"bgk": {}}"#.to_owned();

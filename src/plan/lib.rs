@@ -565,12 +565,13 @@ mod tests {
     use std::path::Path;
 
     /// Returns the findings on the end of the drawdown, with a solid time step \[s\] and an end \[s\]. An interval of
-    /// the seepage is ten solid steps.
+    /// the seepage is stated as ten solid steps.
     fn findings(step: f64, end: f64) -> Vec<Problem> {
         let text = case::examples::find("drawdown").unwrap().text;
         let set = [
             format!("time.solid_time_step={step}"),
             format!("time.end={end}"),
+            "fluid.darcy.coupling_interval=10".to_owned(),
         ];
         let document = Document::read(text, &set, Path::new(".")).unwrap();
         let warnings = Plan::prepare(document).unwrap().warnings.into_iter();

@@ -529,7 +529,9 @@ mod tests {
         }
         assert!(net.key(8).contains("0.125 m of head"), "{}", net.key(8));
         let text = net.draw(8, &Ground::default(), None, |p| p);
-        assert_eq!(text.matches("<text").count(), 7);
+        // Each label has a rim of its own.
+        assert_eq!(text.matches("fill=\"#222\"").count(), 7);
+        assert_eq!(text.matches("stroke=\"white\"").count(), 7);
     }
 
     #[test]
