@@ -167,7 +167,8 @@ enum Entrance {
 }
 
 impl Entrance {
-    /// Returns the entrance of layers of equal thickness \[m\] with these conductivities, from the lowest to the highest.
+    /// Returns the entrance of layers of equal thickness \[m\] with these conductivities, from the lowest to the
+    /// highest.
     fn new(conductivity: &[f64], thickness: f64) -> Self {
         let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
         let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
@@ -267,8 +268,8 @@ mod tests {
         assert!((length(&uniform, 0.25) / exact - 1.0).abs() < 1e-12);
     }
 
-    /// Checks the entrance into uniform ground against the elliptic integrals of a head of length L at a closed end: the
-    /// map cosh(π x/D) gives L + D/π ln(2/(cosh(π L/D) - 1)).
+    /// Checks the entrance into uniform ground against a head of length L at a closed end: the map cosh(π x/D) gives
+    /// L + D/π ln(2/(cosh(π L/D) - 1)).
     #[test]
     fn the_entrance_into_uniform_ground_is_that_of_its_conformal_map() {
         use std::f64::consts::PI;
