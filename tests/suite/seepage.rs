@@ -382,7 +382,7 @@ fn the_loss_by_near_ends_is_the_one_that_the_plan_states() {
     };
     let (far, quiet) = inflow(400.0);
     assert!(!quiet.contains("leakage length"), "{quiet}");
-    for (beyond, stated) in [(20.0, "53."), (40.0, "24.")] {
+    for (beyond, stated) in [(20.0, "53 %"), (40.0, "25 %")] {
         let (near, told) = inflow(beyond);
         assert!(
             told.contains("leakage length of the ground is 44.72 m"),
