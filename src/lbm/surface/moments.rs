@@ -3,7 +3,7 @@
 use crate::lanes::Stored;
 use crate::populations::Populations;
 
-/// Density, velocity without the force, and the traceless non-equilibrium second moment: xx, yy, zz, xy, xz, yz.
+/// Density, velocity without the force, and the second moment less that of the equilibrium: xx, yy, zz, xy, xz, yz.
 pub(super) type Moments = [f64; 10];
 
 /// Pairs of axes of the second moments, in their order.
@@ -25,9 +25,11 @@ pub(super) fn from_sums(
     for (sum, [a, b]) in second.iter_mut().zip(PAIRS) {
         *sum -= momentum[a] * velocity[b];
     }
-    let trace = second[..dimension].iter().sum::<f64>() / base::number::real(dimension);
+    // The trace remains: a fast shear flow has a moment of higher order along itself only (I. Ginzburg, D. d'Humières,
+    // Phys. Rev. E 68 (2003) 066614: the even part of third order grows with the odd relaxation time). Without the trace
+    // half of it would act along the normal, as a stress and as a velocity of the surface that are not there.
     for sum in &mut second[..dimension] {
-        *sum -= trace;
+        *sum -= density / 3.0;
     }
     let [x, y, z] = velocity;
     let [xx, yy, zz, xy, xz, yz] = second;
