@@ -33,12 +33,20 @@ impl<S: Stored> Boundaries<S> {
     #[must_use]
     pub fn fluxes(&self, populations: &Populations<S>) -> Vec<Flux> {
         let mut fluxes = Vec::new();
-        self.fluxes_into(populations, &mut fluxes);
+        self.fluxes_into(populations, |_| true, &mut fluxes);
         fluxes
     }
 
-    /// Computes [`Self::fluxes`] into a reusable list.
-    pub fn fluxes_into(&self, populations: &Populations<S>, fluxes: &mut Vec<Flux>) {
+    /// Computes [`Self::fluxes`] into a reusable list; `wet` returns `true` for the positions of cells with water.
+    ///
+    /// A symmetry plane joins two cells. If one of them has no water, the surface of the water crosses the link, and
+    /// the other one exchanges momentum with the gas instead of the face.
+    pub fn fluxes_into(
+        &self,
+        populations: &Populations<S>,
+        wet: impl Fn(usize) -> bool,
+        fluxes: &mut Vec<Flux>,
+    ) {
         fluxes.clear();
         fluxes.resize(self.patches.len(), Flux::default());
         let velocities = populations.velocities();
@@ -49,7 +57,10 @@ impl<S: Stored> Boundaries<S> {
                 into,
                 cells,
             } = exchange;
-            let [(a, i), (b, j)] = [out, into];
+            let [(mut a, i), (mut b, j)] = [out, into];
+            if cells[0] != cells[1] && wet(cells[0] as usize) != wet(cells[1] as usize) {
+                (a, b) = (0.0, 0.0);
+            }
             let (leaves, enters) = (
                 i128::from(quanta(a + velocities.w[i])),
                 i128::from(quanta(b + velocities.w[j])),

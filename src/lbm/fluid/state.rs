@@ -174,7 +174,8 @@ impl<S: Stored> Fluid<S> {
 
     /// Computes [`Self::fluxes`] into a reusable list.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
-        self.boundaries.fluxes_into(&self.populations, fluxes);
+        let wet = |cell| self.holds_water(cell);
+        self.boundaries.fluxes_into(&self.populations, wet, fluxes);
         for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_last()) {
             fluxes[patch].mass = -entered;
         }
