@@ -58,6 +58,7 @@
 //! | `carried` | cells whose centres lie outside the water |
 //! | `exchange` | exchange of mass and reconstruction |
 //! | `conversion` | conversions between kinds |
+//! | `strips` | exchange of values with the neighbours, next to the surface |
 //! | `stencil` | numbers and neighbours of a cell at fixed distances |
 //! | `opening` | openings: inflow and outflow |
 //! | `tension` | surface tension with a contact angle |
@@ -78,6 +79,7 @@ mod moments;
 mod momentum;
 mod opening;
 mod stencil;
+mod strips;
 mod tension;
 
 pub use ghosts::Ends;
@@ -221,7 +223,7 @@ impl SlabSurface {
             self.cells.kind[cell] = kind;
             self.cells.mass[cell] = mass;
         }
-        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         let open = |cells: &Cells, cell: usize| {
             cells.kind[cell] == LIQUID && cells.count_neighbours(cell, |kind| kind == GAS) > 0
         };
@@ -354,6 +356,13 @@ impl SlabSurface {
         self.planes.iter().map(|plane| plane.surface.len()).sum()
     }
 
+    /// Returns the number of cells with water, in whole vectors, and of interface cells of each plane of the slab.
+    pub fn cells_of_planes(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.planes
+            .iter()
+            .map(|plane| [plane.wet(), plane.surface.len()])
+    }
+
     /// Returns the mass of the water of this rank in quanta; bodies replace water of density 1.
     #[must_use]
     pub fn mass<S: Stored>(&self, populations: &Populations<S>) -> i128 {
@@ -428,7 +437,7 @@ impl SlabSurface {
             }
         }
         let count = populations.cells();
-        for &cell in ghosts.all() {
+        for cell in ghosts.live() {
             let kind = cells.kind[cell as usize];
             if !is_surface(kind) && kind != HELD {
                 continue;
@@ -547,7 +556,7 @@ impl SlabSurface {
     pub(crate) fn finish<S: Stored>(&mut self, populations: &mut Populations<S>) {
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
-        self.ghosts.exchange_moments(shore);
+        self.ghosts.exchange_moments(false, shore);
         let (cells, around) = (&mut self.cells, self.ghosts.around());
         let planes = &mut self.planes[..];
         if self.tension.is_some() {
@@ -563,7 +572,7 @@ impl SlabSurface {
         }
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
-        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         let kinds = &self.cells.kind;
         let of_surface = |cell: usize| {
             if is_surface(kinds[cell]) {
@@ -572,9 +581,9 @@ impl SlabSurface {
                 [0.0; 10]
             }
         };
-        self.ghosts.exchange_moments(of_surface);
+        self.ghosts.exchange_moments(false, of_surface);
         self.work.resolve(&mut self.cells);
-        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         self.work.convert(
             &mut self.cells,
             &mut self.planes,
@@ -591,13 +600,14 @@ impl SlabSurface {
 
     /// Distributes excess mass. Collective.
     fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
-        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         self.lost += self.work.distribute(&mut self.cells);
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
         let cells = &self.cells;
         let shore = |cell: usize| exchange::shore(cells, populations, cell);
-        self.ghosts.spread_values(&mut fill, &mut share, shore);
+        let values = [&mut fill[..], &mut share[..]];
+        self.ghosts.spread_values(&self.cells.kind, values, shore);
         (self.cells.fill, self.cells.share) = (fill, share);
         self.work
             .mark_takers(&mut self.cells, &self.ghosts, populations);
@@ -606,7 +616,7 @@ impl SlabSurface {
     /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.unsettled = false;
-        self.ghosts.spread_kinds(&mut self.cells.kind);
+        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
         let planes = &mut self.planes[..];

@@ -399,11 +399,11 @@ impl SlabSurface {
             }
             bodies.find_filled(&self.cells, &taken_away);
             self.fill_cells(populations, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind);
+            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
             self.open_cells(populations, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind);
+            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
             self.hold_cells(populations, cover, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind);
+            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
             if bodies.known {
                 bodies.push(&mut self.cells, populations, cover);
             } else {
@@ -511,7 +511,8 @@ impl SlabSurface {
             kind if is_wet(kind) => moments(populations, cell),
             _ => [0.0; 10],
         };
-        self.ghosts.exchange_moments(of_flow);
+        // Bodies are held by water far from the surface too.
+        self.ghosts.exchange_moments(true, of_flow);
         let mut changes = Vec::new();
         bodies.newly_held.clear();
         let water = |kind: u8| kind == LIQUID || is_surface(kind);

@@ -81,7 +81,7 @@ pub(super) fn link<L: Lattice<Q>, S: Stored, const Q: usize>(
     jump: impl Jump,
 ) {
     beyond.clear();
-    let surface = ghosts.all().iter().map(|&cell| cell as usize);
+    let surface = ghosts.live().map(|cell| cell as usize);
     for cell in surface.filter(|&cell| is_surface(cells.kind[cell])) {
         let of_cell = |cell| carrier(cells, planes, populations, cell);
         if let Some(carrier) = ghosts.around().carrier(populations, cell, of_cell) {

@@ -91,7 +91,7 @@ impl Work {
                 mark(cells.neighbour(cell as usize, i), cells);
             }
         }
-        for &ghost in ghosts.all() {
+        for ghost in ghosts.live() {
             let ghost = ghost as usize;
             if cells.share[ghost] != 0.0 {
                 for i in inside(populations, ghost) {
@@ -147,13 +147,13 @@ impl Work {
             let at = populations.coordinates(cell as usize);
             planes[at[slow].unsigned_abs()].changed = true;
         };
-        let beyond = ghosts.all().iter();
-        let beyond = beyond.filter(|&&cell| matches!(cells.kind[cell as usize], FILLS | EMPTIES));
+        let beyond = ghosts.live();
+        let beyond = beyond.filter(|&cell| matches!(cells.kind[cell as usize], FILLS | EMPTIES));
         let sources: Vec<u32> = if self.fills.is_empty() && self.empties.is_empty() {
-            beyond.copied().collect()
+            beyond.collect()
         } else {
             let own = self.fills.iter().chain(&self.empties);
-            own.chain(beyond).copied().collect()
+            own.copied().chain(beyond).collect()
         };
         for source in sources {
             let source = source as usize;

@@ -5,17 +5,25 @@
 
 use super::carrier::{Carrier, NUMBERS};
 use super::cells::Cells;
-use super::kind::SOLID;
+use super::kind::{HELD, LIQUID, SOLID, is_wet};
+use super::lists::Plane;
 use super::moments::{Moments, mirrored};
+use super::strips::{Strips, Tags};
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::number::{to_u32, to_usize};
 use decomposition::{Domain, HaloBytes, HaloExchange};
+use std::ops::Range;
 
-/// Message tags of the kinds, and of the values.
-const TAGS: [u8; 2] = [3, 4];
+/// Message tag of the kinds.
+const TAG: u8 = 3;
+/// Message tags of the values.
+const VALUE_TAGS: Tags = [41, 42];
 /// Number of values of a cell in a message: its moments, and two more.
 const VALUES: usize = 12;
+/// Number of steps for which the ghost cells next to a plane are updated after its last water has left: the excess
+/// mass of the last cells is distributed, received and cleared.
+const LINGER: u8 = 3;
 
 /// Conditions at the ends of the slab.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +32,15 @@ pub struct Ends {
     pub periodic: [bool; 3],
     /// `true` for each end of an axis that is a symmetry plane.
     pub mirrored: [[bool; 2]; 3],
+}
+
+/// Marks moments as unknown in builds with checks: those that are not sent must not be used.
+fn forget(moments: &mut [Vec<Moments>; 2]) {
+    if cfg!(debug_assertions) {
+        moments
+            .iter_mut()
+            .for_each(|plane| plane.fill([f64::NAN; 10]));
+    }
 }
 
 /// Source of the state of a ghost cell.
@@ -51,7 +68,7 @@ pub(super) struct Around {
 /// Exchange of the state.
 pub(super) struct Ghosts {
     kinds: HaloExchange,
-    values: HaloExchange,
+    values: Strips,
     around: Around,
     /// Positions of the cells of a plane relative to its first cell.
     plane: Vec<usize>,
@@ -59,8 +76,13 @@ pub(super) struct Ghosts {
     planes: [usize; 4],
     /// Pairs of ghost cell and source cell, in the order in which they are copied.
     copies: Vec<[u32; 2]>,
-    /// Positions of all ghost cells that may hold water.
+    /// Copies from one plane, by index; those before the first group are made always.
+    groups: Vec<(usize, Range<usize>)>,
+    /// Positions of all ghost cells that may hold water, ascending, and those of each plane.
     all: Vec<u32>,
+    all_of: Vec<Range<usize>>,
+    /// Number of steps for which the ghost cells of each plane, from the ghost plane below, are still updated.
+    live: Vec<u8>,
 }
 
 impl Ghosts {
@@ -83,16 +105,14 @@ impl Ghosts {
             populations.cell(at)
         };
         let last = cells[order[0]].cast_signed() - 1;
-        let bytes = [plane.len(), VALUES * plane.len() * size_of::<f64>()];
-        let [kinds, values] = [0, 1].map(|n| {
-            HaloExchange::new(domain, TAGS[n], HaloBytes::symmetric(bytes[n]))
-                .map_err(|e| e.to_string())
-        });
+        let kinds = HaloExchange::new(domain, TAG, HaloBytes::symmetric(plane.len()));
+        let rows = [cells[order[1]], cells[order[2]]];
+        let values = Strips::new::<f64>(domain, VALUE_TAGS, rows, VALUES)?;
         let moments = [(); 2].map(|()| vec![[0.0; 10]; plane.len()]);
         let carriers = [(); 2].map(|()| vec![[0.0; NUMBERS]; plane.len()]);
         let mut ghosts = Self {
-            kinds: kinds?,
-            values: values?,
+            kinds: kinds.map_err(|e| e.to_string())?,
+            values,
             around: Around {
                 ends,
                 cells,
@@ -110,7 +130,10 @@ impl Ghosts {
             ],
             plane,
             copies: Vec::new(),
+            groups: Vec::new(),
             all: Vec::new(),
+            all_of: Vec::new(),
+            live: vec![LINGER; cells[order[0]] + 2],
         };
         if !cells.contains(&0) {
             ghosts.list(populations);
@@ -152,6 +175,7 @@ impl Ghosts {
                     continue;
                 };
                 for i in extent(a, before(a)) {
+                    let first = self.copies.len();
                     for j in extent(b, before(b)) {
                         let at = |along: isize| {
                             let mut at = [0; 3];
@@ -159,6 +183,10 @@ impl Ghosts {
                             to_u32(populations.cell(at))
                         };
                         self.copies.push([at(ghost), at(inside)]);
+                    }
+                    if n > 0 {
+                        let group = first..self.copies.len();
+                        self.groups.push(((i + 1).unsigned_abs(), group));
                     }
                 }
             }
@@ -170,6 +198,17 @@ impl Ghosts {
         }
         self.all.sort_unstable();
         self.all.dedup();
+        let slow = order[0];
+        let plane_of =
+            |cell: u32| (populations.coordinates(cell as usize)[slow] + 1).unsigned_abs();
+        let mut end = 0;
+        for plane in 0..cells[slow] + 2 {
+            let first = end;
+            end += (self.all[first..].iter())
+                .take_while(|cell| plane_of(**cell) == plane)
+                .count();
+            self.all_of.push(first..end);
+        }
         for &cell in &self.all {
             self.around.ghost[cell as usize] = true;
         }
@@ -187,13 +226,15 @@ impl Ghosts {
         self.around.ghost[cell]
     }
 
-    /// Returns the positions of all ghost cells that may hold water.
-    pub(super) fn all(&self) -> &[u32] {
-        &self.all
+    /// Returns the positions of the ghost cells that may hold water, in planes with water.
+    pub(super) fn live(&self) -> impl Iterator<Item = u32> + '_ {
+        let planes = self.all_of.iter().zip(&self.live);
+        let live = planes.filter(|(_, steps)| **steps > 0);
+        live.flat_map(|(range, _)| self.all[range.clone()].iter().copied())
     }
 
     /// Fills the kinds of the ghost cells. Collective.
-    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8]) {
+    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8], planes: &[Plane]) {
         let (lower, upper) = self.kinds.send_buffers_mut::<u8>();
         for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
             for (to, cell) in buffer.into_iter().flatten().zip(&self.plane) {
@@ -208,80 +249,115 @@ impl Ghosts {
                 kinds[plane + cell] = *kind;
             }
         }
-        for &[ghost, inside] in &self.copies {
+        let first = self
+            .groups
+            .first()
+            .map_or(self.copies.len(), |group| group.1.start);
+        for &[ghost, inside] in &self.copies[..first] {
             kinds[ghost as usize] = kinds[inside as usize];
         }
+        self.find_live(kinds, planes);
+        for (plane, group) in &self.groups {
+            if self.live[*plane] > 0 {
+                for &[ghost, inside] in &self.copies[group.clone()] {
+                    kinds[ghost as usize] = kinds[inside as usize];
+                }
+            }
+        }
+        let (plane, ends) = (&self.plane, &self.planes);
+        let row = self.around.cells[self.around.order[2]];
+        self.values.find(|end, ghost, m| {
+            let first = ends[if end == 0 { 0 } else { 2 } + usize::from(ghost == (end == 1))];
+            let first = first + plane[m * row];
+            &kinds[first..first + row]
+        });
     }
 
-    /// Fills two values of the ghost cells, and receives the moments in the planes of the neighbours. Collective.
+    /// Notes the planes with water.
+    fn find_live(&mut self, kinds: &[u8], planes: &[Plane]) {
+        let last = self.live.len() - 1;
+        for (live, plane) in self.live[1..last].iter_mut().zip(planes) {
+            if plane.is_live() {
+                *live = LINGER;
+            }
+        }
+        for (n, first) in [(0, self.planes[0]), (last, self.planes[3])] {
+            if self.plane.iter().any(|cell| is_wet(kinds[first + cell])) {
+                self.live[n] = LINGER;
+            }
+        }
+    }
+
+    /// Fills the fill levels and the excess masses of the ghost cells, and receives the moments in the planes of the
+    /// neighbours. Collective.
     pub(super) fn spread_values(
         &mut self,
-        one: &mut [f64],
-        other: &mut [f64],
+        kinds: &[u8],
+        [fill, share]: [&mut [f64]; 2],
         of_cell: impl Fn(usize) -> Moments,
     ) {
-        self.exchange(|cell| {
-            let mut values = [0.0; VALUES];
-            values[..10].copy_from_slice(&of_cell(cell));
-            values[10..].copy_from_slice(&[one[cell], other[cell]]);
-            values
-        });
-        let (lower, upper) = self.values.received::<f64>();
-        let planes = [self.planes[0], self.planes[3]];
-        for (side, buffer) in [lower, upper].into_iter().enumerate() {
-            let Some(buffer) = buffer else { continue };
-            let places = self.plane.iter().zip(&mut self.around.moments[side]);
-            for (values, (cell, moments)) in buffer.chunks_exact(VALUES).zip(places) {
-                moments.copy_from_slice(&values[..10]);
-                one[planes[side] + cell] = values[10];
-                other[planes[side] + cell] = values[11];
+        // Away from the surface the kind tells the fill level.
+        for first in [self.planes[0], self.planes[3]] {
+            for cell in self.plane.iter().map(|cell| first + cell) {
+                let full = matches!(kinds[cell], LIQUID | HELD);
+                (fill[cell], share[cell]) = (f64::from(u8::from(full)), 0.0);
             }
         }
-        for &[ghost, inside] in &self.copies {
-            one[ghost as usize] = one[inside as usize];
-            other[ghost as usize] = other[inside as usize];
+        let (plane, [below, first, last, above]) = (&self.plane, self.planes);
+        self.values.send(false, |end, n, to| {
+            let cell = [first, last][end] + plane[n];
+            to[..10].copy_from_slice(&of_cell(cell));
+            to[10..].copy_from_slice(&[fill[cell], share[cell]]);
+        });
+        let moments = &mut self.around.moments;
+        forget(moments);
+        self.values.receive(false, |end, n, from| {
+            let cell = [below, above][end] + plane[n];
+            moments[end][n].copy_from_slice(&from[..10]);
+            (fill[cell], share[cell]) = (from[10], from[11]);
+        });
+        let first = self
+            .groups
+            .first()
+            .map_or(self.copies.len(), |group| group.1.start);
+        let groups = self
+            .groups
+            .iter()
+            .filter(|(plane, _)| self.live[*plane] > 0);
+        for group in std::iter::once(0..first).chain(groups.map(|(_, group)| group.clone())) {
+            for &[ghost, inside] in &self.copies[group] {
+                fill[ghost as usize] = fill[inside as usize];
+                share[ghost as usize] = share[inside as usize];
+            }
+        }
+        for live in &mut self.live {
+            *live = live.saturating_sub(1);
         }
     }
 
-    /// Receives the moments of the surface in the planes of the neighbours. Collective.
-    pub(super) fn exchange_moments(&mut self, of_cell: impl Fn(usize) -> Moments) {
-        self.exchange(|cell| {
-            let mut values = [0.0; VALUES];
-            values[..10].copy_from_slice(&of_cell(cell));
-            values
+    /// Receives the moments in the planes of the neighbours: those next to the surface, or `all`. Collective.
+    pub(super) fn exchange_moments(&mut self, all: bool, of_cell: impl Fn(usize) -> Moments) {
+        let (plane, [_, first, last, _]) = (&self.plane, self.planes);
+        self.values.send(all, |end, n, to| {
+            to[..10].copy_from_slice(&of_cell([first, last][end] + plane[n]));
         });
-        let (lower, upper) = self.values.received::<f64>();
-        for (buffer, moments) in [lower, upper].into_iter().zip(&mut self.around.moments) {
-            let Some(buffer) = buffer else { continue };
-            for (from, to) in buffer.chunks_exact(VALUES).zip(moments) {
-                to.copy_from_slice(&from[..10]);
-            }
-        }
+        let moments = &mut self.around.moments;
+        forget(moments);
+        self.values.receive(all, |end, n, from| {
+            moments[end][n].copy_from_slice(&from[..10])
+        });
     }
 
     /// Receives the data for the links of carried cells in the planes of the neighbours. Collective.
     pub(super) fn exchange_carriers(&mut self, of_cell: impl Fn(usize) -> Option<Carrier>) {
-        self.exchange(|cell| of_cell(cell).map_or([0.0; NUMBERS], |carrier| carrier.numbers()));
-        let (lower, upper) = self.values.received::<f64>();
-        for (buffer, carriers) in [lower, upper].into_iter().zip(&mut self.around.carriers) {
-            let Some(buffer) = buffer else { continue };
-            for (from, to) in buffer.chunks_exact(VALUES).zip(carriers) {
-                to.copy_from_slice(from);
-            }
-        }
-    }
-
-    /// Sends the values of the outer planes.
-    fn exchange(&mut self, of_cell: impl Fn(usize) -> [f64; VALUES]) {
-        let (lower, upper) = self.values.send_buffers_mut::<f64>();
-        for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
-            let Some(buffer) = buffer else { continue };
-            for (to, cell) in buffer.chunks_exact_mut(VALUES).zip(&self.plane) {
-                to.copy_from_slice(&of_cell(plane + cell));
-            }
-        }
-        self.values.start();
-        self.values.finish();
+        let (plane, [_, first, last, _]) = (&self.plane, self.planes);
+        self.values.send(false, |end, n, to| {
+            let carrier = of_cell([first, last][end] + plane[n]);
+            to.copy_from_slice(&carrier.map_or([0.0; NUMBERS], |carrier| carrier.numbers()));
+        });
+        let carriers = &mut self.around.carriers;
+        self.values
+            .receive(false, |end, n, from| carriers[end][n].copy_from_slice(from));
     }
 
     /// Returns the moments of the cells around the slab.

@@ -49,6 +49,17 @@ impl Plane {
         self.is_made() && self.spans(row).is_empty()
     }
 
+    /// Returns `true` if the plane contains water, or has since the lists were made.
+    pub(super) fn is_live(&self) -> bool {
+        !self.is_made() || self.changed || !self.spans.is_empty()
+    }
+
+    /// Returns the number of cells in the parts of rows that contain water.
+    pub(super) fn wet(&self) -> usize {
+        let lengths = self.spans.iter().map(|[first, end]| end - first);
+        lengths.sum::<u32>() as usize
+    }
+
     /// Returns `true` if the lists have been made.
     pub(super) fn is_made(&self) -> bool {
         !self.begins.is_empty()
