@@ -106,6 +106,9 @@ pub struct CostQuantities {
     blocks: f64,
     /// Number of named bodies that are discs or spheres.
     bodies: f64,
+    /// Number of cells that contain water, and that its free surface passes.
+    wet: f64,
+    interface: f64,
     /// Number of cells covered by solids.
     covered: f64,
     /// Number of cells at the surfaces of solids.
@@ -141,6 +144,16 @@ impl CostQuantities {
                 .map_or(0.0, |seepage| real(seepage.cell_count())),
             ..Self::default()
         };
+        all.wet = all.cells;
+        if let Some(surface) = &scene.surface {
+            let planes = surface.cells_of_planes(scene.grid.cells, 0);
+            let [wet, interface] = [0, 1].map(|n| planes.iter().map(|plane| plane[n]).sum::<f64>());
+            all.interface = interface;
+            // Openings may fill the domain.
+            if surface.openings.is_empty() {
+                all.wet = wet;
+            }
+        }
         if let Some(joints) = &scene.joints {
             all.joint_links = real(joints.counts.links);
             // The old and the new network of blocks that have moved are there together.

@@ -8,14 +8,16 @@
 //!
 //! Costs are whole picoseconds, so that their sums over ranks are equal on all of them.
 
-use super::{calibration, setup};
+use super::{Present, calibration, setup};
 use base::number::{floor_i64, real, to_i64};
 use decomposition::{Communicator, Slabs};
 use dem::particles::Particles;
 use dem::space::{Components, Space};
+use output::checkpoint::SavedNumber;
 use plan::Plan;
 use plan::estimate::time::Parts;
 use plan::scene::Scene;
+use plan::scene::free_surface::WaterCells;
 
 /// Maximum computing time of the busiest rank relative to the mean with slabs of equal thickness; above
 /// it slabs are cut by cost.
@@ -40,10 +42,12 @@ pub(super) struct Costs {
 }
 
 impl Costs {
-    /// Returns the costs of a scene with particles; each rank passes its own particles. Collective.
+    /// Returns the costs of a scene with particles; each rank passes its own particles. `water` contains the cells with
+    /// water of each plane below a free surface. Collective.
     pub(super) fn for_scene<Sp: Space>(
         plan: &Plan,
         particles: &Particles<Sp>,
+        water: Option<&[WaterCells]>,
         communicator: &Communicator,
     ) -> Self {
         let (scene, mut parts) = (&plan.scene, Parts::for_scene(&plan.scene, &plan.clock));
@@ -62,8 +66,14 @@ impl Costs {
         communicator.all_reduce_sum_i64s(&mut all.solids);
         let across = real(scene.grid.cell_count()) / real(planes.max(1));
         let empty = picoseconds(across * parts.cell);
-        for plane in &mut all.fluid {
-            *plane += empty;
+        for (n, plane) in all.fluid.iter_mut().enumerate() {
+            *plane += match water {
+                Some(water) => {
+                    let [wet, interface] = water[n];
+                    picoseconds(wet * parts.cell + interface * parts.interface)
+                }
+                None => empty,
+            };
         }
         all
     }
@@ -177,6 +187,29 @@ fn picoseconds(seconds: f64) -> i64 {
 
 fn whole(x: f64) -> i64 {
     floor_i64(x.clamp(0.0, 1e15) + 0.5)
+}
+
+/// Returns the cells with water of each plane at the start; `None` without a free surface.
+pub(super) fn water_at_start(scene: &Scene) -> Option<Vec<WaterCells>> {
+    let surface = scene.surface.as_ref()?;
+    Some(surface.cells_of_planes(scene.grid.cells, scene.grid.split_axis))
+}
+
+/// Returns the cells with water of each plane at present; `None` without a free surface. Collective.
+pub(super) fn water_at_present<Sp: Space, S: SavedNumber>(
+    now: &Present<Sp, S>,
+) -> Option<Vec<WaterCells>> {
+    let surface = now.lattice()?.fluid().surface()?;
+    let grid = &now.plan.scene.grid;
+    let mut counts = vec![0; 2 * grid.cells[grid.split_axis]];
+    for (n, cells) in now.domain.range().zip(surface.cells_of_planes()) {
+        for (count, cells) in counts[2 * n..].iter_mut().zip(cells) {
+            *count = to_i64(cells as u64);
+        }
+    }
+    now.domain.communicator().all_reduce_sum_i64s(&mut counts);
+    let planes = counts.as_chunks().0.iter();
+    Some(planes.map(|cells: &[i64; 2]| cells.map(real)).collect())
 }
 
 /// Returns the cost of the most expensive slab divided by the mean cost.
@@ -390,7 +423,7 @@ mod tests {
         let body = Body::of_block(0, &shape, 2600.0, 0);
         let turn = UnitQuaternion::identity();
         particles.add_block(body, motion, 0, turn).unwrap();
-        let all = Costs::for_scene(&plan, &particles, &Communicator::serial());
+        let all = Costs::for_scene(&plan, &particles, None, &Communicator::serial());
         let cells = real(grid.cell_count()) * parts.cell / plan.estimate.machine.fluid;
         let fluid = real(all.fluid.iter().sum::<i64>()) / PICOSECONDS - cells;
         let map = real(all.solids.iter().sum::<i64>()) / PICOSECONDS - parts.solid[1];

@@ -116,6 +116,8 @@ const GRAIN: [f64; 2] = [4.5e-8, 3.9e-8];
 const BONDS: f64 = 3.1e-8;
 /// Time of a block among few blocks, and in a pile, in a solid step \[s\].
 const BLOCK: [f64; 2] = [9.5e-7, 4.3e-6];
+/// Time of a cell that a free surface passes, in 2-D and 3-D \[s\], without that of its collision.
+const INTERFACE: [f64; 2] = [5e-7, 4.7e-7];
 /// Time of a seepage solution without its cells, of each of its cells, and of the porosity of a grain \[s\].
 const SEEPAGE: [f64; 3] = [2.1e-3, 1.6e-7, 4.8e-7];
 /// Time of a cell in a solution for a withdrawal from a cell of a pipe of backward erosion \[s\].
@@ -146,6 +148,8 @@ const GROWTH_STEPS: f64 = 1.8e4;
 pub struct Parts {
     /// Cost of a lattice cell.
     pub cell: f64,
+    /// Additional cost of a cell that a free surface passes.
+    pub interface: f64,
     /// Additional cost of a cell that a solid covers.
     pub covered: f64,
     /// Additional cost of a cell at the surface of a solid: its links, or the joints of blocks.
@@ -171,6 +175,7 @@ impl Parts {
         let three = usize::from(scene.grid.dimension == 3);
         if let Some(flow) = &scene.flow {
             all.cell = 1e-6 / mlups(flow);
+            all.interface = INTERFACE[three];
             let kind = match flow.lattice {
                 VelocitySet::D2Q9 => 0,
                 VelocitySet::D3Q19 => 1,
@@ -237,9 +242,10 @@ impl Seconds {
                 })
                 .sum();
             let solids = amounts.surface * parts.linked + amounts.covered * parts.covered;
-            let beside = STEP + openings * OPENING + solids;
+            let interface = amounts.interface * parts.interface;
+            let beside = STEP + openings * OPENING + solids + interface;
             all.fluid =
-                steps * (amounts.cells * parts.cell / machine.fluid + beside / machine.grains);
+                steps * (amounts.wet * parts.cell / machine.fluid + beside / machine.grains);
             let [bed, moving] = parts.mapped;
             let mut mapped = amounts.moving_surface * moving + amounts.bed_surface * bed;
             let saturated = matches!(scene.coupling, Some(Coupling::PartiallySaturated(_)));

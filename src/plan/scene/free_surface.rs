@@ -2,10 +2,12 @@
 //!
 //! The initial pressure is hydrostatic: the weight of the water above, up to the first surface.
 
+mod amounts;
 mod openings;
 mod solitary;
 mod tension;
 
+pub use amounts::WaterCells;
 pub use openings::Opening;
 pub use solitary::SolitaryForm;
 pub use tension::Tension;

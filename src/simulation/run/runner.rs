@@ -142,7 +142,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if !self.may_cut || communicator.size() == 1 {
             return None;
         }
-        let costs = Costs::for_scene(&now.plan, &now.particles, communicator)
+        let water = balance::water_at_present(now);
+        let costs = Costs::for_scene(&now.plan, &now.particles, water.as_deref(), communicator)
             .measured(self.simulation.phases.fluid_and_solids(communicator));
         let other = balance::cut(&now.plan.scene, &costs, communicator.size());
         let worth = balance::is_worth(now.domain.slabs(), &other, &costs);

@@ -176,10 +176,11 @@ fn read_field(plan: &Plan, origin: &Origin) -> Result<Option<Box<dyn Field>>, Er
 /// Returns slabs of equal cost; may measure the speed of the machine for this. Collective.
 fn cut_slabs<Sp: Space>(plan: &mut Plan, particles: &Particles<Sp>, outside: &Outside) -> Slabs {
     let communicator = &outside.communicator;
-    let mut costs = Costs::for_scene(plan, particles, communicator).planned();
+    let water = balance::water_at_start(&plan.scene);
+    let mut costs = Costs::for_scene(plan, particles, water.as_deref(), communicator).planned();
     if balance::depends_on_the_machine(plan, &costs, communicator) {
         plan.estimate.machine.fluid = balance::speed(plan, communicator);
-        costs = Costs::for_scene(plan, particles, communicator).planned();
+        costs = Costs::for_scene(plan, particles, water.as_deref(), communicator).planned();
     }
     let slabs = balance::cut(&plan.scene, &costs, communicator.size());
     let equal = balance::equal(&plan.scene, costs.len(), communicator.size());
