@@ -144,3 +144,41 @@ fn what_breaks_off_before_the_start_falls_in_the_run() {
         "{first:?} {last:?}"
     );
 }
+
+/// Checks that rows of discs that touch within rounding, so that some contacts are bonded and others not, are not said
+/// to be at rest when the relaxation ends at its limit.
+#[test]
+fn a_relaxation_that_does_not_end_is_reported() {
+    let _beside = beside_others();
+    let mut list = Vec::new();
+    for row in 0..3_u32 {
+        for column in 0..12_u32 {
+            let x = 8e-4 + 1e-4 * f64::from(row % 2) + 2e-4 * f64::from(column);
+            let y = 1e-4 + 1e-4 * f64::from(row) * 3.0_f64.sqrt();
+            list.push(json!({"position": [x, y], "radius": 1e-4}));
+        }
+    }
+    let study = Study::new(
+        &json!({
+            "domain": {"size": [0.004, 0.002], "spacing": 1e-4},
+            "materials": {"soil": {"density": 2650}},
+            "grains": {"material": "soil", "bond_at_start": true, "initial": {"list": list}},
+            "contact": {"cohesive_frictional": {"normal_stiffness": {"per_diameter": 1.5e8},
+                "friction_angle_degrees": 20, "cohesion": {"per_diameter": 0.15}, "local_damping": 0.2}},
+            "box_walls": ["x_min", "y_min", "y_max"],
+            "time": {"end": 1e-5}
+        })
+        .to_string(),
+    );
+    let done = study.run("run", 1, 1, &[]);
+    assert!(
+        done.stdout.contains("not at rest after 100000"),
+        "{}",
+        done.stdout
+    );
+    let warnings = study.summary("run")["warnings"].to_string();
+    assert!(
+        warnings.contains("were not at rest when the run began"),
+        "{warnings}"
+    );
+}
