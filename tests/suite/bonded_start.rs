@@ -145,6 +145,95 @@ fn what_breaks_off_before_the_start_falls_in_the_run() {
     );
 }
 
+/// Checks the table of a region that records against the closed form of a disc that flies through it, one that starts
+/// inside and one that another region removes there; and the table on ranks and after restarts.
+#[test]
+fn a_region_records_what_enters_and_leaves_it() {
+    let _beside = beside_others();
+    let mut list = vec![
+        disc(0.02, 0.25, [1.0, 0.0]),
+        disc(0.06, 0.05, [1.0, 0.0]),
+        disc(0.02, 0.15, [1.0, 0.0]),
+    ];
+    list[1]["radius"] = json!(0.004);
+    let action = |name: &str, from: [f64; 2], to: [f64; 2], action: Value| {
+        let extent = json!({"from": from, "to": to});
+        json!({"name": name, "box": extent, "action": action})
+    };
+    let regions = json!([
+        action("strip", [0.045, 0.0], [0.085, 0.3], json!({"record": {}})),
+        action(
+            "sink",
+            [0.06, 0.14],
+            [0.07, 0.16],
+            json!({"remove": {"when": "centre"}})
+        )
+    ]);
+    let study = case(
+        &json!(list),
+        &[
+            ("regions", regions),
+            ("gravity", json!([0, 0])),
+            ("time", json!({"end": 0.09})),
+            ("checkpoint", json!({"every": 0.01})),
+        ],
+    );
+    study.run("straight", 1, 1, &["grains.bond_at_start=false"]);
+    let read =
+        |name: &str| std::fs::read_to_string(study.path(name).join("crossings.csv")).unwrap();
+    let text = read("straight");
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect())
+        .collect();
+    let seen: Vec<(&str, &str, f64)> = rows
+        .iter()
+        .map(|row| (row[4], row[3], row[1].parse().unwrap()))
+        .collect();
+    // Times at which centres that move at 1 m/s pass 0.045, 0.06 and 0.085 m.
+    let expected = [
+        ("0", "in", 0.025),
+        ("2", "in", 0.025),
+        ("1", "out", 0.025),
+        ("2", "out", 0.04),
+        ("0", "out", 0.065),
+    ];
+    assert_eq!(seen.len(), expected.len(), "{text}");
+    for (id, event, time) in expected {
+        let found = seen.iter().find(|row| row.0 == id && row.1 == event);
+        assert!(
+            (found.unwrap().2 - time).abs() < 2e-4,
+            "{id} {event}: {text}"
+        );
+    }
+    let counts = &study.summary("straight")["crossings"]["strip"];
+    assert_eq!(
+        (&counts["entered"], &counts["left"]),
+        (&json!(2), &json!(3))
+    );
+    study.run(
+        "ranks",
+        3,
+        1,
+        &["grains.bond_at_start=false", "domain.split=x"],
+    );
+    assert_eq!(text, read("ranks"));
+    study.run(
+        "parts",
+        2,
+        1,
+        &["grains.bond_at_start=false", "time.end=0.03"],
+    );
+    study.restart("parts", 1, &["time.end=0.05"]).expect(0);
+    study.restart("parts", 3, &["time.end=0.09"]).expect(0);
+    assert_eq!(text, read("parts"));
+    assert_eq!(
+        study.summary("straight")["crossings"],
+        study.summary("parts")["crossings"]
+    );
+}
+
 /// Checks that rows of discs that touch within rounding, so that some contacts are bonded and others not, are not said
 /// to be at rest when the relaxation ends at its limit.
 #[test]

@@ -455,6 +455,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if let Some(erosion) = self.simulation.recorder.summary(&now.plan)? {
             values["erosion"] = erosion;
         }
+        if let Some(crossings) = self.simulation.crossings.summary() {
+            values["crossings"] = crossings;
+        }
         if let Some(collapse) = self.simulation.collapse.summary()? {
             values["collapse"] = collapse;
         }
