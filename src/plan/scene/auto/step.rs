@@ -141,6 +141,8 @@ const LOSS_SHARE: f64 = 0.25;
 
 /// Fraction of the target for sound in an oscillating flow.
 const SOUND_SHARE: f64 = 0.125;
+/// Fraction of the requested error by which an inflow that changes with time may be late.
+const TRANSIT_SHARE: f64 = 0.25;
 
 /// Minimum fraction of the longest time step to which it may be shortened to match sampling intervals.
 const SHORTEST: f64 = 0.75;
@@ -311,6 +313,10 @@ fn limits(
     );
     let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
     if let Some((what, time_step)) = sound::passages(scene, flow) {
+        add(what, time_step.max(stable));
+    }
+    if let Some(transit) = sound::transit(scene, flow) {
+        let (what, time_step) = transit.longest_step(h, TRANSIT_SHARE * target);
         add(what, time_step.max(stable));
     }
     if let Some(waves) = sound::waves(scene, flow) {
