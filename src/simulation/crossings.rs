@@ -89,7 +89,11 @@ impl Crossings {
     }
 
     /// Returns the grains of this rank that are in a region.
-    fn look<S: Space>(&self, particles: &Particles<S>, plan: &Plan) -> BTreeMap<Inside, Sighting> {
+    fn find_inside<S: Space>(
+        &self,
+        particles: &Particles<S>,
+        plan: &Plan,
+    ) -> BTreeMap<Inside, Sighting> {
         let mut found = BTreeMap::new();
         for k in 0..particles.owned() {
             let id = particles.body[k].id;
@@ -109,7 +113,7 @@ impl Crossings {
     /// Takes the grains that are in the regions before the first step of the run.
     pub fn begin<S: Space>(&mut self, particles: &Particles<S>, plan: &Plan) {
         if self.inside.is_none() && !self.regions.is_empty() {
-            self.inside = Some(self.look(particles, plan));
+            self.inside = Some(self.find_inside(particles, plan));
         }
     }
 
@@ -127,7 +131,7 @@ impl Crossings {
         let Some(before) = self.inside.take() else {
             return Ok(());
         };
-        let now = self.look(particles, plan);
+        let now = self.find_inside(particles, plan);
         let communicator = domain.communicator();
         let pack = |of: &BTreeMap<Inside, Sighting>, other: &BTreeMap<Inside, Sighting>| {
             let changed = of.iter().filter(|(key, _)| !other.contains_key(*key));

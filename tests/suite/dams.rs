@@ -274,8 +274,8 @@ fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     }
 }
 
-/// Checks that the crossing below the tip of a cut-off has the whole discharge, wherever the tip lies in its cell: a face
-/// that the cut-off closes in part lets water through.
+/// Checks that the crossing below the tip of a cut-off has the whole discharge, wherever the tip lies in its cell: a
+/// face that the cut-off closes in part lets water through.
 #[test]
 fn the_crossing_below_a_cut_off_has_the_whole_discharge() {
     let _beside = beside_others();

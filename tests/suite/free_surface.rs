@@ -405,11 +405,8 @@ fn a_value_near_those_that_failed_is_unstable() {
             .filter(|s| !s.is_empty())
             .map(|s| (*s).to_owned())
             .collect();
-        let document =
-            solver::case::Document::read(&case.to_string(), &set, std::path::Path::new("."));
-        solver::plan::Plan::prepare(document.unwrap())
-            .unwrap()
-            .warnings
+        let document = Document::read(&case.to_string(), &set, Path::new("."));
+        Plan::prepare(document.unwrap()).unwrap().warnings
     };
     let unstable = |set: &str| {
         let found = found(set);
