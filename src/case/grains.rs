@@ -29,7 +29,9 @@ pub struct Grains {
     #[serde(default)]
     pub cut: Vec<Cut>,
     /// `true` if contacts that exist after preparation and cutting are bonded. Contacts that form later are never
-    /// bonded.
+    /// bonded. Before time 0, what contacts connect to a wall or to a fixed or driven body then comes to rest under
+    /// gravity, without the fluid, so that its bonds carry their load; the run reports steps, broken bonds and grains
+    /// that were held. Agglomerates, bodies and grains that nothing supports keep their positions and velocities.
     #[serde(default)]
     pub bond_at_start: bool,
 }

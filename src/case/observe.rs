@@ -51,7 +51,8 @@ pub enum Action {
         #[serde(default)]
         at_most: Option<u32>,
     },
-    /// Logs entries and exits of grains.
+    /// Logs entries and exits of grains in `crossings.csv`: step, time, id, mass, radius, position and velocity of each
+    /// grain whose centre enters (`in`) or leaves (`out`) the box. Grains inside at the start have not entered.
     Record {},
 }
 

@@ -673,7 +673,8 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     }
     if pilot {
         plan = match piloted(&plan, case) {
-            Ok(plan) => plan,
+            Ok(Some(piloted)) => piloted,
+            Ok(None) => plan,
             Err(error) => return report_with_verdict(Err(error), &case.case),
         };
     }
@@ -698,8 +699,9 @@ fn plan(arguments: &PlanArgs) -> Result<(), Error> {
     print_verdict(&plan.warnings, case, stability)
 }
 
-/// Runs the pilot of a case, writes it to the folder of the case, and returns the plan with its results.
-fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
+/// Runs the pilot of a case, writes it to the folder of the case, and returns the plan with its results; `None` if the
+/// case needs no pilot.
+fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Option<Plan>, Error> {
     let report = |line: &str| {
         if !case.json {
             // A reader that has closed the output is no reason to stop.
@@ -713,7 +715,13 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
         threads,
         ..Run::default()
     };
-    let (found, tree) = pilot::command(plan, Path::new(&folder), &run, &report)?;
+    let Some((found, tree)) = pilot::command(plan, Path::new(&folder), &run, &report)? else {
+        report(&format!(
+            "no pilot: none on coarser cells costs at most {} % of this run; the plan keeps its own estimates",
+            100.0 * pilot::MOST_COST
+        ));
+        return Ok(None);
+    };
     let path = case.case.with_extension("pilot.json");
     pilot::write(&tree, &path)?;
     report(&format!(
@@ -723,7 +731,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Plan, Error> {
     ));
     let directory = case.case.parent().unwrap_or_else(|| Path::new(""));
     let document = Document::read(&tree.to_string(), &[], directory).map_err(Error::Case)?;
-    Plan::prepare(document).map_err(Error::Case)
+    Plan::prepare(document).map(Some).map_err(Error::Case)
 }
 
 /// Prints the findings, then the plan.

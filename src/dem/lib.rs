@@ -31,6 +31,7 @@
 //! | `dashpot` | the normal dashpot of a contact over time steps |
 //! | `deepest` | the deepest contact of all steps |
 //! | `relax` | unbalanced force |
+//! | `clusters` | grains that contacts connect to something stationary |
 //! | `escape` | a grain that left the box |
 //! | `state` | contacts as named columns |
 
@@ -53,6 +54,7 @@
 mod blocks;
 mod buckets;
 mod census;
+mod clusters;
 mod columns;
 pub mod contact;
 mod dashpot;

@@ -435,7 +435,7 @@ impl Search {
         let mut found = std::mem::take(&mut self.found);
         found.clear();
         found.resize_with(threads, Vec::new);
-        let moves = |k: usize| particles.mobility[k].free > 0.0;
+        let moves = |k: usize| particles.mobility[k].meets_all();
         let (grid, points) = (&self.grid, &self.points);
         thread_pool::each_item(&mut found, 1, |t, found| {
             // As many as in a bed of discs, so that a small scene seldom needs more capacity.
@@ -471,7 +471,7 @@ impl Search {
         found: &mut Vec<[u32; 2]>,
     ) {
         let owned = particles.owned;
-        let moves = |k: usize| particles.mobility[k].free > 0.0;
+        let moves = |k: usize| particles.mobility[k].meets_all();
         for k in entries {
             let level = usize::from(self.class_of[k]);
             let at = particles.location(k);

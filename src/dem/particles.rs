@@ -33,6 +33,9 @@ pub enum Kind {
     Fixed,
     /// Prescribed velocity and spin.
     Driven,
+    /// Body that is free, but kept at its position for a time. Its contacts are those of a free body, and bonds between
+    /// two of them stay.
+    Held,
 }
 
 impl Kind {
@@ -41,6 +44,7 @@ impl Kind {
             Self::Free => 0,
             Self::Fixed => 1,
             Self::Driven => 2,
+            Self::Held => 3,
         }
     }
 
@@ -49,8 +53,9 @@ impl Kind {
             0 => Ok(Self::Free),
             1 => Ok(Self::Fixed),
             2 => Ok(Self::Driven),
+            3 => Ok(Self::Held),
             other => Err(Error::Io(format!(
-                "{other} is not a kind of grain (0, 1 or 2)"
+                "{other} is not a kind of grain (0, 1, 2 or 3)"
             ))),
         }
     }
@@ -151,7 +156,7 @@ pub(super) const SPHERE: u32 = u32::MAX;
 pub const EXTRA: usize = 12;
 
 /// Quotients used in every step: 1/mass and 1/inertia, and 1 for a grain that gravity accelerates; all 0 unless
-/// free.
+/// free, with a negative zero for a body that is held.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mobility {
     pub(super) inverse_mass: f64,
@@ -168,7 +173,17 @@ impl Mobility {
                 free: 1.0,
             },
             Kind::Fixed | Kind::Driven => Self::default(),
+            Kind::Held => Self {
+                free: -0.0,
+                ..Self::default()
+            },
         }
+    }
+
+    /// Returns `true` for a body whose contacts with walls and bodies at rest count: a free one, or one that is held.
+    #[inline(always)]
+    pub(super) fn meets_all(&self) -> bool {
+        self.free > 0.0 || self.free.is_sign_negative()
     }
 }
 
@@ -421,13 +436,13 @@ impl<S: Space> Particles<S> {
         taken
     }
 
-    /// Makes owned grain `k` free, fixed or driven. A fixed or driven grain keeps its velocity: see [`Self::drive`].
+    /// Makes owned grain `k` free, fixed, driven or held. A driven grain keeps its velocity: see [`Self::drive`].
     ///
     /// The next step builds new lists and updates every rank that has the grain.
     pub fn set_kind(&mut self, k: usize, kind: Kind) {
         self.body[k].kind = kind;
         self.mobility[k] = Mobility::new(&self.body[k]);
-        if kind == Kind::Fixed {
+        if matches!(kind, Kind::Fixed | Kind::Held) {
             self.motion[k].velocity = S::Vector::default();
             self.motion[k].spin = S::Spin::default();
         }

@@ -323,11 +323,15 @@ fn write_text(f: &mut String, report: &JetReport) -> std::fmt::Result {
             write!(f, " = {:.3e} s/m of dry mass", density * law.coefficient)?;
         }
         let beds = JetLaw::coefficient_of_stream_beds(law.critical_shear);
-        writeln!(
-            f,
-            "; stream beds of this tau_c have {} cm3/(N s) (Hanson and Simon 2001)",
-            digits(CUBIC_CENTIMETRES * beds)
-        )?;
+        if beds.is_finite() {
+            writeln!(
+                f,
+                "; stream beds of this tau_c have {} cm3/(N s) (Hanson and Simon 2001)",
+                digits(CUBIC_CENTIMETRES * beds)
+            )?;
+        } else {
+            writeln!(f, "; no relation of stream beds covers this tau_c")?;
+        }
     }
     for specimen in &report.specimens {
         if let Some(law) = specimen.fit().and_then(|fit| fit.blaisdell) {

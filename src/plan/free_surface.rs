@@ -24,6 +24,10 @@ use serde_json::json;
 /// Factor by which a value written with few digits may exceed its bound.
 const BOUND_SLACK: f64 = 1.0 + 1e-6;
 
+/// Ratio of the smallest value that failed to the largest that held above which values in between are judged by the
+/// nearer one.
+const WIDE_GAP: f64 = 5.0;
+
 /// Fraction of a limit of the time step that a remedy proposes.
 const STEP_PROPOSED: f64 = 0.9;
 
@@ -341,7 +345,18 @@ fn add_margin(
         number(speed),
     );
     let remedy = remedy(scene, flow, cell / limits.holds);
-    if cell >= limits.fails {
+    // Between distant values of a map the limit is as likely below their geometric mean as above it.
+    let doubtful = limits.fails > WIDE_GAP * limits.holds;
+    if doubtful && cell < limits.fails && cell * cell >= limits.holds * limits.fails {
+        let why = format!(
+            "{found}: in the stability map `{}` runs with this operator were stable up to {} and failed at {} \
+             and above; no value in between was tested, and this one is nearer to those that failed",
+            limits.map,
+            number(limits.holds),
+            number(limits.fails),
+        );
+        findings.unstable(path, why, remedy);
+    } else if cell >= limits.fails {
         let why = format!(
             "{found}: in the stability map `{}` runs with this operator were stable up to {} and failed at {} \
              and above",

@@ -203,6 +203,14 @@ impl Choices<'_> {
                 format!("requested; {} grains", cloud.number),
             );
         }
+        if grains.bond_at_start {
+            self.add(
+                "bonds at the start",
+                "all contacts",
+                "requested; what they connect to a wall or a fixed body comes to rest before time 0, without the \
+                 fluid; everything else keeps its position and velocity",
+            );
+        }
         for zone in &grains.zones {
             let material = scene.materials[zone.material].name.as_str();
             let reason = zone.listed.map_or_else(

@@ -212,6 +212,9 @@ struct Progress {
     factor: f64,
     /// Relative growth at the next loss of contacts of a packing.
     growth: f64,
+    /// Number of losses of contacts so far.
+    #[serde(default)]
+    losses: u32,
     stage: Stage,
     /// Number of steps of the present batch, and number of remaining ones.
     batch: u64,
@@ -288,6 +291,7 @@ impl<'a, S: Space> Growing<'a, S> {
         let progress = Progress {
             factor: CLOUD,
             growth: STAGE_GROWTH,
+            losses: 0,
             stage: Stage::Grow,
             batch: 0,
             left: 0,
@@ -553,12 +557,14 @@ impl<'a, S: Space> Growing<'a, S> {
         unbalanced: f64,
     ) -> Result<(), Error> {
         self.check_limit()?;
-        let apart = if self.measure().coordination < JAMMED {
-            apart + 1
-        } else {
-            0
-        };
-        if apart == 0 && unbalanced <= self.tolerance(purpose) {
+        let (now, balanced) = (self.measure(), unbalanced <= self.tolerance(purpose));
+        let mut jammed = now.coordination >= JAMMED;
+        if self.progress.losses >= MOST_LOSSES {
+            // Friction lets forces balance with fewer contacts than grow a packing, and small samples have walls.
+            jammed |= balanced && now.coordination >= carrying::<S>();
+        }
+        let apart = if jammed { 0 } else { apart + 1 };
+        if jammed && balanced {
             self.after_rest(purpose, true);
         } else if apart == 3 || rounds + 1 == ROUNDS {
             // The packing has lost its contacts, or does not relax.
@@ -598,6 +604,7 @@ impl<'a, S: Space> Growing<'a, S> {
             self.progress.growth = 64.0 * target;
             (now.mean_overlap / 3.0).max(target) - now.mean_overlap
         } else {
+            self.progress.losses = self.progress.losses.saturating_add(1);
             self.progress.growth = (2.0 * self.progress.growth).min(8.0 * STAGE_GROWTH);
             0.5 * self.progress.growth
         };
@@ -624,7 +631,9 @@ impl<'a, S: Space> Growing<'a, S> {
         }
         let now = self.measure();
         Err(Error::Numerical(format!(
-            "no packing within {} steps: solid fraction {:.4}, {:.2} contacts per grain, mean overlap {:.2e} diameters",
+            "no packing within {} steps: solid fraction {:.4}, {:.2} contacts per grain, mean overlap {:.2e} \
+             diameters; \
+             use a smaller `friction_angle_degrees` of the growth, such as 20, or another seed",
             self.settings.limit, now.solid_fraction, now.coordination, now.mean_overlap
         )))
     }
@@ -646,8 +655,19 @@ impl<'a, S: Space> Growing<'a, S> {
     }
 }
 
-/// Number of contacts per grain below which a packing is not jammed.
+/// Number of contacts per grain below which a growing packing is not jammed.
 const JAMMED: f64 = 3.0;
+
+/// Number of losses of contacts after which fewer contacts are accepted if the forces balance.
+const MOST_LOSSES: u32 = 80;
+
+/// Returns the number of contacts per grain from which on a packing whose forces balance is jammed: three quarters of
+/// the d + 1 contacts that frictional grains in d dimensions need at least in a large sample. Contacts with walls count
+/// once, so that the mean of a small sample lies below.
+fn carrying<S: Space>() -> f64 {
+    if S::DIMENSION == 2 { 2.25 } else { 3.0 }
+}
+
 /// Unbalanced force below which a packing counts as relaxed between changes of size.
 const COARSE: f64 = 1e-2;
 /// Local damping during growth and during relaxation.

@@ -1,8 +1,12 @@
 //! Relaxation of bonded grains before the run, without the fluid.
 //!
-//! Existing contacts become bonds, then damped steps bring the grains to rest. The report gives the number of bonds
-//! that break in this relaxation, before the flow starts. Driven bodies and walls are stationary during the
-//! relaxation. Afterwards each grain, body and wall receives its velocity in the case.
+//! Existing contacts become bonds, then damped steps bring the grains to rest, so that bonds carry their load when the
+//! run starts. Only what contacts and bonds connect to a wall or to a fixed or driven body moves in these steps: an
+//! agglomerate in the air, a named body above a bed and a grain that touches nothing have no equilibrium but the floor,
+//! so they are held at their positions ([`Kind::Held`]), unless no gravity acts. Where bonds break, the grains that
+//! lose their support are held from the next check on. The report gives the number of bonds that break in this
+//! relaxation, before the flow starts. Driven bodies and walls are stationary during the relaxation. Afterwards each
+//! grain, body and wall receives its velocity in the case.
 
 use super::supervision::{Request, Requests};
 use base::error::Error;
@@ -10,7 +14,7 @@ use decomposition::Domain;
 use dem::particles::Particles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space};
-use dem::{Dem, EquilibriumState, Relaxation};
+use dem::{Dem, EquilibriumState, Kind, Relaxation};
 use plan::scene::Scene;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -56,11 +60,38 @@ fn set_velocity<S: Space>(particles: &mut Particles<S>, k: usize, velocity: &[f6
     }
 }
 
+/// Holds the free grains and bodies that nothing stationary supports, if gravity acts. Without it nothing falls, and
+/// the contacts of a free sample only come to equilibrium with each other. Collective.
+fn hold_unsupported<S: Space>(
+    dem: &mut Dem<S>,
+    particles: &mut Particles<S>,
+    domain: &Domain,
+) -> Result<(), Error> {
+    if dem.settings().gravity.length() <= 0.0 {
+        return Ok(());
+    }
+    let supported = dem.supported(particles, domain)?;
+    for (k, supported) in supported.into_iter().enumerate() {
+        if particles.body[k].kind == Kind::Free && !supported {
+            particles.set_kind(k, Kind::Held);
+        }
+    }
+    dem.prepare(particles, domain)
+}
+
+/// Returns the number of grains and bodies of this kind on all ranks. Collective.
+fn count_kind<S: Space>(particles: &Particles<S>, kind: Kind, domain: &Domain) -> u64 {
+    let own = &particles.body[..particles.owned()];
+    let count = own.iter().filter(|body| body.kind == kind).count();
+    domain.communicator().all_reduce_sum_u64(count as u64)
+}
+
 /// State of a [`BondRelaxation`] in a checkpoint.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
 pub struct SavedRest {
     bonds: u64,
     broken: u64,
+    broken_at_check: u64,
     steps: u64,
     /// Id, and the bits of the six components of velocity and spin.
     velocities: Vec<(u64, [u64; 6])>,
@@ -72,6 +103,8 @@ pub struct BondRelaxation {
     bonds: u64,
     /// Number of bonds broken during the relaxation.
     broken: u64,
+    /// Number of them at the last check of the supports.
+    broken_at_check: u64,
     /// Number of solid steps.
     steps: u64,
     /// Velocities of grains and bodies to be restored after the relaxation.
@@ -79,7 +112,8 @@ pub struct BondRelaxation {
 }
 
 impl BondRelaxation {
-    /// Bonds the contacts and stops all bodies; returns `None` if the case has no bonds. Collective.
+    /// Bonds the contacts, stops all bodies and holds those without support; returns `None` if the case has no bonds.
+    /// Collective.
     ///
     /// # Errors
     /// If [`Dem::advance`] fails.
@@ -97,9 +131,11 @@ impl BondRelaxation {
             set_velocity(particles, k, &[0.0; 6]);
         }
         let bonds = dem.bond_existing_contacts(particles, domain)?;
+        hold_unsupported(dem, particles, domain)?;
         Ok(Some(Self {
             bonds: domain.communicator().all_reduce_sum_u64(bonds),
             broken: 0,
+            broken_at_check: 0,
             steps: 0,
             velocities,
         }))
@@ -117,6 +153,7 @@ impl BondRelaxation {
         SavedRest {
             bonds: self.bonds,
             broken: self.broken,
+            broken_at_check: self.broken_at_check,
             steps: self.steps,
             velocities,
         }
@@ -128,6 +165,7 @@ impl BondRelaxation {
         Self {
             bonds: state.bonds,
             broken: state.broken,
+            broken_at_check: state.broken_at_check,
             steps: state.steps,
             velocities: state
                 .velocities
@@ -157,6 +195,9 @@ impl BondRelaxation {
         dem.set_local_damping(until.local_damping);
         let communicator = domain.communicator();
         let still: EquilibriumState = loop {
+            if count_kind(particles, Kind::Free, domain) == 0 {
+                break EquilibriumState::default();
+            }
             // The checks follow the same steps, independently of interruptions between them.
             let to_check = until.look_every - self.steps % until.look_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
@@ -165,6 +206,10 @@ impl BondRelaxation {
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
             let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
             if checks {
+                if self.broken > self.broken_at_check {
+                    self.broken_at_check = self.broken;
+                    hold_unsupported(dem, particles, domain)?;
+                }
                 let now = dem.equilibrium_state(particles, domain);
                 if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
                     break now;
@@ -177,29 +222,55 @@ impl BondRelaxation {
         };
         dem.set_local_damping(damping);
         dem.drive_walls(&driven);
+        let held = count_kind(particles, Kind::Held, domain);
         for k in 0..particles.owned() {
+            if particles.body[k].kind == Kind::Held {
+                particles.set_kind(k, Kind::Free);
+            }
             let velocity = self.velocities.get(&particles.body[k].id);
             set_velocity(particles, k, velocity.unwrap_or(&[0.0; 6]));
         }
-        let line = if self.bonds == 0 {
-            "no bonds: no grain touches another or a wall at the start".to_owned()
-        } else {
-            format!(
-                "{} bonds; at rest after {} solid steps (unbalanced force {}); {} bonds broke during the relaxation",
-                self.bonds,
-                self.steps,
-                unbalanced_text(still.unbalanced()),
-                self.broken
-            )
-        };
+        dem.prepare(particles, domain)?;
         let report = json!({
             "bonds": self.bonds,
             "bonds_broken": self.broken,
+            "held": held,
+            "at_rest": still.unbalanced() <= until.tolerance,
             "solid_steps": self.steps,
             "unbalanced_force": still.unbalanced(),
             "largest_contact_force": still.contact,
         });
-        Ok((line, report))
+        Ok((self.line(held, &still), report))
+    }
+
+    /// Returns the line to print. It does not claim equilibrium where the relaxation ended at its limit of steps.
+    fn line(&self, held: u64, still: &EquilibriumState) -> String {
+        if self.bonds == 0 {
+            return "no bonds: no grain touches another or a wall at the start".to_owned();
+        }
+        let bonds = self.bonds;
+        let unsupported = match held {
+            0 => String::new(),
+            1 => "; 1 grain or body touches nothing that holds it and keeps its position and velocity".into(),
+            held => format!(
+                "; {held} grains or bodies touch nothing that holds them and keep their positions and velocities"
+            ),
+        };
+        if self.steps == 0 {
+            return format!("{bonds} bonds{unsupported}");
+        }
+        let state = if still.unbalanced() <= Relaxation::default().tolerance {
+            "at rest"
+        } else {
+            "not at rest"
+        };
+        format!(
+            "{bonds} bonds; {state} after {} solid steps (unbalanced force {}); {} bonds broke during the \
+             relaxation{unsupported}",
+            self.steps,
+            unbalanced_text(still.unbalanced()),
+            self.broken
+        )
     }
 }
 
@@ -262,6 +333,7 @@ mod tests {
         let rest = BondRelaxation {
             bonds: 1,
             broken: 0,
+            broken_at_check: 0,
             steps: 0,
             velocities: Velocities::new(),
         };

@@ -36,8 +36,9 @@ const STALE_AFTER: Duration = Duration::from_secs(600);
 const LOCK_BYTES: u64 = 4096;
 
 /// Tables and pictures that runs write in addition to series and probes.
-const FILES: [&str; 14] = [
+const FILES: [&str; 15] = [
     "backward_erosion.csv",
+    "crossings.csv",
     "case.json",
     "summary.json",
     "erosion.csv",

@@ -13,6 +13,7 @@
 //! | `removal`, `gates` | regions that remove and generate grains; walls that are inserted or removed |
 //! | `servos`, `drives` | stresses of servo walls, velocities of walls and bodies that follow tables in time |
 //! | `erosion`, `collapse` | records of erosion and of ground collapse |
+//! | `crossings` | regions that record the grains that enter and leave them |
 //! | `guards`, `escape` | checks of the state; remedies for a grain that left the box |
 //! | `means`, `settled` | means over time of probes; how far probes are from settled |
 //! | `element_test` | answers of a test of a sample between walls |
@@ -43,6 +44,7 @@ pub mod blocks;
 pub mod calibration;
 pub mod collapse;
 pub mod coupled;
+pub mod crossings;
 mod drives;
 mod element_test;
 pub mod energy;
@@ -75,6 +77,7 @@ use coupling::lattice::LatticeFlow;
 use coupling::seepage::Seepage;
 use coupling::water::Water;
 use coupling::{Flow, FluidView};
+use crossings::Crossings;
 use decomposition::Domain;
 use dem::Dem;
 use dem::particles::Particles;
@@ -164,6 +167,7 @@ pub struct Simulation<Sp: Space, S: SavedNumber> {
     drives: Drives<Sp>,
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
+    crossings: Crossings,
     outputs: Outputs,
     guards: Guards,
     phases: Phases,
@@ -200,6 +204,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
     /// If values are not finite or exceed a guard, or an output cannot be written; the same on all ranks.
     pub fn step(&mut self) -> Result<(), Error> {
         let due = Schedule::next_step(self);
+        self.crossings.begin(&self.now.particles, &self.now.plan);
         self.advance_water(due)?;
         self.advance_solids(due)?;
         self.now.step += due.steps;
@@ -322,6 +327,8 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         }
         self.guards.include_speed(self.recorder.take_speed());
         self.collapse.record_due(&view, removed)?;
+        let when = (view.step, view.time);
+        (self.crossings).record(view.particles, view.plan, view.domain, when)?;
         self.phases.done(Phase::Analysis);
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The states of the recorders of a run in a checkpoint.
 
-use super::{collapse, erosion, guards, removal};
+use super::{collapse, crossings, erosion, guards, removal};
 use base::error::Error;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -15,6 +15,9 @@ pub(super) struct Recorders {
     /// State of the collapse recorder; none without that analysis.
     #[serde(default)]
     pub(super) collapse: Option<collapse::CollapseState>,
+    /// Counts of the regions that record.
+    #[serde(default)]
+    pub(super) crossings: Vec<crossings::CrossingCount>,
     /// Values of the guards; [`saved_guards`] reads them.
     #[serde(skip_deserializing)]
     pub(super) guards: Option<guards::GuardState>,

@@ -300,6 +300,7 @@ pub(super) fn tables(plan: &Plan) -> Vec<String> {
         "clusters.csv",
         "collapse.csv",
         "collapse_points.csv",
+        "crossings.csv",
         "erosion.csv",
         "removed.csv",
         "surface.csv",

@@ -4,7 +4,8 @@
 //! The scenes and their references are under `jobs/automatic`.
 
 use super::verification::{short_forms, suite};
-use crate::ranks::Cores;
+use crate::ranks::{Cores, Study, beside_others};
+use serde_json::json;
 use solver::case::Document;
 use solver::plan::Plan;
 use std::path::{Path, PathBuf};
@@ -372,5 +373,30 @@ fn automatic_cells_put_no_disc_at_a_position_of_symmetry() {
             (cells.rem_euclid(2.0) - 1.0).abs() < 1e-6,
             "{radius}: {cells}"
         );
+    }
+}
+
+/// Checks that boxes of discs with the friction that the program assumes are packed, whatever the seed: near walls and
+/// with friction fewer than three contacts per grain may carry them.
+#[test]
+fn a_box_of_discs_is_packed_with_the_friction_that_is_assumed() {
+    let _beside = beside_others();
+    let study = Study::new(
+        &json!({
+            "domain": {"size": [0.04, 0.04], "spacing": 0.01},
+            "gravity": [0, -9.81],
+            "materials": {"sand": {"density": 2650}},
+            "grains": {"material": "sand", "initial": {"growth": {"amount": {"solid_fraction": 0.82},
+                "radii": {"uniform": {"min": 0.002, "max": 0.004}}, "seed": 2}}},
+            "box_walls": ["x_min", "x_max", "y_min", "y_max"],
+            "time": {"end": 1e-4}
+        })
+        .to_string(),
+    );
+    let done = study.run("run", 1, 1, &[]);
+    assert!(done.stdout.contains("contacts"), "{}", done.stdout);
+    for seed in ["1", "3", "4"] {
+        let set = format!("grains.initial.growth.seed={seed}");
+        study.run(seed, 1, 1, &[&set]);
     }
 }

@@ -274,6 +274,41 @@ fn a_dam_with_a_cut_off_has_the_exact_force_and_moment() {
     }
 }
 
+/// Checks that the crossing below the tip of a cut-off has the whole discharge, wherever the tip lies in its cell: a
+/// face that the cut-off closes in part lets water through.
+#[test]
+fn the_crossing_below_a_cut_off_has_the_whole_discharge() {
+    let _beside = beside_others();
+    for tip in [1.42, 1.46, 1.48, 1.52, 1.6, 1.34] {
+        let patch = |name: &str, from: f64, to: f64, head: f64| {
+            serde_json::json!({"name": name, "face": "y_max", "condition": {"head": {"value": head}},
+                "patch": {"from": [from, 0], "to": [to, 3]}})
+        };
+        let case = serde_json::json!({
+            "domain": {"size": [32.8, 3], "spacing": 0.2},
+            "gravity": [0, -9.81],
+            "fluid": {"darcy": {"density": 1000, "viscosity": 0.001,
+                "boundaries": [patch("up", 0.0, 12.0, 6.0), patch("down", 20.8, 32.8, 3.5)],
+                "zones": [{"name": "sand", "permeability": {"hydraulic_conductivity": 1e-5}}]}},
+            "structures": [{"name": "cut", "shape": {"box": {"from": [16.399, tip], "to": [16.401, 4]}}}],
+            "probes": [
+                {"name": "up", "every": 1, "at": {"crossing": {"from": [16.4, 0], "to": [16.4, tip]}}},
+                {"name": "down", "every": 1, "at": {"crossing": {"from": [16.4, tip], "to": [16.4, 0]}}}],
+            "time": {"end": 1, "solid_time_step": 0.01}
+        });
+        let study = Study::new(&case.to_string());
+        study.run("run", 1, 1, &[]);
+        let outflow = study.summary("run")["seepage"]["outflow"].as_f64().unwrap();
+        for (probe, sign) in [("up", 1.0), ("down", -1.0)] {
+            let discharge = sign * rows(&study, "run", probe)[0][2];
+            assert!(
+                (discharge / outflow - 1.0).abs() < 1e-6,
+                "{tip} {probe}: {discharge} {outflow}"
+            );
+        }
+    }
+}
+
 /// Checks a base with a cut-off of 0.5 m at its toe: exit gradient, discharge, uplift, and heave of Terzaghi's prism.
 #[test]
 fn a_cut_off_at_the_toe_has_the_exact_exit_gradient_and_heave() {

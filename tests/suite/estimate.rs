@@ -225,6 +225,24 @@ fn the_failure_of_the_case_is_a_numerical_one() {
     );
 }
 
+/// Checks that the plan of a case that costs too little for a pilot is printed without one.
+#[test]
+fn a_cheap_case_has_a_plan_without_a_pilot() {
+    let _beside = beside_others();
+    let folder = tempfile::tempdir().unwrap();
+    let text = solver::case::examples::find("first-flow").unwrap().text;
+    std::fs::write(folder.path().join("case.json"), text).unwrap();
+    let done = Command::new(env!("CARGO_BIN_EXE_solver"))
+        .current_dir(folder.path())
+        .args(["plan", "case.json", "--pilot"])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{told}");
+    assert!(told.contains("no pilot: none on coarser cells"), "{told}");
+    assert!(told.contains("time and scales"), "{told}");
+}
+
 /// Checks that a pilot runs on coarse cells and writes the case with its results, that the plan of this case is the
 /// same on every machine, and that a change of the case is detected.
 #[test]

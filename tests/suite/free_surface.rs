@@ -384,3 +384,54 @@ fn structures_bound_the_water_where_bodies_float() {
     assert!((mass / exact - 1.0).abs() < 0.01, "{mass}, not {exact}");
     assert!(error.abs() < 1e-12, "{error}");
 }
+
+/// Checks the verdict on a free overfall at a low viscosity: between distant values of the map the nearer one counts,
+/// and the bound of the operator `trt` is stated for this operator alone, with the remedy that works.
+#[test]
+fn a_value_near_those_that_failed_is_unstable() {
+    let found = |set: &str| {
+        let case = serde_json::json!({
+            "domain": {"size": [2.0, 0.2], "spacing": 0.005},
+            "gravity": [0, -9.81],
+            "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-5, "boundaries": [
+                {"name": "in", "face": "x_min", "condition": {"discharge": {"value": 0.05}}},
+                {"name": "out", "face": "x_max", "condition": {"outfall": {}}},
+                {"name": "floor", "face": "y_min", "condition": {"free_slip": {}}}],
+                "surface": {"water": [{"level": 0.07}]}, "turbulence": {"smagorinsky": {}}}},
+            "time": {"end": 8}
+        });
+        let set: Vec<String> = [set]
+            .iter()
+            .filter(|s| !s.is_empty())
+            .map(|s| (*s).to_owned())
+            .collect();
+        let document = Document::read(&case.to_string(), &set, Path::new("."));
+        Plan::prepare(document.unwrap()).unwrap().warnings
+    };
+    let unstable = |set: &str| {
+        let found = found(set);
+        let mut severities = found.iter().map(|problem| problem.severity);
+        severities.any(|severity| severity == solver::error::Severity::Unstable)
+    };
+    // Cell Reynolds numbers of 686, 343 and 300 between 100, which held, and 1000, which failed.
+    assert!(unstable(""));
+    assert!(unstable("fluid.lattice_boltzmann.kinematic_viscosity=2e-5"));
+    assert!(!unstable(
+        "fluid.lattice_boltzmann.kinematic_viscosity=2.3e-5"
+    ));
+    let words = |set: &str| {
+        let texts: Vec<String> = found(set).iter().map(ToString::to_string).collect();
+        texts.join("\n")
+    };
+    let of_two_rates = words("");
+    let bound = of_two_rates
+        .lines()
+        .find(|line| line.contains("the operator trt is stable"))
+        .unwrap();
+    assert!(
+        bound.contains("`smagorinsky` with the operator `bgk`"),
+        "{bound}"
+    );
+    let of_one = r#"fluid.lattice_boltzmann.collision={"bgk": {}}"#;
+    assert!(!words(of_one).contains("trt") && !unstable(of_one));
+}

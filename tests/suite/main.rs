@@ -10,6 +10,7 @@
 mod architecture;
 mod automatic;
 mod bed;
+mod bonded_start;
 mod borders;
 mod broken_on_ranks;
 mod case_broken;

@@ -193,3 +193,57 @@ fn spheres_that_fall_into_a_bed_are_partially_saturated_unless_the_case_says_oth
     let alone = coupling(&flume(&[("grains", few)]));
     assert!(matches!(alone, Some(Coupling::BounceBack(_))), "{alone:?}");
 }
+
+/// Returns a channel of 0.2 m with an inflow by a table, on cells of 5 mm with a free time step.
+fn channel_with_a_table() -> Value {
+    json!({
+        "domain": {"size": [0.2, 0.1], "spacing": 0.005},
+        "fluid": {"lattice_boltzmann": {"density": 1000, "kinematic_viscosity": 1e-3, "boundaries": [
+            {"name": "in", "face": "x_min", "condition": {"velocity": {"profile": {"uniform": [0.05, 0]},
+                "history": [[0, 0], [1, 1], [2, 1], [2.5, -0.5]]}}},
+            {"name": "out", "face": "x_max", "condition": {"pressure": {"value": 0}}}]}},
+        "probes": [{"name": "q", "every": 0.2, "at": {"plane": {"axis": "x", "position": 0.1}}}],
+        "time": {"end": 3}
+    })
+}
+
+/// Checks that the discharge in the middle of a channel is that of the table at the inlet at all times, as in
+/// incompressible water, with the time step that the program chooses; and that a stated step that is too long is
+/// promised no small error.
+#[test]
+fn the_discharge_follows_the_table_of_an_inflow() {
+    let _beside = beside_others();
+    let case = channel_with_a_table();
+    let study = Study::new(&case.to_string());
+    study.run("run", 1, 1, &[]);
+    let table = std::fs::read_to_string(study.path("run").join("probe_q.csv")).unwrap();
+    let mut compared = 0;
+    for line in table.lines().filter(|line| !line.starts_with('#')).skip(1) {
+        let values: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+        let time = values[1];
+        let factor = if time < 1.0 {
+            time
+        } else if time < 2.0 {
+            1.0
+        } else {
+            (1.0 - 3.0 * (time - 2.0)).max(-0.5)
+        };
+        // The requested error of 5 % of the largest discharge.
+        assert!((values[2] / 0.005 - factor).abs() < 0.05, "{time}: {line}");
+        compared += 1;
+    }
+    assert!(compared > 12);
+    let promised = |step: &str| {
+        let set = [
+            format!("fluid.lattice_boltzmann.time_step={step}"),
+            "accuracy=\"normal\"".to_owned(),
+        ];
+        let document = Document::read(&case.to_string(), &set, Path::new("."));
+        let plan = Plan::prepare(document.unwrap()).unwrap();
+        plan.scene.chosen.promised.unwrap()
+    };
+    // 3 changes per second over 0.2 m at the speed of sound of the step.
+    let lag = |step: f64| 3.0 * 0.2 * 3.0_f64.sqrt() * step / 0.005;
+    assert!(promised("1e-3") > lag(1e-3) && promised("1e-3") < 0.05 + lag(1e-3));
+    assert!(promised("1e-4") < 0.05);
+}

@@ -99,6 +99,40 @@ def thin_base(draw):
     return made, [ground.flow(strip), *ground.loads(strip), ground.head(strip, at)]
 
 
+def short_base(draw):
+    """Returns a ground with a base as short as the stratum is deep or shorter, on cells that remain whole on coarser grids."""
+    ground = Ground(draw, 0.5, 0.5, layering(draw), 24)
+    high = draw.choice([12, 16, 18, 20, 24])
+    ground.h = ground.depth / high
+    # The discharge is least accurate where base and depth are the same number of cells.
+    half = high // 2 if draw.random() < 0.4 else max(2, round(draw.uniform(0.15, 0.6) * high))
+    ends = 12 * math.ceil(high * math.sqrt(ground.ratio) / 3)
+    ground.left = ground.right = half
+    ground.cells = [2 * (ends + half), high]
+    ground.size = [ground.cells[0] * ground.h, ground.depth]
+    ground.heel, ground.wall, ground.toe = (n * ground.h for n in (ends, ends + half, ends + 2 * half))
+    return ground
+
+
+def flat_dam(draw):
+    """Returns a flat base without a cut-off, as short as its stratum is deep or shorter: discharge, uplift, moment, head at a point."""
+    ground = short_base(draw)
+    strip = ground.exact(0)
+    point, at = ground.point(draw, -1, 1)
+    made = ground.case([zone(ground.k, ground.ratio)], 0, [ground.under(), ground.uplift(), point])
+    return made, [ground.flow(strip), *ground.loads(strip), ground.head(strip, at)]
+
+
+def loose_flat(draw):
+    """Returns a flat base without a cut-off, as short as its stratum is deep or shorter, with edges anywhere in a cell."""
+    ground = short_base(draw)
+    ground.heel, ground.toe = (x + draw.uniform(-0.5, 0.5) * ground.h for x in (ground.heel, ground.toe))
+    ground.wall = 0.5 * (ground.heel + ground.toe)
+    strip = ground.exact(0)
+    point, at = ground.point(draw, -1, 1)
+    return ground.case([zone(ground.k, ground.ratio)], 0, [point]), [whole(strip), ground.head(strip, at)]
+
+
 def structure(draw):
     """Returns a dam as a polygon, with a cut-off or none: uplift, thrust and moment on the structure."""
     ground = Ground(draw, 1.2, 1.2, layering(draw), 40)
@@ -128,12 +162,12 @@ def structure(draw):
     return made, answers
 
 
-OWN = {"structure": structure, "loose pile": loose_pile, "loose dam": loose_dam, "loose layers": loose_layers, "thin base": thin_base}
+OWN = {"structure": structure, "loose pile": loose_pile, "loose dam": loose_dam, "loose layers": loose_layers, "thin base": thin_base, "flat dam": flat_dam, "loose flat": loose_flat}
 ALL = {**FAMILIES, **OWN}
 COUNTS = {
     "pile": 12, "dam": 14, "toe": 12, "bedding": 10, "layers": 14, "earth": 24, "capillary": 14, "drain": 10, "linear": 10, "suction": 8, "soak": 16,
     "drawdown": 8, "well": 6, "consolidation": 8, "loose pile": 8, "loose dam": 10, "loose layers": 8, "thin base": 8,
-    "structure": 10,
+    "structure": 10, "flat dam": 20, "loose flat": 10,
 }
 BY_FINER = {**FINER, "loose layers": 1}
 

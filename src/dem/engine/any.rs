@@ -35,6 +35,16 @@ pub(crate) trait AnyEngine<S: Space>: std::fmt::Debug + Send + Sync {
     fn take_breaks(&mut self) -> Vec<BondBreak<S>>;
     /// Calls `visit` with every contact reported by this rank.
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>));
+    /// Calls `visit` with the entries of every listed pair of spheres with a gap below a fraction of the smaller
+    /// radius, and with those of spheres that near to a wall.
+    fn for_each_near(
+        &self,
+        particles: &Particles<S>,
+        fraction: f64,
+        visit: &mut dyn FnMut(usize, Option<usize>),
+    );
+    /// Makes the next [`Self::prepare`] build the lists again.
+    fn forget_lists(&mut self);
     /// Returns the present counts of this rank.
     fn statistics(&self, particles: &Particles<S>) -> Statistics;
     /// Returns the deepest contact so far, on this rank.
@@ -112,6 +122,19 @@ impl<S: Space, L: Bodies<S>> AnyEngine<S> for Engine<S, L> {
 
     fn for_each_contact(&self, particles: &Particles<S>, visit: &mut dyn FnMut(Contact<S>)) {
         self.for_each_contact(particles, visit);
+    }
+
+    fn for_each_near(
+        &self,
+        particles: &Particles<S>,
+        fraction: f64,
+        visit: &mut dyn FnMut(usize, Option<usize>),
+    ) {
+        self.for_each_near(particles, fraction, visit);
+    }
+
+    fn forget_lists(&mut self) {
+        self.validity.listed = false;
     }
 
     fn statistics(&self, particles: &Particles<S>) -> Statistics {

@@ -384,7 +384,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 let [low, high] = group.bounds.map(|corner| S::from_volume(&corner));
                 for &place in &places {
                     search.near::<S>(&(low + place), &(high + place), gap, |k| {
-                        if k >= particles.owned() || particles.mobility[k].free <= 0.0 {
+                        if k >= particles.owned() || !particles.mobility[k].meets_all() {
                             return;
                         }
                         let at = wall.local(&particles.motion[k].position);

@@ -130,7 +130,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         thread_pool::each_item(&mut found, 1, |thread, found| {
             let bound = |thread: usize| view.owned * thread / threads;
             let own = bound(thread)..bound(thread + 1);
-            for k in own.filter(|&k| view.mobility[k].free > 0.0) {
+            for k in own.filter(|&k| view.mobility[k].meets_all()) {
                 let (body, motion) = (&view.body[k], &view.motion[k]);
                 for &(w, wall) in &planes {
                     let distance = wall.distance(&motion.position);

@@ -16,7 +16,7 @@ pub(super) fn effective_mass<S: Space>(
     j: usize,
 ) -> f64 {
     let masses = [particles.body[i].mass, particles.body[j].mass];
-    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+    match [i, j].map(|k| particles.mobility[k].meets_all()) {
         [true, false] => masses[0],
         [false, true] => masses[1],
         _ => masses[0] * masses[1] / (masses[0] + masses[1]),
@@ -30,7 +30,7 @@ pub(super) fn rolling_inertia<S: Space>(
     j: usize,
 ) -> f64 {
     let about = [i, j].map(|k| surface_inertia(&particles.body[k]));
-    match [i, j].map(|k| particles.mobility[k].free > 0.0) {
+    match [i, j].map(|k| particles.mobility[k].meets_all()) {
         [true, false] => about[0],
         [false, true] => about[1],
         _ => about[0] * about[1] / (about[0] + about[1]),

@@ -98,6 +98,52 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         }
     }
 
+    /// Visits the listed pairs of spheres with a gap below `fraction` of the smaller radius or a bond, and the spheres
+    /// that near to a wall or bonded to it.
+    pub(crate) fn for_each_near(
+        &self,
+        particles: &Particles<S>,
+        fraction: f64,
+        visit: &mut dyn FnMut(usize, Option<usize>),
+    ) {
+        let periodic = self.settings.region.any_periodic();
+        for pair in &self.lists.pairs {
+            let offset = &self.lists.offsets[pair.offset as usize];
+            let (first, second) = pair.ends();
+            let squared = separation(&particles.motion, (first, second), offset, periodic).1;
+            let smaller = pair.radius.min(pair.reach - pair.radius);
+            let reach = pair.reach + fraction * smaller;
+            if squared < reach * reach || L::bonded(&pair.history) {
+                visit(first, Some(second));
+            }
+        }
+        for pair in &self.solids.wall_pairs {
+            let grain = pair.grain as usize;
+            let distance =
+                self.walls[pair.wall as usize].distance(&particles.motion[grain].position);
+            if distance < pair.radius * (1.0 + fraction) || L::bonded(&pair.history) {
+                visit(grain, None);
+            }
+        }
+        let mut found = Vec::new();
+        for facets in &self.solids.facets {
+            for pair in &facets.pairs {
+                let grain = pair.grain as usize;
+                let wall = &self.walls[pair.wall as usize];
+                let at = &particles.motion[grain].position;
+                let reach = pair.radius * (1.0 + fraction);
+                wall.touched(facets.near(pair), at, reach, &mut found);
+                let bonded = facets
+                    .held(pair)
+                    .iter()
+                    .any(|held| L::bonded(&held.history));
+                if !found.is_empty() || bonded {
+                    visit(grain, None);
+                }
+            }
+        }
+    }
+
     /// Visits the contacts of a sphere with facets.
     pub(super) fn sphere_facet_contacts(
         &self,

@@ -85,7 +85,7 @@ fn turn<S: Space>(
             let turned = UnitQuaternion::new_normalize(turned.into_inner());
             *rotation = RotationState::new(turned, &spin, &inertia);
         }
-        Kind::Fixed => {}
+        Kind::Fixed | Kind::Held => {}
     }
     // The chord 2 sin(angle/2) of the rotation is at most twice the distance between the quaternions.
     2.0 * body.radius * (rotation.orientation.coords - before.coords).norm()

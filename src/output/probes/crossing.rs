@@ -9,28 +9,62 @@ use coupling::seepage::Seepage;
 use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::Scene;
+use std::ops::Range;
 
-/// Path along cell edges between the cell corners nearest to two points.
+/// Path along cell edges between the cell corners nearest to two points. A point on a face that a structure closes in
+/// part, such as the tip of a cut-off, takes the corner on the side of the structure, so that the open part counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
     from: [usize; 2],
     to: [usize; 2],
+    /// The two points, in cells from the lower corner of the grid.
+    points: [[f64; 2]; 2],
 }
 
 impl Crossing {
     /// Returns the path between two points \[m\].
     pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Result<Self, Error> {
         let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
-        let corner = |point: [f64; 3]| {
+        let points = [from, to].map(|point: [f64; 3]| {
             [0, 1].map(|a: usize| {
                 let place = (point[a] - scene.origin[a]) / scene.spacing[a];
-                whole(place.round().clamp(0.0, real(scene.cells[a])))
+                place.clamp(0.0, real(scene.cells[a]))
             })
+        });
+        let [from, to] = points.map(|point| point.map(|place| whole(place.round())));
+        Ok(Self { from, to, points })
+    }
+
+    /// Returns the range of faces of a leg along `axis` at the corner line `line`, from `ends[0]` to `ends[1]`. A point
+    /// at an end, in cells, adds the face in which it lies if a structure closes that face in part.
+    fn faces<S: Space>(
+        seepage: &Seepage<S>,
+        (axis, line): (usize, usize),
+        ends: [usize; 2],
+        points: [Option<f64>; 2],
+    ) -> Range<usize> {
+        let (grid, open) = (seepage.grid(), &seepage.openness().faces[1 - axis]);
+        let mut range = ends[0].min(ends[1])..ends[0].max(ends[1]);
+        if range.is_empty() {
+            return range;
+        }
+        let cut = |at: usize| {
+            let face = if axis == 1 {
+                at * (grid.cells[0] + 1) + line
+            } else {
+                line * grid.cells[0] + at
+            };
+            open[face] > 0.0 && open[face] < 1.0
         };
-        Ok(Self {
-            from: corner(from),
-            to: corner(to),
-        })
+        for (end, point) in ends.into_iter().zip(points) {
+            let Some(point) = point else { continue };
+            if end == range.end && point > real(end) && end < grid.cells[axis] && cut(end) {
+                range.end += 1;
+            } else if end == range.start && point < real(end) && end > 0 && cut(end - 1) {
+                range.start -= 1;
+            }
+        }
+        range
     }
 
     /// Returns the discharge across the path from left to right; the path runs along x first, then along y.
@@ -38,13 +72,16 @@ impl Crossing {
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
         let mut sum = ExactSum::new();
         let ([i, j], [k, l]) = (self.from, self.to);
+        let [start, end] = self.points;
         let upward = pressure.face_flows(1);
-        for x in i.min(k)..i.max(k) {
+        let last = (j == l).then_some(end[0]);
+        for x in Self::faces(seepage, (0, j), [i, k], [Some(start[0]), last]) {
             let flow = upward[j * grid.cells[0] + x];
             sum.add(if k > i { -flow } else { flow });
         }
         let rightward = pressure.face_flows(0);
-        for y in j.min(l)..j.max(l) {
+        let first = (i == k).then_some(start[1]);
+        for y in Self::faces(seepage, (1, k), [j, l], [first, Some(end[1])]) {
             let flow = rightward[y * (grid.cells[0] + 1) + k];
             sum.add(if l > j { flow } else { -flow });
         }

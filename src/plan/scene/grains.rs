@@ -567,7 +567,7 @@ pub(crate) fn fits_domain(grid: &Grid, radius: f64, path: &str, findings: &mut F
             format!(
                 "a grain with a radius of {} m would overlap itself across the periodic axis {name}: its \
                  diameter can be at most {} m, the length of the domain",
-                number(2.0 * radius),
+                number(radius),
                 number(grid.size[axis])
             ),
             format!(

@@ -6,7 +6,7 @@ use case::Case;
 use std::path::Path;
 
 /// File names reserved for the program.
-const RESERVED_NAMES: [&str; 24] = [
+const RESERVED_NAMES: [&str; 25] = [
     "averages_profile.csv",
     "backward_erosion.csv",
     "bonds.csv",
@@ -16,6 +16,7 @@ const RESERVED_NAMES: [&str; 24] = [
     "collapse.csv",
     "collapse.svg",
     "collapse_points.csv",
+    "crossings.csv",
     "erosion.csv",
     "erosion_law.csv",
     "erosion_law.json",

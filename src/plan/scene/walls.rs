@@ -18,6 +18,7 @@ use base::error::Remedy;
 use case::Case;
 use case::geometry::Face;
 use case::grains::GrainSource;
+use case::observe::Action;
 use case::solids::{Plane as WrittenPlane, Wall as WrittenWall, WallShape, WallStage};
 use dem::FacetSurface;
 use nalgebra::Vector3;
@@ -100,8 +101,11 @@ fn no_floor(case: &Case, grid: &Grid, no_walls: bool, findings: &mut Findings) {
     };
     let face = Face::ALL[2 * down + usize::from(gravity[down] > 0.0)];
     let pulled = gravity[down].abs() > 0.0 && !grid.periodic[down];
-    let nothing =
-        no_walls && case.bodies.is_empty() && case.blocks.is_none() && case.regions.is_empty();
+    let only_recorded = case
+        .regions
+        .iter()
+        .all(|region| matches!(region.action, Action::Record {}));
+    let nothing = no_walls && case.bodies.is_empty() && case.blocks.is_none() && only_recorded;
     if case.grains.is_some() && pulled && nothing && !case.box_walls.contains(&face) {
         let mut with = case.box_walls.clone();
         with.push(face);

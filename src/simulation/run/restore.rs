@@ -84,7 +84,7 @@ impl Origin {
     }
 
     /// Returns the index of each region in the earlier run; none if the regions are the same.
-    fn regions(&self) -> Option<&[Option<usize>]> {
+    pub(super) fn regions(&self) -> Option<&[Option<usize>]> {
         self.resumed.as_ref()?.regions.as_deref()
     }
 

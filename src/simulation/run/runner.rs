@@ -377,6 +377,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let recorders = Recorders {
             recorder: simulation.recorder.state(&simulation.now.domain)?,
             collapse: simulation.collapse.state(&simulation.now.domain)?,
+            crossings: simulation.crossings.state(&simulation.now.domain)?,
             removal: simulation.removal.state(),
             guards: Some(simulation.guards.state()),
         };

@@ -4,6 +4,7 @@ use super::super::agreement;
 use super::super::balance::{self, Costs};
 use super::super::collapse::CollapseRecorder;
 use super::super::coupled;
+use super::super::crossings::Crossings;
 use super::super::drives::Drives;
 use super::super::erosion::ErosionRecorder;
 use super::super::phases::Phases;
@@ -81,7 +82,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         place_bodies(&mut now)?;
         let flow_age = age_flow(&mut now, &origin, &mut parts, &mut outside)?;
         let mut records = Records::open(&now, &origin, &outside)?;
-        records.restore(parts.recorders.take(), flow_age)?;
+        records.restore(parts.recorders.take(), origin.regions(), flow_age)?;
         now.averages = read_averages(&now, &origin)?;
         let mut runner = Self::new(now, parts, records, outside);
         runner.may_cut = may_cut;
@@ -111,6 +112,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 drives,
                 recorder: records.recorder,
                 collapse: records.collapse,
+                crossings: records.crossings,
                 outputs: records.outputs,
                 guards: parts.guards,
                 phases: Phases::start(),
@@ -304,6 +306,7 @@ fn read_averages<Sp: Space, S: SavedNumber>(
 struct Records {
     recorder: ErosionRecorder,
     collapse: CollapseRecorder,
+    crossings: Crossings,
     outputs: Outputs,
 }
 
@@ -326,17 +329,24 @@ impl Records {
         Ok(Self {
             recorder: ErosionRecorder::create(plan, folder, domain, resumed_at)?,
             collapse: CollapseRecorder::create(plan, folder, domain, resumed_at)?,
+            crossings: Crossings::create(plan, folder, domain, resumed_at)?,
             outputs,
         })
     }
 
     /// Restores the saved states of the recorders, or sets the age \[s\] of the flow at the start.
-    fn restore(&mut self, saved: Option<Recorders>, flow_age: f64) -> Result<(), Error> {
+    fn restore(
+        &mut self,
+        saved: Option<Recorders>,
+        origins: Option<&[Option<usize>]>,
+        flow_age: f64,
+    ) -> Result<(), Error> {
         let Some(saved) = saved else {
             self.recorder.set_flow_age(flow_age);
             return Ok(());
         };
         self.recorder.restore(saved.recorder);
+        self.crossings.restore(&saved.crossings, origins);
         self.collapse.restore(saved.collapse)
     }
 }

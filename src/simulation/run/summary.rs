@@ -17,6 +17,8 @@ use base::number::real;
 use coupling::joint_water::JointWater;
 use coupling::seepage::{Extremes, Seepage};
 use darcy::Pressure;
+use dem::Relaxation;
+use dem::relax::unbalanced_text;
 use dem::space::Space;
 use lbm::quanta::from_quanta;
 use output::checkpoint::SavedNumber;
@@ -212,6 +214,17 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
                 "no contact was bonded at the start (grains.bond_at_start): no grain touched another or a wall"
                     .into(),
             );
+        }
+        if self.notes["settling"]["at_rest"] == false {
+            warnings.push(format!(
+                "the bonded grains were not at rest when the run began: after {} solid steps the unbalanced force was \
+                 still {} of the largest contact force (tolerance {}), and {} bonds had broken; let neighbours overlap \
+                 slightly or use a bonding gap, so that all contacts are bonded, or raise the strength of the bonds",
+                self.notes["settling"]["solid_steps"],
+                unbalanced_text(self.notes["settling"]["unbalanced_force"].as_f64().unwrap_or(f64::MAX)),
+                Relaxation::default().tolerance,
+                self.notes["settling"]["bonds_broken"],
+            ));
         }
         warnings.extend(self.feed_warnings());
         if let Some((step, lack)) = &self.unsaved {
@@ -441,6 +454,9 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         if let Some(erosion) = self.simulation.recorder.summary(&now.plan)? {
             values["erosion"] = erosion;
+        }
+        if let Some(crossings) = self.simulation.crossings.summary() {
+            values["crossings"] = crossings;
         }
         if let Some(collapse) = self.simulation.collapse.summary()? {
             values["collapse"] = collapse;

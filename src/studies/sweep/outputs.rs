@@ -12,12 +12,13 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 /// Tables of a run other than those of probes; their columns are not checked.
-const TABLES: [&str; 8] = [
+const TABLES: [&str; 9] = [
     "averages_profile.csv",
     "bonds.csv",
     "clusters.csv",
     "collapse.csv",
     "collapse_points.csv",
+    "crossings.csv",
     "erosion.csv",
     "removed.csv",
     "surface.csv",

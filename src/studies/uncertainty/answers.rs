@@ -30,7 +30,8 @@ const SUMMARY: &[&str] = &[
     "collapse",
     "element_test",
 ];
-/// Entries of the summary without results: numbers that describe the solution method, or that the case states.
+/// Entries of the summary without results: numbers that describe the solution method or that the case states, and
+/// positions, whose size depends on the origin and which jump from cell to cell.
 const NO_ANSWERS: &[&str] = &[
     "iterations",
     "residual",
@@ -41,9 +42,16 @@ const NO_ANSWERS: &[&str] = &[
     "fixed",
     "known",
     "difference",
+    "position",
 ];
 /// Columns of probes that do not depend on the solution.
-const GIVEN: &[&str] = &["step", "time", "distance", "fluid_share"];
+const GIVEN: &[&str] = &[
+    "step",
+    "time",
+    "distance",
+    "fluid_force_time",
+    "fluid_share",
+];
 /// Maximum number of values of a list in `summary.json` that are answers.
 const LONGEST_LIST: usize = 20;
 
@@ -355,6 +363,22 @@ mod tests {
         let mut found = Answers::new();
         Samples::read(text).unwrap().columns("force", &mut found);
         found
+    }
+
+    #[test]
+    fn positions_and_times_of_samples_are_no_answers() {
+        let mut found = Answers::new();
+        let exits = json!({"exit_gradients": {"down": {"gradient": 0.4, "position": [6.1, 10.0]}}});
+        collect_numbers("seepage", &exits, &mut found);
+        let names: Vec<&String> = found.keys().collect();
+        assert_eq!(names, ["seepage.exit_gradients.down.gradient"]);
+        let text =
+            "step,time,fluid_force_time,fluid_force_x\n# 1,s,s,N\n0,0,0,1\n1,1,0.9,1\n2,2,1.9,1\n";
+        assert!(
+            parsed(text)
+                .keys()
+                .all(|name| !name.contains("fluid_force_time"))
+        );
     }
 
     #[test]

@@ -25,16 +25,17 @@ pub const MOST_COST: f64 = 0.1;
 /// Name of the run and of its folder.
 const NAME: &str = "pilot";
 
-/// Runs a pilot in `output`; returns its result and the case that contains it.
+/// Runs a pilot in `output`; returns its result and the case that contains it. `None` if the case costs so little that
+/// no coarser cells cost much less.
 ///
 /// # Errors
-/// If no coarser cells can run at this cost, and the failure of the run, [`Error::Case`].
+/// If no coarser cells can run, and the failure of the run, [`Error::Case`].
 pub fn command(
     plan: &Plan,
     output: &Path,
     run: &Run,
     report: LineReport<'_>,
-) -> Result<(Pilot, Value), Error> {
+) -> Result<Option<(Pilot, Value)>, Error> {
     enough_cores(run)?;
     if plan.scene.flow.is_none() {
         return Err(Error::Case(vec![Problem {
@@ -45,7 +46,9 @@ pub fn command(
             severity: Severity::Error,
         }]));
     }
-    let (chosen, ratio) = coarse(plan)?;
+    let Some((chosen, ratio)) = coarse(plan)? else {
+        return Ok(None);
+    };
     let planned = chosen.prepared.as_ref().map_or(0.0, |p| p.seconds);
     report(&format!(
         "a pilot on cells {ratio:.2} times as large; planned cost about {planned:.1} core-seconds, {:.1} % of \
@@ -64,15 +67,16 @@ pub fn command(
     let found = read(plan, &chosen, output)?;
     let mut case: Value = serde_json::from_str(&plan.case_text).map_err(wrong)?;
     case["fluid"]["lattice_boltzmann"]["pilot"] = serde_json::to_value(&found).map_err(wrong)?;
-    Ok((found, case))
+    Ok(Some((found, case)))
 }
 
 fn wrong(e: serde_json::Error) -> Error {
     Error::Internal(format!("the case of a pilot: {e}"))
 }
 
-/// Returns the case on the coarsest cells that can run, and their spacing divided by that of the case.
-fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
+/// Returns the case on the coarsest cells that can run, and their spacing divided by that of the case; `None` if they
+/// cost too much of the run.
+fn coarse(plan: &Plan) -> Result<Option<(Member, f64)>, Error> {
     let stated = grids::with_choices_stated(plan)?;
     let ratios = grids::ratios(&plan.scene, false);
     let most = MOST_COST * plan.estimate.seconds_on_one_core;
@@ -87,7 +91,7 @@ fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
             let case = grids::on_cells(&stated, plan, ratio, rule);
             let found = member(NAME.into(), case, plan.estimate.machine, unstable);
             match &found.prepared {
-                Some(prepared) if prepared.seconds <= most => return Ok((found, ratio)),
+                Some(prepared) if prepared.seconds <= most => return Ok(Some((found, ratio))),
                 Some(_) => costly = true,
                 None => problems.extend(found.problems),
             }
@@ -96,16 +100,7 @@ fn coarse(plan: &Plan) -> Result<(Member, f64), Error> {
     problems.retain(|problem| problem.severity != Severity::Warning);
     problems.truncate(1);
     if costly || problems.is_empty() {
-        problems = vec![Problem {
-            path: "domain.spacing".into(),
-            value: plan.scene.grid.spacing.to_string(),
-            reason: format!(
-                "no pilot on coarser cells costs at most {} % of the run",
-                100.0 * MOST_COST
-            ),
-            remedy: "run the case itself".into(),
-            severity: Severity::Error,
-        }];
+        return Ok(None);
     }
     Err(Error::Case(problems))
 }

@@ -60,6 +60,10 @@ pub(crate) fn compute_promise(
     let compressibility = 3.0 * lattice_velocity * lattice_velocity;
     let waves = sound::waves(scene, flow);
     let of_sound = waves.map_or(0.0, |waves| waves.error(scene.grid.spacing, flow.time_step));
+    let transit = sound::transit(scene, flow);
+    let of_transit = transit.map_or(0.0, |transit| {
+        transit.error(scene.grid.spacing, flow.time_step)
+    });
     let losses: Vec<Cause> = (scene.density_causes.iter().filter(|cause| cause.is_loss()))
         .cloned()
         .collect();
@@ -69,7 +73,7 @@ pub(crate) fn compute_promise(
         Precision::F64 => 0.0,
         Precision::F32 => rounding::of_single(scene, flow),
     };
-    let promised = error + compressibility.max(of_losses) + of_sound + of_rounding;
+    let promised = error + compressibility.max(of_losses) + of_sound + of_transit + of_rounding;
     scene.chosen.promised = Some(promised);
     let cells = number(judged.cells);
     let what = &judged.feature.what;
@@ -85,6 +89,12 @@ pub(crate) fn compute_promise(
     }
     if waves.is_some() {
         parts += &format!("; sound {} %", percent(of_sound));
+    }
+    if transit.is_some() {
+        parts += &format!(
+            "; sound behind the changing inflow {} %",
+            percent(of_transit)
+        );
     }
     if of_rounding > 0.0 {
         parts += &format!("; rounding in f32 {} %", percent(of_rounding));
@@ -123,6 +133,12 @@ fn unmeasured(
     new.extend(uncovered_models(scene, flow, lattice_velocity));
     new.extend(free_grain_warning(case));
     new.extend(sound_warning(scene, flow, target));
+    if sound::transit(scene, flow).is_some_and(|transit| transit.jumps) {
+        new.push(
+            "no error was measured for an inflow that jumps, which sends sound through the domain"
+                .into(),
+        );
+    }
     let beside = |feature: &Feature| feature.obstacle == features::STRUCTURES;
     let wet = scene.structures.iter().any(|s| s.stops.water());
     if wet && !judged.iter().any(|judged| beside(judged.feature)) {

@@ -6,6 +6,11 @@
 //! length L, 1.3 % after four and 0.6 % after eight; `lbm::boundary::sound` tests this. Therefore c t ≥ n L with n
 //! = 4.
 //!
+//! *Inflows that change.* Incompressible water has the discharge of a table at every section at once; in the lattice
+//! the front travels the length L between openings in L/c and returns from a reflecting opening. A velocity that
+//! changes by the part r of its largest value per second is late, or too large after the reflection, by r L/c of this
+//! value.
+//!
 //! *Narrow passages.* Before water flows steadily through a narrow passage, the pressure upstream must rise. A
 //! passage of resistance I per density and viscosity (flow per depth q = Δp/(12 μ I)) fills a volume V per depth,
 //! which stores V/(ρ c²), with the time constant
@@ -40,7 +45,7 @@ use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::initial::Initial;
 use base::number::real;
-use lbm::boundary::{Inflow, Strength};
+use lbm::boundary::{Condition, Inflow, Strength};
 use std::f64::consts::PI;
 
 /// Number of passages of sound between openings after which a start has settled to 1.3 %.
@@ -83,6 +88,73 @@ pub(super) fn passages(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     );
     let step = scene.grid.spacing * time / (3.0_f64.sqrt() * PASSAGES * length);
     Some((what, step))
+}
+
+/// Inflow whose velocity changes with time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Transit {
+    /// Length between openings \[m\].
+    length: f64,
+    /// Largest change per second, as a fraction of the largest velocity [1/s].
+    rate: f64,
+    /// `true` if the velocity jumps during the run.
+    pub(super) jumps: bool,
+}
+
+/// Returns the fastest change of an imposed velocity by its table; none if all are constant. A ramp is a start, after
+/// which the flow settles.
+pub(super) fn transit(scene: &Scene, flow: &Flow) -> Option<Transit> {
+    let mut found: Option<Transit> = None;
+    let mut length = 0.0_f64;
+    for patch in flow.patches() {
+        if patch.condition.model().passes_water() {
+            length = length.max(scene.grid.size[patch.face.axis()]);
+        }
+        let Condition::Velocity(velocity) = &patch.condition else {
+            continue;
+        };
+        if let Some(table) = &velocity.history {
+            let largest = table.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
+            for rows in table.windows(2) {
+                let [from, to] = [rows[0], rows[1]];
+                let change = (to[1] - from[1]).abs() / largest;
+                if !(change > 0.0 && from[0] < scene.time.end) {
+                    continue;
+                }
+                let known = found.get_or_insert(Transit {
+                    length: 0.0,
+                    rate: 0.0,
+                    jumps: false,
+                });
+                if to[0] > from[0] {
+                    known.rate = known.rate.max(change / (to[0] - from[0]));
+                } else {
+                    known.jumps = true;
+                }
+            }
+        }
+    }
+    found.map(|found| Transit { length, ..found })
+}
+
+impl Transit {
+    /// Returns the error of the flow relative to its largest value, at a spacing \[m\] and a time step \[s\].
+    pub(super) fn error(&self, spacing: f64, time_step: f64) -> f64 {
+        self.rate * self.length * 3.0_f64.sqrt() * time_step / spacing
+    }
+
+    /// Returns the longest time step \[s\] with at most this error, and a description of the requirement.
+    pub(super) fn longest_step(&self, spacing: f64, error: f64) -> (String, f64) {
+        let what = format!(
+            "sound that passes the {} m between openings while the inflow changes by {} %",
+            number(self.length),
+            number(100.0 * error)
+        );
+        (
+            what,
+            error * spacing / (3.0_f64.sqrt() * self.length * self.rate),
+        )
+    }
 }
 
 /// Returns the decay rate \[1/s\] of sound of this angular frequency, for a ratio of surface to volume \[1/m\].

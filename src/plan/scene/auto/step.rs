@@ -33,12 +33,14 @@ use crate::scene::initial::Initial;
 use crate::scene::packed::{in_a_bed, lie_packed};
 use crate::scene::porous;
 use crate::scene::speed::{self, Speed};
+use base::error::Remedy;
 use base::number::{real, whole};
 use base::units::LatticeUnits;
 use case::coupling::{Coupling, SolidOperator};
 use case::fluid::{Collision, LatticeBoltzmann, LatticeChoice, Precision, Turbulence};
 use lbm::collision::cumulant;
 use lbm::turbulence::wale::Wale;
+use serde_json::json;
 
 /// Maximum relaxation time.
 const MOST_TAU: f64 = 1.5;
@@ -139,6 +141,8 @@ const LOSS_SHARE: f64 = 0.25;
 
 /// Fraction of the target for sound in an oscillating flow.
 const SOUND_SHARE: f64 = 0.125;
+/// Fraction of the requested error by which an inflow that changes with time may be late.
+const TRANSIT_SHARE: f64 = 0.25;
 
 /// Minimum fraction of the longest time step to which it may be shortened to match sampling intervals.
 const SHORTEST: f64 = 0.75;
@@ -309,6 +313,10 @@ fn limits(
     );
     let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
     if let Some((what, time_step)) = sound::passages(scene, flow) {
+        add(what, time_step.max(stable));
+    }
+    if let Some(transit) = sound::transit(scene, flow) {
+        let (what, time_step) = transit.longest_step(h, TRANSIT_SHARE * target);
         add(what, time_step.max(stable));
     }
     if let Some(waves) = sound::waves(scene, flow) {
@@ -489,24 +497,36 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             scene.chosen.note("collision", text);
         }
     }
-    if tau < least * (1.0 - 1e-9) && flow.collision.model().antisymmetric_rate().is_some() {
+    // The bound was measured with this operator; others have maps of their own.
+    if tau < least * (1.0 - 1e-9) && matches!(flow.collision, Collision::Trt(_)) {
         let reason = format!(
             "at this viscosity and speed the relaxation time is tau = {tau:.5}; the operator trt is stable for \
              tau of {least:.5} and above"
         );
         let path = format!("{PATH}.kinematic_viscosity");
+        let single_rate = |remedy: String| {
+            if scene.grid.dimension == 2 && scene.surface.is_some() {
+                Remedy::from(format!(
+                    "use the eddy viscosity `smagorinsky` with the operator `bgk`, or {remedy}"
+                ))
+                .set(format!("{PATH}.turbulence"), json!({"smagorinsky": {}}))
+                .set(format!("{PATH}.collision"), json!({"bgk": {}}))
+            } else {
+                Remedy::from(format!("use {remedy}"))
+            }
+        };
         // A stated value is used, with a warning.
         if scene.grid.dimension == 2 && lbm.turbulence.is_none() && flow.fixed_by == "accuracy" {
             let finest = scene.grid.spacing * (tau - 0.5) / (least - 0.5);
             let remedy = format!(
-                "use a spacing of at most {} m, a slower flow, or a 3-D domain, where the operator cumulant is \
+                "a spacing of at most {} m, a slower flow, or a 3-D domain, where the operator cumulant is \
                  stable",
                 number(finest)
             );
-            findings.error(&path, reason, remedy);
+            findings.error(&path, reason, single_rate(remedy));
         } else {
-            let remedy = "use a smaller spacing, or in 3-D remove collision and lattice";
-            findings.warn(&path, reason, remedy);
+            let remedy = "a smaller spacing, or in 3-D remove collision and lattice";
+            findings.warn(&path, reason, single_rate(remedy.into()));
         }
     }
 }
@@ -526,7 +546,7 @@ mod tests {
     use super::*;
     use crate::Plan;
     use case::Document;
-    use serde_json::{Value, json};
+    use serde_json::Value;
     use std::path::Path;
 
     #[test]

@@ -387,7 +387,11 @@ impl Measured<'_> {
             );
         }
         let case = self.case;
-        if case.grains.is_none() && case.bodies.is_empty() && case.regions.is_empty() {
+        if case.grains.is_none()
+            && case.blocks.is_none()
+            && case.bodies.is_empty()
+            && case.regions.is_empty()
+        {
             findings.error(
                 path,
                 "there are no grains and no bodies that could load a wall",
@@ -401,7 +405,24 @@ impl Measured<'_> {
             let names: Vec<&str> = self.walls.iter().map(|wall| wall.name.as_str()).collect();
             let path = format!("{path}.name");
             let remedy = case::check::nearest(name, &names).map_or_else(
-                || format!("walls here: {}", names.join(", ")).into(),
+                || match (
+                    Face::ALL
+                        .iter()
+                        .find(|face| face.name() == name && !self.grid.periodic[face.axis()]),
+                    names.is_empty(),
+                ) {
+                    (Some(face), _) => {
+                        let mut closed = case.box_walls.clone();
+                        closed.push(*face);
+                        Remedy::from(format!("add \"{name}\" to `box_walls`"))
+                            .set("box_walls", serde_json::json!(closed))
+                    }
+                    (None, true) => {
+                        "add the wall to `walls` or a face to `box_walls`, or remove the probe"
+                            .into()
+                    }
+                    (None, false) => format!("walls here: {}", names.join(", ")).into(),
+                },
                 |near| Remedy::from(format!("did you mean `{near}`?")).set(&*path, near),
             );
             findings.error(

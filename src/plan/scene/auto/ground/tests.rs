@@ -120,6 +120,39 @@ fn error(scene: &Scene, answer: &str) -> Option<f64> {
         .and_then(|found| found.error)
 }
 
+/// Checks the promised discharge of flat dams without a cut-off, of which no row of the table is made, against the
+/// errors that runs have: half base b, depth T \[m\], cells across the shortest length and error against q = k h K'/(2
+/// K), with the modulus tanh(π b/2T).
+#[test]
+fn the_discharge_below_a_short_flat_dam_is_within_its_promise() {
+    for (half, depth, spacing, measured) in [
+        (1.0, 2.0, 1.0 / 3.0, 0.0618),
+        (1.0, 2.0, 0.4, 0.0737),
+        (1.0, 2.0, 2.0 / 17.0, 0.0224),
+        (0.5, 2.0, 1.0 / 6.0, 0.0471),
+        (0.3, 1.0, 0.1, 0.0505),
+    ] {
+        let (heel, toe) = (4.0 * depth, 4.0 * depth + 2.0 * half);
+        let long = toe + 4.0 * depth;
+        let mut case = dam(1.0, Some(spacing));
+        case["domain"]["size"] = json!([long, depth]);
+        for (n, [from, to]) in [[0.0, heel], [toe, long]].into_iter().enumerate() {
+            let patch = &mut case["fluid"]["darcy"]["boundaries"][n]["patch"];
+            *patch = json!({"from": [from, 0], "to": [to, depth]});
+        }
+        case.as_object_mut().unwrap().remove("structures");
+        case["probes"] = json!([
+            {"name": "under", "every": 1, "at": {"section": {"axis": "x", "position": heel + half}}}
+        ]);
+        let scene = scene(&case);
+        let promised = error(&scene, "under: discharge").unwrap();
+        assert!(
+            promised >= measured,
+            "{half} {depth}: {promised} {measured}"
+        );
+    }
+}
+
 #[test]
 fn lengths_of_a_dam_with_a_cut_off() {
     let scene = scene(&dam(1.0, Some(0.5)));
