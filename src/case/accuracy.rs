@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Accuracy level or target error of fluid forces; in seepage without grains of the answers of probes and summary.
+/// Accuracy level or target error of fluid forces; in seepage without grains of the answers of probes and summary, and
+/// below a free surface of those of probes.
 /// Each level is based on measured errors; `solver plan` names the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

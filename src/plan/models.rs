@@ -119,7 +119,9 @@ impl Choices<'_> {
                 format!("{level}: {target} % of {of}, {promised}"),
                 "no measured row covers these cells",
             );
-        } else if self.scene.seepage.is_some() && !self.scene.has_solids() {
+        } else if self.scene.surface.is_some()
+            || self.scene.seepage.is_some() && !self.scene.has_solids()
+        {
             let errors = chosen.answers.iter().filter_map(|answer| answer.error);
             let model = errors.reduce(f64::max).map_or_else(
                 || String::from("nothing promised"),

@@ -152,6 +152,46 @@ fn discs_in_a_stream_between_openings() {
     closes_momentum(&study.summary("straight"));
 }
 
+/// Checks that a driven block that stands on a floor of free slip, and touches walls, closes the balance from its first
+/// step on, with the same bits.
+#[test]
+fn a_driven_block_on_faces_of_free_slip_closes_the_momentum() {
+    let _beside = beside_others();
+    let mut set = DISCS.to_vec();
+    set.extend([
+        (
+            "domain",
+            r#"{"size": [0.8, 0.36, 0.08], "spacing": 0.02}"#,
+        ),
+        ("gravity", "[0, -9.81, 0]"),
+        ("fluid.lattice_boltzmann.time_step", "5e-4"),
+        ("fluid.lattice_boltzmann.kinematic_viscosity", "1e-3"),
+        (
+            "fluid.lattice_boltzmann.surface.water",
+            r#"[{"shape": {"box": {"from": [0.22, 0, 0], "to": [0.8, 0.17, 0.08]}}}]"#,
+        ),
+        (
+            "fluid.lattice_boltzmann.boundaries",
+            r#"[{"name": "floor", "face": "y_min", "condition": {"free_slip": {}}},
+                {"name": "front", "face": "z_min", "condition": {"free_slip": {}}},
+                {"name": "end", "face": "x_max", "condition": {"free_slip": {}}}]"#,
+        ),
+        ("box_walls", "[]"),
+        ("probes", "[]"),
+        ("contact", r#"{"blocks": {"normal_stiffness": {"per_contact": 1e5}}}"#),
+        (
+            "bodies",
+            r#"[{"name": "piston", "shape": {"cuboid": {"edges": [0.2, 0.34, 0.08]}}, "position": [0.12, 0.17, 0.04],
+                 "motion": {"driven": {"velocity": [0.3, 0, 0]}}, "material": "rock"}]"#,
+        ),
+        ("time.end", "0.55"),
+    ]);
+    let study = Study::from_example("dam-break", &set);
+    study.run("straight", 1, 1, &[]);
+    closes_momentum(&study.summary("straight"));
+    study.same_on(&[("two", 2, 1, ""), ("threads", 1, 2, "")]);
+}
+
 /// Returns a disc in a stationary basin.
 fn basin(name: &str, set: &[(&str, &str)]) -> Study {
     let mut all = DISCS.to_vec();

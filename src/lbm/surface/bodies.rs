@@ -31,17 +31,29 @@
 //! Along the line where the surface meets a body, the part of the body that moves out of the air is added cell by
 //! cell.
 //!
+//! **Water that is displaced.** The mass ε of a cell moves with the body. When a body enters the water, this mass is
+//! accelerated from the velocity u of the water to that of the body, U, in the cells that the body reaches, and the
+//! pass counts it as a load on the body. The momentum of the water alone is that of the populations minus ε U of each
+//! cell, so that the force of the water on the body is the load plus U dε/dt, summed over the cells in the flow. The
+//! sum is that over the links which lead out of the flow,
+//!
+//! dε/dt = -3 w c·U (ε(x) + ε(x + c)),
+//!
+//! by the gradient of ε on the lattice, which cancels between cells in the flow. It is zero for a body under water and
+//! ρ U² times the width at the water line for one that enters.
+//!
 //! **Inertia.** Only the cells with populations resist an acceleration of the body like fluid inside it, so that
 //! the compensation of [`crate::saturation`] requires their fraction of the volume and of the moment of inertia
 //! ([`SlabSurface::shares_of_bodies`]).
 
 use super::cells::Cells;
 use super::conversion::{enter, leave};
-use super::ghosts::Ghosts;
+use super::ghosts::{Around, Ghosts};
 use super::kind::{GAS, HELD, LIQUID, SURFACE, is_surface, is_wet};
 use super::moments::moments;
 use super::{SlabSurface, directions};
 use crate::lanes::Stored;
+use crate::lattice::Velocities;
 use crate::links::{Load, add_force};
 use crate::populations::Populations;
 use crate::quanta::{from_quanta, quanta};
@@ -80,14 +92,19 @@ pub(crate) struct Bodies {
     wet: Vec<Place>,
     /// Links of held cells into bodies or air: cell and direction.
     inner: Vec<(Place, u8)>,
+    /// Filled cells next to the end of the flow, with the sum of -3 w c ε over the links that lead out of the flow.
+    ends: Vec<(Place, [f64; 3])>,
     /// Cells that change their kind in a step.
     changes: Vec<Change>,
     /// Cells that became held in the last step, with their velocities.
     newly_held: Vec<(u32, [f64; 3])>,
     /// Loads of the last step in addition to those of the pass, by slot.
     loads: Vec<Load>,
-    /// Sum of the forces among them that are weight of water and no exchange with it, in quanta.
+    /// Sum of the forces among them that are weight or momentum of water in the place of bodies and no exchange with
+    /// the populations, in quanta.
     weight: [i128; 3],
+    /// Sum of the forces among them that return to held cells through planes of symmetry, in quanta.
+    reflected: [i128; 3],
     /// Volume of the cells with populations and of all cells, and sums of r² over both, in quanta, by slot.
     shares: Vec<[i128; 4]>,
     /// Change of the mass of the water that has not been compensated yet, in quanta.
@@ -98,7 +115,10 @@ pub(crate) struct Bodies {
 impl Bodies {
     /// Returns the size of the memory in bytes.
     pub(super) fn bytes(&self) -> usize {
-        4 * self.cells.len() + 16 * (self.own.len() + self.wet.len()) + 20 * self.inner.len()
+        4 * self.cells.len()
+            + 16 * (self.own.len() + self.wet.len())
+            + 20 * self.inner.len()
+            + 40 * self.ends.len()
     }
 
     /// Returns the cells of the slab that bodies fill in part or completely and that take part in the flow.
@@ -106,9 +126,16 @@ impl Bodies {
         self.wet.iter().map(|(cell, _)| cell)
     }
 
-    /// Returns the forces of the last step on all bodies that are weight of water and no exchange with it, in quanta.
+    /// Returns the forces of the last step on all bodies that are weight or momentum of water in their place, and no
+    /// exchange with the populations, in quanta.
     pub(super) fn weight(&self) -> [i128; 3] {
         self.weight
+    }
+
+    /// Returns the forces of the last step on all bodies that return to held cells through planes of symmetry, in
+    /// quanta: the momentum through these planes contains them too.
+    pub(super) fn reflected(&self) -> [i128; 3] {
+        self.reflected
     }
 
     /// Reads the cells filled by bodies from a cover, and counts the change of those in the flow.
@@ -213,6 +240,7 @@ impl Bodies {
         let velocities = populations.velocities();
         self.wet.clear();
         self.inner.clear();
+        self.ends.clear();
         self.shares.clear();
         self.shares.resize(cover.slots(), [0; 4]);
         let shares = &mut self.shares;
@@ -225,6 +253,10 @@ impl Bodies {
             let wet = is_wet(kind);
             if wet {
                 self.wet.push((cell, at));
+            }
+            let end = gradient_at_end(cells, velocities, position);
+            if end != [0.0; 3] {
+                self.ends.push(((cell, at), end));
             }
             cover.each_body(position, |slot, solid, fraction, _| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
@@ -255,14 +287,14 @@ impl Bodies {
     /// the pass. `half_force` is F/2.
     fn act<S: Stored>(
         &mut self,
-        cells: &Cells,
+        (cells, around): (&Cells, &Around),
         populations: &mut Populations<S>,
         cover: &mut Cover,
         half_force: [f64; 3],
     ) {
         self.loads.clear();
         self.loads.resize(cover.slots(), [0; 6]);
-        self.weight = [0; 3];
+        (self.weight, self.reflected) = ([0; 3], [0; 3]);
         let parity = populations.parity();
         let flat = populations.velocities().dimension == 2;
         let loads = &mut self.loads;
@@ -289,6 +321,11 @@ impl Bodies {
             numbers[out] = S::from_f64(0.0);
             let came = numbers[incoming].to_f64();
             self.uncompensated_mass += i128::from(quanta(came)) - i128::from(quanta(sent));
+            if around.reflects(populations, cells.neighbour(cell as usize, i)) {
+                for (sum, c) in self.reflected.iter_mut().zip(c) {
+                    *sum += i128::from(c) * i128::from(quanta(came));
+                }
+            }
             cover.each_body(cell as usize, |slot, solid, _, part| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
                 let middle = std::array::from_fn(|a| 2 * raw[a] + 1 + i32::from(c[a]));
@@ -307,6 +344,19 @@ impl Bodies {
             cover.each_body(position, |slot, solid, _, share| {
                 let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
                 let force = half_force.map(|half| share * 2.0 * half * part);
+                for (sum, force) in self.weight.iter_mut().zip(force) {
+                    *sum += i128::from(quanta(force));
+                }
+                give(slot, force, raw.map(|x| 2 * x + 1));
+            });
+        }
+        for &((cell, at), end) in &self.ends {
+            let position = cell as usize;
+            let u = velocity(cover, populations, (position, at));
+            let rate: f64 = (0..3).map(|a| end[a] * u[a]).sum();
+            cover.each_body(position, |slot, solid, _, share| {
+                let raw: [i32; 3] = std::array::from_fn(|a| at[a] - solid.frame[a]);
+                let force = u.map(|u| share * rate * u);
                 for (sum, force) in self.weight.iter_mut().zip(force) {
                     *sum += i128::from(quanta(force));
                 }
@@ -332,6 +382,28 @@ fn velocity<S: Stored>(
     } else {
         cover.velocity::<3>(position, at)
     }
+}
+
+/// Returns the sum of -3 w c ε over the links of a filled cell that lead out of the flow, or of 3 w c ε over those that
+/// lead into it.
+fn gradient_at_end(cells: &Cells, velocities: &Velocities, position: usize) -> [f64; 3] {
+    let wet = is_wet(cells.kind[position]);
+    let mut sum = [0.0; 3];
+    if !wet && cells.kind[position] != GAS {
+        return sum;
+    }
+    for i in directions(velocities) {
+        let kind = cells.kind_along(position, i);
+        let part = match (wet, kind == GAS, is_wet(kind)) {
+            (true, true, _) => -3.0 * velocities.w[i] * cells.solid[position],
+            (false, _, true) => 3.0 * velocities.w[i] * cells.solid[position],
+            _ => continue,
+        };
+        for (sum, c) in sum.iter_mut().zip(velocities.c[i]) {
+            *sum += part * f64::from(c);
+        }
+    }
+    sum
 }
 
 /// Returns `true` if a cell has air in an adjacent cell.
@@ -374,7 +446,8 @@ impl SlabSurface {
         half_force: [f64; 3],
     ) {
         if let Some(bodies) = &mut self.bodies {
-            bodies.act(&self.cells, populations, cover, half_force);
+            let state = (&self.cells, self.ghosts.around());
+            bodies.act(state, populations, cover, half_force);
         }
     }
 

@@ -6,6 +6,10 @@
 //! neither is an exchange with anything. The same is true of the links of carried cells ([`super::carried`]). Those
 //! that lead through a plane of symmetry change the populations that the plane has mirrored, so that the momentum
 //! through the faces is measured on both sides of this change, like that of the water.
+//!
+//! A link of a held cell that leads through a plane of symmetry into a body is both a link through the face and one
+//! of the body. The population that returns along it counts as a load on the body, and not as momentum through the
+//! face; the one that was sent is no longer there when the faces are measured.
 
 use super::SlabSurface;
 use super::kind::{GAS, is_wet};
@@ -21,7 +25,8 @@ pub struct StepMomentum {
     pub change: [i128; 3],
     /// Momentum that left through the faces.
     pub left: [i128; 3],
-    /// Part of the loads on bodies that is weight of water in their place, and no exchange with it.
+    /// Part of the loads on bodies that is weight or momentum of water in their place, and no exchange with the
+    /// populations.
     pub weight: [i128; 3],
     /// Number of cells in which the body force acts, in quanta of a cell.
     pub open: i128,
@@ -100,11 +105,15 @@ impl SlabSurface {
         left: Left<'_, S>,
     ) {
         self.add_state(populations, left, 1);
-        let weight = self.bodies.as_ref().map(|bodies| bodies.weight());
         let Some(balance) = &mut self.balance else {
             return;
         };
-        balance.weight = weight.unwrap_or_default();
+        if let Some(bodies) = &self.bodies {
+            balance.weight = bodies.weight();
+            for (left, reflected) in balance.left.iter_mut().zip(bodies.reflected()) {
+                *left -= reflected;
+            }
+        }
         let velocities = populations.velocities();
         let (numbers, parity) = (populations.numbers(), populations.parity());
         for &cell in self.planes.iter().flat_map(|plane| &plane.surface) {

@@ -11,6 +11,7 @@
 //!    with resolved flow ([`resistance`]).
 //! 5. In seepage without grains the spacing follows from its lengths and the answers that the case asks for
 //!    ([`ground`]).
+//! 6. Water with a free surface has promised errors for the answers of its probes ([`surface`]).
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time
 //! step.
@@ -30,6 +31,7 @@ pub(crate) mod solids;
 pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
+pub mod surface;
 mod ways;
 
 use super::Scene;
@@ -46,6 +48,7 @@ use serde::Serialize;
 use serde_json::json;
 use spacing::Spacing;
 use std::borrow::Cow;
+use surface::SurfaceFlow;
 
 /// Choices made for a case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -61,7 +64,9 @@ pub struct Chosen {
     pub details: Vec<String>,
     /// Ground of a seepage without grains; none if no measured error covers it.
     pub ground: Option<Ground>,
-    /// Answers of a seepage without grains, with the error promised for each.
+    /// Flow of water with a free surface; none if no measured error covers it.
+    pub water: Option<SurfaceFlow>,
+    /// Answers of a seepage without grains or of water with a free surface, with the error promised for each.
     pub answers: Vec<PromisedAnswer>,
     /// All choices with their reasons.
     pub reasons: Vec<Reason>,
@@ -237,13 +242,18 @@ pub(crate) fn choose_remaining(
         scene.chosen.accuracy = Some(accuracy);
         report_blocked(case, &ways, findings);
         step::choose(scene, lbm, accuracy.target(), &ways, findings);
-        promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
+        if scene.surface.is_none() {
+            promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
+        }
     }
     hold_means_in_eddies(scene);
     if written.coupling.is_none() {
         solids::closed_pores(scene, findings);
     }
     let target = requested_accuracy(written).map(Accuracy::target);
+    if scene.surface.is_some() {
+        surface::promise(scene, target, findings);
+    }
     if case.contact.is_none() || solids::without_stiffness(case) {
         solids::choose_contact(scene, case, target, findings);
     }

@@ -80,6 +80,21 @@ pub struct WaveForm {
 }
 
 impl WaveForm {
+    /// Returns the height of the undisturbed surface along the axis of gravity \[m\].
+    pub(crate) fn level(&self) -> f64 {
+        self.level
+    }
+
+    /// Returns the magnitude of the amplitude \[m\].
+    pub(crate) fn amplitude(&self) -> f64 {
+        self.amplitude.abs()
+    }
+
+    /// Returns the wave number [1/m].
+    pub(crate) fn wave_number(&self) -> f64 {
+        self.wave_number
+    }
+
     fn height(&self, at: [f64; 3]) -> f64 {
         self.level + self.amplitude * (self.wave_number * at[self.axis]).cos()
     }

@@ -127,9 +127,6 @@ fn unmeasured(
     target: f64,
 ) -> Vec<String> {
     let mut new = Vec::new();
-    if scene.surface.is_some() {
-        new.push("no error was measured for water with a free surface".to_owned());
-    }
     new.extend(uncovered_models(scene, flow, lattice_velocity));
     new.extend(free_grain_warning(case));
     new.extend(sound_warning(scene, flow, target));

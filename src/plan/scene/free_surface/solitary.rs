@@ -49,8 +49,20 @@ impl SolitaryForm {
         self.axis
     }
 
+    /// Returns the depth of the undisturbed water \[m\].
+    pub(crate) fn depth(&self) -> f64 {
+        self.depth
+    }
+
+    /// Returns the speed of the wave [m/s].
+    pub(crate) fn speed(&self) -> f64 {
+        let e = self.steepness;
+        let square = 1.0 + e - e * e / 20.0 - 3.0 / 70.0 * e * e * e;
+        (self.gravity * self.depth * square).sqrt()
+    }
+
     /// Returns the height of the crest above the undisturbed surface \[m\].
-    pub(super) fn crest_height(&self) -> f64 {
+    pub(crate) fn crest_height(&self) -> f64 {
         self.steepness * self.depth
     }
 
