@@ -34,7 +34,7 @@ use crate::ldl::Factors;
 use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, opening, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
-use crate::pairs::{Rock, moved};
+use crate::pairs::{Rock, follow};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
@@ -115,6 +115,11 @@ pub trait Drive {
     /// is open or closed at all times.
     fn pressure(&self, open: usize, time: f64) -> Option<f64>;
 
+    /// Returns the increase of the pressure outside an open piece per discharge out of it [Pa s/m³].
+    fn resistance(&self, _open: usize) -> f64 {
+        0.0
+    }
+
     /// Returns the gap of a joint at a time \[m\]; `None` for the gap of the network.
     fn gap(&self, _joint: usize, _time: f64) -> Option<LinearField> {
         None
@@ -153,6 +158,9 @@ pub struct JointFlow {
     pressure: Vec<f64>,
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
+    /// Parts of the modes that a stage leaves, and its duration \[s\]; none if the channels have changed.
+    decays: Vec<f64>,
+    decays_of: Option<f64>,
     discharge: Vec<f64>,
     /// Water that left through each open piece in the last step \[m³\].
     passed: Vec<f64>,
@@ -192,6 +200,8 @@ fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors
 struct Work {
     answers: Vec<LinkResponse>,
     fronts: Vec<Option<f64>>,
+    /// Increase of the pressure outside each open piece per discharge [Pa s/m³].
+    outside: Vec<f64>,
     base: Vec<f64>,
     /// Volumes that follow the walls, at the start of the step \[m³\].
     before: Vec<f64>,
@@ -252,6 +262,8 @@ impl JointFlow {
             surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
+            decays: vec![0.0; modes],
+            decays_of: None,
             discharge: vec![0.0; links],
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
@@ -262,6 +274,7 @@ impl JointFlow {
             work: Work {
                 answers: vec![LinkResponse::default(); links],
                 fronts: vec![None; network.open.len()],
+                outside: vec![0.0; network.open.len()],
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
                 opened: vec![0.0; nodes],
@@ -485,6 +498,7 @@ impl JointFlow {
     fn follow(&mut self, drive: &dyn Drive, time: f64) {
         for (number, front) in self.work.fronts.iter_mut().enumerate() {
             *front = drive.pressure(number, time);
+            self.work.outside[number] = drive.resistance(number);
         }
         let mut moved = false;
         for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
@@ -512,6 +526,7 @@ impl JointFlow {
         for link in 0..self.channels.len() {
             self.channels[link] = self.channel(link);
         }
+        self.decays_of = None;
         self.measure_volumes();
     }
 
@@ -536,8 +551,7 @@ impl JointFlow {
     /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
     pub fn set_positions(&mut self, rocks: &[Rock]) {
         for (number, base) in self.base_gaps.iter_mut().enumerate() {
-            let joint = &mut self.network.joints[number];
-            (*base, joint.tilts) = moved(joint, rocks);
+            *base = follow(&mut self.network.joints[number], rocks);
         }
         for mover in &mut self.movers {
             mover.displacement = Vector6::zeros();
@@ -749,8 +763,17 @@ impl JointFlow {
         })
     }
 
+    /// Returns the increase of the pressure at the end of a link per discharge [Pa s/m³].
+    fn outside(&self, link: usize) -> f64 {
+        match self.network.links[link].to {
+            End::Open(piece) => self.work.outside[piece],
+            End::Node(_) => 0.0,
+        }
+    }
+
     /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
     fn prepare_answers(&mut self, interval: f64) {
+        self.prepare_decays(interval);
         for (link, channel) in self.channels.iter().enumerate() {
             let mut answer = LinkResponse {
                 free: 0.0,
@@ -758,16 +781,37 @@ impl JointFlow {
             };
             if self.settings.inertia {
                 answer.slope = 0.0;
-                let base = &self.work.mode_base[link * MODES..(link + 1) * MODES];
-                let groups = self.modes.weights.iter().zip(&self.modes.rates);
-                for (base, (weight, rate)) in base.iter().zip(groups) {
-                    let left = 1.0 / (1.0 + interval * channel.rate * rate);
+                let span = link * MODES..(link + 1) * MODES;
+                let base = &self.work.mode_base[span.clone()];
+                let groups = self.modes.weights.iter().zip(&self.decays[span]);
+                for (base, (weight, left)) in base.iter().zip(groups) {
                     answer.free += base * left;
-                    answer.slope += interval * channel.gain * weight * left;
+                    answer.slope += weight * left;
                 }
+                answer.slope *= interval * channel.gain;
+            }
+            let resistance = self.outside(link);
+            if resistance > 0.0 {
+                let part = 1.0 / (1.0 + answer.slope * resistance);
+                answer.free *= part;
+                answer.slope *= part;
             }
             self.work.answers[link] = answer;
         }
+    }
+
+    /// Computes the parts of the modes that a stage of this duration \[s\] leaves, unless they are known.
+    fn prepare_decays(&mut self, interval: f64) {
+        if !self.settings.inertia || self.decays_of == Some(interval) {
+            return;
+        }
+        let all = self.decays.chunks_exact_mut(MODES);
+        for (decays, channel) in all.zip(&self.channels) {
+            for (decay, rate) in decays.iter_mut().zip(&self.modes.rates) {
+                *decay = 1.0 / (1.0 + interval * channel.rate * rate);
+            }
+        }
+        self.decays_of = Some(interval);
     }
 
     /// Computes discharges and modes from the pressures at the end of a stage.
@@ -784,13 +828,14 @@ impl JointFlow {
                 .turbulence
                 .excess(discharge.abs(), channel.resistance);
             let drive = self.drive(link, &pressure);
-            let drive = drive.map_or(0.0, |drive| drive - excess.copysign(discharge));
+            let lost = excess.copysign(discharge) + self.outside(link) * discharge;
+            let drive = drive.map_or(0.0, |drive| drive - lost);
             let span = link * MODES..(link + 1) * MODES;
             let base = &self.work.mode_base[span.clone()];
-            let groups = self.modes.weights.iter().zip(&self.modes.rates);
-            for ((mode, base), (weight, rate)) in self.mode[span].iter_mut().zip(base).zip(groups) {
-                let gained = base + interval * channel.gain * weight * drive;
-                *mode = gained / (1.0 + interval * channel.rate * rate);
+            let groups = self.modes.weights.iter().zip(&self.decays[span.clone()]);
+            let gain = interval * channel.gain * drive;
+            for ((mode, base), (weight, left)) in self.mode[span].iter_mut().zip(base).zip(groups) {
+                *mode = (base + gain * weight) * left;
             }
         }
         self.pressure = pressure;
