@@ -31,10 +31,9 @@
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::Factors;
-use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, opening, touches};
+use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
-use crate::pairs::{Rock, follow};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
@@ -44,6 +43,7 @@ use nalgebra::{Vector3, Vector6};
 mod memory;
 mod newton;
 mod renewal;
+mod walls;
 
 /// Pairs of rotational degrees of freedom of a block.
 const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
@@ -179,6 +179,8 @@ pub struct JointFlow {
     touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
+    /// Joints of moving blocks, their links and their cells.
+    moving: [Vec<usize>; 3],
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
@@ -287,6 +289,7 @@ impl JointFlow {
                 first: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
+            moving: walls::moving(&network, &of_rock),
             movers,
             touches,
             of_rock,
@@ -481,19 +484,6 @@ impl JointFlow {
         }
     }
 
-    /// Computes the volumes of the cells at the present gaps.
-    fn measure_volumes(&mut self) {
-        let residual = self.network.settings.residual;
-        let cells = self.network.cells.iter().zip(&self.network.joint_of);
-        for (number, (cell, &joint)) in cells.enumerate() {
-            let at = &cell.centroid;
-            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
-            self.fills[number] = cell.area * self.base_gaps[joint].value(at);
-            // Apart, so that small displacements keep their digits.
-            self.opened[number] = cell.area * self.openings[joint].value(at);
-        }
-    }
-
     /// Updates the gaps and the pressures outside the network to a time.
     fn follow(&mut self, drive: &dyn Drive, time: f64) {
         for (number, front) in self.work.fronts.iter_mut().enumerate() {
@@ -510,55 +500,6 @@ impl JointFlow {
         if moved {
             self.place_walls();
         }
-    }
-
-    /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
-    fn place_walls(&mut self) {
-        for (joint, base) in self.base_gaps.iter().enumerate() {
-            let movers = (&self.movers[..], &self.of_rock[..]);
-            let opening = opening(&self.network, joint, movers);
-            self.openings[joint] = opening;
-            self.gaps[joint] = LinearField {
-                constant: base.constant + opening.constant,
-                slope: base.slope + opening.slope,
-            };
-        }
-        for link in 0..self.channels.len() {
-            self.channels[link] = self.channel(link);
-        }
-        self.decays_of = None;
-        self.measure_volumes();
-    }
-
-    /// Sets the positions of the blocks. Each node conserves its water: if the faces differ from the displacements
-    /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
-    pub fn move_to(&mut self, rocks: &[Rock]) {
-        self.add_water(1.0);
-        self.set_positions(rocks);
-        self.add_water(-1.0);
-    }
-
-    /// Adds the water of the nodes, multiplied by a factor, to their surplus.
-    fn add_water(&mut self, factor: f64) {
-        for (number, surplus) in self.surplus.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[number]);
-            *surplus += factor * self.fills[number];
-            *surplus += factor * self.opened[number];
-            *surplus += factor * self.volumes[number] * more;
-        }
-    }
-
-    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
-    pub fn set_positions(&mut self, rocks: &[Rock]) {
-        for (number, base) in self.base_gaps.iter_mut().enumerate() {
-            *base = follow(&mut self.network.joints[number], rocks);
-        }
-        for mover in &mut self.movers {
-            mover.displacement = Vector6::zeros();
-            mover.centroid = rocks[mover.rock].position;
-        }
-        self.touches = touches(&self.network, &self.movers, &self.of_rock);
-        self.place_walls();
     }
 
     /// Returns the moving blocks.
@@ -584,8 +525,13 @@ impl JointFlow {
             mover.velocity = Vector6::from_column_slice(velocity);
             mover.displacement = start + mover.velocity * interval;
         }
-        self.place_walls();
-        self.prepare_answers(interval);
+        self.place_moving_walls();
+        let links = std::mem::take(&mut self.moving[1]);
+        for &link in &links {
+            self.set_decays(link, interval);
+            self.work.answers[link] = self.answer(link, interval);
+        }
+        self.moving[1] = links;
     }
 
     /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair` is the index of the
@@ -774,30 +720,36 @@ impl JointFlow {
     /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
     fn prepare_answers(&mut self, interval: f64) {
         self.prepare_decays(interval);
-        for (link, channel) in self.channels.iter().enumerate() {
-            let mut answer = LinkResponse {
-                free: 0.0,
-                slope: 1.0 / channel.resistance,
-            };
-            if self.settings.inertia {
-                answer.slope = 0.0;
-                let span = link * MODES..(link + 1) * MODES;
-                let base = &self.work.mode_base[span.clone()];
-                let groups = self.modes.weights.iter().zip(&self.decays[span]);
-                for (base, (weight, left)) in base.iter().zip(groups) {
-                    answer.free += base * left;
-                    answer.slope += weight * left;
-                }
-                answer.slope *= interval * channel.gain;
-            }
-            let resistance = self.outside(link);
-            if resistance > 0.0 {
-                let part = 1.0 / (1.0 + answer.slope * resistance);
-                answer.free *= part;
-                answer.slope *= part;
-            }
-            self.work.answers[link] = answer;
+        for link in 0..self.channels.len() {
+            self.work.answers[link] = self.answer(link, interval);
         }
+    }
+
+    /// Returns the response of a link for a stage of this duration \[s\].
+    fn answer(&self, link: usize, interval: f64) -> LinkResponse {
+        let channel = &self.channels[link];
+        let mut answer = LinkResponse {
+            free: 0.0,
+            slope: 1.0 / channel.resistance,
+        };
+        if self.settings.inertia {
+            answer.slope = 0.0;
+            let span = link * MODES..(link + 1) * MODES;
+            let base = &self.work.mode_base[span.clone()];
+            let groups = self.modes.weights.iter().zip(&self.decays[span]);
+            for (base, (weight, left)) in base.iter().zip(groups) {
+                answer.free += base * left;
+                answer.slope += weight * left;
+            }
+            answer.slope *= interval * channel.gain;
+        }
+        let resistance = self.outside(link);
+        if resistance > 0.0 {
+            let part = 1.0 / (1.0 + answer.slope * resistance);
+            answer.free *= part;
+            answer.slope *= part;
+        }
+        answer
     }
 
     /// Computes the parts of the modes that a stage of this duration \[s\] leaves, unless they are known.
@@ -805,13 +757,22 @@ impl JointFlow {
         if !self.settings.inertia || self.decays_of == Some(interval) {
             return;
         }
-        let all = self.decays.chunks_exact_mut(MODES);
-        for (decays, channel) in all.zip(&self.channels) {
-            for (decay, rate) in decays.iter_mut().zip(&self.modes.rates) {
-                *decay = 1.0 / (1.0 + interval * channel.rate * rate);
-            }
+        for link in 0..self.channels.len() {
+            self.set_decays(link, interval);
         }
         self.decays_of = Some(interval);
+    }
+
+    /// Computes the parts of the modes of a link that a stage of this duration \[s\] leaves.
+    fn set_decays(&mut self, link: usize, interval: f64) {
+        if !self.settings.inertia {
+            return;
+        }
+        let rate = interval * self.channels[link].rate;
+        let decays = &mut self.decays[link * MODES..(link + 1) * MODES];
+        for (decay, own) in decays.iter_mut().zip(&self.modes.rates) {
+            *decay = 1.0 / (1.0 + rate * own);
+        }
     }
 
     /// Computes discharges and modes from the pressures at the end of a stage.
