@@ -21,6 +21,7 @@ use base::thread_pool;
 use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
 use joint_cells::JointCells;
+pub use joint_cells::{CellChange, JointLink};
 use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
@@ -352,6 +353,7 @@ impl BodyMap {
         }
         self.changes.clear();
         self.again.clear();
+        self.clear_joint_changes();
         if !self.adopted {
             self.assign_maps(particles);
         }

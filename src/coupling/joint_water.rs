@@ -23,6 +23,7 @@ use joints::pairs::{Rock, RockFace};
 use joints::takeover::TakenOver;
 use moving::Moving;
 use nalgebra::Vector3;
+use std::time::{Duration, Instant};
 
 /// Water outside a mouth.
 #[derive(Clone, Debug)]
@@ -92,6 +93,8 @@ pub struct Mouths {
     closed: Vec<ClosedEdge>,
     /// Pressures in front of the open pieces from a lattice \[Pa\]; none if the mouths give the pressures.
     fronts: Option<Vec<Option<f64>>>,
+    /// Increase of these pressures per discharge out of the piece [Pa s/m³].
+    resistances: Vec<f64>,
 }
 
 impl Mouths {
@@ -110,6 +113,7 @@ impl Mouths {
             list,
             weight,
             fronts: None,
+            resistances: Vec::new(),
         }
     }
 
@@ -138,6 +142,7 @@ impl Mouths {
             // Pressures of the lattice are taken again before they are used.
             fronts.clear();
             fronts.resize(network.open.len(), None);
+            self.resistances.clear();
         }
     }
 }
@@ -149,6 +154,10 @@ impl Drive for Mouths {
         }
         let mouth = &self.list[self.of_piece[open]?];
         Some(mouth.pressure_at(&self.middles[open], &self.weight, time))
+    }
+
+    fn resistance(&self, open: usize) -> f64 {
+        self.resistances.get(open).copied().unwrap_or(0.0)
     }
 }
 
@@ -178,14 +187,18 @@ pub struct Balance {
     /// Volume of water that passed to a lattice with joints that it took over, minus that of joints that returned
     /// \[m³\]; included in `released`.
     pub taken_over: f64,
-    /// Volume of water in the cells with which the lattice took over these joints \[m³\].
+    /// Volume of water in the cells that the lattice received with these joints, minus that in the cells that the
+    /// network took, at the density of atmospheric pressure \[m³\].
     pub opened: f64,
+    /// Volume of water inside the rock in cells that blocks took from joints, minus that in cells that joints took from
+    /// blocks \[m³\].
+    pub into_rock: f64,
     /// Smallest and largest gauge pressure of a node so far \[Pa\].
     pub pressure: [f64; 2],
 }
 
 /// Number of values of the balance in a saved state.
-const BALANCE: usize = 7;
+const BALANCE: usize = 8;
 
 /// Water of a network with its loads on blocks.
 #[derive(Clone, Debug)]
@@ -213,6 +226,8 @@ pub struct JointWater {
     balance: Balance,
     report: StepReport,
     loads: Vec<RockLoad>,
+    /// Computing time since the last call of [`Self::take_time`].
+    time_spent: Duration,
 }
 
 impl JointWater {
@@ -272,12 +287,14 @@ impl JointWater {
         settled.map_err(|error| Error::Numerical(error.to_string()))?;
         let mut water = Self {
             loads: Vec::new(),
+            time_spent: Duration::ZERO,
             balance: Balance {
                 initial: flow.stored(),
                 entered: 0.0,
                 released: 0.0,
                 taken_over: 0.0,
                 opened: 0.0,
+                into_rock: 0.0,
                 pressure: [f64::INFINITY, f64::NEG_INFINITY],
             },
             report: StepReport::default(),
@@ -325,6 +342,16 @@ impl JointWater {
             let front = |piece: usize| fronts[piece];
             add_wide_loads(&self.flow, None, front, centroids, loads);
         }
+    }
+
+    /// Adds the time since `begin` to the computing time.
+    pub fn add_time(&mut self, begin: Instant) {
+        self.time_spent += begin.elapsed();
+    }
+
+    /// Returns the computing time since the last call.
+    pub fn take_time(&mut self) -> Duration {
+        std::mem::take(&mut self.time_spent)
     }
 
     /// Returns the pressures and discharges.
@@ -401,9 +428,11 @@ impl JointWater {
             released,
             taken_over,
             opened,
+            into_rock,
             pressure: [low, high],
         } = self.balance;
-        let mut state = vec![initial, entered, released, taken_over, opened, low, high];
+        let water = [initial, entered, released, taken_over, opened, into_rock];
+        let mut state = [&water[..], &[low, high]].concat();
         if let Some(moving) = &self.moving {
             moving.save(&self.solids, self.flow.network(), &mut state);
         }
@@ -430,7 +459,8 @@ impl JointWater {
             released: sums[2],
             taken_over: sums[3],
             opened: sums[4],
-            pressure: [sums[5], sums[6]],
+            into_rock: sums[5],
+            pressure: [sums[6], sums[7]],
         };
         self.steps = steps;
         self.networks += 1;
@@ -449,9 +479,11 @@ impl<S: Space> Coupled<S> for JointWater {
     fn advance(&mut self, particles: &mut Particles<S>, _domain: &Domain) -> Result<(), Error> {
         // Water moves together with its blocks, behind the loads of their contacts.
         if self.moving.is_none() {
+            let begin = Instant::now();
             self.advance_water()?;
             self.measure();
             self.set_loads(particles);
+            self.add_time(begin);
         }
         Ok(())
     }

@@ -31,10 +31,9 @@
 
 use crate::friction::{Turbulence, cube, inertial, rough};
 use crate::ldl::Factors;
-use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, opening, touches};
+use crate::motion::{FREEDOMS, LoadedCell, Mover, movers_of, touches};
 use crate::network::{End, Network};
 use crate::order::dissection;
-use crate::pairs::{Rock, moved};
 use crate::polygon::LinearField;
 use crate::slot::{MODES, Modes};
 use crate::water::Mixture;
@@ -44,6 +43,7 @@ use nalgebra::{Vector3, Vector6};
 mod memory;
 mod newton;
 mod renewal;
+mod walls;
 
 /// Pairs of rotational degrees of freedom of a block.
 const ROTATION_PAIRS: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
@@ -115,6 +115,11 @@ pub trait Drive {
     /// is open or closed at all times.
     fn pressure(&self, open: usize, time: f64) -> Option<f64>;
 
+    /// Returns the increase of the pressure outside an open piece per discharge out of it [Pa s/m³].
+    fn resistance(&self, _open: usize) -> f64 {
+        0.0
+    }
+
     /// Returns the gap of a joint at a time \[m\]; `None` for the gap of the network.
     fn gap(&self, _joint: usize, _time: f64) -> Option<LinearField> {
         None
@@ -153,6 +158,9 @@ pub struct JointFlow {
     pressure: Vec<f64>,
     /// Discharges of the modes, link after link; none without inertia.
     mode: Vec<f64>,
+    /// Parts of the modes that a stage leaves, and its duration \[s\]; none if the channels have changed.
+    decays: Vec<f64>,
+    decays_of: Option<f64>,
     discharge: Vec<f64>,
     /// Water that left through each open piece in the last step \[m³\].
     passed: Vec<f64>,
@@ -171,6 +179,8 @@ pub struct JointFlow {
     touches: Vec<LoadedCell>,
     /// Mover of each block.
     of_rock: Vec<Option<usize>>,
+    /// Joints of moving blocks, their links and their cells.
+    moving: [Vec<usize>; 3],
     /// Gaps without the displacements of the blocks, and the change of these gaps by the displacements \[m\].
     base_gaps: Vec<LinearField>,
     openings: Vec<LinearField>,
@@ -192,6 +202,8 @@ fn factors(network: &Network, movers: &[Mover], pairs: &[[usize; 2]]) -> Factors
 struct Work {
     answers: Vec<LinkResponse>,
     fronts: Vec<Option<f64>>,
+    /// Increase of the pressure outside each open piece per discharge [Pa s/m³].
+    outside: Vec<f64>,
     base: Vec<f64>,
     /// Volumes that follow the walls, at the start of the step \[m³\].
     before: Vec<f64>,
@@ -252,6 +264,8 @@ impl JointFlow {
             surplus: vec![0.0; nodes],
             pressure: vec![0.0; nodes],
             mode: vec![0.0; modes],
+            decays: vec![0.0; modes],
+            decays_of: None,
             discharge: vec![0.0; links],
             passed: vec![0.0; network.open.len()],
             held: Vec::new(),
@@ -262,6 +276,7 @@ impl JointFlow {
             work: Work {
                 answers: vec![LinkResponse::default(); links],
                 fronts: vec![None; network.open.len()],
+                outside: vec![0.0; network.open.len()],
                 base: vec![0.0; nodes],
                 before: vec![0.0; nodes],
                 opened: vec![0.0; nodes],
@@ -274,6 +289,7 @@ impl JointFlow {
                 first: vec![0.0; unknowns],
                 starts: vec![[Vector6::zeros(); 2]; movers.len()],
             },
+            moving: walls::moving(&network, &of_rock),
             movers,
             touches,
             of_rock,
@@ -468,23 +484,11 @@ impl JointFlow {
         }
     }
 
-    /// Computes the volumes of the cells at the present gaps.
-    fn measure_volumes(&mut self) {
-        let residual = self.network.settings.residual;
-        let cells = self.network.cells.iter().zip(&self.network.joint_of);
-        for (number, (cell, &joint)) in cells.enumerate() {
-            let at = &cell.centroid;
-            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
-            self.fills[number] = cell.area * self.base_gaps[joint].value(at);
-            // Apart, so that small displacements keep their digits.
-            self.opened[number] = cell.area * self.openings[joint].value(at);
-        }
-    }
-
     /// Updates the gaps and the pressures outside the network to a time.
     fn follow(&mut self, drive: &dyn Drive, time: f64) {
         for (number, front) in self.work.fronts.iter_mut().enumerate() {
             *front = drive.pressure(number, time);
+            self.work.outside[number] = drive.resistance(number);
         }
         let mut moved = false;
         for (joint, gap) in self.base_gaps.iter_mut().enumerate() {
@@ -496,55 +500,6 @@ impl JointFlow {
         if moved {
             self.place_walls();
         }
-    }
-
-    /// Updates gaps, volumes and coefficients from the present displacements of the blocks.
-    fn place_walls(&mut self) {
-        for (joint, base) in self.base_gaps.iter().enumerate() {
-            let movers = (&self.movers[..], &self.of_rock[..]);
-            let opening = opening(&self.network, joint, movers);
-            self.openings[joint] = opening;
-            self.gaps[joint] = LinearField {
-                constant: base.constant + opening.constant,
-                slope: base.slope + opening.slope,
-            };
-        }
-        for link in 0..self.channels.len() {
-            self.channels[link] = self.channel(link);
-        }
-        self.measure_volumes();
-    }
-
-    /// Sets the positions of the blocks. Each node conserves its water: if the faces differ from the displacements
-    /// of the last step, the pressure adjusts in the next step. Displacements are measured from these positions.
-    pub fn move_to(&mut self, rocks: &[Rock]) {
-        self.add_water(1.0);
-        self.set_positions(rocks);
-        self.add_water(-1.0);
-    }
-
-    /// Adds the water of the nodes, multiplied by a factor, to their surplus.
-    fn add_water(&mut self, factor: f64) {
-        for (number, surplus) in self.surplus.iter_mut().enumerate() {
-            let (more, _) = self.settings.water.compression(self.pressure[number]);
-            *surplus += factor * self.fills[number];
-            *surplus += factor * self.opened[number];
-            *surplus += factor * self.volumes[number] * more;
-        }
-    }
-
-    /// Sets the positions of the blocks, from which displacements are measured, and with them volumes and channels.
-    pub fn set_positions(&mut self, rocks: &[Rock]) {
-        for (number, base) in self.base_gaps.iter_mut().enumerate() {
-            let joint = &mut self.network.joints[number];
-            (*base, joint.tilts) = moved(joint, rocks);
-        }
-        for mover in &mut self.movers {
-            mover.displacement = Vector6::zeros();
-            mover.centroid = rocks[mover.rock].position;
-        }
-        self.touches = touches(&self.network, &self.movers, &self.of_rock);
-        self.place_walls();
     }
 
     /// Returns the moving blocks.
@@ -570,8 +525,13 @@ impl JointFlow {
             mover.velocity = Vector6::from_column_slice(velocity);
             mover.displacement = start + mover.velocity * interval;
         }
-        self.place_walls();
-        self.prepare_answers(interval);
+        self.place_moving_walls();
+        let links = std::mem::take(&mut self.moving[1]);
+        for &link in &links {
+            self.set_decays(link, interval);
+            self.work.answers[link] = self.answer(link, interval);
+        }
+        self.moving[1] = links;
     }
 
     /// Adds the equations of the moving blocks to the imbalances and their derivatives. `pair` is the index of the
@@ -749,24 +709,69 @@ impl JointFlow {
         })
     }
 
+    /// Returns the increase of the pressure at the end of a link per discharge [Pa s/m³].
+    fn outside(&self, link: usize) -> f64 {
+        match self.network.links[link].to {
+            End::Open(piece) => self.work.outside[piece],
+            End::Node(_) => 0.0,
+        }
+    }
+
     /// Computes the responses of the links for a stage of this duration \[s\] from the initial modes.
     fn prepare_answers(&mut self, interval: f64) {
-        for (link, channel) in self.channels.iter().enumerate() {
-            let mut answer = LinkResponse {
-                free: 0.0,
-                slope: 1.0 / channel.resistance,
-            };
-            if self.settings.inertia {
-                answer.slope = 0.0;
-                let base = &self.work.mode_base[link * MODES..(link + 1) * MODES];
-                let groups = self.modes.weights.iter().zip(&self.modes.rates);
-                for (base, (weight, rate)) in base.iter().zip(groups) {
-                    let left = 1.0 / (1.0 + interval * channel.rate * rate);
-                    answer.free += base * left;
-                    answer.slope += interval * channel.gain * weight * left;
-                }
+        self.prepare_decays(interval);
+        for link in 0..self.channels.len() {
+            self.work.answers[link] = self.answer(link, interval);
+        }
+    }
+
+    /// Returns the response of a link for a stage of this duration \[s\].
+    fn answer(&self, link: usize, interval: f64) -> LinkResponse {
+        let channel = &self.channels[link];
+        let mut answer = LinkResponse {
+            free: 0.0,
+            slope: 1.0 / channel.resistance,
+        };
+        if self.settings.inertia {
+            answer.slope = 0.0;
+            let span = link * MODES..(link + 1) * MODES;
+            let base = &self.work.mode_base[span.clone()];
+            let groups = self.modes.weights.iter().zip(&self.decays[span]);
+            for (base, (weight, left)) in base.iter().zip(groups) {
+                answer.free += base * left;
+                answer.slope += weight * left;
             }
-            self.work.answers[link] = answer;
+            answer.slope *= interval * channel.gain;
+        }
+        let resistance = self.outside(link);
+        if resistance > 0.0 {
+            let part = 1.0 / (1.0 + answer.slope * resistance);
+            answer.free *= part;
+            answer.slope *= part;
+        }
+        answer
+    }
+
+    /// Computes the parts of the modes that a stage of this duration \[s\] leaves, unless they are known.
+    fn prepare_decays(&mut self, interval: f64) {
+        if !self.settings.inertia || self.decays_of == Some(interval) {
+            return;
+        }
+        for link in 0..self.channels.len() {
+            self.set_decays(link, interval);
+        }
+        self.decays_of = Some(interval);
+    }
+
+    /// Computes the parts of the modes of a link that a stage of this duration \[s\] leaves.
+    fn set_decays(&mut self, link: usize, interval: f64) {
+        if !self.settings.inertia {
+            return;
+        }
+        let rate = interval * self.channels[link].rate;
+        let decays = &mut self.decays[link * MODES..(link + 1) * MODES];
+        for (decay, own) in decays.iter_mut().zip(&self.modes.rates) {
+            *decay = 1.0 / (1.0 + rate * own);
         }
     }
 
@@ -784,13 +789,14 @@ impl JointFlow {
                 .turbulence
                 .excess(discharge.abs(), channel.resistance);
             let drive = self.drive(link, &pressure);
-            let drive = drive.map_or(0.0, |drive| drive - excess.copysign(discharge));
+            let lost = excess.copysign(discharge) + self.outside(link) * discharge;
+            let drive = drive.map_or(0.0, |drive| drive - lost);
             let span = link * MODES..(link + 1) * MODES;
             let base = &self.work.mode_base[span.clone()];
-            let groups = self.modes.weights.iter().zip(&self.modes.rates);
-            for ((mode, base), (weight, rate)) in self.mode[span].iter_mut().zip(base).zip(groups) {
-                let gained = base + interval * channel.gain * weight * drive;
-                *mode = gained / (1.0 + interval * channel.rate * rate);
+            let groups = self.modes.weights.iter().zip(&self.decays[span.clone()]);
+            let gain = interval * channel.gain * drive;
+            for ((mode, base), (weight, left)) in self.mode[span].iter_mut().zip(base).zip(groups) {
+                *mode = (base + gain * weight) * left;
             }
         }
         self.pressure = pressure;

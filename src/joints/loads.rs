@@ -1,6 +1,6 @@
 //! Force and moment of the water of a network on the faces of its blocks.
 //!
-//! The pressure of a cell acts on its area on both faces, normal to the faces. Its work in a small motion of the
+//! The pressure of a cell acts on its area on both faces, normal to the faces and at the points of the faces. Its work in a small motion of the
 //! blocks is the pressure times the change of the cell's volume.
 //!
 //! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area
@@ -106,8 +106,8 @@ pub fn loads(network: &Network, pressure: &[f64], centroids: &[Vector3<f64>]) ->
     let cells = network.cells.iter().zip(&network.joint_of);
     for ((cell, &joint), &pressure) in cells.zip(pressure) {
         let joint = &network.joints[joint];
-        let centre = joint.point(&cell.centroid);
-        for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
+        let points = [0, 1].map(|face| joint.face_point(face, &cell.centroid));
+        for ((face, tilt), centre) in joint.faces.iter().zip(&joint.tilts).zip(points) {
             let load = &mut loads[face.rock];
             let force = -tilt * (pressure * cell.area);
             load.add(&force, &(centre - centroids[face.rock]));
@@ -153,17 +153,16 @@ pub fn add_wide_loads(
         let aperture = gap.value(&middle).max(network.settings.residual);
         let along = joint.direction(&(to - from)) / link.length;
         let force = along * (0.5 * flow.friction(number) * aperture * link.width);
-        let sides = [-0.5, 0.5].map(|side| joint.normal * (side * aperture));
-        for (face, side) in joint.faces.iter().zip(sides) {
-            let point = joint.point(&middle) + side;
+        for (side, face) in joint.faces.iter().enumerate() {
+            let point = joint.face_point(side, &middle);
             loads[face.rock].add(&force, &(point - centroids[face.rock]));
         }
         let End::Open(piece) = link.to else { continue };
         let Some(pressure) = front(piece) else {
             continue;
         };
-        for ((face, side), tilt) in joint.faces.iter().zip(sides).zip(&joint.tilts) {
-            let point = joint.point(&to) + side;
+        for (side, (face, tilt)) in joint.faces.iter().zip(&joint.tilts).enumerate() {
+            let point = joint.face_point(side, &to);
             let force = tilt * (pressure * strip * link.width);
             loads[face.rock].add(&force, &(point - centroids[face.rock]));
         }

@@ -102,8 +102,8 @@ pub(crate) fn touches(
     let mut all = Vec::new();
     for (number, (cell, &joint)) in network.cells.iter().zip(&network.joint_of).enumerate() {
         let joint = &network.joints[joint];
-        let centre = joint.point(&cell.centroid);
-        for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
+        let points = [0, 1].map(|face| joint.face_point(face, &cell.centroid));
+        for ((face, tilt), centre) in joint.faces.iter().zip(&joint.tilts).zip(points) {
             let Some(mover) = of_rock.get(face.rock).copied().flatten() else {
                 continue;
             };
@@ -137,15 +137,18 @@ pub(crate) fn opening(
 ) -> LinearField {
     let joint = &network.joints[joint];
     let mut gap = LinearField::default();
-    for (face, tilt) in joint.faces.iter().zip(&joint.tilts) {
+    let sides = joint.tilts.iter().zip(&joint.heights);
+    for (face, (tilt, height)) in joint.faces.iter().zip(sides) {
         let number = of_rock.get(face.rock).copied().flatten();
         if let Some(mover) = number.map(|number| &movers[number]) {
             let shift = mover.displacement.fixed_rows::<3>(0);
             let turn: Vector3<f64> = mover.displacement.fixed_rows::<3>(3).into();
-            let arm = joint.origin - mover.centroid;
+            // The same points of the faces as those of the loads, of which the position is a linear function.
+            let arm = joint.origin + joint.normal * height.constant - mover.centroid;
             gap.constant -= tilt.dot(&(shift + turn.cross(&arm)));
             let [u, v] = joint.axes.map(|axis| tilt.dot(&turn.cross(&axis)));
-            gap.slope -= Vector2::new(u, v);
+            let across = tilt.dot(&turn.cross(&joint.normal));
+            gap.slope -= Vector2::new(u, v) + height.slope * across;
         }
     }
     gap

@@ -68,6 +68,8 @@ pub struct Joint {
     pub overlap: Polygon<usize>,
     /// Distance of the faces \[m\], negative for overlapping blocks.
     pub gap: LinearField,
+    /// Heights of both faces above the plane, along the normal \[m\].
+    pub heights: [LinearField; 2],
     /// Outward normals of both faces divided by their component along the normal of the joint: the force of a
     /// pressure on an area of the plane is minus this vector times both, with the sign of the face.
     pub tilts: [Vector3<f64>; 2],
@@ -80,6 +82,12 @@ impl Joint {
         self.origin + self.axes[0] * at.x + self.axes[1] * at.y
     }
 
+    /// Returns the position in space of the point of a face, 0 or 1, above a point of the plane \[m\].
+    #[must_use]
+    pub fn face_point(&self, face: usize, at: &Vector2<f64>) -> Vector3<f64> {
+        self.point(at) + self.normal * self.heights[face].value(at)
+    }
+
     /// Returns the direction in space of a direction in the plane.
     #[must_use]
     pub fn direction(&self, along: &Vector2<f64>) -> Vector3<f64> {
@@ -87,9 +95,8 @@ impl Joint {
     }
 }
 
-/// Returns gap and tilts of a joint after a motion of its blocks, in the joint's unchanged plane.
-#[must_use]
-pub fn moved(joint: &Joint, rocks: &[Rock]) -> (LinearField, [Vector3<f64>; 2]) {
+/// Returns the gap of a joint after a motion of its blocks, in its unchanged plane, and sets its heights and tilts.
+pub fn follow(joint: &mut Joint, rocks: &[Rock]) -> LinearField {
     let faces = joint.faces.map(|name| {
         let rock = &rocks[name.rock];
         let plane = rock.shape.half_spaces()[name.face];
@@ -101,11 +108,17 @@ pub fn moved(joint: &Joint, rocks: &[Rock]) -> (LinearField, [Vector3<f64>; 2]) 
         };
         (height, normal / along.abs())
     });
-    let gap = LinearField {
-        constant: faces[1].0.constant - faces[0].0.constant,
-        slope: faces[1].0.slope - faces[0].0.slope,
-    };
-    (gap, faces.map(|face| face.1))
+    joint.tilts = faces.map(|face| face.1);
+    joint.heights = faces.map(|face| face.0);
+    between(&joint.heights)
+}
+
+/// Returns the gap between two faces from their heights \[m\].
+fn between(heights: &[LinearField; 2]) -> LinearField {
+    LinearField {
+        constant: heights[1].constant - heights[0].constant,
+        slope: heights[1].slope - heights[0].slope,
+    }
 }
 
 /// Face in its current position.
@@ -292,10 +305,7 @@ fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], distance: f64) -> O
     let corners = overlap.corners().iter().map(|(corner, _)| *corner);
     let overlap = Polygon::new(corners.zip(0..).collect());
     let heights = [one, other].map(|face| height(face, &origin, &normal, &axes));
-    let gap = LinearField {
-        constant: heights[1].constant - heights[0].constant,
-        slope: heights[1].slope - heights[0].slope,
-    };
+    let gap = between(&heights);
     let (_, centroid) = overlap.area_and_centroid();
     let at_centroid = gap.value(&centroid);
     (at_centroid.abs() <= distance).then(|| Joint {
@@ -305,6 +315,7 @@ fn joint(names: [RockFace; 2], [one, other]: [&Standing; 2], distance: f64) -> O
         normal,
         overlap,
         gap,
+        heights,
         tilts: [one, other].map(|face| face.normal / face.normal.dot(&normal).abs()),
     })
 }

@@ -131,9 +131,10 @@ impl JointFlow {
         add_wide_loads(self, Some(number), front, &centroids, &mut all);
         let old = &network.joints[number];
         for cell in cells {
-            let centre = old.point(&network.cells[cell].centroid);
+            let centroid = &network.cells[cell].centroid;
             let pressure = self.pressures()[cell] * network.cells[cell].area;
-            for (face, tilt) in old.faces.iter().zip(&old.tilts) {
+            for (side, (face, tilt)) in old.faces.iter().zip(&old.tilts).enumerate() {
+                let centre = old.face_point(side, centroid);
                 let force = -tilt * pressure;
                 all[face.rock].add(&force, &(centre - centroids[face.rock]));
             }

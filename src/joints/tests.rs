@@ -2,6 +2,7 @@
 
 mod closed;
 mod large;
+mod loads;
 mod moving;
 mod squeeze;
 mod steady;

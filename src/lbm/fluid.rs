@@ -3,6 +3,7 @@
 mod dispatch;
 mod force;
 mod free_surface;
+mod left_out;
 mod on_gpu;
 mod state;
 mod surfaces;
@@ -182,6 +183,8 @@ pub struct Fluid<S: Stored> {
     /// Free surface, if there is one.
     surface: Option<Box<SlabSurface>>,
     closed: ClosedCells,
+    /// Cells that the pass leaves out, if there are any.
+    left_out: Option<Box<left_out::LeftOut>>,
     /// Terms that act before the collision.
     added: Vec<Box<dyn Term<S>>>,
     describe: fn(&mut Populations<S>, View, CoverView, bool) -> Shared<S>,
@@ -285,6 +288,7 @@ impl<S: Stored> Fluid<S> {
             cover,
             surface: None,
             closed: ClosedCells::default(),
+            left_out: None,
             added,
             describe,
             pass,
@@ -438,6 +442,10 @@ impl<S: Stored> Fluid<S> {
         let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
         if let Some(surface) = &self.surface {
             shared = shared.only_wet(surface.planes());
+        } else if let Some(left_out) = &self.left_out
+            && !left_out.planes.is_empty()
+        {
+            shared = shared.only_wet(&left_out.planes);
         }
         self.run_ends(&shared, force);
         if let Some(field) = &mut self.field {

@@ -213,13 +213,22 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         if let Some(flow) = &mut now.flow {
             flow.update_bodies(&mut now.particles, &now.domain)?;
         }
-        self.phases.done(Phase::Mapping);
+        self.done_with_joints(Phase::Mapping);
         self.record(&removed)?;
         if due.output {
             self.outputs.write_due(&self.now.view())?;
         }
         self.phases.done(Phase::Output);
         self.check()
+    }
+
+    /// Ends a phase. The time of the water in joints in it counts apart.
+    fn done_with_joints(&mut self, phase: Phase) {
+        let joints = self.now.flow.as_mut().and_then(Water::joints_mut);
+        let time = joints.map(JointWater::take_time);
+        self.phases.done(phase);
+        self.phases
+            .transfer(phase, Phase::Joints, time.unwrap_or_default());
     }
 
     /// Advances the water, and balances its mass and momentum if due. It precedes the solids, because their
@@ -245,7 +254,8 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
                 flow.fetch()?;
             }
         }
-        self.phases.done(Phase::Fluid);
+        self.done_with_joints(Phase::Fluid);
+        let now = &self.now;
         self.guards.after(now.lattice(), &now.domain);
         self.phases.done(Phase::Guards);
         Ok(())
@@ -276,7 +286,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
                 return Err(self.cause_of(error, due.steps));
             }
         }
-        self.phases.done(Phase::Grains);
+        self.done_with_joints(Phase::Grains);
         Ok(())
     }
 

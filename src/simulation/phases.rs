@@ -25,9 +25,11 @@ pub enum Phase {
     Checkpoint,
     /// Guards and agreement between ranks.
     Guards,
+    /// Water in joints: mouths, network, motion of its blocks.
+    Joints,
 }
 
-const PHASES: [Phase; 8] = [
+const PHASES: [Phase; 9] = [
     Phase::Fluid,
     Phase::Grains,
     Phase::Mapping,
@@ -36,6 +38,7 @@ const PHASES: [Phase; 8] = [
     Phase::Output,
     Phase::Checkpoint,
     Phase::Guards,
+    Phase::Joints,
 ];
 
 impl Phase {
@@ -136,6 +139,16 @@ impl Phases {
         self.last_waited = now_waited;
     }
 
+    /// Moves a part of the time of a phase to another one.
+    pub fn transfer(&mut self, from: Phase, to: Phase, time: Duration) {
+        let [from, to] = [from, to].map(|phase| PHASES.iter().position(|&p| p == phase));
+        if let (Some(from), Some(to)) = (from, to) {
+            let time = time.min(self.spent[from]);
+            self.spent[from] -= time;
+            self.spent[to] += time;
+        }
+    }
+
     /// Returns the waiting time in all phases.
     fn waited(&self) -> Waited {
         let mut all = Waited::default();
@@ -188,6 +201,8 @@ impl Phases {
                 phase,
                 seconds: spread_of_ranks(spent, communicator),
             })
+            // A run without water in joints has no time for it.
+            .filter(|time: &PhaseTime| time.phase != Phase::Joints || time.seconds.max > 0.0)
             .collect();
         let computing = spread_of_ranks(computed, communicator);
         PhaseTimes {
@@ -271,15 +286,29 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_time_of_joints_is_taken_from_its_phase_and_absent_without_joints() {
+        let second = Duration::from_secs(1);
+        let mut phases = Phases::start();
+        phases.spent[0] = 3 * second;
+        let alone = phases.reduce(&Communicator::serial());
+        assert!(alone.phases.iter().all(|time| time.phase != Phase::Joints));
+        phases.transfer(Phase::Fluid, Phase::Joints, second);
+        let account = phases.reduce(&Communicator::serial());
+        assert!((account.looped() - 3.0).abs() < 1e-12);
+        let joints = account.phases.last().unwrap();
+        assert!(joints.phase == Phase::Joints && (joints.seconds.mean - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
     fn waiting_and_files_are_no_computing() {
         let second = Duration::from_secs(1);
         let mut phases = Phases::start();
         phases.spent = std::array::from_fn(|_| second);
         phases.waited[0].messages = second / 4;
         phases.waited[5].collectives = second / 2;
-        assert_eq!(phases.computed(), second * 6 - second / 4);
+        assert_eq!(phases.computed(), second * 7 - second / 4);
         let account = phases.reduce(&Communicator::serial());
-        assert!((account.looped() - 8.0).abs() < 1e-12);
+        assert!((account.looped() - 9.0).abs() < 1e-12);
         assert!((account.waiting.total.max - 0.75).abs() < 1e-12);
         assert!((account.imbalance - 1.0).abs() < 1e-12);
         let table = account.table();

@@ -2,7 +2,7 @@
 
 use super::rows::Row;
 use super::slab::Slab;
-use super::{BodyMap, FLUID, OUTSIDE, tag};
+use super::{BodyMap, FLUID, JOINT, OUTSIDE, tag};
 use lbm::lanes::Stored;
 use lbm::links::BodyLink;
 use lbm::populations::Populations;
@@ -130,6 +130,8 @@ impl BodyMap {
                     && owner(outer_place, along).1 == FLUID
                     && !self.cut(outer_place, out);
                 let moves = match self.rules.isolated {
+                    // A cell of a joint has no water of its own.
+                    _ if there == JOINT => false,
                     None => true,
                     Some(limit) => {
                         let near = directions[1..].iter();

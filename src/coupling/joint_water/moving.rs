@@ -26,6 +26,7 @@ use joints::motion::Mover;
 use joints::network::Network;
 use joints::pairs::RockFace;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
+use std::time::Instant;
 
 /// Motion of a block, divided by the size of a cell, after which its network is rebuilt.
 const RENEWAL: f64 = 0.1;
@@ -229,6 +230,7 @@ impl JointWater {
         let Some(mut moving) = self.moving.take() else {
             return Ok(0.0);
         };
+        let begin = Instant::now();
         let all = gather(particles, domain, self.first, moving.bodies.len())?;
         self.set_movers(&moving.bodies, &all);
         self.advance_water()?;
@@ -262,6 +264,7 @@ impl JointWater {
                 path = path.max(particles.set_block_motion(k, motion));
             }
         }
+        self.add_time(begin);
         Ok(path)
     }
 

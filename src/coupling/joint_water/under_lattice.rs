@@ -12,12 +12,12 @@ use nalgebra::Vector3;
 const NUMBERS: usize = 7;
 
 impl JointWater {
-    /// Returns the open pieces of edges.
+    /// Returns the open pieces of edges, with the apertures at which the network was made.
     #[must_use]
     pub fn mouths_at(&self) -> Vec<MouthAt> {
         let network = self.flow.network();
         let mouth = |piece: &joints::edges::Piece| {
-            let gap = &self.flow.gaps()[piece.joint];
+            let gap = &network.joints[piece.joint].gap;
             let aperture = gap.value(&piece.path[1]).max(network.settings.residual);
             MouthAt {
                 middle: piece.middle,
@@ -59,9 +59,11 @@ impl JointWater {
         std::mem::take(&mut self.taken)
     }
 
-    /// Adds the volume of water in the cells with which the lattice took over joints \[m³\].
-    pub fn add_opened(&mut self, volume: f64) {
-        self.balance.opened += volume;
+    /// Adds the volume of water in the cells that the lattice received from joints, minus that in the cells that joints
+    /// took \[m³\]: of cells of water, and of cells in rock.
+    pub fn add_cells(&mut self, [water, rock]: [f64; 2]) {
+        self.balance.opened += water;
+        self.balance.into_rock += rock;
     }
 
     /// Adds the loads of joints that the lattice takes over: they act until the next step.
@@ -102,14 +104,16 @@ impl JointWater {
         1.0 - self.flow.settings().water.air
     }
 
-    /// Stores the pressures in front of the mouths, and the loads of the lattice on all blocks. Collective.
+    /// Stores the pressures in front of the mouths \[Pa\] with their increase per discharge out of the joint
+    /// [Pa s/m³], and the loads of the lattice on all blocks. Collective.
     pub fn meet_lattice<S: Space>(
         &mut self,
-        fronts: Vec<Option<f64>>,
+        (fronts, resistances): (Vec<Option<f64>>, Vec<f64>),
         particles: &Particles<S>,
         domain: &Domain,
     ) {
         self.mouths.fronts = Some(fronts);
+        self.mouths.resistances = resistances;
         let mut bytes = Vec::new();
         for k in 0..particles.owned() {
             let Some([force, torque]) = particles.block_fluid_load(k) else {

@@ -34,7 +34,7 @@ impl JointFlow {
             + (joined + network.open.len()) * size_of::<Piece>()
             + network.links.len() * size_of::<Link>();
         let link = size_of::<Channel>() + size_of::<LinkResponse>() + 2 * size_of::<f64>();
-        let modes = 2 * self.mode.len() * size_of::<f64>();
+        let modes = 3 * self.mode.len() * size_of::<f64>();
         let movers = self.movers.len() * (size_of::<Mover>() + 2 * size_of::<Vector6<f64>>());
         let touches = self.touches.len() * (size_of::<LoadedCell>() + 6 * size_of::<f64>());
         geometry

@@ -69,6 +69,7 @@ impl<S: Stored> Fluid<S> {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
             && !self.periodic_within[middle]
+            && self.left_out.is_none()
             && self.terms().all(Term::allows_two_steps)
     }
 

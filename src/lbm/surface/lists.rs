@@ -6,7 +6,7 @@ use super::kind::{GAS, LIQUID, is_surface, is_wet};
 use base::number::to_u32;
 
 /// Number of cells of a row that are processed together: the widest vector of the pass.
-const TOGETHER: usize = 8;
+pub(crate) const TOGETHER: usize = 8;
 
 /// Bits of kinds of cells that hold water, in as many bytes: these kinds have numbers from 2 on.
 const WET: u64 = u64::from_le_bytes([!1; TOGETHER]);
@@ -38,6 +38,17 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
+    /// Returns the lists of a plane without a free surface, from the parts of its rows to process.
+    pub(crate) fn of_spans<'a>(rows: impl Iterator<Item = &'a [[u32; 2]]>) -> Self {
+        let mut plane = Self::default();
+        plane.begins.push(0);
+        for row in rows {
+            plane.spans.extend(row);
+            plane.begins.push(to_u32(plane.spans.len()));
+        }
+        plane
+    }
+
     /// Returns the parts of a row that contain water.
     #[inline(always)]
     pub(crate) fn spans(&self, row: usize) -> &[[u32; 2]] {

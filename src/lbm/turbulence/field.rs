@@ -810,6 +810,15 @@ impl Field {
         }
     }
 
+    /// Sets the velocity of a cell to zero in this step and the next one, unless a pass writes it.
+    pub(crate) fn still(&mut self, cell: usize) {
+        for numbers in &mut self.numbers {
+            for a in 0..3 {
+                numbers[a * self.array + cell] = 0.0;
+            }
+        }
+    }
+
     /// Returns the gradient at one cell.
     #[must_use]
     pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {

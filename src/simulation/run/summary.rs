@@ -377,6 +377,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "water_released": balance.released,
             "water_taken_over": balance.taken_over,
             "water_opened": balance.opened,
+            "water_into_rock": balance.into_rock,
             "mass_error": joints.mass_error(),
             "blocks_left": departures.collect::<Vec<_>>(),
             "smallest_pressure": balance.pressure[0],
