@@ -19,21 +19,7 @@
 //! | `facets` | surfaces as convex facets, outlines of 2-D solids as triangles |
 //! | `mesh` | signed distance of a triangulated surface, and the parts of a line inside it |
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 #![allow(
     rustdoc::broken_intra_doc_links,
     reason = "comments are the texts of the schema, where units stand in brackets: [m]"
