@@ -52,3 +52,5 @@ pub mod surface;
 pub mod synthetic;
 pub mod term;
 pub mod turbulence;
+#[cfg(target_arch = "x86_64")]
+mod vectors;
