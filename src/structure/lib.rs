@@ -38,6 +38,7 @@ use base::error::Report;
 use base::family::describe_choices;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use solid::Scope;
 use std::sync::Arc;
 
 /// Point or direction; in 2-D the third component has no effect.
@@ -71,7 +72,8 @@ macro_rules! shapes {
             ) -> Option<Arc<dyn Solid>> {
                 match self {
                     $(Self::$shape(parameters) => {
-                        parameters.solid(frame, &format!("{path}.{}", $name), read, report)
+                        let path = &format!("{path}.{}", $name);
+                        parameters.solid(Scope { frame, path, read }, report)
                     })*
                 }
             }
