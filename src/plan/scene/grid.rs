@@ -92,8 +92,8 @@ impl Grid {
     }
 }
 
-/// Returns the number of cells along an axis of the domain of this length \[m\]; none with a finding if the spacing does
-/// not divide it.
+/// Returns the number of cells along an axis of this length \[m\]; none with a finding if the spacing does not
+/// divide it.
 fn cells_along(axis: usize, length: f64, spacing: f64, findings: &mut Findings) -> Option<usize> {
     let path = format!("domain.size[{axis}]");
     let ratio = length / spacing;
