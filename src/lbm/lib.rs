@@ -15,6 +15,7 @@
 //! | `initial` | populations from density and velocity at the start |
 //! | `lattice` | velocity sets |
 //! | `lanes`, `single` | numbers and vectors of numbers in the pass: in f64, and in f32 |
+//! | `vectors` | operations of the vector registers of x86-64, one list for both |
 //! | `collision` | collision operators, one file each |
 //! | `turbulence` | eddy viscosities, one file each, and the velocities from which they are computed |
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
