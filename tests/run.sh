@@ -57,7 +57,7 @@ gate() {
 
 # The Rust tests, each counted. A part that does not build or is killed is one failure. The limit counts from the first test.
 rust_tests() {
-  local status=0 ok bad limit=$((900 * ${SOLVER_TEST_PATIENCE:-1}))
+  local status=0 ok bad limit=$((2400 * ${SOLVER_TEST_PATIENCE:-1}))
   if ! cargo test --workspace --locked --no-run; then
     failed=$((failed + 1))
     failures+=("cargo test: the tests do not build")

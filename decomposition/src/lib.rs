@@ -42,17 +42,6 @@
 //! A [`Communicator`], and every type that contains one, is neither `Send` nor `Sync`: only one thread of a rank
 //! may call MPI, and the compiler enforces it. Pass `&Slabs` to worker threads, not `&Domain`.
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "a test fails by panicking and prints what it measures"
-    )
-)]
-
 mod comm;
 mod exact_sum;
 mod exchange;

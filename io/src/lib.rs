@@ -46,17 +46,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "a test fails by panicking and prints what it measures"
-    )
-)]
-
 pub mod atomic;
 pub mod checkpoint;
 pub mod csv;

@@ -11,21 +11,7 @@
 //!
 //! [`plan::scene`] and [`plan`] then check whether the values are consistent.
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 #![allow(
     rustdoc::broken_intra_doc_links,
     reason = "comments are the texts of the schema, where units stand in brackets: [m]"

@@ -5,21 +5,7 @@
 //! several solid steps. Finally the flow updates the positions of the bodies ([`Flow::update_bodies`]). Outputs and
 //! analyses read the fluid through [`FluidView`].
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 pub mod body_map;
 pub mod bounce_back;

@@ -20,6 +20,7 @@
 //! | `rolling` | resistance to rolling on top of another law |
 //! | `bridges` | capillary bridges on top of another law |
 //! | `softened` | contact bonds that weaken with the moisture of the ground |
+//! | `wrapped` | functions that these three pass on to the law below them |
 //! | `input` | what the parameters of all laws share: [`Scaled`], [`Pair`], [`SceneFacts`] |
 //! | `pairs` | [`PairTable`], parameters for every pair of materials |
 //! | `model` | [`ContactModel`], the interface between plan and law |
@@ -42,6 +43,7 @@ pub mod rolling;
 pub mod softened;
 #[cfg(test)]
 mod tests;
+mod wrapped;
 
 pub use input::{ContactParameters, MaterialFacts, Pair, Preparation, Scaled, SceneFacts};
 pub use model::{BondOpening, ContactModel, Depth, Springs, StaticContact, TimeLimits};
@@ -115,6 +117,19 @@ pub struct ContactForce<S: Space> {
     pub moment: S::Spin,
     /// Mode in which the bond failed in this step; none if it did not.
     pub failure: Option<Failure>,
+}
+
+impl<S: Space> ContactForce<S> {
+    /// Returns no force.
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            normal: 0.0,
+            tangent: S::Tangent::default(),
+            moment: S::Spin::default(),
+            failure: None,
+        }
+    }
 }
 
 /// Force of a contact law, compiled into the pair loop.

@@ -24,21 +24,7 @@
 //! Every rank stores the whole network and does the same operations in the same order, so that the bits depend
 //! neither on the number of ranks nor on that of threads.
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 pub mod cells;
 pub mod cover;

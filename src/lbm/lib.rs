@@ -15,6 +15,7 @@
 //! | `initial` | populations from density and velocity at the start |
 //! | `lattice` | velocity sets |
 //! | `lanes`, `single` | numbers and vectors of numbers in the pass: in f64, and in f32 |
+//! | `vectors` | operations of the vector registers of x86-64, one list for both |
 //! | `collision` | collision operators, one file each |
 //! | `turbulence` | eddy viscosities, one file each, and the velocities from which they are computed |
 //! | `boundary` | boundaries, one file each, with their parameters in a case |
@@ -27,21 +28,7 @@
 //! | `extremes` | largest speed and compression of each row |
 //! | `quanta` | sums that are independent of the order |
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 pub mod block;
 pub mod boundary;
@@ -66,3 +53,5 @@ pub mod surface;
 pub mod synthetic;
 pub mod term;
 pub mod turbulence;
+#[cfg(target_arch = "x86_64")]
+mod vectors;

@@ -92,6 +92,9 @@ pub(crate) struct Probe {
 /// Name of a column and its unit.
 type Heading = (&'static str, &'static str);
 
+/// Rows of one sample, which begin with the time.
+type Rows = [Vec<f64>];
+
 const VELOCITY: [Heading; 3] = [
     ("velocity_x", "m/s"),
     ("velocity_y", "m/s"),
@@ -255,10 +258,17 @@ pub(super) fn fluid<'a, S: Space>(view: &StateView<'a, S>) -> Result<&'a dyn Flu
     view.fluid.ok_or_else(no_fluid)
 }
 
-/// Returns the seepage; none before its first solution, when it has no pressure.
-fn solved<'a, S: Space>(view: &StateView<'a, S>) -> Result<Option<&'a Seepage<S>>, Error> {
+/// Samples the seepage and returns `true`; `false` before its first solution, when it has no pressure.
+fn sampled_if_solved<S: Space>(
+    view: &StateView<S>,
+    sample: impl FnOnce(&Seepage<S>),
+) -> Result<bool, Error> {
     let seepage = view.seepage.ok_or_else(no_fluid)?;
-    Ok(seepage.is_known().then_some(seepage))
+    let known = seepage.is_known();
+    if known {
+        sample(seepage);
+    }
+    Ok(known)
 }
 
 /// Returns the distance between two points.

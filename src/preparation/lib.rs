@@ -12,21 +12,7 @@
 //!
 //! Packing and deposition run on one rank, so that the sample depends on the seed only.
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 pub mod deposition;
 pub mod growth;

@@ -21,21 +21,7 @@
 //! | `folder`, `table`, `agreement` | the folder of a run, its tables, errors shared by all ranks |
 //! | `watch`, `progress`, `phases` | requests to a run; progress on the standard output; times of phases |
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 mod affinity;
 pub mod agreement;

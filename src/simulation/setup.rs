@@ -31,7 +31,7 @@ use plan::scene::boundaries;
 use plan::scene::flow::{BodyForce, Flow};
 use plan::scene::porous;
 use plan::scene::sample::ListedGrain;
-use plan::scene::seepage::SeepagePatch;
+use plan::scene::seepage::{Seepage as SeepageScene, SeepagePatch};
 use plan::{self, Plan};
 use std::sync::Arc;
 
@@ -362,9 +362,33 @@ pub fn seepage<S: Space>(
     let Some(scene) = &plan.scene.seepage else {
         return Ok(None);
     };
-    let written = &scene.written;
     let openness = plan::explicit_drag::openness(scene, plan.scene.grid.dimension);
     let pores = plan::explicit_drag::pores(scene, &openness);
+    let pressure = pressure_of(plan, scene, &openness, communicator)?;
+    let settings = seepage_settings(plan, scene, pores.mean());
+    let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
+    Ok(Some(match &scene.zones {
+        Some(zones) => seepage.with_zones(Arc::clone(zones)),
+        None => seepage,
+    }))
+}
+
+/// Returns the liquid of a seepage.
+fn liquid_of(scene: &SeepageScene) -> darcy::Liquid {
+    darcy::Liquid {
+        density: scene.written.density,
+        viscosity: scene.written.viscosity,
+    }
+}
+
+/// Returns the pressure of the seepage with what the ground adds to it: shears of zones, soil, stored water.
+fn pressure_of(
+    plan: &Plan,
+    scene: &SeepageScene,
+    openness: &darcy::Openness,
+    communicator: &Communicator,
+) -> Result<darcy::Pressure, Error> {
+    let written = &scene.written;
     let patch = |p: &SeepagePatch| darcy::PressurePatch {
         axis: p.face.axis(),
         upper: p.face.is_max(),
@@ -381,19 +405,15 @@ pub fn seepage<S: Space>(
         condition: drain.condition,
         inside: true,
     });
-    let liquid = darcy::Liquid {
-        density: written.density,
-        viscosity: written.viscosity,
-    };
     let new = if scene.has_stored_start() {
         darcy::Pressure::without_outlets
     } else {
         darcy::Pressure::new
     };
-    let pressure = new(
-        &openness,
+    let mut pressure = new(
+        openness,
         scene.patches.iter().map(patch).chain(drains).collect(),
-        liquid,
+        liquid_of(scene),
         darcy::PressureSettings {
             equations: written.equations,
             gravity: plan.scene.gravity,
@@ -403,69 +423,69 @@ pub fn seepage<S: Space>(
         communicator,
     )
     .map_err(|e| Error::Numerical(e.to_string()))?;
-    let shears = (scene.zones.as_ref()).map_or_else(Vec::new, |z| z.shears(openness.grid.count()));
-    let pressure = if shears.is_empty() {
-        pressure
-    } else {
-        pressure.with_shear(&shears)
+    let zones = scene.zones.as_ref();
+    let shears = zones.map_or_else(Vec::new, |z| z.shears(openness.grid.count()));
+    if !shears.is_empty() {
+        pressure = pressure.with_shear(&shears);
+    }
+    let Some(soil) = &written.unsaturated else {
+        return Ok(pressure);
     };
-    let pressure = match &written.unsaturated {
-        Some(soil) => {
-            let pressure = pressure.with_soil(darcy::Soil {
-                retention: soil.retention,
-            });
-            let layers: Vec<_> = written
-                .zones
-                .iter()
-                .filter_map(|zone| zone.retention)
-                .collect();
-            let pressure = pressure.with_layers(&layers, &scene.soil_of);
-            match &soil.transient {
-                Some(written) => {
-                    let cells = 0..openness.grid.count();
-                    let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
-                    let settings = transient(written, plan.clock.time_step);
-                    let of_patches = scene.patches.iter().map(|patch| &patch.history);
-                    let of_drains = scene.drains.iter().map(|drain| &drain.history);
-                    let histories = of_patches.chain(of_drains).enumerate();
-                    let histories = histories.filter(|(_, table)| !table.is_empty());
-                    let history =
-                        |(patch, table): (usize, &Vec<[f64; 2]>)| darcy::ConditionHistory {
-                            patch,
-                            values: TimeTable::new(Some(table), 0.0),
-                        };
-                    let histories = histories.map(history).collect();
-                    pressure
-                        .with_transient(settings, &volume)
-                        .with_histories(histories)
-                }
-                None => pressure,
-            }
+    let retention = soil.retention;
+    let layers = written.zones.iter().filter_map(|zone| zone.retention);
+    let layers: Vec<_> = layers.collect();
+    pressure = (pressure.with_soil(darcy::Soil { retention })).with_layers(&layers, &scene.soil_of);
+    Ok(match &soil.transient {
+        Some(written) => {
+            let cells = 0..openness.grid.count();
+            let volume: Vec<f64> = cells.map(|cell| openness.volume(cell)).collect();
+            let settings = transient(written, plan.clock.time_step);
+            let stored = pressure.with_transient(settings, &volume);
+            stored.with_histories(histories_of(scene))
         }
         None => pressure,
-    };
-    let settings = seepage::SeepageSettings {
-        liquid,
+    })
+}
+
+/// Returns the conditions of patches and drains that change in time.
+fn histories_of(scene: &SeepageScene) -> Vec<darcy::ConditionHistory> {
+    let of_patches = scene.patches.iter().map(|patch| &patch.history);
+    let of_drains = scene.drains.iter().map(|drain| &drain.history);
+    let histories = of_patches.chain(of_drains).enumerate();
+    histories
+        .filter(|(_, table)| !table.is_empty())
+        .map(|(patch, table)| darcy::ConditionHistory {
+            patch,
+            values: TimeTable::new(Some(table), 0.0),
+        })
+        .collect()
+}
+
+/// Returns the laws of a seepage through pores of a kind of mean diameter.
+fn seepage_settings(
+    plan: &Plan,
+    scene: &SeepageScene,
+    diameter: darcy::MeanDiameter,
+) -> seepage::SeepageSettings {
+    let written = &scene.written;
+    // In unsaturated ground the water is that of a stationary bed.
+    let saturated = written.unsaturated.is_none();
+    seepage::SeepageSettings {
+        liquid: liquid_of(scene),
         permeability: darcy::Permeability {
             law: written.resistance(),
-            diameter: pores.mean(),
+            diameter,
             porosity_cap: written.porosity_cap(),
             least_porosity: written.least_porosity,
         },
         drag: written.drag(),
         equations: written.equations,
-        // In unsaturated ground the water is that of a stationary bed.
-        transient: written.transient_porosity() && written.unsaturated.is_none(),
-        semi_implicit: written.semi_implicit_drag && written.unsaturated.is_none(),
+        transient: written.transient_porosity() && saturated,
+        semi_implicit: written.semi_implicit_drag && saturated,
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
         roughness: written.roughness,
         bridges: (plan.scene.contact.as_ref()).is_some_and(|contact| contact.model().bridges()),
         walls: scene.walls,
-    };
-    let seepage = Seepage::new(openness, pores, pressure, settings, communicator);
-    Ok(Some(match &scene.zones {
-        Some(zones) => seepage.with_zones(Arc::clone(zones)),
-        None => seepage,
-    }))
+    }
 }

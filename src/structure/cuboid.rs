@@ -1,6 +1,6 @@
 //! A box along the axes: a cut-off wall, a step, a bridge pier.
 
-use super::solid::{Frame, ReadMesh, Solid, between};
+use super::solid::{Scope, Solid, between};
 use super::{Facets, Point};
 use base::error::Report;
 use base::geometry::Extent;
@@ -15,13 +15,8 @@ use std::sync::Arc;
 pub struct Cuboid(pub Extent);
 
 impl Cuboid {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         let from = self
             .0
             .from

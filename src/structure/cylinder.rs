@@ -1,6 +1,6 @@
 //! A round cylinder with flat ends: a pier, a pile, a pipe.
 
-use super::solid::{Frame, ReadMesh, Solid, between};
+use super::solid::{Scope, Solid, between};
 use super::{Facets, Point, dot, minus, norm, only_in, plus, times};
 use base::error::Report;
 use base::geometry::Vector;
@@ -23,13 +23,8 @@ pub struct Cylinder {
 }
 
 impl Cylinder {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         if !only_in(3, frame, path, "disc", report) {
             return None;
         }

@@ -1,6 +1,6 @@
 //! A disc in 2-D: a round pier or a pipe across the plane.
 
-use super::solid::{Frame, ReadMesh, Solid};
+use super::solid::{Scope, Solid};
 use super::{Facets, Point, facets, only_in, sphere};
 use base::error::Report;
 use base::geometry::Vector;
@@ -21,13 +21,8 @@ pub struct Disc {
 }
 
 impl Disc {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         only_in(2, frame, path, "cylinder or sphere", report).then(|| {
             let centre = self.centre.resolve(2, &format!("{path}.centre"), report);
             let round: Arc<dyn Solid> = Arc::new(RoundPlate {

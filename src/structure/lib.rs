@@ -19,21 +19,7 @@
 //! | `facets` | surfaces as convex facets, outlines of 2-D solids as triangles |
 //! | `mesh` | signed distance of a triangulated surface, and the parts of a line inside it |
 
-#![cfg_attr(
-    test,
-    allow(
-        clippy::float_cmp,
-        clippy::unwrap_used,
-        clippy::panic,
-        clippy::print_stdout,
-        clippy::print_stderr,
-        reason = "tests compare bits on purpose, fail by panicking and print what they measure"
-    )
-)]
-#![allow(
-    rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
-)]
+#![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 #![allow(
     rustdoc::broken_intra_doc_links,
     reason = "comments are the texts of the schema, where units stand in brackets: [m]"
@@ -52,6 +38,7 @@ use base::error::Report;
 use base::family::describe_choices;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use solid::Scope;
 use std::sync::Arc;
 
 /// Point or direction; in 2-D the third component has no effect.
@@ -85,7 +72,8 @@ macro_rules! shapes {
             ) -> Option<Arc<dyn Solid>> {
                 match self {
                     $(Self::$shape(parameters) => {
-                        parameters.solid(frame, &format!("{path}.{}", $name), read, report)
+                        let path = &format!("{path}.{}", $name);
+                        parameters.solid(Scope { frame, path, read }, report)
                     })*
                 }
             }

@@ -1,6 +1,6 @@
 //! A half-space: the ground below a plane, or a sloping wall.
 
-use super::solid::{Frame, ReadMesh, Solid, between};
+use super::solid::{Frame, Scope, Solid, between};
 use super::{Facets, Point, dot, minus, norm, plus, times};
 use base::error::Report;
 use base::geometry::Vector;
@@ -20,13 +20,8 @@ pub struct Plane {
 }
 
 impl Plane {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         let point = self
             .point
             .resolve(frame.dimension, &format!("{path}.point"), report);

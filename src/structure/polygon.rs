@@ -1,7 +1,7 @@
 //! A prism over any simple polygon: a weir, a stepped spillway, a sheet pile that is not upright.
 
 use super::facets::{double_area, turn};
-use super::solid::{Frame, ReadMesh, Solid, between, merge_parts};
+use super::solid::{Scope, Solid, between, merge_parts};
 use super::{Facets, Point};
 use base::error::Report;
 use base::geometry::Axis;
@@ -29,13 +29,8 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         let (axis, from, to) = match (frame.dimension, self.axis, self.from, self.to) {
             (3, Some(axis), Some(from), Some(to)) if from < to => (axis.index(), from, to),
             (3, ..) => {

@@ -17,6 +17,16 @@ pub struct Frame {
     pub size: Point,
 }
 
+/// Surroundings in which a shape becomes a solid.
+#[derive(Clone, Copy)]
+pub(super) struct Scope<'a> {
+    /// Domain that contains the shape.
+    pub frame: &'a Frame,
+    /// Path of the shape in the case.
+    pub path: &'a str,
+    pub read: ReadMesh<'a>,
+}
+
 /// Stationary solid, in m. In 2-D it is a cylinder along z: nothing depends on the third component.
 pub trait Solid: Debug + Send + Sync {
     /// Returns the signed distance of a point from the surface, negative inside: a lower bound of the true distance

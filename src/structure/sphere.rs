@@ -1,6 +1,6 @@
 //! A sphere.
 
-use super::solid::{Frame, ReadMesh, Solid, between};
+use super::solid::{Scope, Solid, between};
 use super::{Facets, Point, dot, minus, norm, only_in, plus, times};
 use base::error::Report;
 use base::geometry::Vector;
@@ -21,13 +21,8 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        _: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, .. } = at;
         only_in(3, frame, path, "disc", report).then(|| {
             let centre = self.centre.resolve(3, &format!("{path}.centre"), report);
             let ball: Arc<dyn Solid> = Arc::new(Ball {

@@ -1,7 +1,7 @@
 //! Solid from an STL file, convex or not; or a sheet of a given thickness about an open surface.
 
 use super::mesh;
-use super::solid::{Frame, ReadMesh, Solid, trace};
+use super::solid::{Scope, Solid, trace};
 use super::{Facets, Point, only_in};
 use base::error::{Remedy, Report};
 use base::geometry::Mesh;
@@ -25,13 +25,8 @@ pub struct Surface {
 }
 
 impl Surface {
-    pub(super) fn solid(
-        &self,
-        frame: &Frame,
-        path: &str,
-        read: ReadMesh<'_>,
-        report: &mut dyn Report,
-    ) -> Option<Arc<dyn Solid>> {
+    pub(super) fn solid(&self, at: Scope<'_>, report: &mut dyn Report) -> Option<Arc<dyn Solid>> {
+        let Scope { frame, path, read } = at;
         if !only_in(3, frame, path, "polygon", report) {
             return None;
         }

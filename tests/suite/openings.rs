@@ -46,7 +46,8 @@ fn an_opening_that_cells_move_is_named() {
     ));
 }
 
-/// Checks that the discharge that enters in a step equals the stated one, for any profile, patch and number of ranks.
+/// Checks that the discharge that enters in a step equals the stated one, for any profile and patch, and that two ranks
+/// let in the same.
 #[test]
 fn openings_let_the_stated_discharge_in() {
     let _beside = beside_others();
@@ -73,8 +74,8 @@ fn openings_let_the_stated_discharge_in() {
         Some([[0.0, 0.0451], [0.031, 0.09]]),
     ];
     for dimension in [2, 3] {
-        for (profile, mean) in profiles(dimension) {
-            for patch in patches {
+        for (which, (profile, mean)) in profiles(dimension).into_iter().enumerate() {
+            for (over, patch) in patches.into_iter().enumerate() {
                 let mut inlet = json!({"name": "in", "face": "x_min", "condition": {"velocity": {"profile": profile}}});
                 let sides = patch.unwrap_or([[0.0, 0.09]; 2]);
                 if patch.is_some() {
@@ -96,8 +97,11 @@ fn openings_let_the_stated_discharge_in() {
                 });
                 let study = Study::new(&case.to_string());
                 study.run("one", 1, 1, &[]);
-                study.run("two", 2, 1, &[]);
-                study.same("one", "two");
+                // Each patch on two ranks with another profile, and each profile with one patch at least.
+                if which == over + usize::from(dimension == 3) {
+                    study.run("two", 2, 1, &[]);
+                    study.same("one", "two");
+                }
                 let inflow = study.summary("one")["inflow"].as_f64().unwrap();
                 let stated = mean * area;
                 assert!(

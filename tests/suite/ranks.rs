@@ -59,9 +59,9 @@ fn patience() -> f64 {
     number.unwrap_or(1.0).max(0.01)
 }
 
-/// Returns [`LIMIT`] on this machine [s].
-fn limit() -> String {
-    format!("{:.0}", LIMIT * patience())
+/// Returns this limit on this machine [s].
+fn limit(usual: f64) -> String {
+    format!("{:.0}", usual * patience())
 }
 
 /// Returns the time after which an operation that takes `usual` seconds on an idle machine counts as hanging:
@@ -153,34 +153,42 @@ pub(crate) fn without_daemon(command: &mut Command, folder: &Path) {
 
 /// Returns the program on `ranks` ranks, with [`ENVIRONMENT`]; 0 is without mpirun.
 fn command(ranks: usize) -> Command {
-    let mut command = launcher(ranks);
+    let mut command = launcher(ranks, LIMIT);
     command.arg(SOLVER);
     // mpirun waits twice this long at every unsuccessful end.
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "1");
     command
 }
 
-/// Script that runs the program directly on the first rank. The others delay their end after an error, so that the
-/// first rank has reported it and ended before mpirun kills the others.
+/// Script that waits until no process locks the file of the first argument (empty for none), then runs the program
+/// directly on the first rank. The others delay their end after an error, so that the first rank has reported it and
+/// ended before mpirun kills the others.
 const FIRST_RANK_ENDS_FIRST: &str = r#"
+[ -z "$1" ] || { exec 9<"$1" && flock --shared 9 && exec 9<&-; } || exit
+shift
 [ "${OMPI_COMM_WORLD_RANK:-0}" -ne 0 ] || exec "$0" "$@"
 "$0" "$@" || { code=$?; sleep 5 <&- >/dev/null 2>&1; exit "$code"; }"#;
 
-/// Returns a [`command`] for jobs without signals: mpirun need not wait after an error.
-fn prompt_command(ranks: usize) -> Command {
-    let mut command = launcher(ranks);
+/// Returns a [`command`] for jobs without signals: mpirun need not wait after an error. Several ranks wait until `gate`
+/// is not locked.
+fn prompt_command(ranks: usize, gate: &Path) -> Command {
+    // Ranks that wait for the machine wait for a few other jobs at most.
+    let waiting = if ranks > 1 { 4.0 } else { 1.0 };
+    let mut command = launcher(ranks, waiting * LIMIT);
     if ranks > 1 {
-        command.args(["bash", "-c", FIRST_RANK_ENDS_FIRST]);
+        command.args(["bash", "-c", FIRST_RANK_ENDS_FIRST, SOLVER]);
+        command.arg(gate);
+    } else {
+        command.arg(SOLVER);
     }
-    command.arg(SOLVER);
     command.env("OMPI_MCA_odls_base_sigkill_timeout", "0");
     command
 }
 
-/// Returns the command that starts programs on `ranks` ranks.
-fn launcher(ranks: usize) -> Command {
+/// Returns the command that starts programs on `ranks` ranks, with a time limit [s].
+fn launcher(ranks: usize, usual: f64) -> Command {
     let mut command = Command::new("timeout");
-    command.args(["--kill-after=5", &limit()]);
+    command.args(["--kill-after=5", &limit(usual)]);
     if ranks > 0 {
         command.args(["mpirun", "--oversubscribe", "-n"]);
         command.arg(ranks.to_string());
@@ -248,7 +256,7 @@ pub(crate) fn start_impatient(ranks: usize, arguments: &[String]) -> Running {
 
 /// Starts a job like [`start`] without signals: mpirun need not wait after an error.
 pub(crate) fn start_prompt(ranks: usize, arguments: &[String]) -> Running {
-    begin(prompt_command(ranks), ranks, arguments)
+    begin(prompt_command(ranks, Path::new("")), ranks, arguments)
 }
 
 fn begin(mut command: Command, ranks: usize, arguments: &[String]) -> Running {
@@ -267,16 +275,31 @@ fn begin(mut command: Command, ranks: usize, arguments: &[String]) -> Running {
     }
 }
 
-/// Runs the program to its end.
+/// Returns the number of ranks that mpirun starts: none for one.
+fn launched(ranks: usize) -> usize {
+    if ranks == 1 { 0 } else { ranks }
+}
+
+/// Runs the program to its end. mpirun starts several ranks while other jobs run, because that takes time and little
+/// work; they wait until the machine is theirs.
 pub(crate) fn run(ranks: usize, arguments: &[String]) -> Done {
+    if ranks < 2 {
+        let _cores = Cores::acquire(ranks);
+        return start_prompt(ranks, arguments).wait();
+    }
+    let gate = tempfile::NamedTempFile::new().unwrap();
+    gate.as_file().lock().unwrap();
+    let mut job = begin(prompt_command(ranks, gate.path()), ranks, arguments);
     let _cores = Cores::acquire(ranks);
-    start_prompt(ranks, arguments).wait()
+    job.start = Instant::now();
+    gate.as_file().unlock().unwrap();
+    job.wait()
 }
 
 /// Runs a job like [`run`], with more variables of the environment.
 pub(crate) fn run_with(ranks: usize, arguments: &[String], more: &[(&str, &str)]) -> Done {
     let _cores = Cores::acquire(ranks);
-    let mut command = prompt_command(ranks);
+    let mut command = prompt_command(ranks, Path::new(""));
     command.envs(more.iter().copied());
     begin(command, ranks, arguments).wait()
 }
@@ -510,15 +533,15 @@ impl Study {
         self
     }
 
-    /// Runs to the end of the case.
+    /// Runs to the end of the case; a single rank without mpirun, whose start would take most of a short run.
     #[track_caller]
     pub(crate) fn run(&self, name: &str, ranks: usize, threads: usize, set: &[&str]) -> Done {
-        run(ranks, &self.arguments(name, threads, set)).expect(0)
+        run(launched(ranks), &self.arguments(name, threads, set)).expect(0)
     }
 
-    /// Continues the run in the folder `name`.
+    /// Continues the run in the folder `name`; a single rank without mpirun.
     pub(crate) fn restart(&self, name: &str, ranks: usize, set: &[&str]) -> Done {
-        run(ranks, &self.restart_arguments(name, set))
+        run(launched(ranks), &self.restart_arguments(name, set))
     }
 
     pub(crate) fn restart_arguments(&self, name: &str, set: &[&str]) -> Vec<String> {

@@ -165,8 +165,9 @@ fn a_file_named_stop_and_the_walltime() {
 fn a_preparation_stops_in_every_phase_and_goes_on_to_the_same_state() {
     let _alone = alone();
     let study = Study::preparing();
-    // The pause is short enough for stops in every phase, and long enough to get beyond the start.
-    let pause = study.run("straight", 1, 1, &[]).elapsed / 5;
+    // The pause is short enough for stops in every phase, and long enough to get beyond the start by mpirun.
+    let straight = run(1, &study.arguments("straight", 1, &[])).expect(0);
+    let pause = straight.elapsed / 5;
     let folder = study.path("parts");
     std::fs::create_dir(&folder).unwrap();
     let mut phases = Vec::new();

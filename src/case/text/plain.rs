@@ -1,10 +1,9 @@
 //! Parsing of JSON text into a tree, for texts without errors.
 
-use super::{MOST_KEYS, MOST_VALUES};
+use super::{MOST_KEYS, MOST_VALUES, plain_values};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::cell::Cell;
-use std::fmt;
 
 /// Returns the tree, or none if the text has problems.
 pub(super) fn parse(text: &str) -> Option<Value> {
@@ -33,33 +32,7 @@ impl<'de> DeserializeSeed<'de> for Plain<'_> {
 impl<'de> Visitor<'de> for Plain<'_> {
     type Value = Value;
 
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("JSON")
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_unit<E>(self) -> Result<Value, E> {
-        Ok(Value::Null)
-    }
+    plain_values!();
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut list = Vec::new();

@@ -194,10 +194,9 @@ impl BlockInput {
 
 impl<F: From<BlockLaw>> ContactParameters<F> for BlockInput {
     fn states_friction(&self) -> bool {
-        states_friction(
-            self.friction_angle_degrees,
-            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
-        )
+        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
+            p.friction_angle_degrees
+        })
     }
 
     fn of_polyhedra(&self) -> bool {

@@ -38,9 +38,10 @@ use serde::{Deserialize, Serialize};
 use super::super::engine::bodies::Bodies;
 use super::super::space::Space;
 use super::input::pair_table;
+use super::wrapped::{model_of_law_below, springs_of_law_below};
 use super::{
-    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties,
-    PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits,
+    ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties, PairTable,
+    SceneFacts, TimeLimits,
 };
 use base::error::{Remedy, Report};
 
@@ -311,31 +312,11 @@ impl<L: ContactModel> ContactModel for Bridged<L> {
         format!("{}, capillary bridges", self.law.describe())
     }
 
-    fn materials(&self) -> u32 {
-        self.law.materials()
-    }
-
-    fn friction(&self, materials: [u32; 2]) -> f64 {
-        self.law.friction(materials)
-    }
-
-    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64 {
-        self.law.normal_stiffness(materials, diameter)
-    }
-
-    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
-        self.law.growth_stiffness(material, diameter)
-    }
-
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
         self.law.prepare(normal_stiffness, friction);
         for pair in self.parameters.rows_mut() {
             pair.surface_tension = 0.0;
         }
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        self.law.springs(contact)
     }
 
     /// The slope of the force of a bridge limits the step like a spring.
@@ -349,26 +330,6 @@ impl<L: ContactModel> ContactModel for Bridged<L> {
         }
     }
 
-    fn impact_speed(&self) -> Option<(f64, &'static str)> {
-        self.law.impact_speed()
-    }
-
-    fn bonds(&self) -> bool {
-        self.law.bonds()
-    }
-
-    fn bonding_gap(&self) -> f64 {
-        self.law.bonding_gap()
-    }
-
-    fn bond_opening(&self, materials: [u32; 2], diameter: f64) -> Option<BondOpening> {
-        self.law.bond_opening(materials, diameter)
-    }
-
-    fn cohesion(&self, materials: [u32; 2]) -> Scaled {
-        self.law.cohesion(materials)
-    }
-
     fn bridges(&self) -> bool {
         true
     }
@@ -380,6 +341,8 @@ impl<L: ContactModel> ContactModel for Bridged<L> {
             .any(by_moisture)
             .then(|| format!("{}.volume.moisture", self.path))
     }
+
+    model_of_law_below!();
 }
 
 /// Bridges of a pair of materials: force per radius [N/m], V* without and per moisture, degree of saturation at which
@@ -468,12 +431,7 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
             L::force(&c.law, &mut history.law, kinematics)
         } else {
             history.law = L::History::default();
-            ContactForce {
-                normal: 0.0,
-                tangent: S::Tangent::default(),
-                moment: S::Spin::default(),
-                failure: None,
-            }
+            ContactForce::none()
         };
         let gap = (-kinematics.overlap).max(0.0) / c.radius;
         let (ratio, factor) = c.row.water(kinematics.moisture);
@@ -493,14 +451,6 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
     #[inline(always)]
     fn bonded(history: &Self::History) -> bool {
         history.pull > 0.0 || L::bonded(&history.law)
-    }
-
-    fn bonding_gap(c: &Self::Constants) -> f64 {
-        L::bonding_gap(&c.law)
-    }
-
-    fn bond(c: &Self::Constants, history: &mut Self::History, overlap: f64) -> bool {
-        L::bond(&c.law, &mut history.law, overlap)
     }
 
     fn unbond(history: &mut Self::History) {
@@ -525,20 +475,12 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
         }
     }
 
-    fn shear_spring(history: &Self::History) -> S::Tangent {
-        L::shear_spring(&history.law)
-    }
-
     fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
         // The mean radius is at most the largest diameter: at a wall.
         let radius = diameters[0].max(diameters[1]);
         let wet = self.parameters.rows().filter(|p| p.surface_tension > 0.0);
         wet.map(|p| radius * p.row().fit.rupture(p.volumes()[1]))
             .fold(self.law.widest_opening(diameters), f64::max)
-    }
-
-    fn stiffness(c: &Self::Constants) -> [f64; 2] {
-        L::stiffness(&c.law)
     }
 
     fn save(history: &Self::History, numbers: &mut Vec<f64>) {
@@ -552,6 +494,8 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Bridged<L> {
             pull: numbers.get(L::NUMBERS).copied().unwrap_or(0.0),
         }
     }
+
+    springs_of_law_below!(L, law);
 }
 
 impl<S: Space, L: ContactLaw<S> + 'static> Bodies<S> for Bridged<L> {

@@ -26,12 +26,12 @@ use serde::{Deserialize, Serialize};
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
 use super::input::{coefficient, default_ratio, pair_table, states_friction};
+use super::linear::{LinearConstants, LinearParameters, LinearRow};
 use super::{
     ContactForce, ContactKinematics, ContactLaw, ContactModel, ContactParameters, Failure, Pair,
     PairProperties, PairTable, Scaled, SceneFacts, Springs, StaticContact, TimeLimits, cut_to,
     load_tangent, save_tangent,
 };
-use crate::dashpot::{over_step, part_of_step};
 use base::error::Report;
 
 /// F_n = k_n δ down to -C; |F_s| <= F_n tan Φ + C; a contact that opens or slips loses C for good.
@@ -72,10 +72,9 @@ pub struct CohesiveFrictionalInput {
 
 impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInput {
     fn states_friction(&self) -> bool {
-        states_friction(
-            self.friction_angle_degrees,
-            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
-        )
+        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
+            p.friction_angle_degrees
+        })
     }
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
@@ -88,8 +87,7 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             normal_damping: self.normal_damping_ratio,
             shear_damping: self.shear_damping_ratio,
         };
-        base.normal_stiffness
-            .check_stiffness(&format!("{path}.normal_stiffness"), report);
+        base.linear().check(path, report);
         let parameters = pair_table(
             (path, scene),
             PairTable::uniform(scene.material_count(), base),
@@ -98,7 +96,8 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             |_, pair, path, report| {
                 pair.check_stiffness(path, report);
                 pair.refuse_strengths(path, report);
-                base.overridden(pair)
+                let cohesion = pair.cohesion.unwrap_or(base.cohesion);
+                CohesiveFrictionalParameters::new(&base.linear().overridden(pair), cohesion)
             },
         );
         Some(CohesiveFrictional { parameters }.into())
@@ -127,19 +126,27 @@ pub struct CohesiveFrictionalParameters {
 }
 
 impl CohesiveFrictionalParameters {
-    /// Returns these parameters with the values that a pair overrides.
-    fn overridden(&self, pair: &Pair) -> Self {
+    /// Returns the parameters of springs, dashpots and friction with a cohesion.
+    fn new(linear: &LinearParameters, cohesion: Scaled) -> Self {
         Self {
-            normal_stiffness: pair.normal_stiffness.unwrap_or(self.normal_stiffness),
-            stiffness_ratio: pair
-                .shear_to_normal_stiffness
-                .unwrap_or(self.stiffness_ratio),
-            friction: pair
-                .friction_angle_degrees
-                .map_or(self.friction, coefficient),
-            cohesion: pair.cohesion.unwrap_or(self.cohesion),
-            normal_damping: pair.normal_damping_ratio.unwrap_or(self.normal_damping),
-            shear_damping: pair.shear_damping_ratio.unwrap_or(self.shear_damping),
+            normal_stiffness: linear.normal_stiffness,
+            stiffness_ratio: linear.stiffness_ratio,
+            friction: linear.friction,
+            cohesion,
+            normal_damping: linear.normal_damping,
+            shear_damping: linear.shear_damping,
+        }
+    }
+
+    /// Returns springs, dashpots and friction.
+    fn linear(&self) -> LinearParameters {
+        LinearParameters {
+            normal_stiffness: self.normal_stiffness,
+            stiffness_ratio: self.stiffness_ratio,
+            friction: self.friction,
+            normal_damping: self.normal_damping,
+            shear_damping: self.shear_damping,
+            attraction: false,
         }
     }
 }
@@ -165,10 +172,8 @@ impl ContactModel for CohesiveFrictional {
     }
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        self.parameters
-            .get(a, b)
-            .normal_stiffness
-            .for_diameter(diameter)
+        let pair = self.parameters.get(a, b);
+        pair.normal_stiffness.for_diameter(diameter)
     }
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
@@ -183,22 +188,13 @@ impl ContactModel for CohesiveFrictional {
 
     fn springs(&self, contact: &StaticContact) -> Springs {
         let [a, b] = contact.materials;
-        let pair = self.parameters.get(a, b);
-        let normal = pair.normal_stiffness.for_diameter(contact.diameter);
-        Springs::damped(
-            [normal, normal * pair.stiffness_ratio],
-            contact.bonded || pair.friction > 0.0,
-            ([pair.normal_damping, pair.shear_damping], 1.0),
-            contact.mass,
-        )
+        self.parameters.get(a, b).linear().springs(contact)
     }
 
     fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
         let pairs = self.parameters.rows_of(material);
-        let stiffness = |p: &CohesiveFrictionalParameters| {
-            p.normal_stiffness.for_diameter(2.0 * radius) * p.stiffness_ratio.max(1.0)
-        };
-        TimeLimits::of_spring(mass, pairs.map(stiffness).fold(0.0, f64::max))
+        let stiffest = pairs.map(|p| p.linear().stiffest(2.0 * radius));
+        TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
     }
 
     fn bonds(&self) -> bool {
@@ -210,50 +206,19 @@ impl ContactModel for CohesiveFrictional {
     }
 }
 
-/// Values per pair of materials: stiffness and cohesion as a constant and per diameter, one of which is zero;
-/// dashpots divided by the root of mass times stiffness.
+/// Values per pair of materials: those of the linear law, and the cohesion as a constant and per diameter, one of
+/// which is zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CohesiveFrictionalRow {
-    normal: [f64; 2],
-    ratio: f64,
-    normal_dashpot: f64,
-    shear_dashpot: f64,
-    friction: f64,
+    linear: LinearRow,
     cohesion: [f64; 2],
 }
 
-#[inline(always)]
-fn scaled([constant, per_diameter]: [f64; 2], diameter: f64) -> f64 {
-    constant + per_diameter * diameter
-}
-
-/// Values per pair: stiffnesses [N/m], dashpots [N s/m], friction, and the cohesion of a new bond [N].
+/// Values per pair: those of the linear law, and the cohesion of a new bond [N].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CohesiveFrictionalConstants {
-    normal: f64,
-    shear: f64,
-    normal_dashpot: f64,
-    shear_dashpot: f64,
-    friction: f64,
+    linear: LinearConstants,
     cohesion: f64,
-    /// Mass times normal stiffness [N² s²/m²].
-    square: f64,
-}
-
-impl CohesiveFrictionalConstants {
-    /// Returns the effective normal dashpot over a time step [N s/m].
-    #[inline(always)]
-    fn normal_dashpot<S: Space>(&self, kinematics: &ContactKinematics<S>) -> f64 {
-        let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
-        over_step(self.normal_dashpot, step, self.normal, self.square)
-            * part_of_step(kinematics.overlap, rate, step)
-    }
-
-    /// Returns the effective normal dashpot of a bond over a time step [N s/m]; it acts across a gap as well.
-    #[inline(always)]
-    fn bond_dashpot(&self, time_step: f64) -> f64 {
-        over_step(self.normal_dashpot, time_step, self.normal, self.square)
-    }
 }
 
 /// Force of the shear spring [N] on the second partner, and cohesion [N], 0 without a bond.
@@ -271,20 +236,22 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     const NUMBERS: usize = S::Tangent::COUNT + 1;
 
     fn table(&self) -> PairTable<CohesiveFrictionalRow> {
-        self.parameters.map(|p| CohesiveFrictionalRow {
-            normal: p.normal_stiffness.parts(),
-            ratio: p.stiffness_ratio,
-            normal_dashpot: 2.0 * p.normal_damping,
-            shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
-            // Computed through the angle in degrees, which affects the last bit: checkpoints of older runs continue
-            // with the same bits.
-            friction: coefficient(p.friction.atan().to_degrees()),
-            cohesion: p.cohesion.parts(),
+        self.parameters.map(|p| {
+            let linear = LinearParameters {
+                // Computed through the angle in degrees, which affects the last bit: checkpoints of older runs
+                // continue with the same bits.
+                friction: coefficient(p.friction.atan().to_degrees()),
+                ..p.linear()
+            };
+            CohesiveFrictionalRow {
+                linear: linear.row(),
+                cohesion: p.cohesion.parts(),
+            }
         })
     }
 
     fn scale(row: &CohesiveFrictionalRow, pair: &PairProperties) -> f64 {
-        (pair.mass * scaled(row.normal, pair.diameter)).sqrt()
+        row.linear.scale(pair)
     }
 
     #[inline(always)]
@@ -293,15 +260,10 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         root: &f64,
         diameter: f64,
     ) -> CohesiveFrictionalConstants {
-        let normal = scaled(row.normal, diameter);
+        let [constant, per_diameter] = row.cohesion;
         CohesiveFrictionalConstants {
-            normal,
-            shear: normal * row.ratio,
-            normal_dashpot: row.normal_dashpot * root,
-            shear_dashpot: row.shear_dashpot * root,
-            friction: row.friction,
-            cohesion: scaled(row.cohesion, diameter),
-            square: root * root,
+            linear: row.linear.constants(*root, diameter),
+            cohesion: constant + per_diameter * diameter,
         }
     }
 
@@ -311,9 +273,9 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         history: &mut CohesiveFrictionalHistory<S>,
         kinematics: &ContactKinematics<S>,
     ) -> ContactForce<S> {
+        let c = &c.linear;
         let normal = c.normal * kinematics.overlap;
-        let shear = S::turn(&history.shear, &kinematics.normal)
-            - kinematics.slip * (c.shear * kinematics.time_step);
+        let shear = c.carried(&history.shear, kinematics);
         let length = shear.length();
         let limit = normal * c.friction + history.cohesion;
         if length <= limit && normal >= -history.cohesion {
@@ -390,7 +352,7 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
     }
 
     fn stiffness(c: &CohesiveFrictionalConstants) -> [f64; 2] {
-        [c.normal, c.shear]
+        [c.linear.normal, c.linear.shear]
     }
 
     fn save(history: &CohesiveFrictionalHistory<S>, numbers: &mut Vec<f64>) {

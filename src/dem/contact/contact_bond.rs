@@ -103,10 +103,9 @@ where
         + From<Rolling<Softened<ContactBond>>>,
 {
     fn states_friction(&self) -> bool {
-        states_friction(
-            self.friction_angle_degrees,
-            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
-        )
+        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
+            p.friction_angle_degrees
+        })
     }
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
@@ -321,8 +320,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
             return c.linear.slide(&mut history.shear, kinematics);
         }
         let normal = c.linear.normal * (kinematics.overlap - history.zero_force_overlap);
-        let shear = S::turn(&history.shear, &kinematics.normal)
-            - kinematics.slip * (c.linear.shear * kinematics.time_step);
+        let shear = c.linear.carried(&history.shear, kinematics);
         let failure = if normal < -c.tensile {
             Failure::Tension
         } else if shear.length() > c.shear {
@@ -345,12 +343,7 @@ impl<S: Space> ContactLaw<S> for ContactBond {
             c.linear.slide(&mut broken.shear, kinematics)
         } else {
             broken = ContactBondHistory::default();
-            ContactForce {
-                normal: 0.0,
-                tangent: S::Tangent::default(),
-                moment: S::Spin::default(),
-                failure: None,
-            }
+            ContactForce::none()
         };
         *history = broken;
         ContactForce {

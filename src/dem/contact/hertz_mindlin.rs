@@ -162,10 +162,9 @@ impl<F: From<HertzMindlin> + From<Bridged<HertzMindlin>>> ContactParameters<F>
     for HertzMindlinInput
 {
     fn states_friction(&self) -> bool {
-        states_friction(
-            self.friction_angle_degrees,
-            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
-        )
+        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
+            p.friction_angle_degrees
+        })
     }
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {

@@ -36,11 +36,13 @@ pub trait ContactParameters<F> {
 }
 
 /// Returns `true` if a friction angle is stated for all materials, or for each of the listed pairs.
-pub(super) fn states_friction(
+pub(super) fn states_friction<P>(
     angle: Option<f64>,
-    mut pairs: impl ExactSizeIterator<Item = Option<f64>>,
+    pairs: &[P],
+    angle_of: impl Fn(&P) -> Option<f64>,
 ) -> bool {
-    angle.is_some() || (pairs.len() > 0 && pairs.all(|angle| angle.is_some()))
+    let all_pairs = || pairs.iter().all(|pair| angle_of(pair).is_some());
+    angle.is_some() || (!pairs.is_empty() && all_pairs())
 }
 
 /// Facts of a scene with which contact laws are resolved.

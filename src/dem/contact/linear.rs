@@ -90,10 +90,9 @@ where
         + From<Bridged<Rolling<Linear>>>,
 {
     fn states_friction(&self) -> bool {
-        states_friction(
-            self.friction_angle_degrees,
-            self.pairs.iter().map(|pair| pair.friction_angle_degrees),
-        )
+        states_friction(self.friction_angle_degrees, &self.pairs, |p| {
+            p.friction_angle_degrees
+        })
     }
 
     fn resolve(&self, scene: &SceneFacts<'_>, report: &mut dyn Report) -> Option<F> {
@@ -239,10 +238,8 @@ impl ContactModel for Linear {
     }
 
     fn normal_stiffness(&self, [a, b]: [u32; 2], diameter: f64) -> f64 {
-        self.parameters
-            .get(a, b)
-            .normal_stiffness
-            .for_diameter(diameter)
+        let pair = self.parameters.get(a, b);
+        pair.normal_stiffness.for_diameter(diameter)
     }
 
     fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
@@ -356,6 +353,16 @@ impl LinearConstants {
         contact.force(overlap, rate, kinematics.time_step)
     }
 
+    /// Returns the force of the shear spring of the last step [N], turned with the contact, after this step.
+    #[inline(always)]
+    pub(super) fn carried<S: Space>(
+        &self,
+        shear: &S::Tangent,
+        kinematics: &ContactKinematics<S>,
+    ) -> S::Tangent {
+        S::turn(shear, &kinematics.normal) - kinematics.slip * (self.shear * kinematics.time_step)
+    }
+
     /// Returns the force of an unbonded contact; `shear` is the force of the shear spring [N].
     #[inline(always)]
     pub(super) fn slide<S: Space>(
@@ -370,8 +377,7 @@ impl LinearConstants {
                 - self.normal_dashpot(kinematics) * kinematics.separation_rate)
                 .max(0.0)
         };
-        let spring = S::turn(shear, &kinematics.normal)
-            - kinematics.slip * (self.shear * kinematics.time_step);
+        let spring = self.carried(shear, kinematics);
         let dashpot = kinematics.slip * self.shear_dashpot;
         let total = spring - dashpot;
         let (length, limit) = (total.length(), self.friction * normal.max(0.0));

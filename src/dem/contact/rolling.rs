@@ -24,10 +24,10 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::{Components, Space};
-use super::{
-    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties,
-    PairTable, Scaled, Springs, StaticContact, TimeLimits,
+use super::wrapped::{
+    bonds_of_law_below, limits_of_law_below, model_of_law_below, springs_of_law_below,
 };
+use super::{ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties, PairTable};
 
 /// Resistance to rolling as an elastic-plastic spring-dashpot: type C of Ai, Chen, Rotter and Ooi (2011).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -71,57 +71,12 @@ impl<L: ContactModel> ContactModel for Rolling<L> {
         format!("{}, resistance to rolling", self.law.describe())
     }
 
-    fn materials(&self) -> u32 {
-        self.law.materials()
-    }
-
-    fn friction(&self, materials: [u32; 2]) -> f64 {
-        self.law.friction(materials)
-    }
-
-    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64 {
-        self.law.normal_stiffness(materials, diameter)
-    }
-
-    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
-        self.law.growth_stiffness(material, diameter)
-    }
-
-    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
-        self.law.prepare(normal_stiffness, friction);
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        self.law.springs(contact)
-    }
-
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
-        self.law.time_limits(material, radius, mass)
-    }
-
-    fn impact_speed(&self) -> Option<(f64, &'static str)> {
-        self.law.impact_speed()
-    }
-
-    fn bonds(&self) -> bool {
-        self.law.bonds()
-    }
-
-    fn bonding_gap(&self) -> f64 {
-        self.law.bonding_gap()
-    }
-
-    fn bond_opening(&self, materials: [u32; 2], diameter: f64) -> Option<BondOpening> {
-        self.law.bond_opening(materials, diameter)
-    }
-
-    fn cohesion(&self, materials: [u32; 2]) -> Scaled {
-        self.law.cohesion(materials)
-    }
-
     fn moisture(&self) -> Option<String> {
         self.law.moisture()
     }
+
+    model_of_law_below!();
+    limits_of_law_below!();
 }
 
 /// Values per pair: those of the underlying law, lever arm of the limit [m], and rolling dashpot [N m s].
@@ -214,43 +169,6 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
         ContactForce { moment, ..force }
     }
 
-    #[inline(always)]
-    fn bonded(history: &Self::History) -> bool {
-        L::bonded(&history.law)
-    }
-
-    fn bonding_gap(c: &Self::Constants) -> f64 {
-        L::bonding_gap(&c.law)
-    }
-
-    fn bond(c: &Self::Constants, history: &mut Self::History, overlap: f64) -> bool {
-        L::bond(&c.law, &mut history.law, overlap)
-    }
-
-    fn unbond(history: &mut Self::History) {
-        L::unbond(&mut history.law);
-    }
-
-    fn normal_spring(c: &Self::Constants, history: &Self::History, overlap: f64) -> f64 {
-        L::normal_spring(&c.law, &history.law, overlap)
-    }
-
-    fn tangent_stiffness(c: &Self::Constants, overlap: f64) -> f64 {
-        L::tangent_stiffness(&c.law, overlap)
-    }
-
-    fn shear_spring(history: &Self::History) -> S::Tangent {
-        L::shear_spring(&history.law)
-    }
-
-    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
-        self.law.widest_opening(diameters)
-    }
-
-    fn stiffness(c: &Self::Constants) -> [f64; 2] {
-        L::stiffness(&c.law)
-    }
-
     fn save(history: &Self::History, numbers: &mut Vec<f64>) {
         L::save(&history.law, numbers);
         for k in 0..S::Spin::COUNT {
@@ -268,6 +186,9 @@ impl<S: Space, L: ContactLaw<S>> ContactLaw<S> for Rolling<L> {
             moment,
         }
     }
+
+    springs_of_law_below!(L, law);
+    bonds_of_law_below!(L, law);
 }
 
 impl<S: Space, L: ContactLaw<S> + 'static> Bodies<S> for Rolling<L> {

@@ -23,10 +23,10 @@ use serde::{Deserialize, Serialize};
 
 use super::super::engine::bodies::Bodies;
 use super::super::space::Space;
-use super::{
-    BondOpening, ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties,
-    PairTable, Springs, StaticContact, TimeLimits,
+use super::wrapped::{
+    bonds_of_law_below, limits_of_law_below, model_of_law_below, springs_of_law_below,
 };
+use super::{ContactForce, ContactKinematics, ContactLaw, ContactModel, PairProperties, PairTable};
 
 /// Loss of strength of bonds on wetting: strengths times c + (1 - c) exp(-b S), with the degree of saturation S of the
 /// ground (Hawkins and McConnell 1992). Needs `fluid.darcy.unsaturated`.
@@ -76,49 +76,12 @@ impl<L: ContactModel> ContactModel for Softened<L> {
         )
     }
 
-    fn materials(&self) -> u32 {
-        self.law.materials()
-    }
-
-    fn friction(&self, materials: [u32; 2]) -> f64 {
-        self.law.friction(materials)
-    }
-
-    fn normal_stiffness(&self, materials: [u32; 2], diameter: f64) -> f64 {
-        self.law.normal_stiffness(materials, diameter)
-    }
-
-    fn growth_stiffness(&self, material: u32, diameter: f64) -> f64 {
-        self.law.growth_stiffness(material, diameter)
-    }
-
-    fn prepare(&mut self, normal_stiffness: Option<f64>, friction: Option<f64>) {
-        self.law.prepare(normal_stiffness, friction);
-    }
-
-    fn springs(&self, contact: &StaticContact) -> Springs {
-        self.law.springs(contact)
-    }
-
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
-        self.law.time_limits(material, radius, mass)
-    }
-
-    fn bonds(&self) -> bool {
-        true
-    }
-
-    fn bonding_gap(&self) -> f64 {
-        self.law.bonding_gap()
-    }
-
-    fn bond_opening(&self, materials: [u32; 2], diameter: f64) -> Option<BondOpening> {
-        self.law.bond_opening(materials, diameter)
-    }
-
     fn moisture(&self) -> Option<String> {
         Some("contact.contact_bond.softening".into())
     }
+
+    model_of_law_below!();
+    limits_of_law_below!();
 }
 
 /// Values per pair: those of the law in dry ground, and the loss of strength.
@@ -164,43 +127,6 @@ impl<S: Space, L: BondStrength<S>> ContactLaw<S> for Softened<L> {
         L::force(&law, history, kinematics)
     }
 
-    #[inline(always)]
-    fn bonded(history: &L::History) -> bool {
-        L::bonded(history)
-    }
-
-    fn bonding_gap(c: &Self::Constants) -> f64 {
-        L::bonding_gap(&c.law)
-    }
-
-    fn bond(c: &Self::Constants, history: &mut L::History, overlap: f64) -> bool {
-        L::bond(&c.law, history, overlap)
-    }
-
-    fn unbond(history: &mut L::History) {
-        L::unbond(history);
-    }
-
-    fn normal_spring(c: &Self::Constants, history: &L::History, overlap: f64) -> f64 {
-        L::normal_spring(&c.law, history, overlap)
-    }
-
-    fn widest_opening(&self, diameters: [f64; 2]) -> f64 {
-        L::widest_opening(&self.law, diameters)
-    }
-
-    fn tangent_stiffness(c: &Self::Constants, overlap: f64) -> f64 {
-        L::tangent_stiffness(&c.law, overlap)
-    }
-
-    fn shear_spring(history: &L::History) -> S::Tangent {
-        L::shear_spring(history)
-    }
-
-    fn stiffness(c: &Self::Constants) -> [f64; 2] {
-        L::stiffness(&c.law)
-    }
-
     fn save(history: &L::History, numbers: &mut Vec<f64>) {
         L::save(history, numbers);
     }
@@ -208,6 +134,9 @@ impl<S: Space, L: BondStrength<S>> ContactLaw<S> for Softened<L> {
     fn load(numbers: &[f64]) -> L::History {
         L::load(numbers)
     }
+
+    springs_of_law_below!(L);
+    bonds_of_law_below!(L);
 }
 
 impl<S: Space, L: BondStrength<S> + 'static> Bodies<S> for Softened<L> {

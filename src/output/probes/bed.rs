@@ -34,7 +34,7 @@
 //! Sums over cells are integers and those over grains exact, so that no value depends on the number of ranks.
 
 use super::quantity::Quantity;
-use super::{Heading, no_fluid};
+use super::{Heading, Rows, no_fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, to_i64, whole};
@@ -140,11 +140,7 @@ impl Quantity for Bed {
         Ok(())
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = self.measure(view)?;
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

@@ -2,7 +2,7 @@
 
 use super::quantity::Quantity;
 use super::structure::load_headings;
-use super::{Heading, POSITION, VELOCITY};
+use super::{Heading, POSITION, Rows, VELOCITY};
 use crate::grains::{force_unit, space_vector, spin_vector, torque_unit};
 use crate::view::StateView;
 use base::error::Error;
@@ -48,11 +48,7 @@ impl Quantity for Body {
         headings
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = body(view, self.id)?;
         let (motion, loads) = values.split_at(POSITION.len() + 2 * VELOCITY.len());
         let delay = view.fluid.map_or(0.0, |_| view.plan.clock.time_step);

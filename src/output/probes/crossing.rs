@@ -1,7 +1,7 @@
 //! Discharge of seepage between two points of a plane.
 
 use super::quantity::Quantity;
-use super::{Heading, discharge_unit, no_fluid, solved};
+use super::{Heading, Rows, discharge_unit, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, whole};
@@ -94,16 +94,10 @@ impl Quantity for Crossing {
         vec![("discharge", discharge_unit(scene.grid.dimension))]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let discharge = self.discharge(seepage);
-        rows.iter_mut().for_each(|row| row.push(discharge));
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let discharge = self.discharge(seepage);
+            rows.iter_mut().for_each(|row| row.push(discharge));
+        })
     }
 }

@@ -24,7 +24,7 @@
 
 use super::bed::{median_diameter, of_all_ranks};
 use super::quantity::Quantity;
-use super::{Heading, Run};
+use super::{Heading, Rows, Run};
 use crate::grains::space_vector;
 use crate::view::StateView;
 use base::error::Error;
@@ -170,11 +170,7 @@ impl Quantity for Fabric {
         Ok(())
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = self.measure(view);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

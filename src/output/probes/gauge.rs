@@ -5,7 +5,7 @@
 //! depth is the sum of the fill levels of the column: drops are included, air and solids are not.
 
 use super::quantity::Quantity;
-use super::{Heading, fluid, no_fluid};
+use super::{Heading, Rows, fluid, no_fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::real;
@@ -82,11 +82,7 @@ impl Quantity for Gauge {
         vec![("elevation", "m"), ("depth", "m")]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = self.column(fluid(view)?, view.domain.communicator());
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

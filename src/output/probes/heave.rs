@@ -1,7 +1,7 @@
 //! Heave of the ground in front of a structure: excess head, gradient and factor of safety of prisms of each width.
 
 use super::quantity::Quantity;
-use super::{Heading, solved};
+use super::{Heading, Rows, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use darcy::Prisms;
@@ -26,17 +26,11 @@ impl Quantity for Heave {
         self.0.widths()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        for (row, h) in rows.iter_mut().zip(seepage.pressure().heave(&self.0)) {
-            row.extend([h.width, h.excess_head, h.gradient, h.factor_of_safety]);
-        }
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            for (row, h) in rows.iter_mut().zip(seepage.pressure().heave(&self.0)) {
+                row.extend([h.width, h.excess_head, h.gradient, h.factor_of_safety]);
+            }
+        })
     }
 }

@@ -1,7 +1,7 @@
 //! Probes of the water in joints.
 
 use super::quantity::Quantity;
-use super::{Heading, POSITION, no_fluid};
+use super::{Heading, POSITION, Rows, no_fluid};
 use crate::view::StateView;
 use base::error::Error;
 use coupling::joint_water::JointWater;
@@ -22,11 +22,7 @@ impl Quantity for JointCell {
         .concat()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = nearest(water(view)?, self.0);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)
@@ -42,11 +38,7 @@ impl Quantity for Mouth {
         vec![("inflow", "m3/s"), ("pressure", "Pa")]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = water(view)?.mouth(self.0);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)
@@ -62,11 +54,7 @@ impl Quantity for BlockLoad {
         BLOCK.to_vec()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = block(water(view)?, self.0);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

@@ -2,7 +2,7 @@
 
 use super::points::clamped;
 use super::quantity::Quantity;
-use super::{Heading, discharge_unit, face_area, fluid};
+use super::{Heading, Rows, discharge_unit, face_area, fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::real;
@@ -32,11 +32,7 @@ impl Quantity for Plane {
         ]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = plane(view, fluid(view)?, self.axis, self.position);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

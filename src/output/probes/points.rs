@@ -1,7 +1,7 @@
 //! The state of the fluid at points, interpolated linearly along each axis from the cell centres around them.
 
 use super::quantity::Quantity;
-use super::{Heading, POSITION, VELOCITY, distance, fluid};
+use super::{Heading, POSITION, Rows, VELOCITY, distance, fluid};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, whole};
@@ -27,11 +27,7 @@ impl Quantity for Point {
         [VELOCITY.as_slice(), &[("pressure", "Pa")]].concat()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         for (row, (_, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
             row.extend(velocity);
             row.push(pressure);
@@ -67,11 +63,7 @@ impl Quantity for Line {
         self.0.positions.len()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let first = self.0.positions.first().copied().unwrap_or_default();
         for (row, (at, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
             row.push(distance(first, at));

@@ -2,7 +2,7 @@
 
 use super::points::{along, line_headings};
 use super::quantity::Quantity;
-use super::{Heading, VELOCITY, distance, solved};
+use super::{Heading, Rows, VELOCITY, distance, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use coupling::seepage::Seepage;
@@ -18,17 +18,11 @@ impl Quantity for PorePoint {
         [VELOCITY.as_slice(), &[("pressure", "Pa"), ("head", "m")]].concat()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let values = values_at(seepage, self.0);
-        rows.iter_mut().for_each(|row| row.extend(values));
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let values = values_at(seepage, self.0);
+            rows.iter_mut().for_each(|row| row.extend(values));
+        })
     }
 }
 
@@ -54,21 +48,15 @@ impl Quantity for PoreLine {
         self.0.len()
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let first = self.0.first().copied().unwrap_or_default();
-        for (row, point) in rows.iter_mut().zip(&self.0) {
-            row.push(distance(first, *point));
-            row.extend(point);
-            row.extend(values_at(seepage, *point));
-        }
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let first = self.0.first().copied().unwrap_or_default();
+            for (row, point) in rows.iter_mut().zip(&self.0) {
+                row.push(distance(first, *point));
+                row.extend(point);
+                row.extend(values_at(seepage, *point));
+            }
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! The interface of a quantity that a probe samples.
 
-use super::{Heading, Run};
+use super::{Heading, Rows, Run};
 use crate::view::StateView;
 use base::error::Error;
 use dem::space::Space;
@@ -44,9 +44,5 @@ pub(super) trait Quantity {
     ///
     /// # Errors
     /// If the scene has no fluid of the kind that is sampled.
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error>;
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error>;
 }

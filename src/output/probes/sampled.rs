@@ -19,7 +19,7 @@ use super::wall::Wall;
 use super::wall_load::WallLoad;
 use super::water_balance::WaterBalance;
 use super::water_table::WaterTable;
-use super::{Heading, Run};
+use super::{Heading, Rows, Run};
 use crate::view::StateView;
 use base::error::Error;
 use dem::space::Space;
@@ -73,11 +73,7 @@ macro_rules! quantities {
                 }
             }
 
-            fn sample<S: Space>(
-                &mut self,
-                view: &StateView<S>,
-                rows: &mut [Vec<f64>],
-            ) -> Result<bool, Error> {
+            fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
                 match self {
                     $(Self::$name(quantity) => quantity.sample(view, rows),)*
                 }

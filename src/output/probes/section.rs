@@ -3,7 +3,7 @@
 //! Every rank knows the whole coarse grid, so that nothing is gathered.
 
 use super::quantity::Quantity;
-use super::{Heading, area_unit, discharge_unit, no_fluid, solved};
+use super::{Heading, Rows, area_unit, discharge_unit, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use base::number::{real, whole};
@@ -62,20 +62,14 @@ impl Quantity for Section {
         ]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let pressure = seepage.pressure();
-        let through = pressure.flow_through_section(self.axis, self.plane, &self.ranges);
-        let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
-        for row in rows {
-            row.extend([through.discharge, through.area, before, behind]);
-        }
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let pressure = seepage.pressure();
+            let through = pressure.flow_through_section(self.axis, self.plane, &self.ranges);
+            let [before, behind] = through.reduced.map(|phi| pressure.head(phi));
+            for row in rows {
+                row.extend([through.discharge, through.area, before, behind]);
+            }
+        })
     }
 }

@@ -1,7 +1,7 @@
 //! Force and torque of the water of a lattice on a structure.
 
 use super::quantity::Quantity;
-use super::{Heading, fluid};
+use super::{Heading, Rows, fluid};
 use crate::grains::{force_unit, torque_unit};
 use crate::view::StateView;
 use base::error::Error;
@@ -42,11 +42,7 @@ impl Quantity for StructureLoad {
         0.5
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = structure(view, fluid(view)?, self.index, self.about);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

@@ -2,7 +2,7 @@
 
 use super::quantity::Quantity;
 use super::structure::load_headings;
-use super::{Heading, no_fluid, solved};
+use super::{Heading, Rows, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use darcy::WettedSurface;
@@ -37,20 +37,14 @@ impl Quantity for SurfaceLoad {
         load_headings(scene.grid.dimension)
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let surface = self.surface.get_or_insert_with(|| {
-            let wet = |cell: usize| seepage.pores().porosity()[cell] > 0.0;
-            WettedSurface::new(seepage.grid(), &self.solids, self.index, &wet)
-        });
-        let values = seepage.pressure().load(surface, self.about);
-        rows.iter_mut().for_each(|row| row.extend(values));
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let surface = self.surface.get_or_insert_with(|| {
+                let wet = |cell: usize| seepage.pores().porosity()[cell] > 0.0;
+                WettedSurface::new(seepage.grid(), &self.solids, self.index, &wet)
+            });
+            let values = seepage.pressure().load(surface, self.about);
+            rows.iter_mut().for_each(|row| row.extend(values));
+        })
     }
 }

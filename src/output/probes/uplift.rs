@@ -2,7 +2,7 @@
 
 use super::quantity::Quantity;
 use super::section::Section;
-use super::{Heading, area_unit, solved};
+use super::{Heading, Rows, area_unit, sampled_if_solved};
 use crate::grains::{force_unit, torque_unit};
 use crate::view::StateView;
 use base::error::Error;
@@ -85,16 +85,10 @@ impl Quantity for Uplift {
         ]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let values = self.measure(seepage);
-        rows.iter_mut().for_each(|row| row.extend(values));
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let values = self.measure(seepage);
+            rows.iter_mut().for_each(|row| row.extend(values));
+        })
     }
 }

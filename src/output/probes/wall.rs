@@ -8,7 +8,7 @@
 //! On a face with inflow or outflow the force includes the momentum of that fluid.
 
 use super::quantity::Quantity;
-use super::{Heading, Run, face_area, fluid, no_fluid};
+use super::{Heading, Rows, Run, face_area, fluid, no_fluid};
 use crate::grains::force_unit;
 use crate::view::StateView;
 use base::error::Error;
@@ -157,11 +157,7 @@ impl Quantity for Wall {
         self.start(run.plan, run.resumed_at)
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         if !self.has_flux(view.step) {
             return Ok(false);
         }

@@ -13,7 +13,7 @@
 //! Sums are exact, so that no value depends on the number of ranks.
 
 use super::quantity::Quantity;
-use super::{Heading, VELOCITY, area_unit};
+use super::{Heading, Rows, VELOCITY, area_unit};
 use crate::grains::{force_unit, space_vector, torque_unit};
 use crate::view::StateView;
 use base::error::Error;
@@ -139,11 +139,7 @@ impl Quantity for WallLoad {
         ]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let values = self.measure(view);
         rows.iter_mut().for_each(|row| row.extend(values));
         Ok(true)

@@ -1,7 +1,7 @@
 //! Water balance of a seepage: water in the ground, what entered and left since the start, present inflow and outflow.
 
 use super::quantity::Quantity;
-use super::{Heading, discharge_unit, solved, volume_unit};
+use super::{Heading, Rows, discharge_unit, sampled_if_solved, volume_unit};
 use crate::view::StateView;
 use base::error::Error;
 use dem::space::Space;
@@ -24,21 +24,15 @@ impl Quantity for WaterBalance {
         ]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        let report = seepage.report();
-        let water = seepage.pressure().water_balance().unwrap_or_default();
-        let flows = [report.inflow, report.outflow];
-        for row in rows {
-            row.extend([water.stored, water.entered, water.left]);
-            row.extend(flows);
-        }
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            let report = seepage.report();
+            let water = seepage.pressure().water_balance().unwrap_or_default();
+            let flows = [report.inflow, report.outflow];
+            for row in rows {
+                row.extend([water.stored, water.entered, water.left]);
+                row.extend(flows);
+            }
+        })
     }
 }

@@ -3,7 +3,7 @@
 //! This is separate from the other values of the seepage because a sample has one row per column.
 
 use super::quantity::Quantity;
-use super::{Heading, POSITION, no_fluid, solved};
+use super::{Heading, POSITION, Rows, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
 use coupling::seepage::Seepage;
@@ -100,17 +100,11 @@ impl Quantity for WaterTable {
         self.cells.iter().product::<usize>() / self.cells[self.axis]
     }
 
-    fn sample<S: Space>(
-        &mut self,
-        view: &StateView<S>,
-        rows: &mut [Vec<f64>],
-    ) -> Result<bool, Error> {
-        let Some(seepage) = solved(view)? else {
-            return Ok(false);
-        };
-        for (column, row) in rows.iter_mut().enumerate() {
-            row.extend(self.zero_pressure(seepage, column));
-        }
-        Ok(true)
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        sampled_if_solved(view, |seepage| {
+            for (column, row) in rows.iter_mut().enumerate() {
+                row.extend(self.zero_pressure(seepage, column));
+            }
+        })
     }
 }

@@ -57,56 +57,12 @@ impl Grid {
         let mut size = [spacing; 3];
         let mut good = true;
         for (axis, length) in domain.size.0.iter().enumerate() {
-            let path = format!("domain.size[{axis}]");
-            let ratio = length / spacing;
-            if !(*length > 0.0 && ratio.is_finite()) {
-                findings.error(
-                    &path,
-                    "the domain needs a positive size",
-                    "write a length in m",
-                );
-                good = false;
-            } else if ratio > MOST_CELLS {
-                findings.error(
-                    &path,
-                    format!(
-                        "this makes {} cells; at most {MOST_CELLS:e} are allowed along an axis",
-                        number(ratio)
-                    ),
-                    "check the units: size and spacing are in m",
-                );
-                good = false;
-            } else if (ratio - ratio.round()).abs() > 1e-6 * ratio.max(1.0) || ratio < 0.5 {
-                let cells = ratio.floor().max(1.0);
-                let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, spacing));
-                let nearest = if ratio.round() > cells { above } else { below };
-                findings.error(
-                    &path,
-                    format!(
-                        "the size is {} spacings; it must be a whole number of them",
-                        number(ratio)
-                    ),
-                    Remedy::from(format!(
-                        "use {below} or {above} m, or a spacing that divides it, such as {} m",
-                        number(length / ratio.round().max(1.0))
-                    ))
-                    .set(&*path, nearest),
-                );
-                good = false;
-            } else {
-                cells[axis] = whole(ratio.round());
-                size[axis] = *length;
+            match cells_along(axis, *length, spacing, findings) {
+                Some(count) => (cells[axis], size[axis]) = (count, *length),
+                None => good = false,
             }
         }
-        let mut periodic = [false; 3];
-        for (n, axis) in domain.periodic.iter().enumerate() {
-            let path = format!("domain.periodic[{n}]");
-            if axis.index() >= dimension {
-                findings.error(&path, "there is no z in a 2-D problem", "remove it");
-            } else if std::mem::replace(&mut periodic[axis.index()], true) {
-                findings.error(&path, "this axis is named twice", "remove one of them");
-            }
-        }
+        let periodic = periodic_axes(domain, dimension, findings);
         let split_axis = match domain.split {
             Split::Auto => (0..dimension).rev().max_by_key(|a| cells[*a]).unwrap_or(0),
             Split::X => 0,
@@ -121,24 +77,9 @@ impl Grid {
             );
             good = false;
         }
-        let slab_bounds = domain.slab_bounds.as_ref().map(|bounds| {
-            let planes: Vec<usize> = bounds
-                .iter()
-                .map(|b| usize::try_from(*b).unwrap_or(usize::MAX))
-                .collect();
-            let most = cells[split_axis.min(2)];
-            if planes.windows(2).any(|w| w[0] > w[1]) || planes.iter().any(|p| *p > most) {
-                findings.error(
-                    "domain.slab_bounds",
-                    format!("the planes must increase and lie between 0 and {most}"),
-                    Remedy::take_out(
-                        "sort them, or omit them for slabs of equal cost",
-                        "domain.slab_bounds",
-                    ),
-                );
-            }
-            planes
-        });
+        let most = cells[split_axis.min(2)];
+        let bounds = domain.slab_bounds.as_ref();
+        let slab_bounds = bounds.map(|bounds| planes_between_slabs(bounds, most, findings));
         good.then_some(Self {
             dimension,
             cells,
@@ -149,4 +90,80 @@ impl Grid {
             slab_bounds,
         })
     }
+}
+
+/// Returns the number of cells along an axis of this length \[m\]; none with a finding if the spacing does not
+/// divide it.
+fn cells_along(axis: usize, length: f64, spacing: f64, findings: &mut Findings) -> Option<usize> {
+    let path = format!("domain.size[{axis}]");
+    let ratio = length / spacing;
+    if !(length > 0.0 && ratio.is_finite()) {
+        findings.error(
+            &path,
+            "the domain needs a positive size",
+            "write a length in m",
+        );
+        return None;
+    }
+    if ratio > MOST_CELLS {
+        findings.error(
+            &path,
+            format!(
+                "this makes {} cells; at most {MOST_CELLS:e} are allowed along an axis",
+                number(ratio)
+            ),
+            "check the units: size and spacing are in m",
+        );
+        return None;
+    }
+    if (ratio - ratio.round()).abs() > 1e-6 * ratio.max(1.0) || ratio < 0.5 {
+        let cells = ratio.floor().max(1.0);
+        let [below, above] = [cells, cells + 1.0].map(|n| length_of(n, spacing));
+        let nearest = if ratio.round() > cells { above } else { below };
+        findings.error(
+            &path,
+            format!(
+                "the size is {} spacings; it must be a whole number of them",
+                number(ratio)
+            ),
+            Remedy::from(format!(
+                "use {below} or {above} m, or a spacing that divides it, such as {} m",
+                number(length / ratio.round().max(1.0))
+            ))
+            .set(&*path, nearest),
+        );
+        return None;
+    }
+    Some(whole(ratio.round()))
+}
+
+/// Returns `true` for each axis along which the domain is periodic.
+fn periodic_axes(domain: &Domain, dimension: usize, findings: &mut Findings) -> [bool; 3] {
+    let mut periodic = [false; 3];
+    for (n, axis) in domain.periodic.iter().enumerate() {
+        let path = format!("domain.periodic[{n}]");
+        if axis.index() >= dimension {
+            findings.error(&path, "there is no z in a 2-D problem", "remove it");
+        } else if std::mem::replace(&mut periodic[axis.index()], true) {
+            findings.error(&path, "this axis is named twice", "remove one of them");
+        }
+    }
+    periodic
+}
+
+/// Returns the planes between slabs, each between 0 and `most`.
+fn planes_between_slabs(bounds: &[u32], most: usize, findings: &mut Findings) -> Vec<usize> {
+    let plane = |bound: &u32| usize::try_from(*bound).unwrap_or(usize::MAX);
+    let planes: Vec<usize> = bounds.iter().map(plane).collect();
+    if planes.windows(2).any(|w| w[0] > w[1]) || planes.iter().any(|p| *p > most) {
+        findings.error(
+            "domain.slab_bounds",
+            format!("the planes must increase and lie between 0 and {most}"),
+            Remedy::take_out(
+                "sort them, or omit them for slabs of equal cost",
+                "domain.slab_bounds",
+            ),
+        );
+    }
+    planes
 }

@@ -7,8 +7,9 @@ use base::units::LatticeUnits;
 use lbm::initial::Field;
 use plan::Plan;
 use plan::scene::flow::Flow;
+use plan::scene::free_surface::FreeSurface;
 use plan::scene::grid::Grid;
-use plan::scene::initial::Initial;
+use plan::scene::initial::{Initial, Weight};
 use std::path::Path;
 
 /// Returns the lengths in cells after which a field repeats; none along axes that are not periodic.
@@ -27,55 +28,20 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
             pressure,
             weight,
         } => {
-            let (v, drho) = (
-                velocity.map(u),
-                units.pressure_to_density_deviation(*pressure),
-            );
-            if let Some(surface) = plan.scene.surface.clone() {
-                let (h, force) = (units.spacing, flow.density * surface.gravity);
-                return Some(Box::new(move |p: [f64; 3]| {
-                    let at = p.map(|x| x * h);
-                    let pressure = force * surface.depth(at);
-                    let wave = surface.velocity(at).map(|u| units.velocity_to_lattice(u));
-                    let velocity = std::array::from_fn(|a| v[a] + wave[a]);
-                    (units.pressure_to_density_deviation(pressure), velocity)
-                }));
+            let v = velocity.map(|v| units.velocity_to_lattice(v));
+            let drho = units.pressure_to_density_deviation(*pressure);
+            match (plan.scene.surface.clone(), weight) {
+                (Some(surface), _) => below_surface(surface, flow.density, v, units),
+                (None, Some(weight)) => under_weight(weight, drho, v, units),
+                (None, None) => Box::new(move |_: [f64; 3]| (drho, v)),
             }
-            let Some(weight) = weight else {
-                return Some(Box::new(move |_: [f64; 3]| (drho, v)));
-            };
-            // The density rises by 3 F from cell to cell, with F the force that the collision adds.
-            let force = weight.force.map(|f| units.force_density_to_lattice(f));
-            let place = weight.place.map(|x| x / units.spacing);
-            let there = drho + units.pressure_to_density_deviation(weight.pressure);
-            Box::new(move |p: [f64; 3]| {
-                let rise = |a: usize| 3.0 * force[a] * (p[a] - place[a]);
-                (there + (0..3).map(rise).sum::<f64>(), v)
-            })
         }
         Initial::TaylorGreen {
             velocity,
             wave_numbers,
         } => {
-            let (speed, h) = (u(*velocity), units.spacing);
-            let [a, b, c] = wave_numbers.map(|k| k * h);
-            Box::new(move |p: [f64; 3]| {
-                let [x, y, z] = [a * p[0], b * p[1], c * p[2]];
-                let v = [
-                    -speed * x.cos() * y.sin() * z.cos(),
-                    speed * (a / b) * x.sin() * y.cos() * z.cos(),
-                    0.0,
-                ];
-                // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²)
-                // and B = b²/(b² + c²), from the divergence of the momentum equation; the density deviation is
-                // three times this value.
-                let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
-                let drho = -0.375
-                    * speed
-                    * speed
-                    * ((2.0 * x).cos() * along(a) + (a / b).powi(2) * (2.0 * y).cos() * along(b));
-                (drho, v)
-            })
+            let wave_numbers = wave_numbers.map(|k| k * units.spacing);
+            taylor_green(units.velocity_to_lattice(*velocity), wave_numbers)
         }
         Initial::ShearLayers {
             velocity,
@@ -118,6 +84,61 @@ pub fn formula(plan: &Plan, flow: &Flow, units: LatticeUnits) -> Option<Box<dyn 
             })
         }
         Initial::File(_) => return None,
+    })
+}
+
+/// Returns water at rest or in a uniform stream below a free surface, with the waves of the surface.
+fn below_surface(
+    surface: FreeSurface,
+    density: f64,
+    velocity: [f64; 3],
+    units: LatticeUnits,
+) -> Box<dyn Field> {
+    let (h, force) = (units.spacing, density * surface.gravity);
+    Box::new(move |p: [f64; 3]| {
+        let at = p.map(|x| x * h);
+        let pressure = force * surface.depth(at);
+        let wave = surface.velocity(at).map(|u| units.velocity_to_lattice(u));
+        let velocity = std::array::from_fn(|a| velocity[a] + wave[a]);
+        (units.pressure_to_density_deviation(pressure), velocity)
+    })
+}
+
+/// Returns a uniform stream whose pressure grows with its weight.
+fn under_weight(
+    weight: &Weight,
+    drho: f64,
+    velocity: [f64; 3],
+    units: LatticeUnits,
+) -> Box<dyn Field> {
+    // The density rises by 3 F from cell to cell, with F the force that the collision adds.
+    let force = weight.force.map(|f| units.force_density_to_lattice(f));
+    let place = weight.place.map(|x| x / units.spacing);
+    let there = drho + units.pressure_to_density_deviation(weight.pressure);
+    Box::new(move |p: [f64; 3]| {
+        let rise = |a: usize| 3.0 * force[a] * (p[a] - place[a]);
+        (there + (0..3).map(rise).sum::<f64>(), velocity)
+    })
+}
+
+/// Returns the vortices of Taylor and Green with a speed and wave numbers in lattice units.
+fn taylor_green(speed: f64, [a, b, c]: [f64; 3]) -> Box<dyn Field> {
+    Box::new(move |p: [f64; 3]| {
+        let [x, y, z] = [a * p[0], b * p[1], c * p[2]];
+        let v = [
+            -speed * x.cos() * y.sin() * z.cos(),
+            speed * (a / b) * x.sin() * y.cos() * z.cos(),
+            0.0,
+        ];
+        // p/rho_0 = -U²/8 [cos 2ax (1 + A cos 2cz) + (a/b)² cos 2by (1 + B cos 2cz)] with A = a²/(a² + c²)
+        // and B = b²/(b² + c²), from the divergence of the momentum equation; the density deviation is
+        // three times this value.
+        let along = |k: f64| 1.0 + k * k / (k * k + c * c) * (2.0 * z).cos();
+        let drho = -0.375
+            * speed
+            * speed
+            * ((2.0 * x).cos() * along(a) + (a / b).powi(2) * (2.0 * y).cos() * along(b));
+        (drho, v)
     })
 }
 

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::super::linear::{Linear, LinearParameters};
 use super::*;
+use crate::contact::Scaled;
 use crate::{
     Body, Dem, DemSettings, GrainDomain, Kind, Law, Motion, Particles, Volume, Wall, alone,
 };

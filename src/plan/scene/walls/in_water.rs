@@ -48,7 +48,7 @@ pub(super) fn walls_of_structures(
         let Some(material) = structure.material.filter(|_| structure.stops.grains()) else {
             continue;
         };
-        let mut wall = SceneWall {
+        let bare = SceneWall {
             name: structure.name.clone(),
             point: [0.0; 3],
             normal: [0.0; 3],
@@ -64,32 +64,18 @@ pub(super) fn walls_of_structures(
             structure: Some(n),
         };
         if let Some((point, normal)) = structure.solid.solid().plane() {
-            if let Some(axis) = across_periodic(grid, normal) {
-                let path = format!("structures[{n}].stops");
-                let reason = format!(
-                    "a plane across the periodic axis {axis} cannot stop grains, because grains would be on both \
-                     sides of it"
-                );
-                let text = format!(
-                    "write \"water\", so that the plane stops water only, use a normal without a component along \
-                     {axis}, or remove {axis} from `domain.periodic`"
-                );
-                let remedy = if structure.stops == Stops::Grains {
-                    Remedy::from(text)
-                } else {
-                    Remedy::from(text).set(&*path, "water")
+            if stops_grains(structure, (n, normal), grid, findings) {
+                let wall = SceneWall {
+                    point,
+                    normal,
+                    ..bare
                 };
-                findings.error(&path, reason, remedy);
-                continue;
+                walls.push(wall);
             }
-            (wall.point, wall.normal) = (point, normal);
-            walls.push(wall);
             continue;
         }
-        if let Some(axis) = structure
-            .solid
-            .may_overlap()
-            .filter(|_| case.blocks.is_some())
+        if let Some(axis) = structure.solid.may_overlap()
+            && case.blocks.is_some()
         {
             findings.warn(
                 &format!("structures[{n}].shape"),
@@ -106,21 +92,11 @@ pub(super) fn walls_of_structures(
         if ratio > coarsest.map_or(SAGITTA * (1.0 + 1e-9), |(_, ratio)| ratio) {
             coarsest = Some((n, ratio));
         }
-        let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
-        let made = FacetSurface::new(vertices.collect(), &facets.faces)
-            .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
-        match made {
-            Ok(surface) => wall.surface = Some(Arc::new(surface)),
-            Err(error) => findings.error(
-                &format!("structures[{n}].shape"),
-                error.to_string(),
-                "correct the shape",
-            ),
-        }
-        if let Some(surface) = &wall.surface {
+        if let Some(surface) = surface_of(&facets, grid, n, findings) {
             let path = format!("structures[{n}]");
-            report_large_grains(case, surface, &path, findings);
-            walls.push(wall);
+            report_large_grains(case, &surface, &path, findings);
+            let surface = Some(Arc::new(surface));
+            walls.push(SceneWall { surface, ..bare });
         }
     }
     if let Some((n, ratio)) = coarsest {
@@ -136,6 +112,53 @@ pub(super) fn walls_of_structures(
         );
     }
     walls
+}
+
+/// Returns `true` if structure `n`, a half-space with this normal, can stop grains; reports a plane across a periodic
+/// axis.
+fn stops_grains(
+    structure: &Structure,
+    (n, normal): (usize, [f64; 3]),
+    grid: &Grid,
+    findings: &mut Findings,
+) -> bool {
+    let Some(axis) = across_periodic(grid, normal) else {
+        return true;
+    };
+    let path = format!("structures[{n}].stops");
+    let reason = format!(
+        "a plane across the periodic axis {axis} cannot stop grains, because grains would be on both \
+         sides of it"
+    );
+    let text = format!(
+        "write \"water\", so that the plane stops water only, use a normal without a component along \
+         {axis}, or remove {axis} from `domain.periodic`"
+    );
+    let remedy = if structure.stops == Stops::Grains {
+        Remedy::from(text)
+    } else {
+        Remedy::from(text).set(&*path, "water")
+    };
+    findings.error(&path, reason, remedy);
+    false
+}
+
+/// Returns the facets of structure `n` and of its periodic images as a surface for grains; reports a shape that has
+/// none.
+fn surface_of(
+    facets: &Facets,
+    grid: &Grid,
+    n: usize,
+    findings: &mut Findings,
+) -> Option<FacetSurface> {
+    let vertices = facets.vertices.iter().map(|at| Vector3::from(*at));
+    let made = FacetSurface::new(vertices.collect(), &facets.faces)
+        .and_then(|surface| surface.repeated([0.0; 3], periods(grid)));
+    made.inspect_err(|error| {
+        let path = format!("structures[{n}].shape");
+        findings.error(&path, error.to_string(), "correct the shape");
+    })
+    .ok()
 }
 
 /// Returns the facets of a surface, at most `share` where the tolerance has an effect, and their largest distance from
