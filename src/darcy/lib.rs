@@ -52,7 +52,7 @@ use base::error::number;
 pub use drag::DragLaw;
 pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
-pub use grid::SeepageGrid;
+pub use grid::{GridAxis, SeepageGrid};
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use piping::{Piping, PipingSettings};

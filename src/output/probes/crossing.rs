@@ -4,7 +4,6 @@ use super::quantity::Quantity;
 use super::{Heading, discharge_unit, no_fluid, solved};
 use crate::view::StateView;
 use base::error::Error;
-use base::number::{real, whole};
 use coupling::seepage::Seepage;
 use decomposition::ExactSum;
 use dem::space::Space;
@@ -21,12 +20,7 @@ impl Crossing {
     /// Returns the path between two points \[m\].
     pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Result<Self, Error> {
         let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
-        let corner = |point: [f64; 3]| {
-            [0, 1].map(|a: usize| {
-                let place = (point[a] - scene.origin[a]) / scene.spacing[a];
-                whole(place.round().clamp(0.0, real(scene.cells[a])))
-            })
-        };
+        let corner = |point: [f64; 3]| [0, 1].map(|a: usize| scene.axis(a).nearest_face(point[a]));
         Ok(Self {
             from: corner(from),
             to: corner(to),
