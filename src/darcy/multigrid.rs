@@ -4,8 +4,8 @@
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are merged in pairs along the axes of strongest coupling ([`merging`]). A correction is constant in a coarse cell, and
-//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through
+//! Cells are merged in pairs along the axes of strongest coupling ([`merging`]). A correction is constant in a coarse
+//! cell, and residuals are summed; the two operators are the transposes of each other. A coarse face conducts through
 //! parallel lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner
 //! face of the other:
 //!
