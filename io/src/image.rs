@@ -1,8 +1,9 @@
 //! Output of a lattice in one file per output time: static VTKHDF ImageData, or RectilinearGrid, with cell data.
 //!
 //! The layout follows Kitware's VTKHDF specification 1.0; that of cells of different widths its version 2.7. Programs
-//! that know no RectilinearGrid in VTKHDF read the same arrays through the XDMF index. Arrays are in C order `[z][y][x][component]`. The origin is
-//! the lower corner of the first cell. A lattice in two dimensions has one cell in z.
+//! that know no RectilinearGrid in VTKHDF read the same arrays through the XDMF index. Arrays are in C order
+//! `[z][y][x][component]`. The origin is the lower corner of the first cell. A lattice in two dimensions has one cell
+//! in z.
 
 use std::path::Path;
 

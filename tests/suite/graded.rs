@@ -8,8 +8,8 @@ use solver::plan::Plan;
 use std::f64::consts::PI;
 use std::path::Path;
 
-/// Cells of the sheet pile: as fine at its tip and at the surface as the equal cells of the example, and wider by at most
-/// a tenth from one to the next.
+/// Cells of the sheet pile: as fine at its tip as the equal cells of the example, and wider by at most a tenth from one
+/// to the next.
 const PILE: &str = r#"fluid.darcy.grid={"spacing": [
     {"points": [[0, 0.24], [2.95, 0.0125], [3.05, 0.0125], [6, 0.24]]},
     {"points": [[0, 0.05], [0.45, 0.0125], [0.55, 0.0125], [1, 0.02]]}]}"#;
@@ -74,8 +74,8 @@ fn a_dam_on_graded_cells_has_the_exact_discharge() {
     assert!((discharge / 4.8e-5 - 1.0).abs() < 1e-3, "{discharge}");
 }
 
-/// Checks infiltration on graded cells against the converged solution of Celia's column: mass, bits on ranks and threads
-/// and after a restart.
+/// Checks infiltration on graded cells against the converged solution of Celia's column: mass, bits on ranks and
+/// threads and after a restart.
 #[test]
 fn infiltration_into_graded_cells_closes_its_mass_with_the_same_bits() {
     let _beside = beside_others();
