@@ -48,12 +48,17 @@ pub fn write(
     let mut content = Content::default();
     let [nx, ny, nz] = image.cells;
     let extent = [0, signed(nx)?, 0, signed(ny)?, 0, signed(nz)?];
+    let points = [nx, ny, nz].map(|n| signed(n + 1));
     let extent = ("WholeExtent", Attribute::Ints(extent.to_vec()));
     if let Some(faces) = &image.faces {
         let attributes = [
             ("Version", Attribute::Ints(vec![2, 7])),
             ("Type", Attribute::Text(RECTILINEAR.to_owned())),
             extent,
+            (
+                "Dimensions",
+                Attribute::Ints(points.into_iter().collect::<Result<_>>()?),
+            ),
         ];
         content.folder("/VTKHDF", &attributes);
         for (name, faces) in COORDINATES.iter().zip(faces) {
