@@ -1,4 +1,4 @@
-//! Seepage on cells of different widths: errors against exact solutions beside those of equal cells, the same bits,
+//! Seepage on cells of different widths: errors compared with those of equal cells, the same bits,
 //! estimates, and what is refused.
 
 use crate::estimate::done;
