@@ -152,7 +152,7 @@ fn wrong_grids_are_refused_by_name() {
             "sheet-pile",
             format!(r#""spacing": [{fine}]"#),
             "fluid.darcy.grid.spacing",
-            "one entry for each of the 2 axes",
+            "2 to 3 values are needed",
         ),
         (
             "sheet-pile",
