@@ -88,6 +88,7 @@ fn main() -> Result<(), SeepageError> {
         origin: [0.0; 3],
         spacing: std::array::from_fn(|a| SIZE[a] / cells[a] as f64),
         dimension: 3,
+        ..SeepageGrid::default()
     };
     let mut conductivity = Vec::with_capacity(grid.count());
     for index in 0..grid.count() {

@@ -150,6 +150,7 @@ fn image_step(
     let image = Image {
         origin: [0.0, -1.0, 0.5],
         spacing: [0.1, 0.2, 0.3],
+        faces: None,
         cells: CELLS,
         start,
         count,

@@ -1,11 +1,13 @@
-//! Output of a lattice in one file per output time: static VTKHDF ImageData with cell data.
+//! Output of a lattice in one file per output time: static VTKHDF ImageData, or RectilinearGrid, with cell data.
 //!
-//! The layout follows Kitware's VTKHDF specification 1.0. Arrays are in C order `[z][y][x][component]`. The origin is
-//! the lower corner of the first cell. A lattice in two dimensions has one cell in z.
+//! The layout follows Kitware's VTKHDF specification 1.0; that of cells of different widths its version 2.7. Programs
+//! that know no RectilinearGrid in VTKHDF read the same arrays through the XDMF index. Arrays are in C order
+//! `[z][y][x][component]`. The origin is the lower corner of the first cell. A lattice in two dimensions has one cell
+//! in z.
 
 use std::path::Path;
 
-use crate::data::{Column, index, signed};
+use crate::data::{Column, Data, index, signed};
 use crate::error::{Error, Result};
 use crate::group::{Group, agree};
 use crate::hdf::{self, Attribute, Content, DatasetPart, Mode, product};
@@ -18,6 +20,8 @@ pub struct Image<'a> {
     pub origin: [f64; 3],
     /// Edges of a cell, x y z, m.
     pub spacing: [f64; 3],
+    /// Positions of the faces between cells along each axis, one more than the cells, m; none for equal cells.
+    pub faces: Option<[Vec<f64>; 3]>,
     /// Number of cells of the whole lattice, x y z.
     pub cells: [usize; 3],
     /// First cell of this rank's box, x y z.
@@ -44,20 +48,42 @@ pub fn write(
     let mut content = Content::default();
     let [nx, ny, nz] = image.cells;
     let extent = [0, signed(nx)?, 0, signed(ny)?, 0, signed(nz)?];
-    content.folder(
-        "/VTKHDF",
-        &[
+    let points = [nx, ny, nz].map(|n| signed(n + 1));
+    let extent = ("WholeExtent", Attribute::Ints(extent.to_vec()));
+    if let Some(faces) = &image.faces {
+        let attributes = [
+            ("Version", Attribute::Ints(vec![2, 7])),
+            ("Type", Attribute::Text(RECTILINEAR.to_owned())),
+            extent,
+            (
+                "Dimensions",
+                Attribute::Ints(points.into_iter().collect::<Result<_>>()?),
+            ),
+        ];
+        content.folder("/VTKHDF", &attributes);
+        for (name, faces) in COORDINATES.iter().zip(faces) {
+            let held = if group.rank() == 0 { faces.len() } else { 0 };
+            content.parts.push(DatasetPart {
+                path: format!("/VTKHDF/{name}"),
+                shape: vec![faces.len()],
+                start: vec![0],
+                count: vec![held],
+                data: Data::F64(&faces[..held]).into(),
+                attributes: vec![("units".to_owned(), Attribute::Text("m".to_owned()))],
+            });
+        }
+    } else {
+        let direction = vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let attributes = [
             ("Version", Attribute::Ints(vec![1, 0])),
             ("Type", Attribute::Text("ImageData".to_owned())),
-            ("WholeExtent", Attribute::Ints(extent.to_vec())),
+            extent,
             ("Origin", Attribute::Floats(image.origin.to_vec())),
             ("Spacing", Attribute::Floats(image.spacing.to_vec())),
-            (
-                "Direction",
-                Attribute::Floats(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
-            ),
-        ],
-    );
+            ("Direction", Attribute::Floats(direction)),
+        ];
+        content.folder("/VTKHDF", &attributes);
+    }
     content.folder("/VTKHDF/CellData", &[]);
     let reversed = |[x, y, z]: [usize; 3]| [z, y, x];
     for field in &image.fields {
@@ -75,6 +101,11 @@ pub fn write(
     hdf::write(path, &content, group, mode)
 }
 
+/// Type of a file with cells of different widths.
+pub(crate) const RECTILINEAR: &str = "RectilinearGrid";
+/// Names of the positions of the faces along each axis.
+pub(crate) const COORDINATES: [&str; 3] = ["XCoordinates", "YCoordinates", "ZCoordinates"];
+
 impl Image<'_> {
     fn check(&self) -> Result<()> {
         let positive = self.spacing.iter().all(|d| *d > 0.0 && d.is_finite());
@@ -88,6 +119,15 @@ impl Image<'_> {
             return Err(Error::invalid(
                 "the lattice",
                 format!("cells {:?}", self.cells),
+            ));
+        }
+        let rises = |(faces, cells): (&Vec<f64>, &usize)| {
+            faces.len() == cells + 1 && faces.windows(2).all(|pair| pair[0] < pair[1])
+        };
+        if !(self.faces.iter()).all(|faces| faces.iter().zip(&self.cells).all(rises)) {
+            return Err(Error::invalid(
+                "the lattice",
+                format!("faces {:?}", self.faces),
             ));
         }
         // This also checks that the extents fit the file's integers.
@@ -105,10 +145,12 @@ pub struct ImageInfo {
     pub when: OutputTime,
     /// Lower corner of the first cell, x y z, m.
     pub origin: [f64; 3],
-    /// Edges of a cell, x y z, m.
+    /// Edges of a cell, of the narrowest ones if their widths differ, x y z, m.
     pub spacing: [f64; 3],
     /// Number of cells, x y z.
     pub cells: [usize; 3],
+    /// Positions of the faces between cells along each axis, m; none for equal cells.
+    pub faces: Option<[Vec<f64>; 3]>,
     /// Columns of the file.
     pub columns: Vec<crate::fields::DatasetInfo>,
 }
@@ -121,9 +163,11 @@ pub fn open(path: &Path) -> Result<ImageInfo> {
     let info = crate::fields::inspect(path)?;
     let wrong = |what: &str| Error::corrupt(path, format!("no {what} in /VTKHDF"));
     let get = |name: &str| info.attribute("/VTKHDF", name).ok_or_else(|| wrong(name));
-    if get("Type")?.as_str() != Some("ImageData") {
-        return Err(wrong("ImageData"));
-    }
+    let graded = match get("Type")?.as_str() {
+        Some("ImageData") => false,
+        Some(RECTILINEAR) => true,
+        _ => return Err(wrong("ImageData")),
+    };
     let floats = |name: &str| -> Result<[f64; 3]> {
         let value = get(name)?;
         let list = value.as_array().ok_or_else(|| wrong(name))?;
@@ -139,11 +183,35 @@ pub fn open(path: &Path) -> Result<ImageInfo> {
         };
         *n = index(high.checked_sub(low).ok_or_else(|| wrong("WholeExtent"))?)?;
     }
+    let faces = if graded {
+        let read = |axis: usize| -> Result<Vec<f64>> {
+            let name = COORDINATES[axis];
+            let faces = crate::fields::read_column(path, &format!("/VTKHDF/{name}"))?.values;
+            if faces.len() != cells[axis] + 1 {
+                return Err(wrong(name));
+            }
+            Ok(faces)
+        };
+        Some([read(0)?, read(1)?, read(2)?])
+    } else {
+        None
+    };
+    let (origin, spacing) = match &faces {
+        Some(faces) => (
+            std::array::from_fn(|a| faces[a][0]),
+            std::array::from_fn(|a| {
+                let widths = faces[a].windows(2).map(|pair| pair[1] - pair[0]);
+                widths.fold(f64::INFINITY, f64::min)
+            }),
+        ),
+        None => (floats("Origin")?, floats("Spacing")?),
+    };
     Ok(ImageInfo {
         when: OutputTime::read(&info, path)?,
-        origin: floats("Origin")?,
-        spacing: floats("Spacing")?,
+        origin,
+        spacing,
         cells,
+        faces,
         columns: info
             .datasets
             .into_iter()
@@ -166,6 +234,7 @@ mod tests {
         let image = Image {
             origin: [0.5, 1.0, -1.0],
             spacing: [0.1, 0.2, 0.3],
+            faces: None,
             cells: [4, 3, 2],
             start: [0; 3],
             count: [4, 3, 2],
@@ -204,6 +273,51 @@ mod tests {
         );
     }
 
+    /// Checks that faces come back, and that the index refers to them.
+    #[test]
+    fn cells_of_different_widths_come_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("seepage.vtkhdf");
+        let head = [1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let faces = [
+            vec![0.0, 1.0, 3.0, 3.5],
+            vec![1.0, 2.0, 4.0],
+            vec![0.0, 1.0],
+        ];
+        let image = Image {
+            origin: [0.0, 1.0, 0.0],
+            spacing: [0.5, 1.0, 1.0],
+            faces: Some(faces.clone()),
+            cells: [3, 2, 1],
+            start: [0; 3],
+            count: [3, 2, 1],
+            fields: vec![Column {
+                name: "head",
+                units: "m",
+                components: 1,
+                data: Data::F32(&head),
+            }],
+        };
+        let when = OutputTime { step: 1, time: 0.5 };
+        write(&path, when, &image, &[], &Alone, Mode::Collective).unwrap();
+        let back = open(&path).unwrap();
+        assert_eq!((back.cells, back.faces), ([3, 2, 1], Some(faces)));
+        assert_eq!((back.origin, back.spacing), (image.origin, image.spacing));
+        assert_eq!(
+            crate::fields::read_column(&path, "head").unwrap().shape,
+            [1, 2, 3]
+        );
+        let (_, index) = crate::xdmf::grid(&path).unwrap();
+        for part in [
+            "TopologyType=\"3DRectMesh\" Dimensions=\"2 3 4\"",
+            "GeometryType=\"VXVYVZ\"",
+            "Dimensions=\"4\">seepage.vtkhdf:/VTKHDF/XCoordinates",
+            "Dimensions=\"1 2 3\">seepage.vtkhdf:/VTKHDF/CellData/head",
+        ] {
+            assert!(index.contains(part), "{part}\n{index}");
+        }
+    }
+
     #[test]
     fn wrong_lattices_are_refused() {
         let dir = tempfile::tempdir().unwrap();
@@ -211,6 +325,7 @@ mod tests {
         let image = Image {
             origin: [0.0; 3],
             spacing: [1.0, 0.0, 1.0],
+            faces: None,
             cells: [1; 3],
             start: [0; 3],
             count: [1; 3],
@@ -226,6 +341,9 @@ mod tests {
             ..image
         };
         assert!(!refused(&image));
+        image.faces = Some([vec![0.0, 1.0], vec![0.0, 1.0], vec![1.0, 1.0]]);
+        assert!(refused(&image));
+        image.faces = None;
         image.cells = [0, 1, 1];
         assert!(refused(&image));
     }

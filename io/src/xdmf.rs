@@ -20,7 +20,7 @@ pub(crate) fn grid(path: &Path) -> Result<(OutputTime, String)> {
     let when = OutputTime::read(&info, path)?;
     let kind = info.attribute("/VTKHDF", "Type").and_then(|v| v.as_str());
     let text = match kind {
-        Some("ImageData") => image_grid(path, when)?,
+        Some("ImageData" | image::RECTILINEAR) => image_grid(path, &info, when)?,
         Some("PolyData") => mesh_grid(path, &info, when)?,
         _ => {
             return Err(Error::corrupt(path, "neither a lattice nor a mesh"));
@@ -44,12 +44,30 @@ fn head(path: &Path, when: OutputTime) -> String {
     )
 }
 
-fn image_grid(path: &Path, when: OutputTime) -> Result<String> {
+fn image_grid(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
     let image = image::open(path)?;
     let [nx, ny, nz] = image.cells.map(|n| n + 1);
     let [ox, oy, oz] = image.origin;
     let [dx, dy, dz] = image.spacing;
     let mut text = head(path, when);
+    if image.faces.is_some() {
+        let _ = write!(
+            text,
+            "   <Topology TopologyType=\"3DRectMesh\" Dimensions=\"{nz} {ny} {nx}\"/>\n   \
+             <Geometry GeometryType=\"VXVYVZ\">\n"
+        );
+        for name in image::COORDINATES {
+            let faces = info.dataset(&format!("/VTKHDF/{name}"));
+            let faces = faces.ok_or_else(|| Error::corrupt(path, format!("no {name}")))?;
+            let _ = writeln!(text, "    {}", item(path, faces)?);
+        }
+        text.push_str("   </Geometry>\n");
+        for column in &image.columns {
+            attribute(&mut text, path, column, "Cell", 3)?;
+        }
+        text.push_str("  </Grid>\n");
+        return Ok(text);
+    }
     let three = "<DataItem Dimensions=\"3\" NumberType=\"Float\" Precision=\"8\" Format=\"XML\">";
     // Writing to a String cannot fail.
     let _ = write!(

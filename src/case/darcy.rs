@@ -206,17 +206,39 @@ pub enum InitialState {
     PressureHead(f64),
 }
 
-/// The coarse grid: a box divided into equal cells. It may be smaller than the domain.
+/// The coarse grid: a box divided into cells, by `cells` or by `spacing`. It may be smaller than the domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DarcyGrid {
-    /// Lower corner [m].
-    pub from: Vector,
-    /// Upper corner [m].
-    pub to: Vector,
-    /// Number of cells along each axis.
+    /// Lower corner [m]. Default: that of the domain.
+    #[serde(default)]
+    pub from: Option<Vector>,
+    /// Upper corner [m]. Default: that of the domain.
+    #[serde(default)]
+    pub to: Option<Vector>,
+    /// Number of equal cells along each axis.
+    #[serde(default)]
     #[schemars(extend("minItems" = 2, "maxItems" = 3))]
-    pub cells: Vec<u32>,
+    pub cells: Option<Vec<u32>>,
+    /// Widths of the cells along each axis, in place of `cells`: fine at a toe or a wall, coarse far from it. Needs a
+    /// case without grains.
+    #[serde(default)]
+    #[schemars(extend("minItems" = 2, "maxItems" = 3))]
+    pub spacing: Option<Vec<CellWidths>>,
+}
+
+/// Widths of the cells of the coarse grid along an axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum CellWidths {
+    /// Width of equal cells [m]; the grid is a whole number of them long.
+    Width(#[schemars(extend("exclusiveMinimum" = 0))] f64),
+    /// Positions along the axis and widths of the cells there [m], in ascending order of the positions. Between two
+    /// points the width changes linearly with the position, so that the cells are a geometric series; beyond the
+    /// ends it is constant. Every point is a face between cells, and widths are reduced until whole cells fit.
+    Points(Vec<[f64; 2]>),
+    /// Width of every cell [m], from the lower end of the grid.
+    Widths(Vec<f64>),
 }
 
 /// Part of the grid that the water fills.

@@ -191,7 +191,7 @@ impl<Sp: Space> Seepage<Sp> {
         log::info!("coupling of grains and seepage by drag, {n} cells of pores: {settings:?}");
         Self {
             settings,
-            water: Water::new(openness.grid, &pressure, settings.walls),
+            water: Water::new(openness.grid.clone(), &pressure, settings.walls),
             openness,
             pores,
             pressure,

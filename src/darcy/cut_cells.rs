@@ -46,16 +46,16 @@ impl Division<'_> {
         (sub[2] * self.sub_cells[1] + sub[1]) * self.sub_cells[0] + sub[0]
     }
 
-    /// Returns the edge of a sub-cell \[m\].
-    fn edge(&self, axis: usize) -> f64 {
-        self.grid.spacing[axis] / real(self.sub_cells[axis])
+    /// Returns the edge of a sub-cell of a cell \[m\].
+    fn edge(&self, axis: usize, cell: [usize; 3]) -> f64 {
+        self.grid.width(axis, cell) / real(self.sub_cells[axis])
     }
 
     fn centre(&self, cell: [usize; 3], sub: [usize; 3]) -> [f64; 3] {
         let corner = self.grid.corner(cell);
         std::array::from_fn(|a| {
             if a < self.grid.dimension {
-                corner[a] + (real(sub[a]) + 0.5) * self.edge(a)
+                corner[a] + (real(sub[a]) + 0.5) * self.edge(a, cell)
             } else {
                 0.0
             }
@@ -95,7 +95,7 @@ impl Division<'_> {
         let dimension = self.grid.dimension;
         let reach = 0.5001
             * (0..dimension)
-                .map(|a| self.grid.spacing[a].powi(2))
+                .map(|a| self.grid.width(a, cell).powi(2))
                 .sum::<f64>()
                 .sqrt();
         let distances = self.solids.iter().map(|solid| solid.distance(centre));
@@ -110,7 +110,7 @@ impl Division<'_> {
         let mut marks = vec![0_u8; self.count()];
         let mut parts = Vec::new();
         for axis in 0..dimension {
-            let edge = self.edge(axis);
+            let edge = self.edge(axis, cell);
             let near = ROUNDING * edge;
             let steps = self.sub_cells[axis] - 1;
             for first in self.layer(axis, 0) {
@@ -216,7 +216,12 @@ impl Division<'_> {
             Some(OpenPart::Part(part)) => part[self.index(sub)],
             other => whole(other),
         };
-        let edge = self.edge(axis);
+        // Edges of the sub-cells below and above the face.
+        let edges = [lower, upper].map(|mut cell| {
+            cell[axis] = cell[axis].min(self.grid.cells[axis] - 1);
+            self.edge(axis, cell)
+        });
+        let least = edges[0].min(edges[1]);
         let mut parts = Vec::new();
         let (mut open, mut all) = (0_usize, 0_usize);
         for first in self.layer(axis, 0) {
@@ -228,16 +233,16 @@ impl Division<'_> {
             }
             // From centre to centre; at the ends of the grid from or to the face.
             let (from, length) = match (below, above) {
-                (Some(_), Some(_)) => (self.centre(lower, last), edge),
-                (Some(_), None) => (self.centre(lower, last), 0.5 * edge),
+                (Some(_), Some(_)) => (self.centre(lower, last), 0.5 * (edges[0] + edges[1])),
+                (Some(_), None) => (self.centre(lower, last), 0.5 * edges[0]),
                 _ => {
                     let mut from = self.centre(upper, first);
-                    from[axis] -= 0.5 * edge;
-                    (from, 0.5 * edge)
+                    from[axis] -= 0.5 * edges[1];
+                    (from, 0.5 * edges[1])
                 }
             };
             self.solid_parts(from, axis, length, &mut parts);
-            if parts.iter().all(|[s, t]| t - s <= ROUNDING * edge) {
+            if parts.iter().all(|[s, t]| t - s <= ROUNDING * least) {
                 open += 1;
             }
         }
@@ -292,7 +297,7 @@ impl Openness {
         if solids.is_empty() {
             return self;
         }
-        let grid = self.grid;
+        let grid = self.grid.clone();
         let division = Division::new(&grid, solids);
         let cells = 0..grid.count();
         let left: Vec<OpenPart> = cells.map(|k| division.open_part(grid.cell(k))).collect();
@@ -310,7 +315,7 @@ impl Openness {
         }
         let near = |cell: [usize; 3]| {
             // Larger than the distance from a centre to the far corner of an adjacent cell.
-            let reach = 1.6 * norm(grid.spacing, grid.dimension);
+            let reach = reach(&grid, cell);
             let centre = grid.centre(cell);
             solids
                 .iter()
@@ -344,8 +349,24 @@ impl Openness {
     }
 }
 
-fn norm(spacing: [f64; 3], dimension: usize) -> f64 {
-    spacing[..dimension]
+/// Returns a length above the distance from the centre of a cell to the far corner of an adjacent one \[m\].
+fn reach(grid: &SeepageGrid, cell: [usize; 3]) -> f64 {
+    let wider = |a: usize| {
+        let (axis, at) = (grid.axis(a), cell[a]);
+        let next = axis
+            .width(at.saturating_sub(1))
+            .max(axis.width((at + 1).min(axis.cells - 1)));
+        1.6 / 1.5 * (0.5 * axis.width(at) + next)
+    };
+    if grid.is_graded() {
+        norm(std::array::from_fn(wider), grid.dimension)
+    } else {
+        1.6 * norm(grid.spacing, grid.dimension)
+    }
+}
+
+fn norm(lengths: [f64; 3], dimension: usize) -> f64 {
+    lengths[..dimension]
         .iter()
         .map(|x| x * x)
         .sum::<f64>()
@@ -390,13 +411,14 @@ mod tests {
                 if flat { 1.0 } else { 1.0 / real(n) },
             ],
             dimension,
+            ..SeepageGrid::default()
         };
         Openness::measure(&grid, &Enclosure::Everything).with_structures(&[solid(text, dimension)])
     }
 
     /// Returns `true` if open faces connect the first cell with the last.
     fn leads_through(open: &Openness) -> bool {
-        let grid = open.grid;
+        let grid = &open.grid;
         let mut seen = vec![false; grid.count()];
         let mut stack = vec![0];
         while let Some(k) = stack.pop() {

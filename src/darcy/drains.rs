@@ -68,7 +68,7 @@ impl Openness {
         if drains.is_empty() {
             return self;
         }
-        let grid = self.grid;
+        let grid = self.grid.clone();
         let of_cells = |cell: [usize; 3]| {
             let holds = |drain: &DrainCells| drain.contains(&grid, cell);
             let last = drains.iter().rposition(holds);
@@ -149,6 +149,7 @@ mod tests {
             origin: [0.0; 3],
             spacing: [1.0; 3],
             dimension: 2,
+            ..SeepageGrid::default()
         };
         let open = Openness::measure(&grid, &Enclosure::Everything).with_drains(&[drain]);
         let faces = open.drain_faces.iter();

@@ -70,7 +70,7 @@ impl Openness {
             inside: vec![1.0; grid.count()],
             faces: std::array::from_fn(|axis| vec![1.0; with_one_more(grid, axis).count()]),
             drain_faces: Vec::new(),
-            grid: *grid,
+            grid: grid.clone(),
         };
         match enclosure {
             Enclosure::Everything => {}
@@ -89,13 +89,15 @@ impl Openness {
     /// Returns the position of the lower face of a cell normal to `axis`; `cell[axis]` may be one past the last.
     #[must_use]
     pub fn face(&self, axis: usize, cell: [usize; 3]) -> usize {
-        with_one_more(&self.grid, axis).index(cell)
+        let [nx, ny, _] = self.grid.cells;
+        let (nx, ny) = (nx + usize::from(axis == 0), ny + usize::from(axis == 1));
+        (cell[2] * ny + cell[1]) * nx + cell[0]
     }
 
     /// Returns the volume of a cell inside the walls \[m3; per metre of depth in 2-D, m2\].
     #[must_use]
     pub fn volume(&self, index: usize) -> f64 {
-        self.inside[index] * self.grid.volume()
+        self.inside[index] * self.grid.volume(self.grid.cell(index))
     }
 
     /// Returns `true` if a cell cannot contain water.
@@ -105,30 +107,40 @@ impl Openness {
     }
 
     fn clip(&mut self, planes: &[(Point, f64)]) {
-        let grid = self.grid;
+        let grid = self.grid.clone();
         for index in 0..grid.count() {
             let cell = grid.cell(index);
-            let lower = grid.corner(cell);
-            let upper = std::array::from_fn(|a| lower[a] + grid.spacing[a]);
-            self.inside[index] = clipped_volume(lower, upper, planes) / grid.volume();
+            let (lower, widths) = (grid.corner(cell), grid.widths(cell));
+            let upper = std::array::from_fn(|a| lower[a] + widths[a]);
+            self.inside[index] = clipped_volume(lower, upper, planes) / grid.volume(cell);
         }
         for axis in 0..3 {
             let faces = with_one_more(&grid, axis);
             for index in 0..faces.count() {
-                let corner = faces.corner(faces.cell(index));
-                let polygon = rectangle(corner, grid.spacing, axis);
+                let mut cell = faces.cell(index);
+                let corner = grid.corner(cell);
+                cell[axis] = cell[axis].min(grid.cells[axis] - 1);
+                let polygon = rectangle(corner, grid.widths(cell), axis);
                 let area = area(&clip_polygon(polygon, planes));
-                self.faces[axis][index] = (area / grid.area(axis)).min(1.0);
+                self.faces[axis][index] = (area / grid.area(axis, cell)).min(1.0);
             }
         }
     }
 
     fn sample(&mut self, triangles: &[[Point; 3]], samples: usize) {
-        let grid = self.grid;
+        let grid = self.grid.clone();
         let [nx, ny, nz] = grid.cells;
-        let step = |axis: usize| grid.spacing[axis] / real(samples);
-        let at = |axis: usize, k: usize| grid.origin[axis] + (real(k) + 0.5) * step(axis);
-        let plane = |axis: usize, k: usize| grid.origin[axis] + real(k) * grid.spacing[axis];
+        let at = |axis: usize, k: usize| {
+            let axis = grid.axis(axis);
+            let width = axis.width(k / samples);
+            match axis.faces {
+                None => axis.origin + (real(k) + 0.5) * (width / real(samples)),
+                Some(faces) => {
+                    faces[k / samples] + (real(k % samples) + 0.5) / real(samples) * width
+                }
+            }
+        };
+        let plane = |axis: usize, k: usize| grid.axis(axis).face(k);
         let mut volume = vec![0_u32; grid.count()];
         let mut areas: [Vec<u32>; 3] = std::array::from_fn(|a| vec![0; self.faces[a].len()]);
         let mut crossings = Vec::new();
@@ -197,7 +209,7 @@ impl Openness {
 }
 
 pub(super) fn with_one_more(grid: &SeepageGrid, axis: usize) -> SeepageGrid {
-    let mut faces = *grid;
+    let mut faces = grid.clone();
     faces.cells[axis] += 1;
     faces
 }
@@ -381,6 +393,7 @@ mod tests {
             origin: [0.0; 3],
             spacing: [1.0 / real(n); 3],
             dimension: 3,
+            ..SeepageGrid::default()
         }
     }
 

@@ -4,7 +4,7 @@
 //! grains --porosity--> eps, d --permeability--> K --pressure--> p, q  --drag--> loads (coupling/seepage)
 //! ```
 //!
-//! All fields are on a coarse regular [`SeepageGrid`] whose cells hold many grains. Each rank has the porosity and
+//! All fields are on a coarse rectilinear [`SeepageGrid`] whose cells hold many grains. Each rank has the porosity and
 //! the pressure of the whole grid, because its grains may be anywhere in it. The linear solver takes most of the
 //! time and is therefore parallel. It works on slabs of its own, cut along the longest axis of the coarse grid,
 //! independently of the decomposition of the grains. Sums over grains and cells are exact or in a fixed order, so
@@ -38,7 +38,7 @@ use base::error::number;
 pub use drag::DragLaw;
 pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
-pub use grid::SeepageGrid;
+pub use grid::{GridAxis, SeepageGrid};
 pub use mean_diameter::MeanDiameter;
 pub use permeability::{Permeability, Resistance};
 pub use piping::{Piping, PipingSettings};

@@ -4,8 +4,8 @@
 //! (A x)_i = sum_f t_f (x_i - x_j) + sum_b g_b x_i         t: conductance of a face, g: of a face with imposed pressure
 //! ```
 //!
-//! Cells are merged in pairs along the axes of strongest coupling. A correction is constant in a coarse cell, and
-//! residuals are summed; the two operators are the transposes of each other. A coarse face conducts through
+//! Cells are merged in pairs along the axes of strongest coupling ([`merging`]). A correction is constant in a coarse
+//! cell, and residuals are summed; the two operators are the transposes of each other. A coarse face conducts through
 //! parallel lanes, each a series of half the inner face of one coarse cell, the face itself, and half the inner
 //! face of the other:
 //!
@@ -18,8 +18,12 @@
 //! polynomial, smooth independently of the order of cells, so that any decomposition gives the same bits. The ranks
 //! share the finest level. Each rank computes all other levels, together a seventh of the work (a third in 2-D).
 
+mod merging;
+
+use super::grid::SeepageGrid;
 use super::layout::{Gather, Halo, Layout, Part};
 use base::number::single;
+use merging::{AxisMerging, Merging, Widths};
 
 /// Maximum number of cells of a level that is solved by elimination.
 const DIRECT: usize = 48;
@@ -116,8 +120,8 @@ struct Level {
     matrix: Matrix<f32>,
     inverse: Vec<f32>,
     ground: Vec<Ground>,
-    /// Number of cells merged along each axis for the next level: 1 or 2.
-    joined: [usize; 3],
+    /// Cells merged for the next level.
+    merging: Merging,
     /// Right side, solution, and a second buffer.
     b: Vec<f32>,
     x: Vec<f32>,
@@ -137,44 +141,22 @@ pub(super) struct Multigrid {
     weights: [f32; 2],
 }
 
-/// Returns the axes to merge: those whose coupling is at least a third of the strongest and that still have several
-/// cells.
-fn joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
-    let strength: [f64; 3] = std::array::from_fn(|a| {
-        if cells[a] > 1 {
-            1.0 / (spacing[a] * spacing[a])
-        } else {
-            0.0
-        }
-    });
-    let strongest = strength.iter().fold(0.0_f64, |m, &s| m.max(s));
-    std::array::from_fn(|a| {
-        if cells[a] > 1 && 3.0 * strength[a] >= strongest {
-            2
-        } else {
-            1
-        }
-    })
-}
-
-/// Returns the number of cells merged along each axis of the finest grid: slabs must be cut between merged cells.
-pub(super) fn first_joined(cells: [usize; 3], spacing: [f64; 3]) -> [usize; 3] {
-    if cells.iter().product::<usize>() <= DIRECT {
-        [1; 3]
+/// Returns the planes along an axis of the finest grid at which slabs may be cut, between merged cells, both ends
+/// included.
+pub(super) fn cuts(grid: &SeepageGrid, axis: usize) -> Vec<usize> {
+    let merging = if grid.count() <= DIRECT {
+        Merging::equal([1; 3])
     } else {
-        joined(cells, spacing)
-    }
+        Widths::new(grid).merge(grid.cells)
+    };
+    merging.starts(axis, grid.cells[axis])
 }
 
-fn coarser(cells: [usize; 3], joined: [usize; 3]) -> [usize; 3] {
-    std::array::from_fn(|a| cells[a].div_ceil(joined[a]))
-}
 impl Multigrid {
     /// Returns the levels for a grid, without coefficients. `ranges` are the planes of every rank along the axis of
     /// `part`, in multiples of the merged cells.
     pub(super) fn new(
-        cells: [usize; 3],
-        mut spacing: [f64; 3],
+        grid: &SeepageGrid,
         part: Part,
         halo: Halo,
         ranges: &[std::ops::Range<usize>],
@@ -182,21 +164,25 @@ impl Multigrid {
         tag: u8,
     ) -> Result<Self, super::SeepageError> {
         let mut levels = Vec::new();
-        let mut cells = cells;
+        let (mut cells, mut widths) = (grid.cells, Widths::new(grid));
         let mut sizes = Vec::new();
         let mut gather = None;
         loop {
             sizes.push(cells);
             let layout = Layout::new(cells);
             let last = layout.count() <= DIRECT;
-            let joined = if last { [1; 3] } else { joined(cells, spacing) };
+            let merging = if last {
+                Merging::equal([1; 3])
+            } else {
+                widths.merge(cells)
+            };
             let n = layout.len();
             levels.push(Level {
                 layout,
                 matrix: Matrix::new(&layout),
                 inverse: vec![0.0; n],
                 ground: Vec::new(),
-                joined,
+                merging: merging.clone(),
                 b: vec![0.0; n],
                 x: vec![0.0; n],
                 y: vec![0.0; n],
@@ -204,15 +190,11 @@ impl Multigrid {
             if last {
                 break;
             }
-            cells = coarser(cells, joined);
-            for a in 0..3 {
-                spacing[a] *= base::number::real(joined[a]);
-            }
+            cells = merging.cells(cells);
+            widths = widths.coarser(&merging);
             if levels.len() == 1 && communicator.size() > 1 {
-                let step = joined[part.axis];
-                let coarse: Vec<_> = ranges
-                    .iter()
-                    .map(|r| r.start.div_ceil(step)..r.end.div_ceil(step))
+                let coarse: Vec<_> = (ranges.iter())
+                    .map(|range| merging.planes(part.axis, range))
                     .collect();
                 gather = Some(Gather::new::<f32>(
                     Layout::new(cells),
@@ -421,13 +403,8 @@ impl Level {
 
     /// Returns the position of the inner face normal to `axis` of the coarse cell that contains a fine cell.
     fn inner(&self, axis: usize, at: usize, index: usize) -> Option<usize> {
-        if self.joined[axis] == 1 {
-            None
-        } else if index % 2 == 1 {
-            Some(at)
-        } else {
-            Some(at + self.layout.stride[axis])
-        }
+        let place = self.merging.inner(axis, index)?;
+        Some(at + place * self.layout.stride[axis])
     }
 
     /// Returns a conductance in series with half of the inner face of the coarse cell of a fine cell.
@@ -455,12 +432,11 @@ impl Level {
                 for x in 0..from.cells[0] {
                     let fine_cell = [x, y, z];
                     let at = from.position(fine_cell);
-                    let coarse =
-                        to.position(std::array::from_fn(|a| fine_cell[a] / fine.joined[a]));
+                    let coarse = to.position(fine.merging.coarse(fine_cell));
                     for axis in 0..3 {
                         // Inner faces of coarse cells are not faces of the coarse grid.
                         let t = fine.matrix.t[axis][at];
-                        if fine_cell[axis] % fine.joined[axis] != 0 || t <= 0.0 {
+                        if !fine.merging.is_between(axis, fine_cell[axis]) || t <= 0.0 {
                             continue;
                         }
                         let upper = fine.in_series(f64::from(t), axis, at, fine_cell[axis]);
@@ -480,7 +456,7 @@ impl Level {
             } else {
                 fine.in_series(g, axis, at, cell[axis])
             };
-            let coarse = to.position(std::array::from_fn(|a| cell[a] / fine.joined[a]));
+            let coarse = to.position(fine.merging.coarse(cell));
             self.ground.push((coarse, axis, lane));
         }
     }
@@ -532,14 +508,19 @@ impl Level {
 
     /// Sums the residual over the cells of each coarse cell: along x, then y, then z.
     fn restrict(&self, part: &Part, coarse: &mut Self) {
-        let (fine, joined) = (self.layout, self.joined);
-        let step = joined[part.axis];
+        let (fine, joined) = (self.layout, self.merging.joined);
         let coarse_part = Part {
             axis: part.axis,
-            planes: part.planes.start.div_ceil(step)..part.planes.end.div_ceil(step),
+            planes: self.merging.planes(part.axis, &part.planes),
         };
         let to = coarse.layout;
         let r = &self.y;
+        if let Some(axes) = &self.merging.graded {
+            to.sweep(&coarse_part, &mut coarse.b, |start, out| {
+                sum_merged(&fine, axes, r, to.cell(start), out);
+            });
+            return;
+        }
         to.sweep(&coarse_part, &mut coarse.b, |start, out| {
             let first = to.cell(start);
             out.fill(0.0);
@@ -576,8 +557,18 @@ impl Level {
 
     /// Adds the correction of the coarse level.
     fn correct(&mut self, part: &Part, coarse: &Self) {
-        let (fine, joined) = (self.layout, self.joined);
+        let (fine, joined) = (self.layout, self.merging.joined);
         let correction = &coarse.x;
+        if let Some(axes) = &self.merging.graded {
+            fine.sweep(part, &mut self.x, |start, out| {
+                let [x, y, z] = fine.cell(start);
+                let at = coarse.layout.position([0, axes[1].of[y], axes[2].of[z]]);
+                for (value, merged) in out.iter_mut().zip(&axes[0].of[x..]) {
+                    *value += correction[at + merged];
+                }
+            });
+            return;
+        }
         fine.sweep(part, &mut self.x, |start, out| {
             let first = fine.cell(start);
             let at = coarse
@@ -603,6 +594,28 @@ impl Level {
                 halo.fill(&mut self.x);
             }
             self.jacobi(part, weight);
+        }
+    }
+}
+
+/// Sums values over the cells of each merged cell of a row: along x, then y, then z.
+fn sum_merged(
+    fine: &Layout,
+    axes: &[AxisMerging; 3],
+    values: &[f32],
+    first: [usize; 3],
+    out: &mut [f32],
+) {
+    out.fill(0.0);
+    let cells = |a: usize| axes[a].starts[first[a]]..axes[a].starts[first[a] + 1];
+    for z in cells(2) {
+        for y in cells(1) {
+            let row = fine.position([0, y, z]);
+            for (sum, ends) in out.iter_mut().zip(axes[0].starts[first[0]..].windows(2)) {
+                for value in &values[row + ends[0]..row + ends[1]] {
+                    *sum += value;
+                }
+            }
         }
     }
 }

@@ -77,6 +77,7 @@ mod tests {
             origin: [0.0; 3],
             spacing: [0.005; 3],
             dimension: 3,
+            ..SeepageGrid::default()
         };
         let openness = Openness::measure(&grid, &Enclosure::Everything);
         let middle = grid.index([4, 4, 4]);

@@ -184,8 +184,7 @@ impl OpenWater {
     #[must_use]
     pub fn new(grid: SeepageGrid, faces: impl Fn(usize, usize, bool) -> Face) -> Self {
         let n = grid.count();
-        let extent =
-            (0..grid.dimension).map(|a| base::number::real(grid.cells[a]) * grid.spacing[a]);
+        let extent = (0..grid.dimension).map(|a| grid.axis(a).length(0, grid.cells[a]));
         let longest = extent.fold(0.0, |sum: f64, length| sum + length);
         let of_cell =
             |cell: usize| std::array::from_fn(|a| [false, true].map(|upper| faces(cell, a, upper)));
@@ -268,7 +267,8 @@ impl OpenWater {
 
     /// Measures the extent of the void of each cell along an axis, row by row.
     fn measure_lengths(&mut self, openness: &Openness, axis: usize) {
-        let (grid, step) = (self.grid, self.grid.spacing[axis]);
+        let grid = &self.grid;
+        let step = |i: usize| grid.axis(axis).width(i);
         let (others, n) = ([(axis + 1) % 3, (axis + 2) % 3], grid.cells[axis]);
         let mut row = vec![0; n];
         // Lengths below and above each cell of a row, and the degrees to which the void is open to the two ends of
@@ -298,7 +298,7 @@ impl OpenWater {
                         (0.0, passes(0))
                     } else {
                         let o = passes(i) * self.open[row[i - 1]];
-                        (o * (step + reach[0][i - 1]), o * way[0][i - 1])
+                        (o * (step(i - 1) + reach[0][i - 1]), o * way[0][i - 1])
                     };
                     (reach[0][i], way[0][i]) = before;
                 }
@@ -307,14 +307,14 @@ impl OpenWater {
                         (0.0, passes(n))
                     } else {
                         let o = passes(i + 1) * self.open[row[i + 1]];
-                        (o * (step + reach[1][i + 1]), o * way[1][i + 1])
+                        (o * (step(i + 1) + reach[1][i + 1]), o * way[1][i + 1])
                     };
                     (reach[1][i], way[1][i]) = beyond;
                 }
                 let ends = [self.faces[row[0]][axis][0], self.faces[row[n - 1]][axis][1]];
                 for i in 0..n {
                     let at = row[i];
-                    let own = self.free[at] * step;
+                    let own = self.free[at] * step(i);
                     let length = own + reach[0][i] + reach[1][i];
                     let to =
                         |end: usize, face: Face| if ends[end] == face { way[end][i] } else { 0.0 };
@@ -404,6 +404,7 @@ mod tests {
             origin: [0.0; 3],
             spacing: [0.01, 0.01, if dimension == 3 { 0.01 } else { 1.0 }],
             dimension,
+            ..SeepageGrid::default()
         }
     }
 
@@ -412,7 +413,7 @@ mod tests {
         for dimension in [2, 3] {
             let grid = grid(dimension);
             let openness = Openness::measure(&grid, &Enclosure::Everything);
-            let mut water = OpenWater::new(grid, |_, _, _| Face::Unstated);
+            let mut water = OpenWater::new(grid.clone(), |_, _, _| Face::Unstated);
             // Two layers of open water.
             let open = |cell: usize| {
                 (
@@ -430,7 +431,7 @@ mod tests {
         }
         let grid = grid(3);
         let openness = Openness::measure(&grid, &Enclosure::Everything);
-        let mut water = OpenWater::new(grid, |_, _, _| Face::Unstated);
+        let mut water = OpenWater::new(grid.clone(), |_, _, _| Face::Unstated);
         let inside = |cell: usize| {
             let [_, y, z] = grid.cell(cell);
             (f64::from(u8::from(y == 2 && z == 2)), 1.0)
@@ -448,7 +449,7 @@ mod tests {
         let openness = Openness::measure(&grid, &Enclosure::Everything);
         let top = |cell: usize| (f64::from(u8::from(grid.cell(cell)[1] == 4)), 1.0);
         let height = |face: Face| {
-            let mut water = OpenWater::new(grid, |_, axis, upper| {
+            let mut water = OpenWater::new(grid.clone(), |_, axis, upper| {
                 if axis == 1 && upper {
                     face
                 } else {
@@ -468,7 +469,7 @@ mod tests {
         let grid = grid(2);
         let openness = Openness::measure(&grid, &Enclosure::Everything);
         let length = |o: f64| {
-            let mut water = OpenWater::new(grid, |_, _, _| Face::Wall);
+            let mut water = OpenWater::new(grid.clone(), |_, _, _| Face::Wall);
             water.measure(&openness, |cell| match grid.cell(cell)[1] {
                 2 => (1.0, 1.0),
                 3 => (o, 1.0),

@@ -274,13 +274,13 @@ impl Piping {
         let soil = influence::along(pressure, openness, settings)?;
         let water = pressure.liquid();
         let weight = pressure.unit_weight();
-        let grid = openness.grid;
+        let grid = &openness.grid;
         let pipe = LimitPipe {
             height_of_slope: settings.grains.height_of_slope(),
             fluidity: weight / (12.0 * water.viscosity),
             width: settings
                 .width
-                .unwrap_or(PipeWidth::Fixed(across(&grid, &settings.path))),
+                .unwrap_or(PipeWidth::Fixed(across(grid, &settings.path))),
         };
         let mut pipes = Vec::with_capacity(settings.path.count);
         let mut last: Option<PipeState> = None;

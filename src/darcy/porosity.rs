@@ -130,9 +130,9 @@ impl Pores {
         self.method.model().parts(&self.grid, centre, radius, parts);
     }
 
-    /// Adds a grain with its [`Self::parts`]; each grain must be added on one rank only.
+    /// Adds a grain with its [`Self::parts`]; each grain must be added on one rank only. All cells must be equal.
     pub fn add(&mut self, centre: [f64; 3], radius: f64, parts: &[(usize, f64)]) {
-        let volume = measure(self.grid.dimension, radius) / self.grid.volume();
+        let volume = measure(self.grid.dimension, radius) / self.grid.volume([0; 3]);
         let d = 2.0 * radius / self.unit;
         let weight = d.powi(self.mean.power());
         self.allocate();
@@ -217,7 +217,7 @@ impl Pores {
     #[must_use]
     pub fn solid_volume(&self, cell: usize) -> f64 {
         let volume = self.sums.get(cell).map_or(0, |sums| sums[0].cast_signed());
-        real(volume) * STEP * self.grid.volume()
+        real(volume) * STEP * self.grid.volume(self.grid.cell(cell))
     }
 }
 
@@ -238,6 +238,7 @@ mod tests {
             origin: [-0.01, 0.0, if dimension == 2 { 0.0 } else { 0.02 }],
             spacing: [0.01, 0.012, if dimension == 2 { 1.0 } else { 0.011 }],
             dimension,
+            ..SeepageGrid::default()
         }
     }
 
@@ -263,7 +264,7 @@ mod tests {
 
     fn pores(grid: &SeepageGrid, method: PorosityMethod, grains: &[([f64; 3], f64)]) -> Pores {
         let open = Openness::measure(grid, &Enclosure::Everything);
-        let mut pores = Pores::new(*grid, method, MeanDiameter::Sauter);
+        let mut pores = Pores::new(grid.clone(), method, MeanDiameter::Sauter);
         for (at, r) in grains {
             add(&mut pores, *at, *r);
         }
@@ -288,7 +289,7 @@ mod tests {
                 let voids: f64 = pores
                     .porosity()
                     .iter()
-                    .map(|e| (1.0 - e) * grid.volume())
+                    .map(|e| (1.0 - e) * grid.volume([0; 3]))
                     .sum();
                 assert!((voids / exact - 1.0).abs() < 1e-12);
             }
@@ -324,7 +325,7 @@ mod tests {
                 (3.0 * a.powi(4) + b.powi(4)) / (3.0 * a.powi(3) + b.powi(3)),
             ),
         ] {
-            let mut pores = Pores::new(grid, PorosityMethod::Centroid, mean);
+            let mut pores = Pores::new(grid.clone(), PorosityMethod::Centroid, mean);
             for d in [a, a, b, a] {
                 add(&mut pores, at, 0.5 * d);
             }
@@ -340,11 +341,11 @@ mod tests {
         // Half of the first cell, none of the second.
         let wall = Enclosure::HalfSpaces(vec![([1.0, 0.0, 0.0], -0.005)]);
         let open = Openness::measure(&grid, &wall);
-        let mut pores = Pores::new(grid, PorosityMethod::Centroid, MeanDiameter::Sauter);
+        let mut pores = Pores::new(grid.clone(), PorosityMethod::Centroid, MeanDiameter::Sauter);
         let r = 0.002;
         add(&mut pores, [-0.0075, 0.006, 0.025], r);
         pores.finish(&open, &Communicator::serial()).unwrap();
-        let exact = 1.0 - measure(3, r) / (0.5 * grid.volume());
+        let exact = 1.0 - measure(3, r) / (0.5 * grid.volume([0; 3]));
         assert!((pores.porosity()[0] - exact).abs() < 1e-14);
         assert!(pores.porosity()[1] <= 0.0);
     }

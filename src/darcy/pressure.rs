@@ -155,12 +155,28 @@ pub struct SolutionReport {
     pub outflow: f64,
 }
 
-/// Cells with an anisotropic conductivity.
+/// Cells with an anisotropic conductivity, or of different widths.
 struct Directions {
     /// Ratio of the conductivity along each axis to that of the cell.
     ratios: Vec<[f64; 3]>,
-    /// Conductivity along each axis.
+    /// Conductivity along each axis, times the width of the narrowest cell over that of the cell.
     conductivity: [Vec<f64>; 3],
+}
+
+impl Directions {
+    /// Returns equal conductivities along the axes.
+    fn new(cells: usize, positions: usize) -> Self {
+        Self {
+            ratios: vec![[1.0; 3]; cells],
+            conductivity: std::array::from_fn(|_| vec![0.0; positions]),
+        }
+    }
+
+    /// Returns the conductivities of the cells of a graded grid; none if all cells are equal.
+    fn of_graded(grid: &SeepageGrid, positions: usize) -> Option<Box<Self>> {
+        let graded = grid.is_graded();
+        graded.then(|| Box::new(Self::new(grid.count(), positions)))
+    }
 }
 
 /// Cells of a rank, and their exchange with other ranks.
@@ -175,7 +191,7 @@ struct Slab {
 
 /// Fluxes between cells: faces, conductivities, and the flux carried by grains.
 struct Conduction {
-    /// Open area of a face times 2/spacing, per axis; 0 for a closed face.
+    /// Open area of a face times 2 over the width of the narrowest cell, per axis; 0 for a closed face.
     factor: [Vec<f64>; 3],
     /// Inverse of the open area of a face, per axis; 0 for a closed one.
     per_area: [Vec<f64>; 3],
@@ -195,12 +211,12 @@ struct Conduction {
 impl Conduction {
     /// Returns the faces of a grid with zero conductivity.
     fn new(openness: &Openness, layout: &Layout) -> Self {
-        let (grid, n) = (openness.grid, layout.len());
+        let (grid, n) = (&openness.grid, layout.len());
         let mut all = Self {
             factor: std::array::from_fn(|_| vec![0.0; n]),
             per_area: std::array::from_fn(|_| vec![0.0; n]),
             conductivity: vec![0.0; n],
-            directions: None,
+            directions: Directions::of_graded(grid, n),
             carried: std::array::from_fn(|_| vec![0.0; n]),
             carries: false,
             driven: vec![[0.0; 3]; grid.count()],
@@ -211,7 +227,7 @@ impl Conduction {
             for axis in 0..grid.dimension {
                 let open = openness.faces[axis][openness.face(axis, cell)];
                 if cell[axis] > 0 && open > 0.0 {
-                    let area = open * grid.area(axis);
+                    let area = open * grid.area(axis, cell);
                     all.factor[axis][layout.position(cell)] = 2.0 * area / grid.spacing[axis];
                     all.per_area[axis][layout.position(cell)] = 1.0 / area;
                 }
@@ -284,7 +300,7 @@ impl Pressure {
         settings: PressureSettings,
         communicator: &Communicator,
     ) -> Result<Self, SeepageError> {
-        let grid = openness.grid;
+        let grid = openness.grid.clone();
         let layout = Layout::new(grid.cells);
         let message = |e: decomposition::Disagreement| SeepageError::Messages(e.to_string());
         let domain = Domain::new(communicator.clone(), slabs(&grid, communicator.size()))
@@ -297,8 +313,7 @@ impl Pressure {
             .map(|rank| domain.slabs().range(rank))
             .collect();
         let multigrid = Multigrid::new(
-            grid.cells,
-            grid.spacing,
+            &grid,
             part.clone(),
             Halo::new::<f32>(layout, &domain, 41).map_err(message)?,
             &ranges,
@@ -427,12 +442,9 @@ impl Pressure {
     /// they are 1.
     pub fn set_directions(&mut self, ratios: &[[f64; 3]]) {
         let n = self.slab.layout.len();
-        let directions = self.conduction.directions.get_or_insert_with(|| {
-            Box::new(Directions {
-                ratios: ratios.to_vec(),
-                conductivity: std::array::from_fn(|_| vec![0.0; n]),
-            })
-        });
+        let directions = &mut self.conduction.directions;
+        let directions =
+            directions.get_or_insert_with(|| Box::new(Directions::new(ratios.len(), n)));
         directions.ratios.copy_from_slice(ratios);
     }
 
@@ -443,7 +455,8 @@ impl Pressure {
         directions.map_or([1.0; 3], |directions| directions.ratios[cell])
     }
 
-    /// Returns the total conductivity along an axis: water plus grains.
+    /// Returns the total conductivity along an axis, water plus grains, times the width of the narrowest cell over
+    /// that of each cell: half a cell conducts twice this value times its area over the width of the narrowest cell.
     fn along(&self, axis: usize) -> &[f64] {
         let directions = self.conduction.directions.as_ref();
         directions.map_or(&self.conduction.conductivity, |directions| {
@@ -622,12 +635,15 @@ impl Pressure {
     /// Adds the sources of the cells to the right sides.
     fn add_source(&mut self, source: &[f64]) {
         let nx = self.slab.grid.cells[0];
-        let volume = self.slab.grid.volume();
+        let grid = &self.slab.grid;
+        // Of equal cells the volume is computed once.
+        let equal = (!grid.is_graded()).then(|| grid.volume([0; 3]));
+        let volume = |cell: usize| equal.unwrap_or_else(|| grid.volume(grid.cell(cell)));
         let rows = self.slab.layout.rows(&self.slab.layout.whole());
         for (row, first) in rows.zip((0..).step_by(nx)) {
             for (at, cell) in row.zip(first..) {
                 if self.conduction.conducts[cell] {
-                    self.system.right[at] += source[cell] * volume;
+                    self.system.right[at] += source[cell] * volume(cell);
                 }
             }
         }
@@ -664,6 +680,14 @@ impl Pressure {
                 let at = self.slab.layout.position(self.slab.grid.cell(cell));
                 along[at] *= ratios[axis];
                 bad |= !(0.0..f64::MAX).contains(&along[at]);
+            }
+        }
+        let grid = &self.slab.grid;
+        for axis in (0..3).filter(|&axis| grid.graded[axis].is_some()) {
+            let (along, widths) = (&mut directions.conductivity[axis], grid.axis(axis));
+            for index in 0..grid.count() {
+                let cell = grid.cell(index);
+                along[self.slab.layout.position(cell)] *= widths.spacing / widths.width(cell[axis]);
             }
         }
         bad
@@ -830,12 +854,26 @@ impl Pressure {
         self.conduction.conductivity[self.slab.layout.position(self.slab.grid.cell(cell))]
     }
 
+    /// Returns the conductivity of a cell along each axis: water plus grains.
+    fn conductivities(&self, cell: usize) -> [f64; 3] {
+        let grid = &self.slab.grid;
+        let place = grid.cell(cell);
+        let at = self.slab.layout.position(place);
+        std::array::from_fn(|a| {
+            let along = self.along(a)[at];
+            match &grid.graded[a] {
+                None => along,
+                Some(_) => along * (grid.width(a, place) / grid.spacing[a]),
+            }
+        })
+    }
+
     /// Returns the gradient of the reduced pressure in a cell \[Pa/m\].
     #[must_use]
     pub fn reduced_gradient(&self, cell: usize) -> [f64; 3] {
-        let at = self.slab.layout.position(self.slab.grid.cell(cell));
+        let conductivities = self.conductivities(cell);
         std::array::from_fn(|a| {
-            let k = self.along(a)[at];
+            let k = conductivities[a];
             if k > 0.0 {
                 -self.conduction.driven[cell][a] / k
             } else {

@@ -6,7 +6,7 @@
 
 use super::Pressure;
 use super::cut_cells::centre_of_water;
-use super::grid::SeepageGrid;
+use super::grid::{GridAxis, SeepageGrid};
 use decomposition::ExactSum;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -122,12 +122,7 @@ fn outline(grid: &SeepageGrid, outline: &[[f64; 2]], add: &mut impl FnMut([f64; 
         let along: [f64; 2] = [to[0] - from[0], to[1] - from[1]];
         let mut cuts = vec![0.0, 1.0];
         for a in 0..2 {
-            cut(
-                ends,
-                a,
-                (grid.origin[a], grid.spacing[a], grid.cells[a]),
-                &mut cuts,
-            );
+            cut(ends, a, grid.axis(a), &mut cuts);
         }
         cuts.sort_by(f64::total_cmp);
         for pair in cuts.windows(2) {
@@ -188,15 +183,10 @@ fn in_front(
 }
 
 /// Adds the fractions of a line at which it crosses a plane between cells.
-fn cut(
-    [from, to]: [[f64; 3]; 2],
-    axis: usize,
-    (origin, spacing, cells): (f64, f64, usize),
-    cuts: &mut Vec<f64>,
-) {
+fn cut([from, to]: [[f64; 3]; 2], axis: usize, planes: GridAxis<'_>, cuts: &mut Vec<f64>) {
     let along = to[axis] - from[axis];
-    for plane in 0..=cells {
-        let t = (origin + base::number::real(plane) * spacing - from[axis]) / along;
+    for plane in 0..=planes.cells {
+        let t = (planes.face(plane) - from[axis]) / along;
         if t > 0.0 && t < 1.0 {
             cuts.push(t);
         }
@@ -255,19 +245,21 @@ mod tests {
     #[test]
     fn a_line_is_cut_at_the_planes_between_cells() {
         let mut cuts = Vec::new();
-        cut(
-            [[0.25, 0.0, 0.0], [2.25, 0.0, 0.0]],
-            0,
-            (0.0, 1.0, 3),
-            &mut cuts,
-        );
+        let mut planes = GridAxis {
+            cells: 3,
+            origin: 0.0,
+            spacing: 1.0,
+            faces: None,
+        };
+        let line = [[0.25, 0.0, 0.0], [2.25, 0.0, 0.0]];
+        cut(line, 0, planes, &mut cuts);
         assert_eq!(cuts, [0.375, 0.875]);
-        cut(
-            [[0.25, 1.0, 0.0], [0.25, 1.0, 0.0]],
-            0,
-            (0.0, 1.0, 3),
-            &mut cuts,
-        );
+        cut([[0.25, 1.0, 0.0], [0.25, 1.0, 0.0]], 0, planes, &mut cuts);
         assert_eq!(cuts.len(), 2);
+        let faces = [0.0, 0.75, 1.25, 3.0];
+        planes.faces = Some(&faces);
+        cuts.clear();
+        cut(line, 0, planes, &mut cuts);
+        assert_eq!(cuts, [0.25, 0.5]);
     }
 }

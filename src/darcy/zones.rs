@@ -479,7 +479,7 @@ fn edge_crosses(polygon: &[[f64; 2]], grid: &SeepageGrid, cell: [usize; 3]) -> b
         let (mut first, mut last) = (0.0_f64, 1.0_f64);
         for a in 0..2 {
             let along = to[a] - from[a];
-            let (near, far) = (low[a] - from[a], low[a] + grid.spacing[a] - from[a]);
+            let (near, far) = (low[a] - from[a], low[a] + grid.width(a, cell) - from[a]);
             if along.abs() > 0.0 {
                 let (s, t) = (near / along, far / along);
                 (first, last) = (first.max(s.min(t)), last.min(s.max(t)));
@@ -507,8 +507,7 @@ const ON_THE_EDGE: f64 = 1e-9;
 
 /// Collects the edges of a cell along an axis, and the planes between them.
 fn divide(grid: &SeepageGrid, axis: usize, cell: usize, planes: &[f64], edges: &mut Vec<f64>) {
-    let edge = |n: usize| grid.origin[axis] + base::number::real(n) * grid.spacing[axis];
-    let (low, high) = (edge(cell), edge(cell + 1));
+    let (low, high) = (grid.axis(axis).face(cell), grid.axis(axis).face(cell + 1));
     let slack = ON_THE_EDGE * (high - low);
     edges.clear();
     edges.push(low);

@@ -16,7 +16,7 @@ mod section;
 mod streamlines;
 
 use base::error::Error;
-use base::number::real;
+use base::number::{real, whole};
 use base64::Engine as _;
 use clap::{Args, ValueEnum};
 use colours::{grain_colour, water_colour};
@@ -24,7 +24,7 @@ use cuts::Cuts;
 use faces::{Faces, id_of};
 use flow_net::{FlowNet, Ground};
 use io::OutputTime;
-use io::fields::{Values, inspect, read_column};
+use io::fields::{Values, read_column};
 use io::{Alone, Series};
 use overlays::{Arrows, Network};
 use raster::{Frame, Raster, byte, dot};
@@ -331,17 +331,8 @@ struct Water {
 impl Water {
     fn read(path: &Path, field: &str, streamlines: bool) -> Result<Self, Error> {
         let wrong = |e: io::Error| Error::Io(e.to_string());
-        let info = inspect(path).map_err(wrong)?;
-        let numbers = |name: &str| -> Option<Vec<f64>> {
-            info.attribute("/VTKHDF", name)?
-                .as_array()?
-                .iter()
-                .map(serde_json::Value::as_f64)
-                .collect()
-        };
-        let (Some(origin), Some(spacing)) = (numbers("Origin"), numbers("Spacing")) else {
-            return Err(failed(path, "is not an image with origin and spacing"));
-        };
+        let image = io::image::open(path)
+            .map_err(|_| failed(path, "is not an image with origin and spacing"))?;
         let column = read_column(path, field).map_err(wrong)?;
         let [z, y, x] = column.shape[..3.min(column.shape.len())] else {
             return Err(failed(path, format!("{field} is not a field on cells")));
@@ -360,17 +351,61 @@ impl Water {
                 each.map(|v| std::array::from_fn(|a| v.get(a).copied().unwrap_or(0.0)))
                     .collect()
             });
-        Ok(Self {
+        let water = Self {
             cells: [x, y, z],
-            origin: std::array::from_fn(|a| origin.get(a).copied().unwrap_or(0.0)),
-            spacing: std::array::from_fn(|a| spacing.get(a).copied().unwrap_or(1.0)),
+            origin: image.origin,
+            spacing: image.spacing,
             values,
             solid,
             flow,
             units: column.units.unwrap_or_default(),
+        };
+        Ok(match &image.faces {
+            Some(faces) => water.on_equal_cells(faces),
+            None => water,
         })
     }
+
+    /// Returns the field of cells of different widths on equal cells: each has the values of the cell that contains its
+    /// centre.
+    fn on_equal_cells(self, faces: &[Vec<f64>; 3]) -> Self {
+        let length = |a: usize| faces[a][self.cells[a]] - faces[a][0];
+        // Along an axis that is not graded the cells remain as they are.
+        let number = |a: usize| {
+            let narrow = (length(a) / self.spacing[a] - 1e-6).ceil();
+            let most = MOST_PIXELS[usize::from(self.cells[2] > 1)];
+            whole(narrow).clamp(self.cells[a], self.cells[a].max(most))
+        };
+        let cells = [0, 1, 2].map(number);
+        let spacing: [f64; 3] = std::array::from_fn(|a| length(a) / real(cells[a]));
+        let of_axis = |a: usize| -> Vec<usize> {
+            let centre = |n: usize| faces[a][0] + (real(n) + 0.5) * spacing[a];
+            let above = |n: usize| faces[a].partition_point(|face| *face <= centre(n));
+            let cell = |n: usize| above(n).saturating_sub(1).min(self.cells[a] - 1);
+            (0..cells[a]).map(cell).collect()
+        };
+        let [x, y, z] = [0, 1, 2].map(of_axis);
+        let [width, height, _] = self.cells;
+        let mut from = Vec::with_capacity(cells.iter().product());
+        for k in &z {
+            for j in &y {
+                from.extend(x.iter().map(|i| (k * height + j) * width + i));
+            }
+        }
+        Self {
+            cells,
+            origin: self.origin,
+            spacing,
+            values: from.iter().map(|&n| self.values[n]).collect(),
+            solid: from.iter().map(|&n| self.solid[n]).collect(),
+            flow: (self.flow.as_ref()).map(|flow| from.iter().map(|&n| flow[n]).collect()),
+            units: self.units,
+        }
+    }
 }
+
+/// Maximum number of equal cells along an axis that replace cells of different widths in a picture, in 2-D and in 3-D.
+const MOST_PIXELS: [usize; 2] = [2000, 200];
 
 struct Grains {
     positions: Vec<[f64; 3]>,

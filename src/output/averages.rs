@@ -221,6 +221,7 @@ impl AverageFields {
         Image {
             origin: [0.0; 3],
             spacing: [grid.spacing; 3],
+            faces: None,
             cells: grid.cells,
             start: fluid.start(),
             count: fluid.cells(),

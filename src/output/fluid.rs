@@ -67,6 +67,7 @@ impl Fields {
         Image {
             origin: [0.0; 3],
             spacing: [grid.spacing; 3],
+            faces: None,
             cells: grid.cells,
             start: fluid.start(),
             count: fluid.cells(),

@@ -7,6 +7,7 @@ use super::fluid::Number;
 use case::fluid::Precision;
 use case::observe::FieldName;
 use coupling::seepage::Seepage;
+use darcy::SeepageGrid;
 use dem::space::Space;
 use io::{Column, Image};
 
@@ -57,12 +58,22 @@ impl SeepageFields {
             } else {
                 [grid.cells[0], grid.cells[1], 0]
             },
+            faces: graded_faces(grid),
             fields: match self {
                 Self::Single(buffers) => buffers.columns(),
                 Self::Double(buffers) => buffers.columns(),
             },
         }
     }
+}
+
+/// Returns the positions of the faces along each axis \[m\]; none if all cells are equal.
+fn graded_faces(grid: &SeepageGrid) -> Option<[Vec<f64>; 3]> {
+    let of_axis = |a: usize| {
+        let axis = grid.axis(a);
+        (0..=axis.cells).map(|n| axis.face(n)).collect()
+    };
+    grid.is_graded().then(|| std::array::from_fn(of_axis))
 }
 
 impl<T: Number> Buffers<T> {

@@ -23,7 +23,6 @@
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
-use base::number::real;
 use case::darcy::ZonePermeability;
 use case::geometry::{Axis, Region};
 use darcy::Condition;
@@ -41,7 +40,7 @@ pub(super) fn check(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
     let Some(conductivity) = layers(scene, seepage, up) else {
         return;
     };
-    let entrance = Entrance::new(&conductivity, seepage.spacing[up]);
+    let entrance = Entrance::new(&conductivity, &thicknesses(seepage, up));
     let length = entrance.length();
     for axis in (0..dimension).filter(|axis| *axis != up) {
         let Some(ends) = Ends::find(seepage, axis) else {
@@ -90,7 +89,7 @@ impl FarEnds {
     pub fn find(scene: &Scene, seepage: &Seepage) -> Option<Self> {
         let up = scene.grid.dimension - 1;
         let length = layers(scene, seepage, up).map_or(0.0, |conductivity| {
-            Entrance::new(&conductivity, seepage.spacing[up]).length()
+            Entrance::new(&conductivity, &thicknesses(seepage, up)).length()
         });
         (0..up).find_map(|axis| {
             let ends = Ends::find(seepage, axis)?;
@@ -139,12 +138,13 @@ impl Ends {
             let mut patches = seepage.patches.iter();
             patches.any(|patch| patch.face.axis() == axis && patch.face.is_max() == upper)
         };
-        let spacing = seepage.spacing[axis];
-        let distance = |cells: usize, upper: bool| (!open(upper)).then_some(real(cells) * spacing);
-        let distances = [distance(first, false), distance(cells - last, true)];
+        let along = seepage.axis(axis);
+        let distance =
+            |from: usize, to: usize, upper: bool| (!open(upper)).then(|| along.length(from, to));
+        let distances = [distance(0, first, false), distance(last, cells, true)];
         distances.iter().any(Option::is_some).then(|| Self {
             distances,
-            base: real(last - first) * spacing,
+            base: along.length(first, last),
         })
     }
 
@@ -167,15 +167,17 @@ enum Entrance {
 }
 
 impl Entrance {
-    /// Returns the entrance of layers of equal thickness \[m\] with these conductivities, from the lowest to the
+    /// Returns the entrance of layers with these conductivities and thicknesses \[m\], from the lowest to the
     /// highest.
-    fn new(conductivity: &[f64], thickness: f64) -> Self {
-        let transmissivity = |layers: &[f64]| layers.iter().map(|k| k * thickness).sum::<f64>();
-        let resistance = |layers: &[f64]| layers.iter().map(|k| thickness / k).sum::<f64>();
-        let depth = (transmissivity(conductivity) * resistance(conductivity)).sqrt();
+    fn new(conductivity: &[f64], thickness: &[f64]) -> Self {
+        let layers = || conductivity.iter().zip(thickness);
+        let sum =
+            |part: &mut dyn Iterator<Item = (&f64, &f64)>| part.map(|(k, d)| k * d).sum::<f64>();
+        let inverse =
+            |part: &mut dyn Iterator<Item = (&f64, &f64)>| part.map(|(k, d)| d / k).sum::<f64>();
+        let depth = (sum(&mut layers()) * inverse(&mut layers())).sqrt();
         let leaks = (1..conductivity.len()).map(|split| {
-            let (below, cover) = conductivity.split_at(split);
-            (transmissivity(below) * resistance(cover)).sqrt()
+            (sum(&mut layers().take(split)) * inverse(&mut layers().skip(split))).sqrt()
         });
         let leak = leaks.fold(0.0, f64::max);
         if leak > FRAC_2_PI * depth {
@@ -214,6 +216,12 @@ impl Entrance {
     }
 }
 
+/// Returns the thickness of each layer of cells along the vertical axis \[m\].
+fn thicknesses(seepage: &Seepage, up: usize) -> Vec<f64> {
+    let axis = seepage.axis(up);
+    (0..axis.cells).map(|cell| axis.width(cell)).collect()
+}
+
 /// Returns the conductivity of each layer of cells along the vertical axis, in arbitrary units; none unless zones
 /// give it for all cells in layers.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
@@ -238,7 +246,7 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
             Some(Region::Box(_)) => return None,
         };
         for (k, known) in found.iter_mut().enumerate() {
-            let middle = seepage.origin[up] + (real(k) + 0.5) * seepage.spacing[up];
+            let middle = seepage.axis(up).centre(k);
             let inside = from.is_none_or(|from| middle >= from) && to.is_none_or(|to| middle < to);
             if inside {
                 *known = Some(value);
@@ -261,7 +269,9 @@ mod tests {
     fn leakage_lengths_of_a_cover_and_of_uniform_ground() {
         // Two metres of 1e-3 m/s under one metre of 1e-6 m/s: (2e-3 * 1e6)^(1/2).
         let layered = [1e-3, 1e-3, 1e-6];
-        let length = |layers: &[f64], thickness| Entrance::new(layers, thickness).length();
+        let length = |layers: &[f64], thickness: f64| {
+            Entrance::new(layers, &vec![thickness; layers.len()]).length()
+        };
         assert!((length(&layered, 1.0) / 2000_f64.sqrt() - 1.0).abs() < 0.01);
         let uniform = [1e-5; 40];
         let exact = 2.0 * 10.0 / std::f64::consts::PI;

@@ -168,7 +168,7 @@ pub fn openness(seepage: &Seepage, dimension: usize) -> Openness {
 #[must_use]
 pub fn pores(seepage: &Seepage, openness: &Openness) -> Pores {
     Pores::new(
-        openness.grid,
+        openness.grid.clone(),
         seepage.written.porosity,
         seepage.written.mean_diameter,
     )
@@ -194,7 +194,7 @@ pub(super) fn porosity(scene: &Scene, seepage: &Seepage) -> f64 {
             solid[cell] += part * volume;
         }
     }
-    let cell = openness.grid.volume();
+    let cell = openness.grid.volume([0; 3]);
     let filled = solid.iter().zip(&openness.inside);
     let fullest = filled
         .filter(|(_, inside)| **inside > 0.0)

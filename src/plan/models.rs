@@ -340,13 +340,22 @@ impl Choices<'_> {
         let written = &seepage.written;
         let without_grains = scene.grains.is_none() && scene.bodies.is_empty();
         let [x, y, z] = seepage.cells;
+        let graded = if seepage.is_graded() {
+            let axes = (0..scene.grid.dimension).map(|a| {
+                let (least, most) = (seepage.spacing[a], seepage.widest(a));
+                format!("{} to {} m along {}", number(least), number(most), AXES[a])
+            });
+            format!(" of {}", axes.collect::<Vec<_>>().join(", "))
+        } else {
+            String::new()
+        };
         let cells = if without_grains {
             let time = if seepage.is_transient() {
                 format!("every {} s", number(self.clock.time_step))
             } else {
                 "steady: no grain moves".to_owned()
             };
-            format!("requested; {x} x {y} x {z} cells, {time}")
+            format!("requested; {x} x {y} x {z} cells{graded}, {time}")
         } else {
             let steps = self.clock.solid_steps_per_step;
             format!("requested; {x} x {y} x {z} cells, coupled every {steps} solid steps")

@@ -9,10 +9,21 @@ use std::fmt::{self, Display, Formatter};
 impl Display for Plan {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let grid = &self.scene.grid;
-        let cells: Vec<String> = grid.cells[..grid.dimension]
+        let graded = self.scene.seepage.as_ref().filter(|own| own.is_graded());
+        let cells = graded.map_or(grid.cells, |own| own.cells);
+        let cells: Vec<String> = cells[..grid.dimension]
             .iter()
             .map(usize::to_string)
             .collect();
+        let widths = graded.map_or_else(
+            || number(grid.spacing),
+            |own| {
+                let axes = 0..grid.dimension;
+                let widest = axes.map(|a| own.widest(a)).fold(0.0, f64::max);
+                let least = own.smallest_edge(grid.dimension);
+                format!("{} to {}", number(least), number(widest))
+            },
+        );
         writeln!(
             f,
             "{}",
@@ -27,7 +38,7 @@ impl Display for Plan {
             "{}-D, {} cells of {} m",
             grid.dimension,
             cells.join(" x "),
-            number(grid.spacing)
+            widths
         )?;
         let rows = self
             .models

@@ -12,7 +12,6 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::{PATH, Seepage};
 use base::error::Remedy;
-use base::number::real;
 use case::darcy::ZonePermeability;
 use darcy::{Condition, Openness};
 
@@ -147,7 +146,7 @@ fn heads(scene: &Scene, seepage: &Seepage, findings: &mut Findings) {
                 } else {
                     [patch.from[a], patch.to[a]]
                 };
-                let at = ends.map(|k| seepage.origin[a] + real(k) * seepage.spacing[a]);
+                let at = ends.map(|k| seepage.axis(a).face(k));
                 let heights = at.map(|x| -gravity[a] / strength * x);
                 heights[0].max(heights[1])
             })
@@ -260,7 +259,7 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
                 continue;
             }
             let mut at = grid.centre(cell);
-            at[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+            at[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, cell);
             let weight: f64 = (0..3).map(|a| gravity[a] * at[a]).sum();
             of_face[index] = match patch.condition {
                 Condition::Pressure { value } => Some(value - density * weight),
@@ -291,9 +290,9 @@ fn short_circuits(scene: &Scene, seepage: &Seepage, openness: &Openness, finding
                 }
                 if let (Some(one), Some(other)) = (face[index], face[grid.index(next)]) {
                     let mut at = grid.centre(cell);
-                    at[a] += 0.5 * grid.spacing[a];
+                    at[a] += 0.5 * grid.width(a, cell);
                     let outward = if side % 2 == 1 { 0.5 } else { -0.5 };
-                    at[side / 2] += outward * grid.spacing[side / 2];
+                    at[side / 2] += outward * grid.width(side / 2, cell);
                     warn(one, other, at);
                 }
             }

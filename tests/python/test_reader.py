@@ -322,6 +322,26 @@ def test_a_closed_run_reads_no_more(runs):
         output["radius"]
 
 
+def test_cells_of_different_widths(copy):
+    with open_run(copy) as run:
+        shape = run.fluid[-1].shape
+        assert not run.fluid[-1].is_graded
+        assert [len(faces) - 1 for faces in run.fluid[-1].faces] == list(shape[::-1])
+    faces = [np.cumsum(np.arange(n + 1.0)) for n in shape[::-1]]
+    with h5py.File(sorted(copy.glob("fluid_*.vtkhdf"))[-1], "r+") as file:
+        root = file["VTKHDF"]
+        root.attrs["Type"], root.attrs["Version"] = np.bytes_("RectilinearGrid"), np.array([2, 7])
+        for axis, values in zip("XYZ", faces):
+            root[f"{axis}Coordinates"] = values
+    with open_run(copy) as run:
+        fields = run.fluid[-1]
+        assert fields.is_graded and fields.shape == shape
+        for found, values in zip((fields.x, fields.y, fields.z), faces):
+            assert np.allclose(found, 0.5 * (values[1:] + values[:-1]))
+        assert (fields.spacing == 1).all() and (fields.origin == 0).all()
+        assert len(fields.table()) == np.prod(shape)
+
+
 def test_unknown_versions_are_refused(copy):
     summary = json.loads((copy / "summary.json").read_text())
     for version in ("0.2.0", "1.0.0", "soon"):

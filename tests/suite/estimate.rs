@@ -39,7 +39,7 @@ fn estimate(case: &Path, more: &[&str]) -> Command {
 }
 
 #[track_caller]
-fn done(case: &Path, more: &[&str]) -> String {
+pub(crate) fn done(case: &Path, more: &[&str]) -> String {
     let output = estimate(case, more).output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{}: {errors}", output.status);

@@ -31,6 +31,7 @@ mod floating;
 mod folders;
 mod free_surface;
 mod gates;
+mod graded;
 mod guards;
 mod hostile_checkpoints;
 mod input_files;

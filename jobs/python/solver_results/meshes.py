@@ -26,6 +26,14 @@ def image(shape: Sequence[int], spacing: np.ndarray, origin: np.ndarray, arrays:
     return mesh
 
 
+def rectilinear(faces: Sequence[np.ndarray], arrays: dict[str, np.ndarray]) -> Any:
+    """Cells between faces x, y, z with cell data."""
+    mesh = _pyvista().RectilinearGrid(*faces)
+    for name, array in arrays.items():
+        mesh.cell_data[name] = array.reshape(mesh.n_cells, *array.shape[3:])
+    return mesh
+
+
 def points(positions: np.ndarray, arrays: dict[str, np.ndarray]) -> Any:
     """Points with point data."""
     mesh = _pyvista().PolyData(positions) if len(positions) else _pyvista().PolyData()

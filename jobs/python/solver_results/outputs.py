@@ -121,7 +121,7 @@ class Output:
 
 
 class Fields(Output):
-    """Fields of a fluid at one time: one value for each cell of a regular lattice.
+    """Fields of a fluid at one time: one value for each cell of a lattice, whose cells may differ in width along each axis.
 
     Arrays have the order **(z, y, x)**: ``velocity[k, j, i]`` is the velocity in the cell with the centre
     ``(x[i], y[j], z[k])``. A scalar has the shape (nz, ny, nx), a vector (nz, ny, nx, 3) with its components x, y, z; a tensor
@@ -133,13 +133,28 @@ class Fields(Output):
 
     @property
     def spacing(self) -> np.ndarray:
-        """Edges of a cell x, y, z [m], shape (3,)."""
-        return self._floats("Spacing")
+        """Edges of a cell x, y, z [m], of the narrowest cells if their widths differ, shape (3,)."""
+        return np.array([np.diff(faces).min() for faces in self.faces]) if self.is_graded else self._floats("Spacing")
 
     @property
     def origin(self) -> np.ndarray:
         """Lower corner of the first cell x, y, z [m], shape (3,)."""
-        return self._floats("Origin")
+        return np.array([faces[0] for faces in self.faces]) if self.is_graded else self._floats("Origin")
+
+    @property
+    def is_graded(self) -> bool:
+        """``True`` if the widths of the cells differ."""
+        return "XCoordinates" in self._group("VTKHDF")
+
+    @property
+    def faces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions of the faces between the cells along x, y, z [m], shapes (nx + 1,), (ny + 1,), (nz + 1,)."""
+        if self.is_graded:
+            x, y, z = (np.asarray(self._group("VTKHDF")[f"{axis}Coordinates"][()]) for axis in "XYZ")
+            return x, y, z
+        origin, spacing = self.origin, self.spacing
+        x, y, z = (origin[axis] + np.arange(self.shape[2 - axis] + 1) * spacing[axis] for axis in range(3))
+        return x, y, z
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -178,16 +193,21 @@ class Fields(Output):
         return _frame(columns, units)
 
     def mesh(self) -> Any:
-        """A ``pyvista.ImageData`` with cell data.
+        """A ``pyvista.ImageData`` with cell data; a ``pyvista.RectilinearGrid`` if the widths of the cells differ.
 
         :raises ImportError: pyvista is not installed
         """
+        if self.is_graded:
+            return meshes.rectilinear(self.faces, self._all("CellData"))
         return meshes.image(self.shape, self.spacing, self.origin, self._all("CellData"))
 
     def _floats(self, name: str) -> np.ndarray:
         return np.array(self._group("VTKHDF").attrs[name], dtype=float)
 
     def _centres(self, axis: int) -> np.ndarray:
+        if self.is_graded:
+            faces = self.faces[axis]
+            return 0.5 * (faces[:-1] + faces[1:])
         count = self.shape[2 - axis]
         return self.origin[axis] + (np.arange(count) + 0.5) * self.spacing[axis]
 

@@ -10,7 +10,10 @@ from .errors import ReadError
 PROGRAM: tuple[tuple[int, int], ...] = ((0, 1),)
 
 #: Type of a data file and the first number of the VTKHDF versions that this reader knows.
-LAYOUTS = {"ImageData": (1,), "PolyData": (2,)}
+LAYOUTS = {"ImageData": (1,), "RectilinearGrid": (2,), "PolyData": (2,)}
+
+#: Type of a data file that stands for another one: cells of different widths for equal ones.
+_ALSO = {"ImageData": "RectilinearGrid"}
 
 
 def check_program(version: Any, where: object) -> None:
@@ -33,6 +36,8 @@ def check_layout(kind: str | None, version: Any, expected: str, where: object) -
 
     :raises ReadError: the type or the version is not the expected one
     """
+    if kind is not None and kind == _ALSO.get(expected):
+        expected = kind
     if kind != expected:
         raise ReadError(f"{where} holds {kind or 'no VTKHDF data'}, and {expected} was expected")
     try:

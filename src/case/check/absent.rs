@@ -109,7 +109,8 @@ pub const ABSENT: [Absent; 10] = [
             "nestedgrid",
         ],
         "grids with local refinement",
-        "choose one spacing that resolves the smallest feature, and run on more ranks",
+        "choose one spacing that resolves the smallest feature, and run on more ranks; seepage without grains grades \
+         its cells by `fluid.darcy.grid.spacing`",
     ),
     absent(
         &["electrostatic", "magnetic", "vanderwaals", "jkr", "dlvo"],

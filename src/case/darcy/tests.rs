@@ -31,6 +31,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     origin: [edge; 3],
                     spacing: [4.0 * edge; 3],
                     dimension: 3,
+                    ..SeepageGrid::default()
                 };
                 let liquid = Liquid {
                     density: 1000.0,
@@ -65,7 +66,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                 };
                 let pressure =
                     Pressure::new(&openness, patches, liquid, settings, &communicator).unwrap();
-                let pores = Pores::new(grid, written.porosity, written.mean_diameter);
+                let pores = Pores::new(grid.clone(), written.porosity, written.mean_diameter);
                 let settings = SeepageSettings {
                     liquid,
                     permeability: Permeability {
@@ -117,7 +118,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     .sum();
                 let place = format!("d {diameter}, n {porosity}, mu {viscosity}");
                 let lift = seepage.balance().on_grains[2] / (volume * 2650.0 * 9.81);
-                let counted = volume / (grid.volume() * number::real(grid.count()));
+                let counted = volume / (grid.volume([0; 3]) * number::real(grid.count()));
                 let wanted =
                     (gradient / (1.65 * counted)).mul_add(1650.0 / 2650.0, 1000.0 / 2650.0);
                 assert!(

@@ -151,7 +151,7 @@ impl<Sp: Space> Seepage<Sp> {
         if !self.water.has_open {
             return 0.0;
         }
-        let (liquid, grid) = (self.settings.liquid, self.openness.grid);
+        let (liquid, dimension) = (self.settings.liquid, self.openness.grid.dimension);
         let permeability = &self.settings.permeability;
         let (law, cap) = (permeability.law.model(), permeability.porosity_cap);
         let water = &mut self.water;
@@ -166,7 +166,7 @@ impl<Sp: Space> Seepage<Sp> {
                 .as_ref()
                 .is_some_and(|(_, room)| room.is_body(cell));
             let weight = water.weight[cell];
-            for axis in 0..grid.dimension {
+            for axis in 0..dimension {
                 let duct = water.channels.duct(cell, axis);
                 let mut found = duct.resistance(liquid, water.roughness, water.speed[cell]);
                 if cap < FREE {

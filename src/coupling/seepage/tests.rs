@@ -57,6 +57,7 @@ impl Bench {
             origin: [0.0; 3],
             spacing: [EDGE; 3],
             dimension: 3,
+            ..SeepageGrid::default()
         };
         let communicator = Communicator::serial();
         let openness = Openness::measure(&grid, &Enclosure::Everything);
@@ -451,7 +452,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_happened() {
 
 /// Returns a plug of grains that fills the section of a shaft between two faces at the same pressure.
 fn plug(seepage: &Seepage<Volume>, from: f64, to: f64, velocity: f64) -> Particles<Volume> {
-    let grid = *seepage.grid();
+    let grid = seepage.grid();
     let step = 0.0025;
     let mut particles = Particles::<Volume>::new();
     let (mut id, mut z) = (0, from);

@@ -22,7 +22,7 @@ pub fn along(
     openness: &Openness,
     settings: &PipingSettings,
 ) -> Result<SoilResponse, SeepageError> {
-    let (grid, path) = (openness.grid, &settings.path);
+    let (grid, path) = (&openness.grid, &settings.path);
     let conductivity: Vec<f64> = (0..grid.count())
         .map(|k| pressure.conductivity(k))
         .collect();
@@ -52,21 +52,21 @@ pub fn along(
     let weight = pressure.unit_weight();
     for (column, cell) in cells.iter().enumerate() {
         // A withdrawal that lowers the head in the cell by about 1 m.
-        let rate =
-            conductivity[*cell] * weight * grid.area(path.axis) / grid.spacing[path.vertical];
-        source[*cell] = -rate / grid.volume();
+        let rate = conductivity[*cell] * weight * grid.area(path.axis, [0; 3])
+            / grid.spacing[path.vertical];
+        source[*cell] = -rate / grid.volume([0; 3]);
         twin.solve(still(&conductivity, Some(&source)))?;
         source[*cell] = 0.0;
         for (row, head) in heads(&twin).into_iter().enumerate() {
             fall[(row, column)] = -head / rate;
         }
     }
-    let slit = settings.width.map(|_| SLIT * across(&grid, path));
+    let slit = settings.width.map(|_| SLIT * across(grid, path));
     let entry = cells.iter().map(|cell| {
         let k = conductivity[*cell] * twin.direction(*cell)[path.vertical] * weight;
         match slit {
             Some(_) => 1.0 / (PI * k * grid.spacing[path.axis]),
-            None => half_cell(&grid, path) / k,
+            None => half_cell(grid, path) / k,
         }
     });
     Ok(SoilResponse {
@@ -81,7 +81,7 @@ pub fn along(
 
 /// Returns half the height of a cell over the area of its roof \[1/m\].
 fn half_cell(grid: &SeepageGrid, path: &PipePath) -> f64 {
-    0.5 * grid.spacing[path.vertical] / grid.area(path.vertical)
+    0.5 * grid.spacing[path.vertical] / grid.area(path.vertical, [0; 3])
 }
 
 /// Returns stationary ground with a source of water per volume \[1/s\].

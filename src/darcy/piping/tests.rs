@@ -33,6 +33,7 @@ impl Ground {
             origin: [0.0; 3],
             spacing,
             dimension,
+            ..SeepageGrid::default()
         };
         let openness = Openness::measure(&grid, &Enclosure::Everything);
         let patch = |(axis, upper, from, to, value): &FaceHead| PressurePatch {
@@ -240,13 +241,13 @@ fn the_seepage_with_the_withdrawals_of_the_pipe_has_its_heads() {
     let state = last.unwrap();
     let slopes: Vec<f64> = state.log_slopes.iter().map(|y| y.exp()).collect();
     let through: Vec<f64> = slopes.iter().map(|i| pipe.discharge(*i)[0]).collect();
-    let grid = ground.openness.grid;
+    let grid = ground.openness.grid.clone();
     let mut source = vec![0.0; grid.count()];
     let mut inflows = Vec::new();
     for (n, cell) in settings.path.cells().enumerate() {
         let inflow = through[n] - through.get(n + 1).copied().unwrap_or(0.0);
         assert!(inflow > 0.0, "water leaves the pipe in cell {n}");
-        source[grid.index(cell)] = -inflow / grid.volume();
+        source[grid.index(cell)] = -inflow / grid.volume([0; 3]);
         inflows.push(inflow);
     }
     let mut seepage = ground.pressure.twin(&ground.openness).unwrap();
@@ -346,10 +347,10 @@ fn a_slit_in_a_cell_has_the_head_of_the_exact_solution() {
                 (0, true, [0; 3], cells, 0.0),
             ],
         );
-        let grid = ground.openness.grid;
+        let grid = ground.openness.grid.clone();
         let middle = grid.index([half, down - 1, 0]);
         let mut source = vec![0.0; grid.count()];
-        source[middle] = -k / grid.volume();
+        source[middle] = -k / grid.volume([0; 3]);
         let mut seepage = ground.pressure.twin(&ground.openness).unwrap();
         seepage
             .solve(Medium {

@@ -107,6 +107,7 @@ mod tests {
             origin: [-1.0, 0.0, 2.0],
             spacing: [0.5, 0.75, 1.0],
             dimension: 3,
+            ..SeepageGrid::default()
         };
         let radius = 0.2;
         for centre in [

@@ -3,7 +3,7 @@
 //! They are separate from the solver because probes and the summary of a run read them.
 
 use super::Pressure;
-use base::number::real;
+use super::section::weight_of;
 use decomposition::ExactSum;
 use serde::Serialize;
 
@@ -36,11 +36,6 @@ pub struct Prisms {
 }
 
 impl Prisms {
-    /// Returns the depth of the prisms in cells.
-    fn layers(&self) -> usize {
-        self.end[self.vertical] - self.first[self.vertical]
-    }
-
     /// Returns the number of widths.
     #[must_use]
     pub fn widths(&self) -> usize {
@@ -73,7 +68,7 @@ impl Pressure {
             let Some(phi) = self.imposed(face).filter(|_| rate < 0.0) else {
                 continue;
             };
-            let half = 0.5 * grid.spacing[face.axis];
+            let half = 0.5 * grid.width(face.axis, grid.cell(face.cell));
             let gradient = self.head(self.level + self.phi[face.at] - phi) / half;
             let steeper = found[face.patch].is_none_or(|known| gradient > known.gradient);
             if gradient.is_finite() && steeper {
@@ -95,10 +90,10 @@ impl Pressure {
         if !prisms.rises {
             levels.reverse();
         }
-        let depth = real(prisms.layers()) * grid.spacing[up];
-        let weight = self.weight()[up].abs();
+        let depth = grid.axis(up).length(prisms.first[up], prisms.end[up]);
+        let (weight, widths) = (self.weight()[up].abs(), grid.axis(across));
         let mut sums = [ExactSum::new(), ExactSum::new()];
-        let (mut count, mut dry) = (0_usize, false);
+        let (mut area, mut dry) = (0.0, false);
         let layer = |n: usize| {
             let mut cell = [0; 3];
             cell[across] = if prisms.from_upper {
@@ -108,23 +103,32 @@ impl Pressure {
             };
             for k in prisms.first[third]..prisms.end[third] {
                 cell[third] = k;
+                let weight = weight_of(grid, up, cell);
                 for (sum, level) in sums.iter_mut().zip(levels) {
                     cell[up] = level;
                     let value = self.face_reduced(up, cell);
                     dry |= !value.is_finite();
-                    sum.add(if value.is_finite() { value } else { 0.0 });
+                    sum.add(if value.is_finite() {
+                        weight * value
+                    } else {
+                        0.0
+                    });
                 }
-                count += 1;
+                area += weight;
             }
             // A prism that contains part of a structure or a cavity has no heave.
             let excess_head = if dry {
                 f64::NAN
             } else {
-                self.head((sums[0].value() - sums[1].value()) / real(count))
+                self.head((sums[0].value() - sums[1].value()) / area)
             };
             let gradient = excess_head / depth;
             Heave {
-                width: real(n + 1) * grid.spacing[across],
+                width: if prisms.from_upper {
+                    widths.length(prisms.end[across] - 1 - n, prisms.end[across])
+                } else {
+                    widths.length(prisms.first[across], prisms.first[across] + n + 1)
+                },
                 excess_head,
                 gradient,
                 factor_of_safety: if gradient <= 0.0 {
@@ -142,7 +146,8 @@ impl Pressure {
     #[must_use]
     pub fn critical_heave(&self, prisms: &Prisms) -> Option<[Heave; 2]> {
         let grid = &self.slab.grid;
-        let half = 0.5 * real(prisms.layers()) * grid.spacing[prisms.vertical];
+        let up = prisms.vertical;
+        let half = 0.5 * grid.axis(up).length(prisms.first[up], prisms.end[up]);
         let all = self.heave(prisms);
         let nearest = all
             .iter()

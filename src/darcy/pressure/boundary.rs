@@ -4,7 +4,7 @@ use super::{Condition, Equations, Liquid, PressurePatch, PressureSettings};
 use crate::enclosure::Openness;
 use crate::grid::SeepageGrid;
 use crate::layout::Layout;
-use crate::multigrid::first_joined;
+use crate::multigrid::cuts;
 use decomposition::{ExactSum, Slabs, SplitAxis};
 
 /// Boundary face of the grid, or of a drain in it, that may be crossed.
@@ -46,14 +46,9 @@ pub(super) fn head_pressure(liquid: &Liquid, settings: &PressureSettings, head: 
 /// Returns the slabs along the longest axis, cut between cells that the coarser grid merges.
 pub(super) fn slabs(grid: &SeepageGrid, size: usize) -> Slabs {
     let axis = SplitAxis::longest(grid.cells);
-    let a = axis.index();
-    let step = first_joined(grid.cells, grid.spacing)[a];
-    let pairs = Slabs::even(axis, grid.cells[a].div_ceil(step), size, false);
-    let bounds = pairs
-        .bounds()
-        .iter()
-        .map(|b| (b * step).min(grid.cells[a]))
-        .collect();
+    let cuts = cuts(grid, axis.index());
+    let pairs = Slabs::even(axis, cuts.len() - 1, size, false);
+    let bounds = pairs.bounds().iter().map(|b| cuts[*b]).collect();
     Slabs::from_bounds(axis, bounds, false).unwrap_or(pairs)
 }
 
@@ -65,13 +60,13 @@ pub(super) fn boundary(
     liquid: &Liquid,
     settings: &PressureSettings,
 ) -> Vec<Boundary> {
-    let grid = openness.grid;
+    let grid = &openness.grid;
     let gravity = settings.gravity;
     let strength = (gravity.iter().map(|g| g * g).sum::<f64>()).sqrt();
     let make = |index: usize, axis: usize, upper: bool, open: f64, patch: usize| {
         let cell = grid.cell(index);
         let mut centre = grid.centre(cell);
-        centre[axis] += if upper { 0.5 } else { -0.5 } * grid.spacing[axis];
+        centre[axis] += if upper { 0.5 } else { -0.5 } * grid.width(axis, cell);
         let lift = match settings.equations {
             Equations::Corrected => {
                 -liquid.density * (0..3).map(|a| gravity[a] * centre[a]).sum::<f64>()
@@ -89,8 +84,8 @@ pub(super) fn boundary(
             at: layout.position(cell),
             axis,
             upper,
-            area: open * grid.area(axis),
-            share: open * grid.area(axis),
+            area: open * grid.area(axis, cell),
+            share: open * grid.area(axis, cell),
             source: false,
             patch,
             lift,
@@ -136,6 +131,9 @@ pub(super) fn boundary(
             if face.source {
                 face_of_drain.area = f64::INFINITY;
                 face_of_drain.source = true;
+                if grid.is_graded() {
+                    face_of_drain.share = face.open * grid.volume(grid.cell(face.cell));
+                }
             }
             all.push(face_of_drain);
         }

@@ -1,7 +1,6 @@
 //! Flow through a part of a plane between cells.
 
-use super::Pressure;
-use base::number::real;
+use super::{Pressure, SeepageGrid};
 use decomposition::ExactSum;
 use std::ops::Range;
 
@@ -14,6 +13,15 @@ pub struct SectionFlow {
     pub area: f64,
     /// Mean reduced pressure of the open cells before and behind the section \[Pa\]; NaN if there are none.
     pub reduced: [f64; 2],
+}
+
+/// Returns the weight of a cell in a mean over a plane normal to an axis: its area if the cells differ, otherwise 1.
+pub(super) fn weight_of(grid: &SeepageGrid, axis: usize, cell: [usize; 3]) -> f64 {
+    if grid.is_graded() {
+        grid.area(axis, cell)
+    } else {
+        1.0
+    }
 }
 
 impl Pressure {
@@ -29,7 +37,7 @@ impl Pressure {
         let mut discharge = ExactSum::new();
         let mut area = ExactSum::new();
         let mut beside = [ExactSum::new(), ExactSum::new()];
-        let mut counts = [0_usize; 2];
+        let mut counts = [0.0; 2];
         let held = |cell: [usize; 3]| (0..3).all(|a| a == axis || ranges[a].contains(&cell[a]));
         for index in 0..self.slab.grid.count() {
             let cell = self.slab.grid.cell(index);
@@ -39,8 +47,9 @@ impl Pressure {
             }
             if self.conduction.conducts[index] {
                 let side = usize::from(behind);
-                beside[side].add(self.reduced(index));
-                counts[side] += 1;
+                let weight = weight_of(&self.slab.grid, axis, cell);
+                beside[side].add(weight * self.reduced(index));
+                counts[side] += weight;
             }
             let at = self.slab.layout.position(cell);
             if behind && plane > 0 && self.conduction.factor[axis][at] > 0.0 {
@@ -57,7 +66,7 @@ impl Pressure {
                 area.add(face.area);
             }
         }
-        let mean = |side: usize| beside[side].value() / real(counts[side]);
+        let mean = |side: usize| beside[side].value() / counts[side];
         SectionFlow {
             discharge: discharge.value(),
             area: area.value(),
@@ -70,7 +79,7 @@ impl Pressure {
     #[must_use]
     pub fn face_flows(&self, axis: usize) -> Vec<f64> {
         let (grid, layout) = (&self.slab.grid, &self.slab.layout);
-        let mut faces = *grid;
+        let mut faces = grid.clone();
         faces.cells[axis] += 1;
         let mut flows = vec![0.0; faces.count()];
         for (index, flow) in flows.iter_mut().enumerate() {

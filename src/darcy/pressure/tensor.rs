@@ -185,7 +185,7 @@ impl Pressure {
     /// geometric mean of the conductivities along the axes, for each cell. For saturated ground in 2-D.
     #[must_use]
     pub fn with_shear(mut self, shear: &[f64]) -> Self {
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
         let zeros = || vec![0.0; layout.len()];
         let mut own = Tensor {
             shear: zeros(),
@@ -235,7 +235,7 @@ impl Pressure {
     pub(super) fn dipping_gradient(&self, cell: usize) -> Option<[f64; 3]> {
         let own = self.tensor.as_ref()?;
         let at = self.slab.layout.position(self.slab.grid.cell(cell));
-        let (kx, ky) = (self.along(0)[at], self.along(1)[at]);
+        let [kx, ky, _] = self.conductivities(cell);
         let kxy = own.shear[at] * (kx * ky).sqrt();
         let determinant = kx * ky - kxy * kxy;
         let [u, v, _] = self.conduction.driven[cell];
@@ -287,7 +287,8 @@ impl Pressure {
                 if factor > 0.0 {
                     let node = corner.count;
                     corner.count += 1;
-                    let open = 0.5 * factor * grid.spacing[axis] / grid.area(axis);
+                    let cell = places[upper].unwrap_or_default();
+                    let open = 0.5 * factor * grid.spacing[axis] / grid.area(axis, cell);
                     for s in [lower, upper] {
                         corner.nodes[s][axis] = node;
                         parts[s][axis] = open;
@@ -311,10 +312,10 @@ impl Pressure {
             }
         }
         for s in 0..4 {
-            if let Some(at) = cells[s] {
-                let [hx, hy] = [grid.spacing[0], grid.spacing[1]];
+            if let (Some(at), Some(cell)) = (cells[s], places[s]) {
+                let [hx, hy, _] = grid.widths(cell);
                 let [fx, fy] = parts[s];
-                let (kx, ky) = (self.along(0)[at], self.along(1)[at]);
+                let [kx, ky, _] = self.conductivities(grid.index(cell));
                 let cross = own.shear[at] * (kx * ky).sqrt();
                 corner.quarters[s] = [
                     kx * fx * hy / hx * grid.spacing[2],
@@ -329,7 +330,8 @@ impl Pressure {
     /// Returns half of a boundary face: its value or flow, and its open fraction.
     fn edge(&self, number: usize) -> (Edge, f64) {
         let face = &self.boundary[number];
-        let open = face.area / self.slab.grid.area(face.axis);
+        let cell = self.slab.grid.cell(face.cell);
+        let open = face.area / self.slab.grid.area(face.axis, cell);
         let edge = match self.patches[face.patch].condition {
             Condition::Flux { value } => Edge::Free(0.5 * value * face.area),
             Condition::Discharge { value } => Edge::Free(0.5 * value * face.share),

@@ -1,3 +1,5 @@
+mod graded;
+
 use super::*;
 use crate::enclosure::Enclosure;
 use crate::permeability::kozeny_carman;
@@ -24,6 +26,7 @@ fn grid(cells: [usize; 3], spacing: [f64; 3]) -> SeepageGrid {
         origin: [0.0; 3],
         spacing,
         dimension: if cells[2] == 1 { 2 } else { 3 },
+        ..SeepageGrid::default()
     }
 }
 
@@ -269,7 +272,7 @@ fn dense(grid: &SeepageGrid, k: &[f64], low: f64, high: f64) -> Vec<f64> {
         let cell = grid.cell(i);
         for axis in 0..grid.dimension {
             for up in [false, true] {
-                let scale = grid.area(axis) / grid.spacing[axis] / WATER.viscosity;
+                let scale = grid.area(axis, [0; 3]) / grid.spacing[axis] / WATER.viscosity;
                 let edge = if up { grid.cells[axis] - 1 } else { 0 };
                 if cell[axis] == edge {
                     if axis == 0 {

@@ -117,8 +117,8 @@ pub(super) struct Unsaturated {
     soil_of: Vec<u8>,
     /// Weight of the water \[N/m3\].
     weight: f64,
-    /// Rise of the elevation from a cell to the next along each axis \[m\].
-    rise: [f64; 3],
+    /// Rise of the elevation from a cell to the next along each axis \[m\]; none along a graded axis.
+    rise: [Option<f64>; 3],
     /// Elevation of the centre of each cell \[m\].
     elevation: Vec<f64>,
     /// Conductances of the faces at saturation.
@@ -173,7 +173,7 @@ impl Pressure {
     /// ground.
     #[must_use]
     pub fn with_soil(mut self, soil: Soil) -> Self {
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
         let n = layout.len();
         let gravity = self.settings.gravity;
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -188,7 +188,9 @@ impl Pressure {
             soils: vec![soil.retention],
             soil_of: vec![0; n],
             weight: self.liquid.density * strength,
-            rise: std::array::from_fn(|a| up[a] * grid.spacing[a]),
+            rise: std::array::from_fn(|a| {
+                grid.graded[a].is_none().then(|| up[a] * grid.spacing[a])
+            }),
             elevation,
             saturated: std::array::from_fn(|_| vec![0.0; n]),
             source: vec![0.0; n],
@@ -219,7 +221,7 @@ impl Pressure {
     /// upstream side, so that a fine soil above a coarse one retains its water.
     #[must_use]
     pub fn with_layers(mut self, layers: &[Retention], soil_of: &[u8]) -> Self {
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
         if let Some(own) = &mut self.unsaturated {
             own.soils.extend(layers);
             for (cell, soil) in soil_of.iter().enumerate() {
@@ -421,22 +423,33 @@ impl Pressure {
         for axis in 0..3 {
             let (stride, rise) = (layout.stride[axis], own.rise[axis]);
             let saturated = &own.saturated[axis];
-            layout.sweep(&whole, &mut own.faces[axis], |start, out| {
-                for (i, face) in out.iter_mut().enumerate() {
-                    let (at, below) = (start + i, start + i - stride);
-                    let t = saturated[at];
-                    *face = if t > 0.0 {
-                        let k = if soil_of[below] == soil_of[at] {
-                            mean(states[below].side(), states[at].side(), rise)
-                        } else {
-                            upstream([states[below], states[at]], phi[below] - phi[at])
-                        };
-                        face_flux(t, k, phi[below] - phi[at], weight)
+            let flux = |at: usize, rise: f64| {
+                let (below, t) = (at - stride, saturated[at]);
+                if t > 0.0 {
+                    let k = if soil_of[below] == soil_of[at] {
+                        mean(states[below].side(), states[at].side(), rise)
                     } else {
-                        FaceFlux::default()
+                        upstream([states[below], states[at]], phi[below] - phi[at])
                     };
+                    face_flux(t, k, phi[below] - phi[at], weight)
+                } else {
+                    FaceFlux::default()
                 }
-            });
+            };
+            let faces = &mut own.faces[axis];
+            match rise {
+                Some(rise) => layout.sweep(&whole, faces, |start, out| {
+                    for (i, face) in out.iter_mut().enumerate() {
+                        *face = flux(start + i, rise);
+                    }
+                }),
+                None => layout.sweep(&whole, faces, |start, out| {
+                    for (i, face) in out.iter_mut().enumerate() {
+                        let at = start + i;
+                        *face = flux(at, elevation[at] - elevation[at - stride]);
+                    }
+                }),
+            }
         }
         let faces = &own.faces;
         let source = &own.source;

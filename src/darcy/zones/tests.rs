@@ -12,6 +12,7 @@ fn grid(dimension: usize) -> SeepageGrid {
         origin: [0.0; 3],
         spacing: [1.0, 2.0, 1.0],
         dimension,
+        ..SeepageGrid::default()
     }
 }
 

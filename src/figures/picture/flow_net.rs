@@ -10,7 +10,7 @@ use super::{failed, significant_digits};
 use base::error::Error;
 use base::geometry::{Axis, Region};
 use base::number::{real, whole};
-use io::fields::{inspect, read_column};
+use io::fields::read_column;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -94,6 +94,16 @@ fn extent(region: Region) -> [Point; 2] {
     }
 }
 
+/// Returns the centres of cells between faces, and both ends.
+fn nodes_between(faces: &[f64]) -> Vec<f64> {
+    let ends = [faces[0], faces[faces.len() - 1]];
+    let middles = faces.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+    std::iter::once(ends[0])
+        .chain(middles)
+        .chain(std::iter::once(ends[1]))
+        .collect()
+}
+
 /// Levels of the lines of a flow net.
 struct Levels {
     heads: Vec<f64>,
@@ -105,15 +115,9 @@ struct Levels {
 impl FlowNet {
     /// Reads the fields of an output, and the structures in the ground.
     pub(super) fn read(path: &Path, structures: Option<&Faces>) -> Result<Self, Error> {
-        let wrong = |e: io::Error| Error::Io(e.to_string());
-        let info = inspect(path).map_err(wrong)?;
-        let numbers = |name: &str| -> Option<Vec<f64>> {
-            let array = info.attribute("/VTKHDF", name)?.as_array()?;
-            array.iter().map(Value::as_f64).collect()
-        };
-        let (Some(origin), Some(spacing)) = (numbers("Origin"), numbers("Spacing")) else {
-            return Err(failed(path, "is not an image with origin and spacing"));
-        };
+        let image = io::image::open(path)
+            .map_err(|_| failed(path, "is not an image with origin and spacing"))?;
+        let (origin, spacing) = (image.origin, image.spacing);
         let read = |name: &str| {
             read_column(path, name).map_err(|_| {
                 failed(
@@ -135,6 +139,9 @@ impl FlowNet {
         let wet: Vec<bool> = head.values.iter().map(|h| h.is_finite()).collect();
         let field = |values: &[f64]| extended(values, &wet, cells);
         let nodes = [0, 1].map(|a| {
+            if let Some(faces) = &image.faces {
+                return nodes_between(&faces[a]);
+            }
             let at = |k: f64| origin[a] + k * spacing[a];
             let middles = (0..cells[a]).map(|k| at(real(k) + 0.5));
             let ends = std::iter::once(at(0.0)).chain(middles);

@@ -4,12 +4,14 @@ use super::quantity::Quantity;
 use super::{Heading, Rows, discharge_unit, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
-use base::number::{real, whole};
 use coupling::seepage::Seepage;
 use decomposition::ExactSum;
 use dem::space::Space;
 use plan::scene::Scene;
 use std::ops::Range;
+
+/// Distance from a face in cells within which a point lies on it.
+const SLACK: f64 = 1e-9;
 
 /// Path along cell edges between the cell corners nearest to two points. A point on a face that a structure closes in
 /// part, such as the tip of a cut-off, takes the corner on the side of the structure, so that the open part counts.
@@ -17,7 +19,7 @@ use std::ops::Range;
 pub(super) struct Crossing {
     from: [usize; 2],
     to: [usize; 2],
-    /// The two points, in cells from the lower corner of the grid.
+    /// The two points \[m\].
     points: [[f64; 2]; 2],
 }
 
@@ -25,18 +27,14 @@ impl Crossing {
     /// Returns the path between two points \[m\].
     pub(super) fn new(scene: &Scene, from: [f64; 3], to: [f64; 3]) -> Result<Self, Error> {
         let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
-        let points = [from, to].map(|point: [f64; 3]| {
-            [0, 1].map(|a: usize| {
-                let place = (point[a] - scene.origin[a]) / scene.spacing[a];
-                place.clamp(0.0, real(scene.cells[a]))
-            })
-        });
-        let [from, to] = points.map(|point| point.map(|place| whole(place.round())));
+        let points = [from, to].map(|[x, y, _]| [x, y]);
+        let corner = |point: [f64; 2]| [0, 1].map(|a: usize| scene.axis(a).nearest_face(point[a]));
+        let [from, to] = points.map(corner);
         Ok(Self { from, to, points })
     }
 
     /// Returns the range of faces of a leg along `axis` at the corner line `line`, from `ends[0]` to `ends[1]`. A point
-    /// at an end, in cells, adds the face in which it lies if a structure closes that face in part.
+    /// at an end \[m\] adds the face in which it lies if a structure closes that face in part.
     fn faces<S: Space>(
         seepage: &Seepage<S>,
         (axis, line): (usize, usize),
@@ -56,11 +54,14 @@ impl Crossing {
             };
             open[face] > 0.0 && open[face] < 1.0
         };
+        let along = grid.axis(axis);
+        let slack = SLACK * grid.spacing[axis];
         for (end, point) in ends.into_iter().zip(points) {
             let Some(point) = point else { continue };
-            if end == range.end && point > real(end) && end < grid.cells[axis] && cut(end) {
+            let beyond = point - along.face(end);
+            if end == range.end && beyond > slack && end < grid.cells[axis] && cut(end) {
                 range.end += 1;
-            } else if end == range.start && point < real(end) && end > 0 && cut(end - 1) {
+            } else if end == range.start && beyond < -slack && end > 0 && cut(end - 1) {
                 range.start -= 1;
             }
         }

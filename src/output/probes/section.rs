@@ -6,7 +6,6 @@ use super::quantity::Quantity;
 use super::{Heading, Rows, area_unit, discharge_unit, no_fluid, sampled_if_solved};
 use crate::view::StateView;
 use base::error::Error;
-use base::number::{real, whole};
 use dem::space::Space;
 use plan::scene::Scene;
 use plan::scene::block::AlignedBox;
@@ -32,20 +31,16 @@ impl Section {
         part: Option<&AlignedBox>,
     ) -> Result<Self, Error> {
         let scene = scene.seepage.as_ref().ok_or_else(no_fluid)?;
-        let place = (position - scene.origin[axis]) / scene.spacing[axis];
         let ranges = std::array::from_fn(|a| match part {
             Some(part) if a != axis && a < part.dimension => {
-                let first = |x: f64| {
-                    let place = (x - scene.origin[a]) / scene.spacing[a] - 0.5;
-                    whole(place.ceil().clamp(0.0, real(scene.cells[a])))
-                };
-                first(part.from[a])..first(part.to[a])
+                let axis = scene.axis(a);
+                axis.first_centre(part.from[a])..axis.first_centre(part.to[a])
             }
             _ => 0..scene.cells[a],
         });
         Ok(Self {
             axis,
-            plane: whole(place.round()).min(scene.cells[axis]),
+            plane: scene.axis(axis).nearest_face(position),
             ranges,
         })
     }

@@ -36,7 +36,6 @@ impl Uplift {
         } = self.base;
         let about = self.about;
         let (grid, pressure) = (seepage.grid(), seepage.pressure());
-        let area = grid.area(axis);
         let mut sums: [ExactSum; 4] = std::array::from_fn(|_| ExactSum::new());
         let mut whole = ExactSum::new();
         for index in 0..grid.count() {
@@ -48,14 +47,15 @@ impl Uplift {
             let (gradient, weight) = (pressure.inner_gradient(index), pressure.weight());
             let slope: [f64; 3] = std::array::from_fn(|a| gradient[a] + weight[a]);
             let mut arm = grid.centre(cell);
-            arm[axis] += 0.5 * grid.spacing[axis];
-            let force = area * (pressure.pressure(index) + 0.5 * grid.spacing[axis] * slope[axis]);
+            let (area, widths) = (grid.area(axis, cell), grid.widths(cell));
+            arm[axis] += 0.5 * widths[axis];
+            let force = area * (pressure.pressure(index) + 0.5 * widths[axis] * slope[axis]);
             // Computes first moments of the linear pressure over the face, then the torque r x F.
             let moment: [f64; 3] = std::array::from_fn(|a| {
                 let across = if a == axis || a >= grid.dimension {
                     0.0
                 } else {
-                    area * slope[a] * grid.spacing[a].powi(2) / 12.0
+                    area * slope[a] * widths[a].powi(2) / 12.0
                 };
                 force * (arm[a] - about[a]) + across
             });

@@ -50,10 +50,11 @@ impl WaterTable {
             1 => [0, 2],
             _ => [0, 1],
         };
-        let (mut cell, spacing) = ([0; 3], grid.spacing[self.axis]);
+        let (mut cell, widths) = ([0; 3], grid.axis(self.axis));
+        let is_graded = widths.faces.is_some();
         (cell[a], cell[b]) = (column % self.cells[a], column / self.cells[a]);
         // Upwards from the lowest open cell.
-        let mut last: Option<(f64, f64)> = None;
+        let mut last: Option<(f64, f64, f64)> = None;
         let mut found = f64::NAN;
         let up = if self.rises { 1.0 } else { -1.0 };
         let mut point = grid.centre(cell);
@@ -62,29 +63,35 @@ impl WaterTable {
             let index = grid.index(cell);
             let open = seepage.pores().porosity()[index] > 0.0;
             let coordinate = grid.centre(cell)[self.axis];
+            let half = 0.5 * widths.width(cell[self.axis]);
             let head = pressure.pressure(index) / weight;
             match last {
                 // Water stands in the lower half of the lowest cell at most.
                 None if open && head < 0.0 => {
-                    if head > -0.5 * spacing {
+                    if head > -half {
                         found = coordinate + up * head;
                     }
                     break;
                 }
-                None if open => last = Some((coordinate, head)),
+                None if open => last = Some((coordinate, head, half)),
                 None => {}
-                Some((below, wet)) if open && head < 0.0 => {
-                    found = below + up * spacing * wet / (wet - head);
+                Some((below, wet, _)) if open && head < 0.0 => {
+                    let rise = if is_graded {
+                        (coordinate - below).abs()
+                    } else {
+                        widths.spacing
+                    };
+                    found = below + up * rise * wet / (wet - head);
                     break;
                 }
-                Some(_) if open => last = Some((coordinate, head)),
+                Some(_) if open => last = Some((coordinate, head, half)),
                 Some(_) => break,
             }
         }
         if found.is_nan()
-            && let Some((top, head)) = last
+            && let Some((top, head, half)) = last
         {
-            found = top + up * head.min(0.5 * spacing);
+            found = top + up * head.min(half);
         }
         point[self.axis] = found;
         point

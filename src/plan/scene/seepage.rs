@@ -1,5 +1,6 @@
 //! Seepage of a scene: its coarse grid, and the conditions on parts of the faces.
 
+mod coarse;
 mod drains;
 mod piping;
 mod polygons;
@@ -7,6 +8,8 @@ mod terrain;
 mod unsaturated;
 mod zones;
 
+pub(crate) use coarse::grid_of;
+pub use coarse::rescaled_widths;
 pub use drains::Drain;
 pub use piping::PipingScene;
 
@@ -23,7 +26,8 @@ use case::darcy::{self as written_as, Darcy, InitialState};
 use case::fluid::Fluid;
 use case::geometry::Face;
 use darcy::cut_cells::centre_of_water;
-use darcy::{Condition, SeepageGrid as CoarseGrid, Zones};
+use darcy::grid::GradedFaces;
+use darcy::{Condition, GridAxis, SeepageGrid as CoarseGrid, Zones};
 use serde::Serialize;
 use serde_json::json;
 use std::sync::Arc;
@@ -51,8 +55,11 @@ pub struct Seepage {
     pub cells: [usize; 3],
     /// Lower corner \[m\].
     pub origin: [f64; 3],
-    /// Edges of a cell \[m\]; 1 along z in 2-D.
+    /// Width of the cells along each axis, of the narrowest ones if the axis is graded \[m\]; 1 along z in 2-D.
     pub spacing: [f64; 3],
+    /// Faces of graded axes \[m\].
+    #[serde(skip)]
+    pub graded: GradedFaces,
     /// Unit normals n away from the water and offsets d of the planes n·x ≤ d that enclose it \[m\].
     pub planes: Vec<([f64; 3], f64)>,
     /// `true` for the faces of the grid that are walls for grains and open water, lower and upper face along each
@@ -119,14 +126,15 @@ impl Seepage {
                 Remedy::from("omit `periodic`").set("domain.periodic", json!([])),
             );
         }
-        let (cells, origin, spacing) = coarse(written, grid, findings)?;
+        let coarse = coarse::resolve(written, grid, findings)?;
         let planes = planes(written, grid, findings);
         let mut scene = Self {
             written: written.clone(),
             coupling_time: None,
-            cells,
-            origin,
-            spacing,
+            cells: coarse.cells,
+            origin: coarse.origin,
+            spacing: coarse.spacing,
+            graded: coarse.graded,
             planes,
             walls: [[false; 2]; 3],
             patches: Vec::new(),
@@ -215,9 +223,12 @@ impl Seepage {
     pub fn centre(&self, patch: &SeepagePatch) -> [f64; 3] {
         std::array::from_fn(|a| {
             let at = if a != patch.face.axis() {
+                if let Some(faces) = &self.graded[a] {
+                    return 0.5 * (faces[patch.from[a]] + faces[patch.to[a]]);
+                }
                 0.5 * (real(patch.from[a]) + real(patch.to[a]))
             } else if patch.face.is_max() {
-                real(self.cells[a])
+                return self.axis(a).end();
             } else {
                 0.0
             };
@@ -236,7 +247,7 @@ impl Seepage {
 
     /// Returns the height of the grid along gravity, or its longest edge without gravity \[m\].
     pub(crate) fn height(&self, gravity: [f64; 3], dimension: usize) -> f64 {
-        let edge = |a: usize| real(self.cells[a]) * self.spacing[a];
+        let edge = |a: usize| self.axis(a).length(0, self.cells[a]);
         let axis = (0..dimension).max_by(|&a, &b| {
             let order = gravity[a].abs().total_cmp(&gravity[b].abs());
             order.then(edge(a).total_cmp(&edge(b)))
@@ -277,13 +288,13 @@ impl Seepage {
         let lower = |a: usize| {
             let up = -gravity[a] / strength;
             let ends = if a != patch.face.axis() {
-                [real(patch.from[a]), real(patch.to[a])]
+                [patch.from[a], patch.to[a]]
             } else if patch.face.is_max() {
-                [real(self.cells[a]); 2]
+                [self.cells[a]; 2]
             } else {
-                [0.0; 2]
+                [0; 2]
             };
-            let at = ends.map(|end| up * (self.origin[a] + end * self.spacing[a]));
+            let at = ends.map(|end| up * self.axis(a).face(end));
             at[0].min(at[1])
         };
         (0..3).map(lower).sum()
@@ -322,11 +333,8 @@ impl Seepage {
                     AlignedBox::vector(grid, &extent.to, &format!("{path}.patch.to"), findings);
                 for a in (0..grid.dimension).filter(|&a| a != axis) {
                     // A cell belongs to a patch if its centre does.
-                    let first = |x: f64| {
-                        let place = (x - self.origin[a]) / self.spacing[a] - 0.5;
-                        whole(place.ceil().clamp(0.0, real(self.cells[a])))
-                    };
-                    (from[a], to[a]) = (first(low[a]), first(high[a]));
+                    let axis = self.axis(a);
+                    (from[a], to[a]) = (axis.first_centre(low[a]), axis.first_centre(high[a]));
                 }
                 if !self.solids.is_empty() {
                     let ends = [&low, &high];
@@ -337,9 +345,10 @@ impl Seepage {
                         &format!("{path}.patch"),
                         "the patch contains no cell centre of the coarse grid",
                         format!(
-                            "the grid reaches from {:?} to {:?} m in cells of {:?} m",
+                            "the grid reaches from {:?} to {:?} m in cells of {}{:?} m",
                             &self.origin[..grid.dimension],
                             &self.end()[..grid.dimension],
+                            if self.is_graded() { "at least " } else { "" },
                             &self.spacing[..grid.dimension]
                         ),
                     );
@@ -433,10 +442,10 @@ impl Seepage {
                     wet += 1;
                 }
             }
-            let middle = self.origin[a] + (real(at) + 0.5) * self.spacing[a];
+            let middle = self.axis(a).centre(at);
             let mean = (wet > 0).then(|| sum / real(wet));
             // Cells that no structure cuts keep their position.
-            mean.filter(|mean| (mean - middle).abs() > 1e-6 * self.spacing[a])
+            mean.filter(|mean| (mean - middle).abs() > 1e-6 * self.axis(a).width(at))
         };
         for (end, found) in ends.into_iter().zip([from, to]) {
             for a in (0..grid.dimension).filter(|&a| a != axis) {
@@ -458,6 +467,7 @@ impl Seepage {
             origin: self.origin,
             spacing: self.spacing,
             dimension,
+            graded: self.graded.clone(),
         }
     }
 
@@ -468,16 +478,15 @@ impl Seepage {
         let cells = across.iter().map(|&a| patch.cells(a));
         (0..cells.product()).all(|mut n: usize| {
             let mut at = [0.0; 3];
-            at[axis] = self.origin[axis]
-                + self.spacing[axis]
-                    * if patch.face.is_max() {
-                        real(self.cells[axis]) - 0.5
-                    } else {
-                        0.5
-                    };
+            let level = if patch.face.is_max() {
+                self.cells[axis] - 1
+            } else {
+                0
+            };
+            at[axis] = self.axis(axis).centre(level);
             for &a in &across {
                 let cells = patch.cells(a);
-                at[a] = self.origin[a] + (real(patch.from[a] + n % cells) + 0.5) * self.spacing[a];
+                at[a] = self.axis(a).centre(patch.from[a] + n % cells);
                 n /= cells;
             }
             let least = 0.5 * self.smallest_edge(dimension);
@@ -500,8 +509,9 @@ impl Seepage {
             (low[axis], high[axis]) = (level, level);
             for &a in &across {
                 let cells = patch.cells(a);
-                low[a] = self.origin[a] + real(patch.from[a] + n % cells) * self.spacing[a];
-                high[a] = low[a] + self.spacing[a];
+                let cell = patch.from[a] + n % cells;
+                low[a] = self.axis(a).face(cell);
+                high[a] = low[a] + self.axis(a).width(cell);
                 n /= cells;
             }
             self.planes.iter().any(|(outward, offset)| {
@@ -515,7 +525,31 @@ impl Seepage {
     }
 
     fn end(&self) -> [f64; 3] {
-        std::array::from_fn(|a| self.origin[a] + real(self.cells[a]) * self.spacing[a])
+        std::array::from_fn(|a| self.axis(a).end())
+    }
+
+    /// Returns the cells of the coarse grid along an axis.
+    #[must_use]
+    pub fn axis(&self, axis: usize) -> GridAxis<'_> {
+        GridAxis {
+            cells: self.cells[axis],
+            origin: self.origin[axis],
+            spacing: self.spacing[axis],
+            faces: self.graded[axis].as_deref(),
+        }
+    }
+
+    /// Returns the width of the widest cells along an axis \[m\].
+    #[must_use]
+    pub fn widest(&self, axis: usize) -> f64 {
+        let axis = self.axis(axis);
+        (0..axis.cells).fold(axis.spacing, |most, cell| most.max(axis.width(cell)))
+    }
+
+    /// Returns `true` if the cells along any axis differ.
+    #[must_use]
+    pub fn is_graded(&self) -> bool {
+        self.graded.iter().any(Option::is_some)
     }
 
     /// Checks the seepage against the rest of the case.
@@ -523,11 +557,19 @@ impl Seepage {
         self.check_conditions(case, findings);
         self.check_laws(findings);
         self.check_unsaturated(case, grid, findings);
-        let path = if self.written.grid.is_some() {
-            format!("{PATH}.grid.cells")
+        let path = if let Some(own) = &self.written.grid {
+            let name = if own.spacing.is_some() {
+                "spacing"
+            } else {
+                "cells"
+            };
+            format!("{PATH}.grid.{name}")
         } else {
             "domain.spacing".to_owned()
         };
+        if self.is_graded() {
+            self.check_graded(case, findings);
+        }
         if let Some(grains) = grains {
             self.check_edges(grains, grid.dimension, &path, findings);
         }
@@ -554,6 +596,26 @@ impl Seepage {
         }
         if case.grains.is_none() && case.bodies.is_empty() {
             self.check_without_grains(findings);
+        }
+    }
+
+    /// Refuses what needs equal cells.
+    fn check_graded(&self, case: &Case, findings: &mut Findings) {
+        let equal = "state the number of equal cells along each axis in `cells`";
+        if case.grains.is_some() || !case.bodies.is_empty() || case.blocks.is_some() {
+            findings.error(
+                &format!("{PATH}.grid.spacing"),
+                "the porosity and the drag of grains and bodies need equal cells, but these cells have different \
+                 widths",
+                equal,
+            );
+        }
+        if self.written.backward_erosion.is_some() {
+            findings.error(
+                &format!("{PATH}.backward_erosion"),
+                "a pipe of backward erosion needs equal cells, but the cells of the grid have different widths",
+                equal,
+            );
         }
     }
 
@@ -696,60 +758,6 @@ fn needs_gravity(condition: &Condition) -> bool {
             | Condition::SeepageFace { .. }
             | Condition::Evaporation { .. }
     )
-}
-
-fn coarse(
-    written: &Darcy,
-    grid: &Grid,
-    findings: &mut Findings,
-) -> Option<([usize; 3], [f64; 3], [f64; 3])> {
-    let Some(own) = &written.grid else {
-        let mut spacing = [grid.spacing; 3];
-        if grid.dimension == 2 {
-            spacing[2] = 1.0;
-        }
-        return Some((grid.cells, [0.0; 3], spacing));
-    };
-    let path = format!("{PATH}.grid");
-    let from = AlignedBox::vector(grid, &own.from, &format!("{path}.from"), findings);
-    let to = AlignedBox::vector(grid, &own.to, &format!("{path}.to"), findings);
-    if own.cells.len() != grid.dimension || own.cells.iter().any(|n| *n == 0 || *n > 100_000) {
-        findings.error(
-            &format!("{path}.cells"),
-            format!(
-                "this list needs {} numbers from 1 to 100000",
-                grid.dimension
-            ),
-            "write the number of cells along each axis",
-        );
-        return None;
-    }
-    let (mut cells, mut spacing) = ([1; 3], [1.0; 3]);
-    for a in 0..grid.dimension {
-        cells[a] = own.cells[a] as usize;
-        spacing[a] = (to[a] - from[a]) / real(cells[a]);
-        if !(spacing[a] > 0.0 && spacing[a].is_finite()) {
-            findings.error(
-                &path,
-                format!("the grid has no extent along {}", ["x", "y", "z"][a]),
-                "write the lower corner in `from`, the upper one in `to`",
-            );
-            return None;
-        }
-        if from[a] < -1e-9 * grid.size[a] || to[a] > grid.size[a] * (1.0 + 1e-9) {
-            findings.error(
-                &path,
-                format!(
-                    "the grid extends beyond the domain, which is 0 … {} m along {}",
-                    number(grid.size[a]),
-                    ["x", "y", "z"][a]
-                ),
-                "end the grid at the face of the domain",
-            );
-            return None;
-        }
-    }
-    Some((cells, from, spacing))
 }
 
 fn planes(written: &Darcy, grid: &Grid, findings: &mut Findings) -> Vec<([f64; 3], f64)> {

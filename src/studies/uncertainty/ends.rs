@@ -7,6 +7,7 @@
 
 use super::grids;
 use base::number::whole;
+use darcy::GridAxis;
 use plan::Plan;
 use plan::ends::FarEnds;
 use serde_json::{Value, json};
@@ -130,14 +131,22 @@ pub(super) fn move_ends(case: &mut Value, plan: &Plan) -> Option<String> {
     {
         return None;
     }
-    if case.pointer("/fluid/darcy/grid").is_none_or(Value::is_null) {
+    let cells = seepage.axis(axis);
+    let stated = ["from", "to", "cells"].map(|field| {
+        let list = case.pointer(&format!("/fluid/darcy/grid/{field}"));
+        list.is_some_and(Value::is_array)
+    });
+    if stated.contains(&false) {
         case["fluid"]["darcy"]["grid"] = grids::seepage_grid(seepage, dimension, 1.0);
     }
     let grid = case.pointer("/fluid/darcy/grid")?.clone();
     let at = |field: &str| grid.get(field)?.get(axis)?.as_f64();
-    let (low, high, cells) = (at("from")?, at("to")?, at("cells")?);
-    // The length is a whole number of cells of both grids.
-    let unit = ((high - low) / cells).max(scene.grid.spacing);
+    let (low, high) = (at("from")?, at("to")?);
+    // The length is a whole number of cells of the domain, and of equal cells.
+    let unit = match (seepage.is_graded(), at("cells")) {
+        (true, _) => scene.grid.spacing,
+        (false, cells) => ((high - low) / cells?).max(scene.grid.spacing),
+    };
     let added = far.added().map(|length| unit * (length / unit).ceil());
     let size = scene.grid.size[axis] + added[0] + added[1];
     let shift = Shift {
@@ -162,8 +171,14 @@ pub(super) fn move_ends(case: &mut Value, plan: &Plan) -> Option<String> {
     }
     case["domain"]["size"][axis] = json!(size);
     case["fluid"]["darcy"]["grid"]["to"][axis] = json!(shift.new[1]);
-    let number = whole(((shift.new[1] - low) * cells / (high - low)).round());
-    case["fluid"]["darcy"]["grid"]["cells"][axis] = json!(number);
+    if seepage.is_graded() {
+        let widths = extended(&cells, added);
+        case["fluid"]["darcy"]["grid"]["spacing"][axis] = json!({"widths": widths});
+    } else {
+        let cells = at("cells")?;
+        let number = whole(((shift.new[1] - low) * cells / (high - low)).round());
+        case["fluid"]["darcy"]["grid"]["cells"][axis] = json!(number);
+    }
     let distances = far
         .distances
         .iter()
@@ -174,6 +189,18 @@ pub(super) fn move_ends(case: &mut Value, plan: &Plan) -> Option<String> {
     let name = ["x", "y", "z"][axis];
     let moved = distances.collect::<Vec<_>>().join(" and ");
     Some(format!("along {name}, {moved} from the heads"))
+}
+
+/// Returns the widths of the cells of an axis with these lengths added at its ends, in cells like the last ones there.
+fn extended(cells: &GridAxis<'_>, added: [f64; 2]) -> Vec<f64> {
+    let of_end = |length: f64, width: f64| {
+        let number = (length / width - 1e-6).ceil().max(0.0);
+        vec![length / number; whole(number)]
+    };
+    let own = (0..cells.cells).map(|cell| cells.width(cell));
+    let before = of_end(added[0], cells.width(0));
+    let behind = of_end(added[1], cells.width(cells.cells - 1));
+    before.into_iter().chain(own).chain(behind).collect()
 }
 
 #[cfg(test)]

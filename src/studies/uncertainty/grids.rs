@@ -28,7 +28,7 @@ use darcy::{Condition, Retention};
 use plan::Plan;
 use plan::scene::Scene;
 use plan::scene::flow::Lattice;
-use plan::scene::seepage::Seepage;
+use plan::scene::seepage::{Seepage, rescaled_widths};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -392,9 +392,18 @@ pub fn on_cells(stated: &Value, plan: &Plan, ratio: f64, scaling: Scaling) -> Va
     tree
 }
 
-/// Returns the `cells` of a seepage in a case with cells `ratio` times as large.
+/// Returns the `grid` of a seepage in a case with cells `ratio` times as large.
 pub(super) fn seepage_grid(seepage: &Seepage, dimension: usize, ratio: f64) -> Value {
     let numbers = |of: &dyn Fn(usize) -> f64| (0..dimension).map(of).collect::<Vec<f64>>();
+    if seepage.is_graded() {
+        let widths = |a: usize| json!({"widths": rescaled_widths(&seepage.axis(a), ratio)});
+        let widths: Vec<Value> = (0..dimension).map(widths).collect();
+        return json!({
+            "from": numbers(&|a| seepage.origin[a]),
+            "to": numbers(&|a| seepage.axis(a).end()),
+            "spacing": widths,
+        });
+    }
     let to = |a: usize| real(seepage.cells[a]).mul_add(seepage.spacing[a], seepage.origin[a]);
     let cells: Vec<usize> = (0..dimension)
         .map(|a| whole((real(seepage.cells[a]) / ratio).round()))

@@ -41,7 +41,7 @@ impl Pressure {
     pub fn outside(&self, cell: usize, axis: usize, upper: bool) -> Option<f64> {
         let (grid, weight) = (&self.slab.grid, self.weight());
         let mut at = grid.centre(grid.cell(cell));
-        let half = 0.5 * grid.spacing[axis];
+        let half = 0.5 * grid.width(axis, grid.cell(cell));
         at[axis] += if upper { half } else { -half };
         let below: f64 = (0..3).map(|a| weight[a] * at[a]).sum();
         let of_head = |head: f64| head_pressure(&self.liquid, &self.settings, head) + below;
@@ -92,8 +92,9 @@ impl Pressure {
             let along = if face.upper { -rate } else { rate };
             driven[face.axis] += 0.5 * along / face.area;
         }
+        let conductivities = self.conductivities(cell);
         std::array::from_fn(|axis| {
-            let k = self.along(axis)[at];
+            let k = conductivities[axis];
             if k > 0.0 { -driven[axis] / k } else { 0.0 }
         })
     }

@@ -33,6 +33,7 @@ fn plane(cells: [usize; 2], size: [f64; 2]) -> SeepageGrid {
         origin: [0.0; 3],
         spacing: [size[0] / real(cells[0]), size[1] / real(cells[1]), 1.0],
         dimension: 2,
+        ..SeepageGrid::default()
     }
 }
 

@@ -232,7 +232,7 @@ impl Pressure {
     /// the volume of each cell inside the walls \[m³\].
     #[must_use]
     pub fn with_transient(mut self, settings: TransientSettings, volume: &[f64]) -> Self {
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
         let mut inside = vec![0.0; layout.len()];
         for (cell, volume) in volume.iter().enumerate() {
             if self.conduction.conducts[cell] {
@@ -305,7 +305,7 @@ impl Pressure {
         let own = self.unsaturated.as_ref();
         let transient = own.and_then(|own| own.transient.as_ref());
         transient.into_iter().flat_map(|transient| {
-            let (grid, layout) = (self.slab.grid, self.slab.layout);
+            let (grid, layout) = (&self.slab.grid, self.slab.layout);
             let cells = (0..grid.count())
                 .map(move |cell| transient.stored[layout.position(grid.cell(cell))]);
             cells.chain([
@@ -324,7 +324,7 @@ impl Pressure {
     /// # Errors
     /// If the values are not those of this grid.
     pub fn restore_water(&mut self, saved: &[f64]) -> Result<(), SeepageError> {
-        let (grid, layout) = (self.slab.grid, self.slab.layout);
+        let (grid, layout) = (&self.slab.grid, self.slab.layout);
         let Some(mut own) = self.unsaturated.take() else {
             return Ok(());
         };

@@ -275,7 +275,7 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
         });
     };
     let (up, across) = (ground.up, 1 - ground.up);
-    let height = real(seepage.cells[up]) * seepage.spacing[up];
+    let height = seepage.axis(up).length(0, seepage.cells[up]);
     let weight = seepage.written.density * scene.gravity[up].abs();
     // A front enters ground that starts under one suction; heads change there by all of their range.
     let transient = (seepage.written.unsaturated.as_ref()).and_then(|s| s.transient.as_ref());
@@ -359,8 +359,7 @@ fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswe
 
 /// Returns the length of a part of a plane along an axis, within the grid \[m\].
 fn width_of(seepage: &Seepage, part: Option<&AlignedBox>, axis: usize) -> f64 {
-    let (low, h) = (seepage.origin[axis], seepage.spacing[axis]);
-    let high = low + real(seepage.cells[axis]) * h;
+    let (low, high) = (seepage.origin[axis], seepage.axis(axis).end());
     part.map_or(high - low, |part| {
         part.to[axis].min(high) - part.from[axis].max(low)
     })
@@ -393,14 +392,13 @@ fn bounded_exits<'a>(scene: &Scene, seepage: &'a Seepage, ground: &Ground) -> Ve
             return false;
         };
         let low = seepage.origin[along];
-        let high = low + real(seepage.cells[along]) * seepage.spacing[along];
+        let high = seepage.axis(along).end();
         let near = 0.51 * seepage.spacing[along];
-        let level = seepage.origin[up]
-            + if patch.face.is_max() {
-                real(seepage.cells[up]) * seepage.spacing[up]
-            } else {
-                0.0
-            };
+        let level = if patch.face.is_max() {
+            seepage.axis(up).end()
+        } else {
+            seepage.origin[up]
+        };
         let ends = [extent.from.to_array()[along], extent.to.to_array()[along]];
         ends.into_iter().all(|end| {
             let outside = end <= low || end >= high;

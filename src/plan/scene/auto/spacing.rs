@@ -78,6 +78,9 @@ const SEEPAGE_DIAMETERS: f64 = 3.0;
 /// Maximum number of cells of seepage without grains: along the shortest edge, and in total.
 const SEEPAGE_LAYERS: f64 = 50.0;
 pub(super) const SEEPAGE_CELLS: f64 = 1e6;
+/// Maximum number of parts of a fiftieth of the shortest edge that are tried as cells of a domain whose seepage has a
+/// grid of its own.
+const MOST_PARTS: u32 = 200;
 /// Fraction of the target for the error of the spacing; the rest is for the time step.
 const SPACING_SHARE: f64 = 0.75;
 /// Maximum refinement factor to move bodies away from positions of symmetry.
@@ -222,12 +225,17 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
             (SEEPAGE_DIAMETERS * 0.5 * (smallest + largest)).max(largest),
             "three mean diameters: the seepage is averaged over grains",
         ),
-        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() => {
+        Some(Fluid::Darcy(darcy)) if darcy.grid.is_none() || largest <= 0.0 => {
             let edges = case.domain.size.to_array();
             let edges: Vec<f64> = edges.into_iter().filter(|x| *x > 0.0).collect();
             let shortest = edges.iter().copied().fold(f64::INFINITY, f64::min);
             let size: f64 = edges.iter().product();
             let coarsest = (size / SEEPAGE_CELLS).powf(1.0 / real(edges.len().max(1)));
+            let own = darcy.grid.is_some();
+            let fitting = own.then(|| common_spacing(&edges)).flatten();
+            if let Some(size) = fitting {
+                return Some((size, OWN_GRID.into()));
+            }
             (
                 (shortest / SEEPAGE_LAYERS).max(coarsest),
                 "fifty cells along the shortest edge, or a million cells in total, because the case has no \
@@ -248,6 +256,18 @@ fn without_lattice(case: &Case, findings: &mut Findings) -> Option<(f64, String)
         return None;
     }
     Some((size, reason.into()))
+}
+
+/// Reason of the spacing of a domain whose seepage has a grid of its own.
+const OWN_GRID: &str = "the seepage has a grid of its own: these cells only measure the domain";
+
+/// Returns the coarsest spacing that divides all edges, of at most [`SEEPAGE_LAYERS`] times [`MOST_PARTS`] cells along
+/// the shortest one.
+fn common_spacing(edges: &[f64]) -> Option<f64> {
+    let shortest = edges.iter().copied().fold(f64::INFINITY, f64::min);
+    let spacings = (1..=MOST_PARTS).map(|part| shortest / (SEEPAGE_LAYERS * f64::from(part)));
+    let mut fitting = spacings.filter(|h| edges.iter().all(|edge| fits_one(*edge, *h)));
+    fitting.next()
 }
 
 /// Returns the coarsest spacing between half the wanted one and the wanted one that divides every edge. Up to

@@ -6,6 +6,7 @@ use crate::scene::blocks::PlacedBlocks;
 use crate::scene::bodies::NamedBody;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
+use crate::scene::seepage::grid_of;
 use crate::scene::structures::Structure;
 use crate::scene::unique;
 use crate::scene::walls::SceneWall;
@@ -316,10 +317,9 @@ impl Measured<'_> {
             );
         }
         let axis = (0..3).find(pulls).unwrap_or(0);
-        let cells = |a: usize| match written.and_then(|written| written.grid.as_ref()) {
-            Some(grid) => grid.cells.get(a).map_or(1, |n| *n as usize),
-            None => self.grid.cells[a],
-        };
+        let coarse = written.and_then(|_| grid_of(self.case, self.grid));
+        let all = coarse.map_or(self.grid.cells, |coarse| coarse.cells);
+        let cells = |a: usize| all[a];
         ProbeAt::WaterTable((0..3).filter(|a| *a != axis).map(cells).product())
     }
 

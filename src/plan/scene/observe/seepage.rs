@@ -6,7 +6,7 @@ use super::ProbeAt;
 use crate::scene::block::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
-use base::number::{real, whole};
+use crate::scene::seepage::grid_of;
 use case::Case;
 use case::fluid::Fluid;
 use case::geometry::{Extent, Face, Vector};
@@ -69,7 +69,7 @@ pub(super) fn heave(
     path: &str,
     findings: &mut Findings,
 ) -> Option<ProbeAt> {
-    let Some(Fluid::Darcy(written)) = &case.fluid else {
+    let Some(Fluid::Darcy(_)) = &case.fluid else {
         findings.error(
             path,
             "heave needs ground with seepage, but this case has none",
@@ -108,27 +108,19 @@ pub(super) fn heave(
             "state the submerged unit weight in N/m3, such as 9500 for sand",
         );
     }
+    // A wrong grid has its own finding.
+    let coarse = grid_of(case, grid)?;
     let (mut first, mut end) = ([0; 3], [1; 3]);
     for a in 0..grid.dimension {
-        let (origin, spacing, cells) = match &written.grid {
-            Some(own) => {
-                let (low, high) = (own.from.to_array()[a], own.to.to_array()[a]);
-                let cells = own.cells.get(a).map_or(1, |n| *n as usize);
-                (low, (high - low) / real(cells), cells)
-            }
-            None => (0.0, grid.spacing, grid.cells[a]),
-        };
+        let axis = coarse.axis(a);
         // Use planes between cells: the nearest ones along gravity, otherwise those that enclose the cells with
         // centres in the box.
-        let shift = if a == vertical { 0.0 } else { 0.5 };
         let place = |x: f64| {
-            let place = (x - origin) / spacing - shift;
-            let place = if a == vertical {
-                place.round()
+            if a == vertical {
+                axis.nearest_face(x)
             } else {
-                place.ceil()
-            };
-            whole(place.clamp(0.0, real(cells)))
+                axis.first_centre(x)
+            }
         };
         (first[a], end[a]) = (place(block.from[a]), place(block.to[a]));
         if first[a] >= end[a] {
@@ -137,7 +129,7 @@ pub(super) fn heave(
                 format!("the box contains no cell along {}", ["x", "y", "z"][a]),
                 format!(
                     "the cells of the seepage are {} m long there",
-                    number(spacing)
+                    number(axis.spacing)
                 ),
             );
             return None;

@@ -82,20 +82,20 @@ impl Seepage {
         let (mut from, mut to) = ([0; 3], self.cells);
         let mut thin = Vec::new();
         for a in 0..dimension {
-            let place = |x: f64| (x - self.origin[a]) / self.spacing[a];
-            let first = |x: f64| whole((place(x) - 0.5).ceil().clamp(0.0, real(self.cells[a])));
-            (from[a], to[a]) = (first(block.from[a]), first(block.to[a]));
+            let axis = self.axis(a);
+            (from[a], to[a]) = (
+                axis.first_centre(block.from[a]),
+                axis.first_centre(block.to[a]),
+            );
             if from[a] == to[a] {
                 thin.push(a);
             }
         }
-        let middle =
-            |a: usize| 0.5 * (block.from[a] + block.to[a] - 2.0 * self.origin[a]) / self.spacing[a];
         match thin[..] {
             [] => {}
             [a] => {
-                let plane = middle(a).round();
-                if !(1.0..real(self.cells[a])).contains(&plane) {
+                let plane = self.nearest_plane(block, a);
+                if !(1..self.cells[a]).contains(&plane) {
                     findings.error(
                         &format!("{path}.box"),
                         "the sheet lies on a face of the coarse grid or outside it",
@@ -103,13 +103,12 @@ impl Seepage {
                     );
                     return None;
                 }
-                from[a] = whole(plane);
-                to[a] = from[a];
+                (from[a], to[a]) = (plane, plane);
             }
             // A line or a point becomes the cells that contain it.
             _ => {
                 for a in thin {
-                    let at = whole(middle(a).floor().clamp(0.0, real(self.cells[a] - 1)));
+                    let at = self.middle_cell(block, a);
                     (from[a], to[a]) = (at, at + 1);
                 }
             }
@@ -122,6 +121,37 @@ impl Seepage {
         })
     }
 
+    /// Returns the plane between cells nearest to the middle of a box.
+    fn nearest_plane(&self, block: &AlignedBox, a: usize) -> usize {
+        match &self.graded[a] {
+            None => {
+                let middle = block.from[a] + block.to[a] - 2.0 * self.origin[a];
+                let place = (0.5 * middle / self.spacing[a]).round();
+                whole(place.clamp(0.0, real(self.cells[a])))
+            }
+            Some(_) => self
+                .axis(a)
+                .nearest_face(0.5 * (block.from[a] + block.to[a])),
+        }
+    }
+
+    /// Returns the cell that contains the middle of a box, or the nearest one.
+    fn middle_cell(&self, block: &AlignedBox, a: usize) -> usize {
+        let last = self.cells[a] - 1;
+        match &self.graded[a] {
+            None => {
+                let middle = block.from[a] + block.to[a] - 2.0 * self.origin[a];
+                let place = (0.5 * middle / self.spacing[a]).floor();
+                whole(place.clamp(0.0, real(last)))
+            }
+            Some(faces) => {
+                let middle = 0.5 * (block.from[a] + block.to[a]);
+                let above = faces.partition_point(|face| *face <= middle);
+                above.saturating_sub(1).min(last)
+            }
+        }
+    }
+
     /// Returns the reduced pressure that a drain imposes \[Pa\].
     pub(super) fn drain_pressure(&self, drain: &Drain, gravity: [f64; 3]) -> Option<f64> {
         let density = self.written.density;
@@ -129,6 +159,16 @@ impl Seepage {
         // The reference point is half way between the ends; for air the lowest point.
         let place = |part: f64| -> f64 {
             let at = |a: usize| {
+                if self.graded[a].is_some() {
+                    let axis = self.axis(a);
+                    let ends = [drain.cells.from[a], drain.cells.to[a]].map(|n| axis.face(n));
+                    let [low, high] = if gravity[a] > 0.0 {
+                        [ends[1], ends[0]]
+                    } else {
+                        ends
+                    };
+                    return low + part * (high - low);
+                }
                 let (low, high) = (real(drain.cells.from[a]), real(drain.cells.to[a]));
                 let [low, high] = if gravity[a] > 0.0 {
                     [high, low]

@@ -198,7 +198,7 @@ impl Seepage {
         };
         let strength = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         let rise = (0..grid.dimension)
-            .map(|a| (gravity[a] / strength).abs() * self.spacing[a])
+            .map(|a| (gravity[a] / strength).abs() * self.widest(a))
             .fold(0.0, f64::max);
         let length = law.capillary_length();
         if rise > COARSE * length * (1.0 + 1e-9) {

@@ -195,7 +195,8 @@ fn bounds(case: &Case, grid: &Grid) -> Vec<Bound> {
     let mut all = Vec::new();
     if let Some(Fluid::Darcy(darcy)) = &case.fluid {
         if let Some(own) = &darcy.grid {
-            (low, high) = (own.from.to_array(), own.to.to_array());
+            low = own.from.as_ref().map_or(low, |from| from.to_array());
+            high = own.to.as_ref().map_or(high, |to| to.to_array());
         }
         if let Enclosure::Planes(planes) = &darcy.enclosure {
             for plane in planes {

@@ -18,6 +18,7 @@ fn the_parabola_of_a_horizontal_drain() {
         origin: [left, 0.0, 0.0],
         spacing: [spacing, spacing, 1.0],
         dimension: 2,
+        ..SeepageGrid::default()
     };
     let head = |x: f64, y: f64| (y0 * (x.hypot(y) + x)).sqrt();
     let top = (2.0 * y0 * right + y0 * y0).sqrt();
@@ -62,7 +63,7 @@ fn the_parabola_of_a_horizontal_drain() {
 
 /// Height of zero pressure at a coordinate, between the columns of cells on both sides.
 fn table(solver: &Pressure, x: f64) -> f64 {
-    let grid = *solver.grid();
+    let grid = solver.grid();
     let height = |column: usize| {
         let head = |row: usize| solver.pressure(grid.index([column, row, 0])) / (1000.0 * G);
         let dry = (0..grid.cells[1]).find(|&row| head(row) < 0.0).unwrap();

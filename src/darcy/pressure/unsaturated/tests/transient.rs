@@ -25,7 +25,7 @@ pub(super) fn advancing(
     retention: Retention,
     settings: TransientSettings,
 ) -> Pressure {
-    let volume = vec![grid.volume(); grid.count()];
+    let volume = vec![grid.volume([0; 3]); grid.count()];
     solver(grid, patches, retention).with_transient(settings, &volume)
 }
 
@@ -52,7 +52,7 @@ pub(super) fn closes(solver: &Pressure) {
 
 /// Returns the pressure head at a height of a column, between the centres of its cells.
 fn head_at(solver: &Pressure, height: f64) -> f64 {
-    let grid = *solver.grid();
+    let grid = solver.grid();
     let place = height / grid.spacing[1] - 0.5;
     let below = base::number::whole(place.floor());
     let head = |row: usize| solver.pressure(grid.index([0, row, 0])) / WEIGHT;

@@ -7,7 +7,6 @@
 use crate::scene::Scene;
 use crate::scene::findings::number;
 use crate::scene::seepage::Seepage;
-use base::number::real;
 use case::Case;
 use case::darcy::{InitialState, Zone, ZonePermeability};
 use case::geometry::{Axis, Region};
@@ -152,7 +151,7 @@ impl<'a> Reader<'a> {
         if strength <= 0.0 || (gravity[up].abs() - strength).abs() > 1e-9 * strength {
             return Err("errors were measured with gravity along an axis".into());
         }
-        let end = [0, 1].map(|a| seepage.origin[a] + real(seepage.cells[a]) * seepage.spacing[a]);
+        let end = [0, 1].map(|a| seepage.axis(a).end());
         let mut reader = Self {
             scene,
             case,
@@ -178,6 +177,9 @@ impl<'a> Reader<'a> {
     fn refuse(&mut self) -> Result<(), String> {
         let written = &self.seepage.written;
         let conducts = written.density * self.strength() / written.viscosity;
+        if self.seepage.is_graded() {
+            return Err("no error was measured on cells of different widths".into());
+        }
         if self.seepage.piping.is_some() {
             return Err("no error was measured for backward erosion".into());
         }
