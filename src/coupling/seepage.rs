@@ -169,7 +169,7 @@ pub struct Seepage<Sp: Space> {
     sums: Sums,
     water: Water,
     moist: Moist,
-    /// `true` if a coupling may be interrupted ([`Self::heed`]).
+    /// `true` if a coupling may be interrupted ([`Self::interrupt_when`]).
     may_stop: bool,
     /// State before the present coupling, if it may be interrupted.
     kept: Vec<f64>,
@@ -217,8 +217,8 @@ impl<Sp: Space> Seepage<Sp> {
     /// Adds permeabilities and porosities by zone.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
-        let room = ZonePermeability::new(&zones, self.grid().count());
-        self.zones = Some((zones, room));
+        let permeability_of_zones = ZonePermeability::new(&zones, self.grid().count());
+        self.zones = Some((zones, permeability_of_zones));
         self
     }
 
@@ -306,10 +306,10 @@ impl<Sp: Space> Seepage<Sp> {
         state.extend(self.pressure.saved_water());
     }
 
-    /// Ends couplings early where `requested` returns `true` on some rank ([`Pressure::heed`]). The state is then that
-    /// of the previous coupling.
-    pub fn heed(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
-        self.pressure.heed(requested);
+    /// Ends couplings early where `requested` returns `true` on some rank ([`Pressure::interrupt_when`]). The state is
+    /// then that of the previous coupling.
+    pub fn interrupt_when(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
+        self.pressure.interrupt_when(requested);
         self.may_stop = true;
     }
 
@@ -384,7 +384,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// Returns `true` if a body that the case does not resolve bears the pressure of a cell.
     fn is_body(&self, cell: usize) -> bool {
         let zones = self.zones.as_ref();
-        zones.is_some_and(|(_, room)| room.is_body(cell))
+        zones.is_some_and(|(_, permeability_of_zones)| permeability_of_zones.is_body(cell))
     }
 }
 

@@ -157,7 +157,7 @@ pub enum SeepageError {
     /// Failure to set up the messages between ranks.
     #[error("seepage: {0}")]
     Messages(String),
-    /// Solution that ended early, because a stop was requested ([`Pressure::heed`]).
+    /// Solution that ended early, because a stop was requested ([`Pressure::interrupt_when`]).
     #[error("stopped within a solution of the seepage pressure")]
     Stopped,
 }

@@ -192,7 +192,7 @@ pub(super) fn advance<S: Space>(
     let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
     let fluid = &particles.fluid[..];
     let threads = if parallel { thread_pool::threads() } else { 1 };
-    let mut fastest = [Fastest::default(); thread_pool::MOST];
+    let mut fastest = [Fastest::default(); thread_pool::MAX_THREADS];
     let shared = (
         thread_pool::evenly(&mut fastest[..threads], threads),
         thread_pool::evenly(motion, threads),

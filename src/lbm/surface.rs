@@ -168,7 +168,7 @@ impl SlabSurface {
         })
     }
 
-    /// Gives the surface a tension. Collective.
+    /// Adds surface tension. Collective.
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.

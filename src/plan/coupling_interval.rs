@@ -192,12 +192,12 @@ pub(super) fn check(
         ("coupling interval / settling time of the bed", limits.bed),
     ];
     let of_contact_decides = limits.longest() <= limits.contact;
-    let ways: &[(&str, f64)] = if of_contact_decides {
+    let limits: &[(&str, f64)] = if of_contact_decides {
         &of_contact
     } else {
         &of_bed
     };
-    for (limit, allowed) in ways {
+    for (limit, allowed) in limits {
         margins.push(margin(limit, interval, *allowed, PATH));
     }
     let longest = limits.longest();

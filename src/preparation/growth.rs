@@ -466,7 +466,7 @@ impl<'a, S: Space> Growing<'a, S> {
                         taken,
                         limit,
                     };
-                    self.batch(LOOK_EVERY.min(limit - taken));
+                    self.batch(CHECK_EVERY.min(limit - taken));
                     return Ok(());
                 }
                 self.dem.set_local_damping(WHILE_GROWING);
@@ -542,7 +542,7 @@ impl<'a, S: Space> Growing<'a, S> {
             limit,
         };
         self.dem.set_local_damping(AT_REST);
-        self.batch(LOOK_EVERY.min(limit));
+        self.batch(CHECK_EVERY.min(limit));
     }
 
     fn after_round(
@@ -654,7 +654,7 @@ const COARSE: f64 = 1e-2;
 const WHILE_GROWING: f64 = 0.3;
 const AT_REST: f64 = 0.7;
 /// Number of steps between checks of a relaxing packing, and maximum number of rounds of up to a thousand steps.
-const LOOK_EVERY: u64 = 100;
+const CHECK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
 #[cfg(test)]
 mod tests {
@@ -676,7 +676,7 @@ mod tests {
         dem.set_local_damping(until.local_damping);
         let mut steps = 0;
         let still = loop {
-            let batch = until.look_every.max(1).min(until.limit - steps);
+            let batch = until.check_every.max(1).min(until.limit - steps);
             dem.advance_many(particles, domain, batch).unwrap();
             steps += batch;
             let now = dem.equilibrium_state(particles, domain);

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | the free space outside structures for falling grains | [`room`] |
+//! | the free space outside structures for falling grains | [`free_space`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
@@ -32,7 +32,7 @@ pub mod deposition;
 pub mod growth;
 pub mod numbering;
 pub mod rest;
-pub mod room;
+pub mod free_space;
 pub mod supervision;
 
 use base::error::{Error, number};
@@ -53,7 +53,7 @@ use plan::scene::sample;
 use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
-use room::FreeSpace;
+use free_space::FreeSpace;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
@@ -185,7 +185,7 @@ impl Prepared {
             last.kinetic_energy,
             unbalanced_text(last.unbalanced)
         );
-        let closed = deposition.room.closed;
+        let closed = deposition.free_space.closed;
         if closed > 0.0 {
             let unit = if S::DIMENSION == 2 { "m2" } else { "m3" };
             self.add(format!(
@@ -317,7 +317,7 @@ fn deposition_of<S: Space>(
         .collect();
     let up = (0..scene.grid.dimension).find(|&a| scene.gravity[a].abs() > 0.0);
     let up = up.unwrap_or(scene.grid.dimension - 1);
-    let bounds = room::Boundaries {
+    let bounds = free_space::Boundaries {
         dimension: scene.grid.dimension,
         region: [
             components(&engine.region.lower),
@@ -330,7 +330,7 @@ fn deposition_of<S: Space>(
     let smallest = clouds.iter().map(|cloud| cloud.grading.bounds().0);
     let smallest = smallest.fold(f64::INFINITY, f64::min);
     Deposition {
-        room: FreeSpace::new(&scene.structures, &bounds, smallest),
+        free_space: FreeSpace::new(&scene.structures, &bounds, smallest),
         clouds: (clouds.iter())
             .map(|cloud| deposition::Cloud {
                 lower: vector::<S>(cloud.block.from),

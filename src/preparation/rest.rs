@@ -158,12 +158,12 @@ impl BondRelaxation {
         let communicator = domain.communicator();
         let still: EquilibriumState = loop {
             // The checks follow the same steps, independently of interruptions between them.
-            let to_check = until.look_every - self.steps % until.look_every;
+            let to_check = until.check_every - self.steps % until.check_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
             dem.advance_many(particles, domain, batch)?;
             self.steps += batch;
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
-            let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
+            let checks = self.steps.is_multiple_of(until.check_every) || self.steps >= until.limit;
             if checks {
                 let now = dem.equilibrium_state(particles, domain);
                 if self.steps >= until.limit || now.unbalanced() <= until.tolerance {

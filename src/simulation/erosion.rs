@@ -567,7 +567,7 @@ impl ErosionRecorder {
     /// Finds the faces of the hole and stores them; at the first row also the solid fraction next to
     /// the hole.
     fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
-        let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
+        let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_around(hole));
         let solid = sums.solid_fractions();
         let faces = hole_faces(profile(spacing, &solid), intact, hole.middle());
         self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);

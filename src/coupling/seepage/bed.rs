@@ -78,7 +78,7 @@ impl Laws<'_> {
 }
 
 /// Minimum weight of a velocity change over the interval, with which the load is that of the middle of the interval.
-const LEAST_WEIGHT: f64 = 0.5;
+const MIN_WEIGHT: f64 = 0.5;
 
 /// Known data of a grain before a coupling.
 enum Start {
@@ -147,7 +147,7 @@ pub(super) fn fill<Sp: Space>(
             let strongest = drag.iter().copied().fold(0.0, f64::max);
             let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
-                LEAST_WEIGHT
+                MIN_WEIGHT
             } else {
                 0.0
             };
@@ -167,7 +167,7 @@ pub(super) fn fill<Sp: Space>(
                 compliance,
                 response: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
                 known,
-                late: part > LEAST_WEIGHT,
+                late: part > MIN_WEIGHT,
             };
             share.terms.push(term);
             if moves {

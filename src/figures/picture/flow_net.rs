@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Maximum number of streamlines.
-const MOST_LINES: f64 = 60.0;
+const MAX_LINES: f64 = 60.0;
 /// Point of the plane or of the picture.
 type Point = [f64; 2];
 
@@ -210,7 +210,7 @@ impl FlowNet {
                 squares += steep * steep * x * y;
             }
         }
-        let tube = (drop * products / squares).max((most - least) / MOST_LINES);
+        let tube = (drop * products / squares).max((most - least) / MAX_LINES);
         if !(drop > 0.0 && tube > 0.0 && tube.is_finite()) {
             return None;
         }

@@ -1,11 +1,11 @@
 //! Momentum of the water of a step with a free surface, for its balance with walls, structures and bodies.
 //!
 //! The balance runs from before the pass to the moment at which the surface acts. By then the water has taken the body
-//! force, has bounced at walls, structures and bodies, and has sent populations to the gas. What the surface then
-//! gives back follows from the pressure of the gas, and cells that change their kind gain or lose momentum by rule:
-//! neither is an exchange with anything. The same is true of the links of carried cells ([`super::carried`]). Those
-//! that lead through a plane of symmetry change the populations that the plane has mirrored, so that the momentum
-//! through the faces is measured on both sides of this change, like that of the water.
+//! force, has bounced at walls, structures and bodies, and has sent populations to the gas. What the surface then gives
+//! back follows from the pressure of the gas, and cells that change their kind gain or lose momentum by rule: neither
+//! is an exchange with walls or bodies. The same is true of the links of carried cells ([`super::carried`]). Those that
+//! lead through a plane of symmetry change the populations that the plane has mirrored, so that the momentum through
+//! the faces is measured on both sides of this change, like that of the water.
 
 use super::SlabSurface;
 use super::kind::{GAS, is_wet};

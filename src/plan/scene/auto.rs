@@ -30,7 +30,7 @@ pub(crate) mod solids;
 pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
-mod ways;
+mod passages;
 
 use super::Scene;
 use super::findings::Findings;
@@ -195,8 +195,8 @@ fn hold_means_in_eddies(scene: &mut Scene) {
 }
 
 /// Reports solids that touch each other from wall to wall, so that no water passes.
-fn report_blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
-    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width <= 0.0) {
+fn report_blocked(case: &Case, narrow_gaps: &[(usize, gaps::Gap)], findings: &mut Findings) {
+    for (axis, gap) in narrow_gaps.iter().filter(|(_, gap)| gap.width <= 0.0) {
         let axis = ["x", "y", "z"][*axis];
         let path = if case.bodies.is_empty() {
             "grains"
@@ -223,20 +223,20 @@ pub(crate) fn choose_remaining(
     findings: &mut Findings,
 ) {
     let lattice = features::lattice(case);
-    let ways = lattice.map_or_else(Vec::new, |lbm| {
+    let narrow_gaps = lattice.map_or_else(Vec::new, |lbm| {
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
         gaps::case_gaps(case, lbm, factor).passages
     });
     if let Some(flow) = &scene.flow {
-        scene.density_causes = density::flow_causes(scene, flow, &ways);
+        scene.density_causes = density::flow_causes(scene, flow, &narrow_gaps);
         let of_bodies = moving::causes(scene, flow);
         scene.density_causes.extend(of_bodies);
     }
     if let (Some(accuracy), Some(lbm)) = (requested_accuracy(written), lattice) {
         scene.chosen.accuracy = Some(accuracy);
-        report_blocked(case, &ways, findings);
-        step::choose(scene, lbm, accuracy.target(), &ways, findings);
+        report_blocked(case, &narrow_gaps, findings);
+        step::choose(scene, lbm, accuracy.target(), &narrow_gaps, findings);
         promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
     }
     hold_means_in_eddies(scene);

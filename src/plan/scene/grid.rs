@@ -26,7 +26,7 @@ pub struct Grid {
 }
 
 /// Maximum number of cells along an axis; more indicate a wrong unit.
-const MOST_CELLS: f64 = 1e9;
+const MAX_CELLS: f64 = 1e9;
 
 impl Grid {
     /// Returns the number of cells.
@@ -66,11 +66,11 @@ impl Grid {
                     "write a length in m",
                 );
                 good = false;
-            } else if ratio > MOST_CELLS {
+            } else if ratio > MAX_CELLS {
                 findings.error(
                     &path,
                     format!(
-                        "this makes {} cells; at most {MOST_CELLS:e} are allowed along an axis",
+                        "this makes {} cells; at most {MAX_CELLS:e} are allowed along an axis",
                         number(ratio)
                     ),
                     "check the units: size and spacing are in m",

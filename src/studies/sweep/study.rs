@@ -22,7 +22,7 @@ use std::marker::PhantomData;
 use std::path::PathBuf;
 
 /// Maximum number of members; more are a slip.
-pub(super) const MOST_MEMBERS: usize = 10_000;
+pub(super) const MAX_MEMBERS: usize = 10_000;
 
 /// A parameter study: members of one base case, with error and cost of each.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -557,8 +557,8 @@ fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     let crossed = study.vary.0.iter().filter(|(name, _)| !drawn.draws(name));
     let mut counts = crossed.map(|(_, variation)| variation.labels().len().max(1));
     let all = counts.try_fold(drawn.members as usize, usize::checked_mul);
-    if all.is_none_or(|all| all > MOST_MEMBERS) {
-        let reason = format!("more than {MOST_MEMBERS} members");
+    if all.is_none_or(|all| all > MAX_MEMBERS) {
+        let reason = format!("more than {MAX_MEMBERS} members");
         found.push(problem("sample", "too many", reason, "draw or cross fewer"));
     }
     if study.map.is_some() {

@@ -40,7 +40,7 @@ const ARRAYS: [(f64, f64); 5] = [
 /// that of Kozeny and Carman, is 99 % of the drag.
 const DENSEST: f64 = 0.65;
 /// Largest Reynolds number of the simulations.
-const MOST_REYNOLDS: f64 = 1000.0;
+const MAX_REYNOLDS: f64 = 1000.0;
 /// Maximum Reynolds number of creeping flow.
 const CREEPING: f64 = 1.0;
 /// Relative errors of the formula: in creeping flow, and with inertia.
@@ -159,7 +159,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         let permeability = law.permeability(1.0 - loosest, high, liquid, loss * slow);
         worst = worst.max((permeability * loss / liquid.viscosity - 1.0).abs());
     }
-    if fastest > MOST_REYNOLDS {
+    if fastest > MAX_REYNOLDS {
         return Err(format!(
             "{unknown} at the Reynolds number {}",
             number(fastest)
