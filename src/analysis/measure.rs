@@ -6,7 +6,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use super::expression::evaluate;

@@ -24,11 +24,11 @@
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
+    reason = "the documentation is read together with the code"
 )]
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are the texts of the schema, with units in brackets: [m]"
 )]
 
 pub mod accuracy;

@@ -18,7 +18,7 @@
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
+    reason = "the documentation is read together with the code"
 )]
 
 mod cite;
@@ -271,7 +271,7 @@ struct CriticalArgs {
     case: CaseArgs,
     #[command(flatten)]
     stability: Stability,
-    /// Boundary that drives the water [default: the one with the highest head].
+    /// Driving boundary [default: the one with the highest head].
     #[arg(long, value_name = "NAME")]
     boundary: Option<String>,
     /// Value that does not erode, in the unit of the boundary condition.
@@ -628,7 +628,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
         _ => Verdict::sentence(findings),
     };
     let how = match Verdict::from_findings(findings) {
-        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
+        Verdict::Unstable => format!("; use {ALLOW_UNSTABLE} to run it"),
         _ => String::new(),
     };
     format!("{}: {sentence}; the case was not run{how}", name.display())

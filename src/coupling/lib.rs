@@ -18,7 +18,7 @@
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
+    reason = "the documentation is read together with the code"
 )]
 
 pub mod body_map;

@@ -381,7 +381,7 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
-    /// Returns `true` if a body that the case does not resolve bears the pressure of a cell.
+    /// Returns `true` if a body that the case does not resolve carries the pressure of a cell.
     fn is_body(&self, cell: usize) -> bool {
         let zones = self.zones.as_ref();
         zones.is_some_and(|(_, permeability_of_zones)| permeability_of_zones.is_body(cell))

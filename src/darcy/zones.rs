@@ -528,7 +528,7 @@ pub struct ZonePermeability {
     porosity: Vec<f64>,
     /// `true` for cells that contain grains.
     grains: Vec<bool>,
-    /// `true` for cells without grains in which a zone applies: a body that the case does not resolve bears the
+    /// `true` for cells without grains in which a zone applies: a body that the case does not resolve carries the
     /// pressure.
     bodies: Vec<bool>,
     /// `true` for cells with grains that lie within zones.

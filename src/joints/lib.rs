@@ -37,7 +37,7 @@
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
+    reason = "the documentation is read together with the code"
 )]
 
 pub mod cells;
@@ -47,7 +47,7 @@ pub mod flow;
 pub mod friction;
 #[allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 pub mod history;
 mod ldl;

@@ -158,7 +158,7 @@ fn check_tension(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
                 "the surface tension of {} N/m needs a time step of at most {} s on cells of {} m: the pressure of \
-                 a drop of a few cells would exceed the compression that the lattice bears",
+                 a drop of a few cells would exceed the compression limit of the lattice",
                 number(tension.value),
                 number(limit),
                 number(scene.grid.spacing)

@@ -262,7 +262,7 @@ fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
-        // A wall that is removed during the run is no lasting support.
+        // A wall that is removed during the run is not a permanent support.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
         let next_to_wall = lasting.any(|wall| {
             let near = (1.0 + SUPPORT_GAP) * one.reach;

@@ -119,8 +119,8 @@ impl<S: Space> Deposition<S> {
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
-    /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
-    /// where the outside wants an end.
+    /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] if
+    /// the caller requests a stop.
     pub fn run(
         &self,
         supervision: &Supervision<'_, S>,

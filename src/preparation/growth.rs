@@ -141,8 +141,8 @@ impl<S: Space> PackingSettings<S> {
     /// Packs the grains.
     ///
     /// # Errors
-    /// If the request makes no sense, or the packing does not come about within the steps allowed;
-    /// [`Error::Stopped`] where the outside wants an end.
+    /// If the request makes no sense, or no packing is reached within the allowed steps; [`Error::Stopped`] if the
+    /// caller requests a stop.
     pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
         let mut growth = match supervision.take_saved() {

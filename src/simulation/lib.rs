@@ -33,7 +33,7 @@
 )]
 #![allow(
     rustdoc::private_intra_doc_links,
-    reason = "readers of these pages read the code too"
+    reason = "the documentation is read together with the code"
 )]
 
 mod affinity;

@@ -20,7 +20,7 @@
 //!   whole part), and T the force on the top and on the sides by sigma_xy - rho u v and sigma_xz - rho u w,
 //!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
 //!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the
-//!   drag on grains that move above y = h, and on anything else that stands in the stream there.
+//!   drag on grains that move above y = h, and on any other solid in the stream there.
 //! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed,
 //!   viscous and resolved stress, is a straight line in a uniform stream without side walls. A least-squares line
 //!   gives the value at y = h. The planes are those from the top down to the last plane without a solid, except the

@@ -9,7 +9,7 @@
 //! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling
 //!    interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
 //!    with resolved flow ([`resistance`]).
-//! 5. In seepage without grains the spacing follows from its lengths and the answers that the case asks for
+//! 5. In seepage without grains the spacing follows from its lengths and the results that the case requests
 //!    ([`ground`]).
 //!
 //! Spacing, time step and related fields are chosen only if a case names an `accuracy` or leaves out spacing or time

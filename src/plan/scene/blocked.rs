@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 const SOLID: u32 = u32::MAX;
 const NEW: u32 = u32::MAX - 1;
 
-/// Refuses openings whose imposed flow finds no way out because structures close the domain.
+/// Refuses openings whose imposed flow cannot leave because structures close the domain.
 pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings: &mut Findings) {
     let solids: Vec<&Structure> = structures.iter().filter(|s| s.stops.water()).collect();
     let imposes = |patch: &ScenePatch| {

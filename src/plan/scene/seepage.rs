@@ -176,7 +176,7 @@ impl Seepage {
             .chain(drains)
     }
 
-    /// Returns `true` if the flow changes with time.
+    /// Returns `true` if the flow is transient.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         let soil = self.written.unsaturated.as_ref();

@@ -2,7 +2,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use super::latin_hypercube::{Range, Sample};
@@ -266,7 +266,7 @@ pub fn schema() -> Value {
 /// Reads the text of a document with a schema, which `solver schema NAME` prints.
 ///
 /// # Errors
-/// If the text is no JSON or contradicts the schema, with all problems.
+/// If the text is not JSON or contradicts the schema, with all problems.
 pub(crate) fn read_document<T: DeserializeOwned>(
     text: &str,
     schema: &Value,

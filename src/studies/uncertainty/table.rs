@@ -168,7 +168,7 @@ pub fn conclusion(grids: &[GridData]) -> String {
     }
 }
 
-/// Returns what is known of an answer on cells of no size: the scheme of a seepage is stable, but gradients and
+/// Returns what is known of an answer in the limit of small cells: the scheme of a seepage is stable, but gradients and
 /// velocities have no limit at edges.
 fn limit(seepage: bool, answer: &str) -> Limit {
     let local = ["gradient", "velocity", "reynolds", "fastest", "overshoot"];

@@ -75,7 +75,7 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
     // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of
     // the disc with the third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start
     // of the program and the steps of the disc, of which its contacts ask for the same number on every grid, cost the
-    // same on all grids and are no cost of cells.
+    // same on all grids and do not depend on the cells.
     let alike = |place: &usize| {
         let seconds = planned(&members.list[*place]).estimate.seconds;
         seconds.start_and_end + seconds.grains

@@ -264,7 +264,7 @@ fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
     lines.chain(ground.lengths.iter().map(of_length)).collect()
 }
 
-/// Returns the answers that a scene asks for, without errors.
+/// Returns the results that a scene requests, without errors.
 fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswer> {
     let mut answers = Vec::new();
     let mut add = |answer: String, kind: &'static str, scale: Option<f64>| {

@@ -505,7 +505,7 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             );
             findings.error(&path, reason, remedy);
         } else {
-            let remedy = "use a smaller spacing, or in 3-D remove collision and lattice";
+            let remedy = "use a smaller spacing, or in 3-D remove `collision` and `lattice`";
             findings.warn(&path, reason, remedy);
         }
     }

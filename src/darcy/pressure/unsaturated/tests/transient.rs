@@ -1,4 +1,4 @@
-//! Flow that changes with time against exact and published solutions. All close their mass.
+//! Transient flow against exact and published solutions. All conserve mass.
 
 use super::*;
 use crate::retention::haverkamp::Haverkamp;
