@@ -21,7 +21,7 @@
 //!
 //! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux `R_bed(|U|)` of
 //! the law of resistance, in dilute water the drag of a grain alone
-//! ([`darcy::permeability::PermeabilityFormula::dilute`]), and between them a weighted mean
+//! ([`darcy::resistance::ResistanceFormula::dilute`]), and between them a weighted mean
 //! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
 //! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like an isolated sphere, however small its cell. `R` is
 //! the resistance of open water ([`darcy::open_water`]) and of zones without grains.
@@ -84,7 +84,7 @@ use bed::Sums;
 use darcy::pressure;
 use darcy::zones::ZonePermeability;
 use darcy::{
-    DragLaw, Equations, Liquid, Openness, Permeability, Pores, Pressure, SeepageGrid,
+    DragLaw, Equations, Liquid, Openness, ResistanceSettings, Pores, Pressure, SeepageGrid,
     SolutionReport, Zones,
 };
 use decomposition::{Communicator, Domain, ExactSum};
@@ -108,17 +108,16 @@ const FILLED: f64 = 0.95;
 pub struct SeepageSettings {
     /// Properties of the water.
     pub liquid: Liquid,
-    /// Law of the permeability from porosity and diameter.
-    pub permeability: Permeability,
+    /// Law of flow resistance, with the limits of the porosity.
+    pub resistance: ResistanceSettings,
     /// The drag law.
     pub drag: DragLaw,
-    /// Law of the drag.
-    pub equations: Equations,
+    /// Form of the equations. pub equations: Equations,
     /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
-    pub transient: bool,
+    pub transient_porosity: bool,
     /// `true` if the drag on a grain is taken at the end of the interval if it stops the grain within the interval.
-    pub semi_implicit: bool,
+    pub semi_implicit_drag: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
     /// Time between two couplings \[s\].
@@ -262,7 +261,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
-        let most = self.settings.permeability.porosity_cap.min(FILLED);
+        let most = self.settings.resistance.porosity_cap.min(FILLED);
         let full = self.pores.porosity().iter();
         let full = full.filter(|e| **e > 0.0 && **e < most);
         let (sum, cells) = full.fold((0.0, 0.0), |(sum, cells), e| (sum + e, cells + 1.0));
@@ -370,7 +369,7 @@ impl<Sp: Space> Seepage<Sp> {
                 balance.closure
             ));
         }
-        if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
+        if balance.reynolds > DARCY && !settings.resistance.law.model().depends_on_the_gradient()
         {
             all.push(format!(
                 "the Reynolds number of the seepage reaches {:.1}: above about {DARCY} there are inertial \
@@ -434,7 +433,7 @@ impl<Sp: Space> Seepage<Sp> {
         if self.pressure.drains() {
             return self.wet(particles);
         }
-        if self.settings.semi_implicit {
+        if self.settings.semi_implicit_drag {
             particles.keep_last_velocity();
         }
         let grains = particles.view();

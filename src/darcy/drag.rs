@@ -7,7 +7,7 @@
 //! eps |grad phi| = n b(q) q
 //! ```
 //!
-//! which turns a drag law into a resistance law ([`permeability`]). Conversely, [`reaction`] is the drag that a
+//! which turns a drag law into a resistance law ([`resistance`]). Conversely, [`reaction`] is the drag that a
 //! resistance law implies.
 //!
 //! A drag law is one file below this module and one line of the list.
@@ -170,7 +170,7 @@ const MAX_STEPS: usize = 30;
 #[cfg(test)]
 pub(super) mod testing {
     use super::*;
-    use crate::permeability::kozeny_carman;
+    use crate::resistance::kozeny_carman;
 
     /// Returns the conditions of water in a bed of this porosity.
     pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> BedConditions {

@@ -39,7 +39,7 @@ mod multigrid;
 pub mod neighbourhood;
 pub mod open_water;
 pub mod overlap;
-pub mod permeability;
+pub mod resistance;
 pub mod piping;
 pub mod porosity;
 pub mod pressure;
@@ -54,7 +54,7 @@ pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
-pub use permeability::{Permeability, Resistance};
+pub use resistance::{Resistance, ResistanceSettings};
 pub use piping::{Piping, PipingSettings};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{

@@ -22,7 +22,7 @@
 
 use super::Liquid;
 use super::grid::SeepageGrid;
-use super::permeability::{BedOfCells, PermeabilityFormula, Resistance, larger};
+use super::resistance::{BedOfCells, ResistanceFormula, Resistance, larger};
 use std::collections::BTreeMap;
 
 /// Permeability of a zone.
@@ -163,7 +163,7 @@ impl Medium {
     #[must_use]
     pub fn permeability(
         &self,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (porosity, diameter): (f64, f64),
         liquid: Liquid,
         gradient: f64,
@@ -172,7 +172,7 @@ impl Medium {
         let porosity = self.porosity(grains).unwrap_or(porosity);
         let rule = self.permeability.filter(|(_, without)| grains || *without);
         let by =
-            |law: &dyn PermeabilityFormula| law.permeability(porosity, diameter, liquid, gradient);
+            |law: &dyn ResistanceFormula| law.permeability(porosity, diameter, liquid, gradient);
         match rule.map(|(rule, _)| rule) {
             Some(Rule::Value(value)) => value,
             Some(Rule::Factor(factor)) => factor * by(law),
@@ -624,7 +624,7 @@ impl ZonePermeability {
     pub fn replace(
         &mut self,
         zones: &Zones,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &mut [f64],
@@ -686,11 +686,11 @@ impl ZonePermeability {
     }
 
     /// Computes the largest relative change, along any axis, from the given permeabilities to those of the bed,
-    /// weighted as in [`PermeabilityFormula::change`].
+    /// weighted as in [`ResistanceFormula::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &[f64],

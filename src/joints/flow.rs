@@ -439,7 +439,7 @@ impl JointFlow {
         let (water, gap) = (&self.settings.water, &self.gaps[link.joint]);
         let apertures = link
             .path
-            .map(|at| gap.value(&at).max(network.settings.residual));
+            .map(|at| gap.value(&at).max(network.settings.residual_aperture));
         let (cube, inertial) = (cube(apertures), inertial(apertures));
         let density = water.mixture_density();
         let per_width = 12.0 * water.viscosity * link.length / cube;
@@ -470,11 +470,11 @@ impl JointFlow {
 
     /// Computes the volumes of the cells at the present gaps.
     fn measure_volumes(&mut self) {
-        let residual = self.network.settings.residual;
+        let residual_aperture = self.network.settings.residual_aperture;
         let cells = self.network.cells.iter().zip(&self.network.joint_of);
         for (number, (cell, &joint)) in cells.enumerate() {
             let at = &cell.centroid;
-            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);
+            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual_aperture);
             self.fills[number] = cell.area * self.base_gaps[joint].value(at);
             // Apart, so that small displacements keep their digits.
             self.opened[number] = cell.area * self.openings[joint].value(at);

@@ -320,7 +320,7 @@ impl SlabSurface {
     }
 
     /// Returns the patches of the openings with the mass that entered in the last step on this rank, in quanta.
-    pub(crate) fn entered_last(&self) -> impl Iterator<Item = (usize, i128)> + '_ {
+    pub(crate) fn entered_in_last_step(&self) -> impl Iterator<Item = (usize, i128)> + '_ {
         let openings = self.openings.iter();
         openings.map(|opening| (opening.patch(), opening.last()))
     }

@@ -273,7 +273,7 @@ mod tests {
         let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();
         let eps = 0.4;
         let stops =
-            |mu: f64| 2650.0 * (1.0 - eps) * darcy::permeability::kozeny_carman(eps, 1e-3) / mu;
+            |mu: f64| 2650.0 * (1.0 - eps) * darcy::resistance::kozeny_carman(eps, 1e-3) / mu;
         for (viscosity, damping) in [(1.0, 0.0), (1e-3, 0.0), (1e-3, 0.2)] {
             let plan = column(viscosity, damping, &["fluid.darcy.coupling_interval=1"]).unwrap();
             let found = limits(&plan.scene).unwrap();

@@ -339,8 +339,8 @@ impl<'a, S: Space> Growing<'a, S> {
             normal_stiffness: Scaled::PerDiameter(settings.stiffness_per_diameter),
             stiffness_ratio: 0.4,
             friction: settings.friction,
-            normal_damping: 0.2,
-            shear_damping: 0.2,
+            normal_damping_ratio: 0.2,
+            shear_damping_ratio: 0.2,
             attraction: false,
         };
         let law = Law::Linear(Linear {
@@ -741,8 +741,8 @@ mod tests {
             stiffness_ratio: 0.4,
             friction: 20.0_f64.to_radians().tan(),
             cohesion: Scaled::PerDiameter(0.506),
-            normal_damping: 0.0,
-            shear_damping: 0.0,
+            normal_damping_ratio: 0.0,
+            shear_damping_ratio: 0.0,
         };
         let law = Law::CohesiveFrictional(CohesiveFrictional {
             parameters: PairTable::uniform(1, parameters),

@@ -44,7 +44,7 @@ use dem::space::{Components, Space, vector};
 use dem::{GrainDomain, Wall};
 use deposition::Deposition;
 use growth::{PackingSettings, Sizes, Stop};
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use plan::scene::blocks::PlacedBlocks;
 use plan::scene::grading::Grading;
 use plan::scene::grains::{Cloud, GrainSource, assign};

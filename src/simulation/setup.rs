@@ -446,7 +446,7 @@ pub fn seepage<S: Space>(
     };
     let settings = seepage::SeepageSettings {
         liquid,
-        permeability: darcy::Permeability {
+        resistance: darcy::ResistanceSettings {
             law: written.resistance(),
             diameter: pores.mean(),
             porosity_cap: written.porosity_cap(),
@@ -455,8 +455,8 @@ pub fn seepage<S: Space>(
         drag: written.drag(),
         equations: written.equations,
         // In unsaturated ground the water is that of a stationary bed.
-        transient: written.transient_porosity() && written.unsaturated.is_none(),
-        semi_implicit: written.semi_implicit_drag && written.unsaturated.is_none(),
+        transient_porosity: written.transient_porosity() && written.unsaturated.is_none(),
+        semi_implicit_drag: written.semi_implicit_drag && written.unsaturated.is_none(),
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
         roughness: written.roughness,

@@ -101,8 +101,8 @@ impl Scene {
                 shear: 0.5 * STIFFNESS,
             },
             friction: 0.5,
-            normal_damping: 0.3,
-            shear_damping: 0.3,
+            normal_damping_ratio: 0.3,
+            shear_damping_ratio: 0.3,
         };
         let law = Law::Blocks(BlockLaw {
             parameters: PairTable::uniform(1, law),

@@ -9,8 +9,8 @@ use super::water::{Ground, Water};
 use super::{SeepageSettings, components};
 use base::number::real;
 use darcy::drag::{DragFormula, GrainSize};
-use darcy::permeability::larger;
-use darcy::{Equations, permeability, power_above};
+use darcy::resistance::larger;
+use darcy::{Equations, resistance, power_above};
 use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;
@@ -19,7 +19,7 @@ use dem::space::Space;
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a> {
     pub(super) drag: &'a dyn DragFormula,
-    pub(super) resistance: &'a dyn permeability::PermeabilityFormula,
+    pub(super) resistance: &'a dyn resistance::ResistanceFormula,
     pub(super) settings: &'a SeepageSettings,
 }
 
@@ -124,7 +124,7 @@ pub(super) fn fill<Sp: Space>(
         let start = start(particles, k);
         // At first, a grain held by contacts loads the water as if it were stationary.
         let free =
-            settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
+            settings.semi_implicit_drag && body.kind == Kind::Free && !matches!(start, Start::Held);
         let (before, last) = match start {
             Start::Known if free => (
                 components(&particles.last_velocity[k]),

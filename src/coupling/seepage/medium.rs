@@ -9,7 +9,7 @@ use base::thread_pool;
 use darcy::drag::gidaspow::dense_share;
 use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
-use darcy::permeability::{BedOfCells, larger};
+use darcy::resistance::{BedOfCells, larger};
 use darcy::pressure::Medium;
 use darcy::zones::ZonePermeability;
 use darcy::{Equations, Openness, Zones, neighbourhood};
@@ -69,7 +69,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.pores
             .finish(&self.openness, &self.communicator)
             .map_err(failed)?;
-        let permeability = self.settings.permeability;
+        let permeability = self.settings.resistance;
         let porosity = self.pores.porosity();
         for cell in 0..porosity.len() {
             self.limited[cell] = permeability.limited(porosity[cell]);
@@ -152,7 +152,7 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         }
         let (liquid, grid) = (self.settings.liquid, self.openness.grid);
-        let permeability = &self.settings.permeability;
+        let permeability = &self.settings.resistance;
         let (law, cap) = (permeability.law.model(), permeability.porosity_cap);
         let water = &mut self.water;
         let mut change = 0.0_f64;
@@ -189,7 +189,7 @@ impl<Sp: Space> Seepage<Sp> {
     fn laws(&self) -> Laws<'_> {
         Laws {
             drag: self.settings.drag.model(),
-            resistance: self.settings.permeability.law.model(),
+            resistance: self.settings.resistance.law.model(),
             settings: &self.settings,
         }
     }
@@ -199,8 +199,8 @@ impl<Sp: Space> Seepage<Sp> {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
         let (least, cap) = (
-            settings.permeability.least_porosity,
-            settings.permeability.porosity_cap,
+            settings.resistance.least_porosity,
+            settings.resistance.porosity_cap,
         );
         for cell in 0..porosity.len() {
             self.water.coupled[cell] = 0.0;
@@ -245,7 +245,7 @@ impl<Sp: Space> Seepage<Sp> {
                 measure: match settings.equations {
                     // A zone states the porosity of the law; the porosity of the balances is still that of the
                     // grains.
-                    Equations::Corrected if zone => settings.permeability.limited(porosity[cell]),
+                    Equations::Corrected if zone => settings.resistance.limited(porosity[cell]),
                     Equations::Corrected => felt,
                     Equations::Paper => 1.0,
                 },
@@ -272,7 +272,7 @@ impl<Sp: Space> Seepage<Sp> {
         if moves && self.zones.is_none() {
             return;
         }
-        let law = settings.permeability.law.model();
+        let law = settings.resistance.law.model();
         let bed = BedOfCells {
             porosity: &self.limited,
             diameter: self.pores.diameter(),
@@ -366,13 +366,13 @@ impl<Sp: Space> Seepage<Sp> {
     /// Computes laws and pressure alternately until both converge; returns the number of iterations. Collective.
     fn iterate_until_converged(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
-        let source = self.settings.transient && !moves && self.has_before;
+        let source = self.settings.transient_porosity && !moves && self.has_before;
         let mut settled = (SETTLED * self.pressure.tolerance()).max(MIN_SETTLED);
         let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
         if moves && self.has_before && grains > 0 {
             settled = settled.max(CONTINUED_CHANGE);
         }
-        let law = self.settings.permeability.law.model();
+        let law = self.settings.resistance.law.model();
         let of_zones = |(zones, _): &(Arc<Zones>, ZonePermeability)| zones.depend_on_the_gradient();
         let depends =
             law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
@@ -425,7 +425,7 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Computes the largest relative change of the permeabilities that depend on the gradient.
     fn permeability_change(&mut self) -> f64 {
-        let (law, liquid) = (self.settings.permeability.law.model(), self.settings.liquid);
+        let (law, liquid) = (self.settings.resistance.law.model(), self.settings.liquid);
         let bed = BedOfCells {
             porosity: &self.limited,
             diameter: self.pores.diameter(),

@@ -85,8 +85,8 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
             cohesion: self.cohesion,
-            normal_damping: self.normal_damping_ratio,
-            shear_damping: self.shear_damping_ratio,
+            normal_damping_ratio: self.normal_damping_ratio,
+            shear_damping_ratio: self.shear_damping_ratio,
         };
         base.normal_stiffness
             .check_stiffness(&format!("{path}.normal_stiffness"), report);
@@ -121,9 +121,9 @@ pub struct CohesiveFrictionalParameters {
     /// Cohesion C [N]; in the plane [N per m of depth].
     pub cohesion: Scaled,
     /// Normal dashpot as a fraction of critical damping.
-    pub normal_damping: f64,
+    pub normal_damping_ratio: f64,
     /// Shear dashpot as a fraction of critical damping.
-    pub shear_damping: f64,
+    pub shear_damping_ratio: f64,
 }
 
 impl CohesiveFrictionalParameters {
@@ -138,8 +138,8 @@ impl CohesiveFrictionalParameters {
                 .friction_angle_degrees
                 .map_or(self.friction, coefficient),
             cohesion: pair.cohesion.unwrap_or(self.cohesion),
-            normal_damping: pair.normal_damping_ratio.unwrap_or(self.normal_damping),
-            shear_damping: pair.shear_damping_ratio.unwrap_or(self.shear_damping),
+            normal_damping_ratio: pair.normal_damping_ratio.unwrap_or(self.normal_damping_ratio),
+            shear_damping_ratio: pair.shear_damping_ratio.unwrap_or(self.shear_damping_ratio),
         }
     }
 }
@@ -188,7 +188,7 @@ impl ContactModel for CohesiveFrictional {
         Springs::damped(
             [normal, normal * pair.stiffness_ratio],
             contact.bonded || pair.friction > 0.0,
-            ([pair.normal_damping, pair.shear_damping], 1.0),
+            ([pair.normal_damping_ratio, pair.shear_damping_ratio], 1.0),
             contact.mass,
         )
     }
@@ -274,8 +274,8 @@ impl<S: Space> ContactLaw<S> for CohesiveFrictional {
         self.parameters.map(|p| CohesiveFrictionalRow {
             normal: p.normal_stiffness.parts(),
             ratio: p.stiffness_ratio,
-            normal_dashpot: 2.0 * p.normal_damping,
-            shear_dashpot: 2.0 * p.shear_damping * p.stiffness_ratio.sqrt(),
+            normal_dashpot: 2.0 * p.normal_damping_ratio,
+            shear_dashpot: 2.0 * p.shear_damping_ratio * p.stiffness_ratio.sqrt(),
             // Computed through the angle in degrees, which affects the last bit: checkpoints of older runs continue
             // with the same bits.
             friction: coefficient(p.friction.atan().to_degrees()),

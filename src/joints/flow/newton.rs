@@ -145,6 +145,6 @@ impl JointFlow {
     /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
     fn small_change(&self, interval: f64) -> f64 {
         let gaps = self.gaps.iter().map(|gap| gap.constant);
-        STILL * gaps.fold(self.network.settings.residual, f64::max) / interval
+        STILL * gaps.fold(self.network.settings.residual_aperture, f64::max) / interval
     }
 }

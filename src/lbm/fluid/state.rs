@@ -175,7 +175,7 @@ impl<S: Stored> Fluid<S> {
     /// Computes [`Self::fluxes`] into a reusable list.
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         self.boundaries.fluxes_into(&self.populations, fluxes);
-        for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_last()) {
+        for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
         }
     }
@@ -194,7 +194,7 @@ impl<S: Stored> Fluid<S> {
             // Interface cells receive a fraction of the mass that passes through their links.
             masses.clear();
             masses.resize(self.boundaries.count(), 0);
-            for (patch, entered) in surface.entered_last() {
+            for (patch, entered) in surface.entered_in_last_step() {
                 masses[patch] = -entered;
             }
             return;

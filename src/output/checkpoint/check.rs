@@ -92,7 +92,7 @@ impl Expected {
             let found = to_usize(seepage);
             if found > expected || found < expected && !self.seepage_varies {
                 return Err(format!(
-                    "it holds {seepage} numbers of the seepage or of joints; the case has {expected}"
+                    "it holds {seepage} numbers of the seepage or of joints; the case needs {expected}"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));

@@ -9,7 +9,7 @@ use base::error::Error;
 use base::number::{real, whole};
 use dem::space::Space;
 use plan::scene::Scene;
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use std::ops::Range;
 
 /// A part of a plane between cells of the coarse grid.

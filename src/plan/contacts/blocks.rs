@@ -161,7 +161,7 @@ const STRONG_DAMPING: f64 = 0.05;
 /// 1e8, 1e9 and 1e10 Pa/m, a stiffness per contact by half, and 200 impacts multiply it with points
 /// (`dem::polyhedron::tests::energy`).
 pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
-    let bare = |pair: &&BlockPairLaw| pair.normal_damping < STRONG_DAMPING;
+    let bare = |pair: &&BlockPairLaw| pair.normal_damping_ratio < STRONG_DAMPING;
     let Some(pair) = law.parameters.rows().find(bare) else {
         return;
     };

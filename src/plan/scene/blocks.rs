@@ -1,6 +1,6 @@
 //! The blocks of a scene: a jointed rock mass, a file or a list, and their positions.
 
-use super::block::AlignedBox as Extent;
+use super::aligned_box::AlignedBox as Extent;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};

@@ -1,6 +1,6 @@
 //! Resolved analysis of a ground collapse: axes, boxes of the seepage points, and thresholds as written.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::observe::{ObservedRegion, RegionAction, due};

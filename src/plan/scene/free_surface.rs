@@ -10,7 +10,7 @@ pub use openings::Opening;
 pub use solitary::SolitaryForm;
 pub use tension::Tension;
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::boundaries::ScenePatch;
 use super::findings::{Findings, LATTICE_PATH, number};
 use super::grid::Grid;

@@ -1,6 +1,6 @@
 //! Grains of a scene: their source, sizes and number.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};

@@ -1,7 +1,7 @@
 //! Water in the joints of a scene: the network is constructed from the initial blocks, and the mouths from their
 //! boxes.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::blocks::PlacedBlocks;
 use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
@@ -289,7 +289,7 @@ fn network(
             distance: limit,
             ..pair_limits(&written.joints)
         },
-        residual: written.joints.residual_aperture,
+        residual_aperture: written.joints.residual_aperture,
         cell: written.joints.cell,
         under: lattice.map(|[wide, takeover]| UnderLattice { wide, takeover }),
     };

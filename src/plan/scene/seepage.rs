@@ -10,7 +10,7 @@ mod zones;
 pub use drains::Drain;
 pub use piping::PipingScene;
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grains::Grains;
 use super::grid::Grid;

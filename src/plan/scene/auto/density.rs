@@ -34,8 +34,8 @@ use serde::Serialize;
 
 /// Factor of the sound pressure of a sudden start behind a uniform profile between walls.
 const RIM_SOUND_FACTOR: f64 = 1.1;
-/// Velocity that determines the sound pressure of a start behind a profile that vanishes at walls, relative to the
-/// mean of the profile.
+/// Ratio of the velocity that determines the sound pressure of a sudden start to the mean of the profile, for profiles
+/// that vanish at walls.
 const PROFILE_SOUND_FACTOR: f64 = 1.2;
 /// Coefficients of the pressure at the rim of an inlet: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
 const RIM_OF_INERTIA: f64 = 0.2;

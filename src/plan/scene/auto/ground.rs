@@ -25,7 +25,7 @@ use super::bound::{Bound, Point};
 use super::requested_accuracy;
 use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
 use crate::scene::Scene;
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;

@@ -1,7 +1,7 @@
 //! Backward erosion piping, resolved on the coarse grid.
 
 use super::{PATH, Seepage};
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
