@@ -112,7 +112,8 @@ pub struct SeepageSettings {
     pub resistance: ResistanceSettings,
     /// The drag law.
     pub drag: DragLaw,
-    /// Form of the equations. pub equations: Equations,
+    /// Form of the equations.
+    pub equations: Equations,
     /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
     pub transient_porosity: bool,
