@@ -187,7 +187,10 @@ impl Measure {
             }
             Take::TableError { table, at } => {
                 let found = self.profile(output, at, known)?;
-                found.error(&Profile::read(&reference_folder.join(table))?, Norm::Largest)
+                found.error(
+                    &Profile::read(&reference_folder.join(table))?,
+                    Norm::Largest,
+                )
             }
         }
     }

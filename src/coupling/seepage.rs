@@ -84,7 +84,7 @@ use bed::Sums;
 use darcy::pressure;
 use darcy::zones::ZonePermeability;
 use darcy::{
-    DragLaw, Equations, Liquid, Openness, ResistanceSettings, Pores, Pressure, SeepageGrid,
+    DragLaw, Equations, Liquid, Openness, Pores, Pressure, ResistanceSettings, SeepageGrid,
     SolutionReport, Zones,
 };
 use decomposition::{Communicator, Domain, ExactSum};
@@ -135,7 +135,7 @@ pub struct SeepageSettings {
 impl SeepageSettings {
     /// Returns `true` if the motion of the bed and its water are solved together.
     fn moves(&self) -> bool {
-        self.transient && self.equations == Equations::Corrected
+        self.transient_porosity && self.equations == Equations::Corrected
     }
 
     /// Returns the weight of the water per volume \[N/m3\]; 0 in the equations as printed.
@@ -370,8 +370,7 @@ impl<Sp: Space> Seepage<Sp> {
                 balance.closure
             ));
         }
-        if balance.reynolds > DARCY && !settings.resistance.law.model().depends_on_the_gradient()
-        {
+        if balance.reynolds > DARCY && !settings.resistance.law.model().depends_on_the_gradient() {
             all.push(format!(
                 "the Reynolds number of the seepage reaches {:.1}: above about {DARCY} there are inertial \
                  losses, which the law of resistance does not include",

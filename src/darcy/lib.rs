@@ -39,11 +39,11 @@ mod multigrid;
 pub mod neighbourhood;
 pub mod open_water;
 pub mod overlap;
-pub mod resistance;
 pub mod piping;
 pub mod porosity;
 pub mod pressure;
 mod reproducible;
+pub mod resistance;
 pub mod retention;
 pub mod surface;
 pub mod zones;
@@ -54,7 +54,6 @@ pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::SeepageGrid;
 pub use mean_diameter::MeanDiameter;
-pub use resistance::{Resistance, ResistanceSettings};
 pub use piping::{Piping, PipingSettings};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
@@ -64,6 +63,7 @@ pub use pressure::{
     Condition, Equations, Heave, Liquid, Medium, Pressure, PressurePatch, PressureSettings, Prisms,
     SolutionReport,
 };
+pub use resistance::{Resistance, ResistanceSettings};
 pub use retention::Retention;
 pub use surface::WettedSurface;
 pub use zones::Zones;

@@ -78,9 +78,9 @@ pub trait ResistanceFormula: Sync {
         }
     }
 
-    /// Returns the largest relative change from the given permeabilities to those of the bed, weighted by the
-    /// gradient of the cell relative to the largest, which is the resulting error of the gradient. In open water,
-    /// whose gradient is rounding, nothing depends on it.
+    /// Returns the largest relative change from the given permeabilities to those of the bed, weighted by the gradient
+    /// of the cell relative to the largest, which is the resulting error of the gradient. In open water the gradient is
+    /// of the order of rounding, so that the change has no effect there.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
         let steepest = bed.steepest();

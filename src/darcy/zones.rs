@@ -22,7 +22,7 @@
 
 use super::Liquid;
 use super::grid::SeepageGrid;
-use super::resistance::{BedOfCells, ResistanceFormula, Resistance, larger};
+use super::resistance::{BedOfCells, Resistance, ResistanceFormula, larger};
 use std::collections::BTreeMap;
 
 /// Permeability of a zone.

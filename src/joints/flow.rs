@@ -474,7 +474,9 @@ impl JointFlow {
         let cells = self.network.cells.iter().zip(&self.network.joint_of);
         for (number, (cell, &joint)) in cells.enumerate() {
             let at = &cell.centroid;
-            self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual_aperture);
+            self.volumes[number] = cell
+                .outline
+                .integral_above(&self.gaps[joint], residual_aperture);
             self.fills[number] = cell.area * self.base_gaps[joint].value(at);
             // Apart, so that small displacements keep their digits.
             self.opened[number] = cell.area * self.openings[joint].value(at);

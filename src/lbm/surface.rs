@@ -172,7 +172,7 @@ impl SlabSurface {
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
-    pub fn stretch<S: Stored>(
+    pub fn add_tension<S: Stored>(
         &mut self,
         populations: &Populations<S>,
         ends: Ends,

@@ -98,7 +98,13 @@ impl Velocities {
     }
 
     /// Returns the velocity of the adjacent cell along `axis`, up or down; none outside the domain.
-    fn neighbour(&self, cell: [usize; 3], axis: usize, up: bool, periodic: bool) -> Option<[f64; 3]> {
+    fn neighbour(
+        &self,
+        cell: [usize; 3],
+        axis: usize,
+        up: bool,
+        periodic: bool,
+    ) -> Option<[f64; 3]> {
         let last = self.cells[axis] - 1;
         let at_end = cell[axis] == if up { last } else { 0 };
         if at_end && axis == self.axis {

@@ -75,12 +75,7 @@ fn diameters(
                 ),
             );
         }
-        margins.push(margin(
-            "fewest cells per diameter",
-            MIN_CELLS,
-            cells,
-            &path,
-        ));
+        margins.push(margin("fewest cells per diameter", MIN_CELLS, cells, &path));
     }
 }
 

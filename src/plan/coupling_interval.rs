@@ -1,4 +1,4 @@
-//! The longest coupling interval of a seepage: how long the load of the water on a bed may stay constant.
+//! The longest coupling interval of a seepage: the time for which the load of the water on a bed may stay constant.
 //!
 //! The load anticipates the effect of drag on a grain within the interval T, but not that of its contacts
 //! ([`coupling::seepage`]). This does not matter if the interval resolves the contacts. Otherwise the drag of an
@@ -192,12 +192,12 @@ pub(super) fn check(
         ("coupling interval / settling time of the bed", limits.bed),
     ];
     let of_contact_decides = limits.longest() <= limits.contact;
-    let limits: &[(&str, f64)] = if of_contact_decides {
+    let decisive: &[(&str, f64)] = if of_contact_decides {
         &of_contact
     } else {
         &of_bed
     };
-    for (limit, allowed) in limits {
+    for (limit, allowed) in decisive {
         margins.push(margin(limit, interval, *allowed, PATH));
     }
     let longest = limits.longest();

@@ -3,8 +3,8 @@
 //! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI.
 //! [`crate`] derives time steps, memory and stability.
 
-pub mod auto;
 pub mod aligned_box;
+pub mod auto;
 mod blocked;
 pub mod blocks;
 pub mod bodies;

@@ -10,8 +10,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::numbering::curve_order;
 use super::free_space::FreeSpace;
+use super::numbering::curve_order;
 use super::supervision::{SavedSample, Supervision};
 use base::error::Error;
 use base::number::{floor_i64, whole};

@@ -29,10 +29,10 @@
 )]
 
 pub mod deposition;
+pub mod free_space;
 pub mod growth;
 pub mod numbering;
 pub mod rest;
-pub mod free_space;
 pub mod supervision;
 
 use base::error::{Error, number};
@@ -43,6 +43,7 @@ use dem::relax::unbalanced_text;
 use dem::space::{Components, Space, vector};
 use dem::{GrainDomain, Wall};
 use deposition::Deposition;
+use free_space::FreeSpace;
 use growth::{PackingSettings, Sizes, Stop};
 use plan::scene::aligned_box::AlignedBox;
 use plan::scene::blocks::PlacedBlocks;
@@ -53,7 +54,6 @@ use plan::scene::sample;
 use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
-use free_space::FreeSpace;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;

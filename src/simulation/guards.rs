@@ -21,8 +21,8 @@
 //! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
 mod failure;
-mod state_check;
 mod openings;
+mod state_check;
 
 use base::error::Error;
 use case::coupling::{Coupling, Scheme};
@@ -40,11 +40,11 @@ use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
 use lbm::surface::SlabSurface;
-use state_check::{CheckResult, Extreme, LatticeOrder, StateCheck};
 use openings::Openings;
 use plan::Plan;
 use plan::margin::USUAL_LATTICE_VELOCITY;
 use serde::{Deserialize, Serialize};
+use state_check::{CheckResult, Extreme, LatticeOrder, StateCheck};
 use std::fmt;
 
 /// Steps between two balances; each balance costs about as much as a fluid step.

@@ -155,7 +155,12 @@ fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<EndStatist
     windows.find_map(|(window, _)| window_statistics(rows, quantity, end, *window))
 }
 
-fn window_statistics(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Option<EndStatistics> {
+fn window_statistics(
+    rows: &Rows,
+    (_, names, _): &Quantity,
+    end: f64,
+    window: f64,
+) -> Option<EndStatistics> {
     let times = rows.column("time")?;
     let mut seen = EndStatistics {
         unit: String::new(),

@@ -140,7 +140,10 @@ fn read(options: &Threshold) -> Result<(ThresholdStudy, &Path, PathBuf), Error> 
 pub fn ends(study: &ThresholdStudy, study_folder: &Path) -> Result<Vec<Member>, Vec<Problem>> {
     let mut ends = members(&study.with_values(&[study.search.from]), study_folder)?;
     // After the first, so that a fault of both is reported once.
-    ends.extend(members(&study.with_values(&[study.search.to]), study_folder)?);
+    ends.extend(members(
+        &study.with_values(&[study.search.to]),
+        study_folder,
+    )?);
     let outputs: Vec<&str> = (study.outputs.0.iter())
         .map(|(name, _)| name.as_str())
         .collect();

@@ -223,7 +223,10 @@ impl Members {
 
     /// Returns the case on the grid that is used to compare settings.
     fn compared(&self, plan: &Plan, stated: &Value) -> Value {
-        let comparison = self.grids.iter().find(|(_, place)| *place == self.comparison);
+        let comparison = self
+            .grids
+            .iter()
+            .find(|(_, place)| *place == self.comparison);
         match comparison {
             Some((ratio, place)) if *place > 0 => {
                 grids::on_cells(stated, plan, *ratio, self.scaling)

@@ -5,8 +5,8 @@ use base::number;
 use coupling::Flow;
 use coupling::seepage::{Seepage, SeepageSettings};
 use darcy::{
-    Condition, Enclosure, Liquid, Openness, ResistanceSettings, Pores, Pressure, PressurePatch,
-    PressureSettings, SeepageGrid,
+    Condition, Enclosure, Liquid, Openness, Pores, Pressure, PressurePatch, PressureSettings,
+    ResistanceSettings, SeepageGrid,
 };
 use decomposition::Communicator;
 use dem::alone;

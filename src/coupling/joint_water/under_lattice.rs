@@ -18,7 +18,9 @@ impl JointWater {
         let network = self.flow.network();
         let mouth = |piece: &joints::edges::Piece| {
             let gap = &self.flow.gaps()[piece.joint];
-            let aperture = gap.value(&piece.path[1]).max(network.settings.residual);
+            let aperture = gap
+                .value(&piece.path[1])
+                .max(network.settings.residual_aperture);
             MouthAt {
                 middle: piece.middle,
                 outward: piece.outward,

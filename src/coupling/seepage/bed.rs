@@ -10,7 +10,7 @@ use super::{SeepageSettings, components};
 use base::number::real;
 use darcy::drag::{DragFormula, GrainSize};
 use darcy::resistance::larger;
-use darcy::{Equations, resistance, power_above};
+use darcy::{Equations, power_above, resistance};
 use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;

@@ -9,8 +9,8 @@ use base::thread_pool;
 use darcy::drag::gidaspow::dense_share;
 use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
-use darcy::resistance::{BedOfCells, larger};
 use darcy::pressure::Medium;
+use darcy::resistance::{BedOfCells, larger};
 use darcy::zones::ZonePermeability;
 use darcy::{Equations, Openness, Zones, neighbourhood};
 use dem::particles::ParticlesView;
@@ -77,7 +77,8 @@ impl<Sp: Space> Seepage<Sp> {
                 / self.settings.interval;
         }
         if let Some((zones, permeability_of_zones)) = &mut self.zones {
-            permeability_of_zones.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
+            permeability_of_zones
+                .replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
         self.compute_porosities();
         self.measure_open_water();
@@ -98,7 +99,9 @@ impl<Sp: Space> Seepage<Sp> {
             if self.openness.blocked(cell) {
                 return (0.0, 1.0);
             }
-            let free = zones.map_or(1.0, |(_, permeability_of_zones)| permeability_of_zones.free(cell));
+            let free = zones.map_or(1.0, |(_, permeability_of_zones)| {
+                permeability_of_zones.free(cell)
+            });
             let ground = self.water.ground[cell].as_ref();
             (
                 free.min(openness(

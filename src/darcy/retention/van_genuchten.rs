@@ -110,10 +110,7 @@ impl RetentionLaw for VanGenuchten {
         if !(MIN_N..=MAX_N).contains(&self.n) {
             return Some(Fault {
                 path: "van_genuchten.n",
-                reason: format!(
-                    "n is {}; it must lie between {MIN_N} and {MAX_N}",
-                    self.n
-                ),
+                reason: format!("n is {}; it must lie between {MIN_N} and {MAX_N}", self.n),
                 remedy: "use a value in this range; clay has about 1.1, sand about 3".into(),
             });
         }

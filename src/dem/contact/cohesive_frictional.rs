@@ -138,7 +138,9 @@ impl CohesiveFrictionalParameters {
                 .friction_angle_degrees
                 .map_or(self.friction, coefficient),
             cohesion: pair.cohesion.unwrap_or(self.cohesion),
-            normal_damping_ratio: pair.normal_damping_ratio.unwrap_or(self.normal_damping_ratio),
+            normal_damping_ratio: pair
+                .normal_damping_ratio
+                .unwrap_or(self.normal_damping_ratio),
             shear_damping_ratio: pair.shear_damping_ratio.unwrap_or(self.shear_damping_ratio),
         }
     }

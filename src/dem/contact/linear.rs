@@ -187,7 +187,9 @@ impl LinearParameters {
             friction: pair
                 .friction_angle_degrees
                 .map_or(self.friction, coefficient),
-            normal_damping_ratio: pair.normal_damping_ratio.unwrap_or(self.normal_damping_ratio),
+            normal_damping_ratio: pair
+                .normal_damping_ratio
+                .unwrap_or(self.normal_damping_ratio),
             shear_damping_ratio: pair.shear_damping_ratio.unwrap_or(self.shear_damping_ratio),
             attraction: self.attraction,
         }

@@ -22,6 +22,7 @@ pub(crate) mod gaps;
 pub mod ground;
 pub mod measured;
 mod moving;
+mod passages;
 pub(crate) mod promise;
 mod resistance;
 mod sections;
@@ -30,7 +31,6 @@ pub(crate) mod solids;
 pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
-mod passages;
 
 use super::Scene;
 use super::findings::Findings;

@@ -278,8 +278,7 @@ impl FreeSurface {
         separated: impl Fn([f64; 3], [f64; 3]) -> bool,
     ) -> bool {
         let level = |part: &WaterPart| matches!(part, WaterPart::Level(_) | WaterPart::Solid(_));
-        if !self.parts.iter().all(level) || cells.iter().product::<usize>() > MAX_CELLS_TO_COMPARE
-        {
+        if !self.parts.iter().all(level) || cells.iter().product::<usize>() > MAX_CELLS_TO_COMPARE {
             return false;
         }
         let h = self.spacing;

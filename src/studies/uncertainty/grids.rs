@@ -191,9 +191,7 @@ fn common_divisor_grid(
         usable
             .iter()
             .all(|known| apart(ratio, *known) >= MIN_RATIO - 1e-9)
-            && failed
-                .iter()
-                .all(|known| apart(ratio, *known) >= MIN_STEP)
+            && failed.iter().all(|known| apart(ratio, *known) >= MIN_STEP)
     };
     let lowest = failed.iter().copied().filter(|ratio| *ratio > 1.0);
     let lowest = lowest.fold(f64::INFINITY, f64::min);

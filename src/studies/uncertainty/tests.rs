@@ -99,7 +99,7 @@ fn fast_flow_keeps_its_lattice_velocity_and_halves_it_once() {
     let own = plan(FAST, &[]);
     let members = Members::for_case(&own, false, true, false).unwrap();
     assert_eq!(members.scaling, Scaling::Acoustic);
-    let coarse = planned(&members.list[members.beside]);
+    let coarse = planned(&members.list[members.comparison]);
     let velocity = |plan: &Plan| plan.clock.time_step / plan.scene.grid.spacing;
     approx::assert_relative_eq!(velocity(&coarse), velocity(&own), max_relative = 0.02);
     let (setting, place) = &members.settings[0];
@@ -128,7 +128,7 @@ const SEEPAGE: &str = r#"{
 fn seepage_has_one_grid_and_its_settings_one_run_each() {
     let own = plan(SEEPAGE, &[]);
     let members = Members::for_case(&own, false, true, false).unwrap();
-    assert_eq!((members.grids.len(), members.beside), (1, 0));
+    assert_eq!((members.grids.len(), members.comparison), (1, 0));
     let names: Vec<&str> = members.settings.iter().map(|(s, _)| s.name).collect();
     let expected = [
         "contact stiffness",

@@ -349,7 +349,9 @@ fn loss(
         let pressure = winding * density * (friction + 0.75 * speed * speed);
         ("the narrow opening between solids", pressure)
     });
-    let narrow = narrow_gaps.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
+    let narrow = narrow_gaps
+        .iter()
+        .filter(|(a, gap)| *a == axis && gap.width > 0.0);
     let narrow = narrow.map(|(_, gap)| {
         let resistance = sound::resistance(&sound::Passage::through_gap(gap));
         let speed = discharge / gap.width;

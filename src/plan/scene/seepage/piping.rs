@@ -11,7 +11,7 @@ use case::backward_erosion::{BackwardErosion, EquilibriumDiameter, WidthOfPipe};
 use case::check;
 use darcy::Condition;
 use darcy::piping::{
-    BottomGrains, MIN_CELLS, MAX_CELLS, PipePath, PipeWidth, PipingSettings, rule,
+    BottomGrains, MAX_CELLS, MIN_CELLS, PipePath, PipeWidth, PipingSettings, rule,
 };
 use serde::Serialize;
 

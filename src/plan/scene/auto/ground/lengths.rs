@@ -446,10 +446,9 @@ impl<'a> Reader<'a> {
         ) {
             (true, _) => Ok(INFILTRATION),
             (false, true) => Ok(DRAWDOWN),
-            (false, false) => Err(
-                "no error was measured for transient flow with drains and walls"
-                    .into(),
-            ),
+            (false, false) => {
+                Err("no error was measured for transient flow with drains and walls".into())
+            }
         }
     }
 
