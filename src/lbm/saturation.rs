@@ -79,7 +79,7 @@ macro_rules! solid_operators {
         $(#[$attribute])*
         pub enum $list {
             $(
-                #[allow(missing_docs, reason = "the documentation of an operator is in its module")]
+                #[allow(missing_docs, reason = "the documentation of an operator stands in its module")]
                 $operator,
             )*
         }
