@@ -10,8 +10,8 @@
 //! fraction `gain` of what F lacks, if the grains are stationary: the error falls by the factor `1 - gain` from step to
 //! step, and the control is stable up to a gain of 2 for the wall alone. While grains move away at the speed u from the
 //! wall, F lacks `K u dt/gain`: the control acts as a dashpot of `K dt/gain`, which takes energy from the grains and is
-//! weak where the solid step is small against the period of a contact. A gain of at most 1 keeps both. Where nothing
-//! touches the wall, it comes at its velocity limit.
+//! weak if the solid step is small compared with the period of a contact. With a gain of at most 1 the control is
+//! stable and dissipates energy. A wall that touches nothing moves at its velocity limit.
 //!
 //! The force is measured at the end of a solid step, from the positions of that time; the wall moves with the velocity
 //! that follows from it in the next one. Position and velocity of a wall are all of its state. F and K of all walls are

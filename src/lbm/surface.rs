@@ -582,7 +582,7 @@ impl SlabSurface {
             (&self.ghosts, &self.fed),
         );
         if self.bodies.is_some() {
-            self.share_out(populations);
+            self.distribute_excess(populations);
             self.unsettled = true;
         } else {
             self.settle(populations);
@@ -590,7 +590,7 @@ impl SlabSurface {
     }
 
     /// Distributes excess mass. Collective.
-    fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
+    fn distribute_excess<S: Stored>(&mut self, populations: &Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind);
         self.lost += self.work.distribute(&mut self.cells);
         let mut fill = std::mem::take(&mut self.cells.fill);
@@ -620,7 +620,7 @@ impl SlabSurface {
                 self.cells.fill[cell as usize] = fill;
             }
         }
-        self.share_out(populations);
+        self.distribute_excess(populations);
     }
 
     /// Updates the lists of the planes whose cells have changed kind.

@@ -112,7 +112,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.histories = Vec::new();
         self.wall_histories.clear();
         self.validity.path = 0.0;
-        L::share_out(self, particles);
+        L::distribute_work(self, particles);
         self.activate(particles);
     }
 

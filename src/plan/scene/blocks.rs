@@ -155,7 +155,7 @@ fn jointed(
         findings.error(
             &format!("{path}.sets"),
             format!(
-                "the joints cut up to {} blocks; at most {} are allowed",
+                "the joints create up to {} blocks; at most {} are allowed",
                 number(blocks),
                 number(MAX_BLOCKS)
             ),

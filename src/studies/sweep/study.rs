@@ -342,7 +342,7 @@ impl Study {
             self.reference_problems(&path, reference, output.over.is_some(), &mut found);
         }
         if let Some(formula) = &self.sound {
-            readable("sound", formula, &mut found);
+            check_formula("sound", formula, &mut found);
         }
         if let Some(name) = &self.error
             && !self.reference.contains_key(name)
@@ -416,7 +416,7 @@ impl Study {
             ));
         }
         match reference {
-            Reference::Formula(formula) => readable(path, formula, found),
+            Reference::Formula(formula) => check_formula(path, formula, found),
             Reference::Found(FoundReference::Finest(name)) => {
                 let varied = self.vary.find(name);
                 if !varied.is_some_and(|(_, variation)| variation.is_numeric()) {
@@ -503,14 +503,14 @@ impl Output {
         ];
         for (field, formula) in formulas {
             if let Some(formula) = formula {
-                readable(&format!("{path}.{field}"), formula, found);
+                check_formula(&format!("{path}.{field}"), formula, found);
             }
         }
     }
 }
 
 /// Adds a problem if a formula cannot be read whatever names are defined.
-pub(crate) fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
+pub(crate) fn check_formula(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
         found.push(problem(path, &expression::excerpt(formula), reason, remedy));

@@ -222,8 +222,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Returns the part of each structure in the water that lies in the ground: all of a box, and of a polygon the
-    /// box round its corners below the surface, which must be a sheet.
+    /// Returns the part in the ground of each structure in the water: a box completely, and for a polygon the box
+    /// around its corners below the surface. That box must be a sheet.
     fn read_parts(&self) -> Result<Vec<Part>, String> {
         let (origin, end, up) = (self.seepage.origin, self.end, self.up);
         let least = SAME * self.height();
