@@ -830,7 +830,7 @@ mod tests {
 
     /// Checks that errors of a balance are reported only above the limits of rounding.
     #[test]
-    fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
+    fn an_error_of_a_balance_beyond_rounding_is_reported() {
         let text = examples::find("poiseuille").unwrap().text;
         let document = Document::read(text, &[], Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();

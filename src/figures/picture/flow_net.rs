@@ -535,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_across_a_sheet_are_told_from_lines_next_to_it() {
+    fn lines_across_a_sheet_differ_from_lines_next_to_it() {
         let sheet = [[1.0, 0.0], [1.0, 1.0]];
         assert!(crosses([[0.5, 0.5], [1.5, 0.6]], sheet));
         assert!(!crosses([[0.5, 1.5], [1.5, 1.6]], sheet));

@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_is_said_at_once() {
+    fn all_problems_are_reported_at_once() {
         let problems = study(|tree| {
             tree["vary"] = json!({
                 "domain.spcing": [1e-4],

@@ -135,13 +135,13 @@ impl Behaviour {
     }
 }
 
-/// Knowledge of the value on cells of no size.
+/// Behaviour of the value as the cell size tends to zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Limit {
-    /// Nothing is known: differences that grow may be an instability.
+    /// Not known: growing differences may be an instability.
     #[default]
     Unknown,
-    /// The method is stable, but the value may be infinite, as a gradient at an edge.
+    /// The method is stable, but the value may be infinite, like a gradient at an edge.
     Stable,
     /// The value converges.
     Exists,

@@ -700,7 +700,7 @@ mod tests {
     }
 
     #[test]
-    fn given_values_and_zeros_are_no_answers_and_drift_is_said() {
+    fn given_values_and_zeros_are_no_answers_and_drift_is_reported() {
         let table = table();
         let names: Vec<&str> = table.answers.iter().map(|r| r.answer.as_str()).collect();
         assert_eq!(names, ["drag", "line: u, point 1", "line: u, point 2"]);
@@ -750,7 +750,7 @@ mod tests {
     }
 
     #[test]
-    fn grids_without_answers_are_told_with_their_reason() {
+    fn grids_without_answers_are_reported_with_their_reason() {
         let mut table = table();
         assert_eq!(conclusion(&table.grids), "");
         for (place, expected) in [

@@ -152,7 +152,7 @@ pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// Returns the spacing \[m\] that each feature requires, with a sentence.
+/// Returns the spacing \[m\] that each feature requires, with the reason for the plan.
 fn required_spacings(
     case: &Case,
     lbm: &LatticeBoltzmann,
