@@ -201,8 +201,8 @@ fn pile(count: u32, settle: u64, file: Option<&str>) -> Result<(), Error> {
             shear: 2e7,
         },
         friction: 0.5,
-        normal_damping: 0.0,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.0,
+        shear_damping_ratio: 0.0,
     };
     let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),

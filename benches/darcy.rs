@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use std::time::Instant;
 
 use decomposition::Communicator;
-use solver::darcy::permeability::kozeny_carman;
+use solver::darcy::resistance::kozeny_carman;
 use solver::darcy::{
     Condition, Enclosure, Equations, Liquid, Medium, Openness, Pressure, PressurePatch,
     PressureSettings, SeepageError, SeepageGrid,

@@ -36,8 +36,8 @@ const PAPER: cohesive_frictional::CohesiveFrictionalParameters =
         // The tangent of 20 degrees.
         friction: 0.363_970_234_266_202_36,
         cohesion: Scaled::PerDiameter(0.506),
-        normal_damping: 0.0,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.0,
+        shear_damping_ratio: 0.0,
     };
 
 fn report<S: Space>(
@@ -172,8 +172,8 @@ fn springs(stiffness: f64, gamma: f64, mass: f64, ratio: f64) -> Law {
                 normal_stiffness: Scaled::Absolute(stiffness),
                 stiffness_ratio: ratio,
                 friction: 0.5,
-                normal_damping: 0.5 * gamma * (mass / stiffness).sqrt(),
-                shear_damping: 0.0,
+                normal_damping_ratio: 0.5 * gamma * (mass / stiffness).sqrt(),
+                shear_damping_ratio: 0.0,
                 attraction: false,
             },
         ),

@@ -1,5 +1,5 @@
 //! The program's search for neighbours compared with the bare idea of CGRID (Williams, Perkins and Cook 2004; after its
-//! description alone): one grid in which every body stands in all the cells that its box overlaps.
+//! description alone): one grid in which every body is listed in all the cells that its box overlaps.
 //!
 //! Both find the pairs whose surfaces are closer than a gap; the bench stops if they differ. Time is that of finding,
 //! before any order of pairs is made; of the second the best of several widths of its cells is shown, which a program

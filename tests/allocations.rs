@@ -99,8 +99,8 @@ fn blocks() -> (Dem<Volume>, Particles<Volume>) {
             shear: 5e7,
         },
         friction: 0.5,
-        normal_damping: 0.2,
-        shear_damping: 0.2,
+        normal_damping_ratio: 0.2,
+        shear_damping_ratio: 0.2,
     };
     let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),

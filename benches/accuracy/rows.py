@@ -26,7 +26,7 @@ CUBIC = {0.216: 7.442, 0.343: 15.4, 0.45: 28.1, 0.5236: 42.1}
 LEAST = 0.001
 # Fewest cells of a row: below, no scheme is meant to work.
 FEWEST = {"gap": 1.0, "moving": 0.5, "layer": 0.5, "diameter": 6.0, "wall": 6.0, "vortex": 6.0, "blocks": 4.0, "blocks in gaps": 3.69,
-          "ways beside spheres": 1.0, "ways between blocks": 2.0, "ways between structures": 1.5}
+          "passages next to spheres": 1.0, "passages between blocks": 2.0, "passages between structures": 1.5}
 
 
 def members(study):
@@ -299,13 +299,13 @@ def ways(study, dimension):
             if coupling in ("interpolated", None) and cells == max(finest):
                 continue
             if kind.startswith("sphere"):
-                rows = f"ways beside spheres: {OBSTACLES[coupling]}"
+                rows = f"passages next to spheres: {OBSTACLES[coupling]}"
             elif kind.startswith(("octahedra", "turned")):
                 rows = f"blocks: {operators[coupling]}"
             elif kind.startswith(("cubes", "bars", "slabs")):
-                rows = f"ways between blocks: {operators[coupling]}"
+                rows = f"passages between blocks: {operators[coupling]}"
             else:
-                rows = "ways between structures"
+                rows = "passages between structures"
             shown = f"way past {kind}" + (f" at Re {reynolds}" if reynolds else "")
             yield shown, dimension, rows, None, cells * WAYS[kind], errors(pair[:1], [exact]), reynolds
 
@@ -361,7 +361,7 @@ def main():
             lines[cells] = (worst, reynolds)
         base = OBSTACLES.get(coupling, "")
         obstacle = {
-            "gap": f"gaps: {base}", "moving": f"gaps beside bodies that move: {base}", "packed": f"packed spheres: {base}",
+            "gap": f"gaps: {base}", "moving": f"gaps next to moving bodies: {base}", "packed": f"packed spheres: {base}",
             "layer": "layers in time", "wall": "walls", "vortex": "vortices", "diameter": base,
         }.get(kind, kind)
         kind_of = "square array at inertia" if problem.startswith("square") and " and Re " in problem else problem

@@ -104,7 +104,7 @@ def ways_2d():
         "step in a channel": problem(whole, half, 0.3, 0.6, structures=beside),
     }
     write(
-        "ways-2d", "Narrow ways between structures in 2-D", "Discharge under a body force. Reference: extrapolation of 100 and 200 cells with order 1.3, as edges are sharp; all faces lie between cells there.",
+        "ways-2d", "Narrow passages between structures in 2-D", "Discharge under a body force. Reference: extrapolation of 100 and 200 cells with order 1.3, as edges are sharp; all faces lie between cells there.",
         case(2, 0.3, 0.6), {"problem": problems, "cells": cells([12, 14, 17, 20, 24, 29, 34, 41, 50, 62, 80, 100, 200])},
     )
 

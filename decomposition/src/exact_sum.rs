@@ -2,7 +2,7 @@
 //!
 //! - [`ExactSum`] adds any floats without rounding in an integer of 2240 bits and rounds once, at the
 //!   end (U. Kulisch, Computer Arithmetic and Validity, 2nd ed., 2013, chapter 8). Digits of 32 bits
-//!   stand in words of 64, so that carries can be deferred (R. M. Neal, arXiv:1505.05571). It serves
+//!   are stored in words of 64, so that carries can be deferred (R. M. Neal, arXiv:1505.05571). It serves
 //!   residuals, dot products and budgets.
 //! - [`Fixed`] adds numbers of known size, below 2 in magnitude, in steps of 2^-62: one multiplication
 //!   and one integer addition for each term. It serves the loads of many cells on one grain.

@@ -186,7 +186,7 @@ pub fn free_bytes(path: &Path) -> Result<u64> {
     let code = unsafe { libc::statvfs(name.as_ptr(), room.as_mut_ptr()) };
     if code != 0 {
         return Err(Error::io(
-            "ask for free space on",
+            "query the free space on",
             path,
             &io::Error::last_os_error(),
         ));

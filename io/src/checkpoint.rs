@@ -108,7 +108,7 @@ const DIMENSIONS: usize = 8;
 /// Space for the headers that describe the arrays in a file \[bytes\].
 const HEADERS: u64 = 16 << 20;
 /// Minimum number of checkpoints kept, because the last one may be damaged.
-const LEAST_KEPT: usize = 2;
+const MIN_KEPT: usize = 2;
 
 impl Manifest {
     fn render(&self) -> Result<String> {
@@ -150,7 +150,7 @@ impl Manifest {
         let file = Path::new(&self.file);
         if file.file_name() != Some(file.as_os_str()) || !is_ours(file, "h5") {
             return wrong(format!(
-                "it names {:?}, which is no file of a checkpoint in its own folder",
+                "it names {:?}, which is not a file of a checkpoint in the same folder",
                 self.file
             ));
         }
@@ -349,7 +349,7 @@ pub fn write(
             "{} and its {bytes} bytes read back as they were written",
             manifest.display()
         );
-        remove_old(folder, keep.max(LEAST_KEPT))
+        remove_old(folder, keep.max(MIN_KEPT))
     })?;
     Ok(manifest)
 }
@@ -700,7 +700,7 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
     let mut names = Vec::new();
     group.iter_visit_default(|name, info| {
         *seen += 1;
-        if info.link_type != hdf5::LinkType::Hard || depth > DIMENSIONS || *seen > MOST_NAMES {
+        if info.link_type != hdf5::LinkType::Hard || depth > DIMENSIONS || *seen > MAX_NAMES {
             return Err(format!("{path}/{name} is a link, or there are too many objects").into());
         }
         names.push(name.to_owned());
@@ -720,7 +720,7 @@ fn within(group: &hdf5::Group, path: &str, depth: usize, seen: &mut usize) -> hd
 }
 
 /// Maximum number of names in the file of a checkpoint.
-const MOST_NAMES: usize = 10_000;
+const MAX_NAMES: usize = 10_000;
 
 impl<'g> Reader<'g> {
     /// Opens a checkpoint for this rank alone, which then reads independently of other ranks.

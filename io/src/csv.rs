@@ -149,7 +149,7 @@ impl CsvRow<'_> {
                 let name = self.names.get(column).unwrap_or_default();
                 let found = text.map_or("is missing".into(), |text| format!("holds `{text}`"));
                 format!(
-                    "line {}: column `{name}` {found}, which is no number",
+                    "line {}: column `{name}` {found}, which is not a number",
                     self.line()
                 )
             })
@@ -245,7 +245,7 @@ mod tests {
         );
         assert_eq!(
             seen[4].2,
-            Err("line 10: column `x [m]` holds `nan`, which is no number".into())
+            Err("line 10: column `x [m]` holds `nan`, which is not a number".into())
         );
         assert!(Reader::new("# nothing\n\n").is_none());
         let mut reader = Reader::new("# y,u\n0,1\n").unwrap();

@@ -81,12 +81,12 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
 
 /// Maximum nesting of groups, and maximum number of objects of a file: links may form a cycle.
 const DEEPEST: usize = 32;
-const MOST_OBJECTS: usize = 100_000;
+const MAX_OBJECTS: usize = 100_000;
 
 fn walk(group: &hdf5::Group, info: &mut FileInfo, depth: usize) -> hdf5::Result<()> {
-    if depth > DEEPEST || info.groups.len() + info.datasets.len() > MOST_OBJECTS {
+    if depth > DEEPEST || info.groups.len() + info.datasets.len() > MAX_OBJECTS {
         return Err(format!(
-            "its groups nest more than {DEEPEST} deep, or it has more than {MOST_OBJECTS} objects"
+            "its groups nest more than {DEEPEST} deep, or it has more than {MAX_OBJECTS} objects"
         )
         .into());
     }

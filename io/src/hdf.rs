@@ -789,7 +789,7 @@ pub(crate) fn read_box<T: crate::Element>(
     transfer: Transfer,
 ) -> hdf5::Result<()> {
     if product(count) != into.len() {
-        return Err(format!("room for {} numbers for a box {count:?}", into.len()).into());
+        return Err(format!("a buffer of {} numbers for a box {count:?}", into.len()).into());
     }
     let kind = hdf5::Datatype::from_descriptor(&T::KIND.descriptor())?;
     let list = TransferList::new(transfer)?;

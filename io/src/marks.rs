@@ -115,9 +115,9 @@ pub fn check(folder: &Path, marks: &Marks) -> Result<Vec<String>> {
 }
 
 /// Names of missing tables, and paths of tables that are longer than their marks, with the marked length.
-type Looked = (Vec<String>, Vec<(PathBuf, u64)>);
+type MarkDifferences = (Vec<String>, Vec<(PathBuf, u64)>);
 
-fn compare(folder: &Path, marks: &Marks) -> Result<Looked> {
+fn compare(folder: &Path, marks: &Marks) -> Result<MarkDifferences> {
     let mut gone = Vec::new();
     let mut longer = Vec::new();
     for (name, mark) in marks {

@@ -651,7 +651,7 @@ impl SheetRow<'_> {
         let known = self.sheet.known[column].name;
         let name = self.sheet.found[column].and_then(|(at, _)| self.sheet.names.get(at));
         Err(format!(
-            "line {}: column `{}` holds `{}`, which is no number{advice}",
+            "line {}: column `{}` holds `{}`, which is not a number{advice}",
             self.line(),
             name.map_or(known, String::as_str),
             text.chars().take(24).collect::<String>()

@@ -49,7 +49,10 @@ CHAPTERS = [
             "lbm/surface/carried.rs",
             "lbm/surface/exchange.rs",
             "lbm/surface/conversion.rs",
+            "lbm/surface/opening.rs",
+            "lbm/surface/bodies.rs",
             "lbm/surface/tension.rs",
+            "plan/scene/free_surface/solitary.rs",
         ],
     ),
     ("Porous zones", ["porous_zone"], ["lbm/term/porous.rs"]),
@@ -81,8 +84,8 @@ CHAPTERS = [
             "darcy/piping/equilibrium.rs",
             "darcy/piping/influence.rs",
             "darcy/piping/rule.rs",
-            "darcy/permeability.rs",
-            "darcy/permeability/*",
+            "darcy/resistance.rs",
+            "darcy/resistance/*",
             "darcy/drag.rs",
             "darcy/drag/*",
             "darcy/porosity.rs",
@@ -96,6 +99,10 @@ CHAPTERS = [
             "darcy/pressure/unsaturated.rs",
             "darcy/pressure/unsaturated/transient.rs",
             "darcy/cut_cells.rs",
+            "darcy/drains.rs",
+            "plan/scene/seepage/terrain.rs",
+            "darcy/pressure/tensor.rs",
+            "darcy/surface.rs",
             "coupling/seepage.rs",
             "coupling/seepage/moist.rs",
         ],
@@ -115,6 +122,9 @@ CHAPTERS = [
             "joints/water.rs",
             "joints/loads.rs",
             "joints/motion.rs",
+            "joints/cover.rs",
+            "joints/takeover.rs",
+            "coupling/jointed.rs",
         ],
     ),
     (
@@ -136,7 +146,36 @@ CHAPTERS = [
         ],
     ),
     ("Motion of grains", [], ["dem/lib.rs", "dem/integrate.rs", "dem/neighbors.rs"]),
-    ("Structures and walls", ["structure", "walls"], ["structure/lib.rs", "structure/mesh.rs", "dem/surface.rs", "dem/servo.rs", "dem/walls/area.rs"]),
+    ("Structures and walls", ["structure", "walls"], ["structure/lib.rs", "structure/mesh.rs", "dem/surface.rs", "dem/servo.rs", "dem/walls/area.rs", "simulation/drives.rs"]),
+    ("Samples of grains and blocks", [], ["preparation/growth.rs", "preparation/deposition.rs", "plan/scene/rock.rs", "plan/scene/rock/joints.rs"]),
+    (
+        "Limits of stability",
+        [],
+        [
+            "plan/contacts.rs",
+            "plan/added_mass.rs",
+            "plan/coupling_interval.rs",
+            "plan/explicit_drag.rs",
+            "plan/porous.rs",
+            "plan/free_surface.rs",
+            "plan/levels.rs",
+            "plan/servo.rs",
+        ],
+    ),
+    (
+        "Promised accuracy and numerical uncertainty",
+        [],
+        [
+            "plan/scene/auto/bound.rs",
+            "plan/scene/auto/density.rs",
+            "plan/scene/auto/moving.rs",
+            "plan/scene/auto/sound.rs",
+            "plan/scene/auto/promise.rs",
+            "plan/scene/auto/ground.rs",
+            "plan/ends.rs",
+            "studies/uncertainty/convergence.rs",
+        ],
+    ),
     (
         "Initial flow, probes and analyses",
         ["initial", "probe", "analysis"],
@@ -267,7 +306,7 @@ def scripts(text):
     """Returns an equation in HTML with its indices and exponents set low and high."""
     text = html.escape(text, quote=False)
     part = r"(\([^()]*\)|\{[^{}]*\}|-?[A-Za-zα-ωΑ-Ω0-9∥⊥]+(?:/[0-9]+)?(?:\.[0-9]+)?)"
-    text = re.sub(r"(?<=[\w)\]'}|])_" + part, r"<sub>\1</sub>", text)
+    text = re.sub(r"(?<=[\w)\]'}|∂*])_" + part, r"<sub>\1</sub>", text)
     text = re.sub(r"\^" + part, r"<sup>\1</sup>", text)
     return re.sub(r"(<su[bp]>)[({]([^<]*)[)}](</su[bp]>)", r"\1\2\3", text)
 
@@ -284,9 +323,10 @@ def inline(text):
     text = re.sub(r"\[(`[^`]+`)\]", r"\1", text)
     text = re.sub(r"`([^`]+)`", keep, text).replace(r"\[", "[").replace(r"\]", "]")
     # A letter with an index or an exponent is a symbol; names of code stand between backticks.
-    symbol = r"(?<![A-Za-zα-ω_\0])[A-Za-zα-ωΑ-Ω∂](?:_[\wα-ωī+-]+|\^[\wα-ω+-]+|\^\([^()\s]*\)|\^\{[^{}\s]*\})+(?![\w(])"
+    symbol = r"(?<![A-Za-zα-ω_\0])[A-Za-zα-ωΑ-Ω∂]\*?(?:_[\wα-ωī+-]+|\^[\wα-ω+-]+|\^\([^()\s]*\)|\^\{[^{}\s]*\})+(?!\w)"
     parts = enumerate(re.split(f"({symbol})", text))
     text = "".join(scripts(part) if n % 2 else html.escape(part, quote=False) for n, part in parts)
+    text = re.sub(r"(?<=[\w)\]])\^(½|⅓|⅕|-?\d+(?:/\d+)?|[a-z](?!\w)|\([^()\s]*\))", r"<sup>\1</sup>", text)
     text = re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", text)
     text = re.sub(r"(?<![\w*])\*([^*\s][^*]*)\*(?![\w*])", r"<i>\1</i>", text)
     text = re.sub(r"doi:(10\.[^\s,;)]+(?:\([^\s)]*\)[^\s,;)]*)?)", lambda m: doi(m[1].rstrip(".")), text)
@@ -305,6 +345,18 @@ def is_equation(text):
     return bool(relation) and "`" not in text and len(words) <= 5 and len(text) < 260 and not text.rstrip().endswith(":")
 
 
+def joined(rows):
+    """Returns the rows of a block of equations; a note that continues on the next row belongs to the row before."""
+    out = []
+    for row in rows:
+        text = row.strip()
+        if out and row.startswith(" " * 20) and not re.match(r"[-+=*/<>≤≥]", text):
+            out[-1] += " " + text
+        elif text:
+            out.append(row)
+    return out
+
+
 def body(lines):
     """Returns the Markdown of a module head in HTML."""
     out, n = [], 0
@@ -320,7 +372,7 @@ def body(lines):
             if mathml.is_drawing(rows):
                 out.append("<pre>" + "\n".join(scripts(row.replace("`", "")) for row in rows) + "</pre>")
             else:
-                out.append("".join(f'<p class="equation">{mathml.equation(row, inline)}</p>' for row in rows if row.strip()))
+                out.append("".join(f'<p class="equation">{mathml.equation(row, inline)}</p>' for row in joined(rows)))
             n = end + 1
         elif line.startswith("|"):
             rows = []
@@ -331,11 +383,11 @@ def body(lines):
             rows = [row for row in rows if not all(re.fullmatch(r":?-+:?", cell) for cell in row)]
             cells = ("".join(f"<{k}>{inline(c)}</{k}>" for c in row) for k, row in zip(kind, rows))
             out.append("<table>" + "".join(f"<tr>{row}</tr>" for row in cells) + "</table>")
-        elif match := re.match(r"\s*(-|\d+\.) ", line):
-            tag = "ul" if match[1] == "-" else "ol"
+        elif match := re.match(r"\s*([-*]|\d+\.) ", line):
+            tag = "ul" if match[1] in "-*" else "ol"
             items = []
             while n < len(lines) and lines[n].strip():
-                if match := re.match(r"\s*(?:-|\d+\.) (.*)", lines[n]):
+                if match := re.match(r"\s*(?:[-*]|\d+\.) (.*)", lines[n]):
                     items.append(match[1])
                 else:
                     items[-1] += " " + lines[n].strip()
@@ -405,7 +457,8 @@ def manual():
             lines = head(path)
             if not lines:
                 sys.exit(f"manual: {path.relative_to(ROOT)} has no module head")
-            parts.append(f"<h3>{path.stem.replace('_', ' ')}</h3>")
+            title = path.stem if path.stem != "lib" else path.parent.name
+            parts.append(f"<h3>{title.replace('_', ' ').capitalize()}</h3>")
             parts.append(f'<p class="file">{path.relative_to(ROOT)}</p>')
             parts.append(body(lines))
         chapters.append("\n".join(parts))

@@ -18,6 +18,7 @@ FUNCTIONS = {"cut", "min", "max", "exp", "ln", "sin", "cos", "tan", "tanh", "ata
 SHORT_WORDS = {"on", "by", "no", "one", "two", "over", "odd", "down", "else", "of", "at", "to", "in", "or", "is", "if", "up", "and", "for", "the", "are", "all", "out", "but", "any", "cut"}
 UPRIGHT = {"overlap", "slip", "roll", "spin", "depth", "area", "point", "rest", "gap", "body", "flow", "rate", "inflow", "outflow"}
 RAISED = {"²": "2", "³": "3", "¹": "1", "½": "½", "⁺": "+", "⁻": "-", "ᵀ": "T"}
+LOWERED = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
 BRACKETS = {"(": ")", "[": "]", "{": "}", "⟨": "⟩", "⟮": "⟯"}
 RELATIONS = {"=", "<=", ">=", "<", ">", "≤", "≥", "~", "←", "→", "⊥", "≈"}
 SEPARATORS = RELATIONS | {"+", "-", ",", ";", ":", "±"}
@@ -48,6 +49,7 @@ class Parser:
     def __init__(self, text):
         text = re.sub(r"\\([\[\]])", r"\1", text.rstrip(" ."))
         text = re.sub(r"\bd (\w+)/(d\w)\b", r"⟮d \1⟯/\2", text)
+        text = re.sub(r"(?<=[A-Za-zα-ω])([₀-₉]+)", lambda m: "_{" + m[1].translate(LOWERED) + "}", text)
         self.tokens = [(m.lastgroup, m[0]) for m in TOKEN.finditer(text)]
         self.at = 0
 

@@ -8,7 +8,7 @@
 //!
 //! Each quantity has several measures: both planes of the axis measure the axial stress, each lateral wall or component
 //! the lateral one. An answer is their mean and its interval their range. The walls of a sample in equilibrium measure
-//! the same, so that the interval is what is out of equilibrium. A peak is that of the mean.
+//! the same, so that the interval shows the deviation from equilibrium. A peak is the largest value of the mean.
 
 use base::number::real;
 

@@ -1,6 +1,6 @@
 //! Collapse of ground over seepage points: measured quantities, stages, and clusters of loosened grains.
 //!
-//! Water drags grains out through seepage points. A hole grows, an arch stands over it for a while, the surface sinks,
+//! Water drags grains out through seepage points. A hole grows, an arch forms over it for a while, the surface sinks,
 //! and the depression extends along the fissure. Each step of the analysis is one file:
 //!
 //! | file | content |

@@ -6,7 +6,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use super::expression::evaluate;
@@ -144,7 +144,7 @@ impl Profile {
 }
 
 impl Measure {
-    /// Returns the number, computed from the output folder of a run. `beside` is the folder of reference tables,
+    /// Returns the number, computed from the output folder of a run. Reference tables are in `reference_folder`;
     /// `known` returns numbers by name.
     ///
     /// # Errors
@@ -152,7 +152,7 @@ impl Measure {
     pub fn number(
         &self,
         output: &Path,
-        beside: &Path,
+        reference_folder: &Path,
         known: &dyn Fn(&str) -> Option<f64>,
     ) -> Result<f64, String> {
         if let Some(path) = &self.summary {
@@ -187,7 +187,10 @@ impl Measure {
             }
             Take::TableError { table, at } => {
                 let found = self.profile(output, at, known)?;
-                found.error(&Profile::read(&beside.join(table))?, Norm::Largest)
+                found.error(
+                    &Profile::read(&reference_folder.join(table))?,
+                    Norm::Largest,
+                )
             }
         }
     }

@@ -12,7 +12,7 @@ pub mod error;
 pub mod family;
 #[allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are the texts of the schema, with units in brackets: [m]"
 )]
 pub mod geometry;
 pub mod history;

@@ -34,12 +34,12 @@ struct Pool {
 static POOL: Mutex<Option<Pool>> = Mutex::new(None);
 
 /// Maximum number of threads that share work.
-pub const MOST: usize = 64;
+pub const MAX_THREADS: usize = 64;
 
 /// Returns the number of threads of this rank: the best number of pieces for a loop of equal work.
 #[must_use]
 pub fn threads() -> usize {
-    rayon::current_num_threads().min(MOST)
+    rayon::current_num_threads().min(MAX_THREADS)
 }
 
 /// Calls `work` with each number below `pieces` on up to this many threads; returns when all calls have ended.
@@ -76,7 +76,7 @@ pub trait Shared: Sync {
 /// Slice cut into consecutive parts.
 pub struct Cut<'a, T> {
     start: *mut T,
-    bounds: [usize; MOST + 1],
+    bounds: [usize; MAX_THREADS + 1],
     slice: PhantomData<&'a mut [T]>,
 }
 
@@ -93,9 +93,9 @@ impl<T> Cut<'_, T> {
 /// Cuts a slice: part p goes from `bound(p)` to `bound(p + 1)`.
 ///
 /// # Panics
-/// If there are more than [`MOST`] pieces, bounds fall, or the last is beyond the slice.
+/// If there are more than [`MAX_THREADS`] pieces, bounds fall, or the last is beyond the slice.
 pub fn cut<T>(slice: &mut [T], pieces: usize, bound: impl Fn(usize) -> usize) -> Cut<'_, T> {
-    let mut bounds = [0; MOST + 1];
+    let mut bounds = [0; MAX_THREADS + 1];
     for (piece, at) in bounds[..=pieces].iter_mut().enumerate() {
         *at = bound(piece);
     }
@@ -172,7 +172,7 @@ pub fn each_item<T: Send>(items: &mut [T], least: usize, work: impl Fn(usize, &m
 pub fn runs(items: usize, least: usize) -> usize {
     match threads().min(items / least.max(1)) {
         0 | 1 => 1,
-        threads => MOST / threads * threads,
+        threads => MAX_THREADS / threads * threads,
     }
 }
 
@@ -188,7 +188,7 @@ pub fn each_run_of<W: Shared>(runs: usize, shared: W, work: impl Fn(usize, W::Sh
     if threads <= 1 {
         return each_of(runs, shared, work);
     }
-    let begun: [RunCounter; MOST] = std::array::from_fn(|_| RunCounter::default());
+    let begun: [RunCounter; MAX_THREADS] = std::array::from_fn(|_| RunCounter::default());
     each(threads, |thread| {
         for turn in 0..threads {
             let whose = (thread + turn) % threads;
@@ -222,26 +222,26 @@ pub fn each_item_in_runs<T: Send>(
 }
 
 /// Calls `work` like [`each_item_in_runs`] for items of very unequal work, in runs of `some` items. Each thread has one
-/// of the buffers in `rooms`.
+/// of the `buffers`.
 pub fn each_item_when_free<T: Send, R: Send + Default>(
     items: &mut [T],
     some: usize,
-    rooms: &mut Vec<R>,
+    buffers: &mut Vec<R>,
     work: impl Fn(&mut R, &mut T) + Sync,
 ) {
     let some = some.max(1);
     let threads = threads().min(items.len().div_ceil(some)).max(1);
-    if rooms.len() < threads {
-        rooms.resize_with(threads, R::default);
+    if buffers.len() < threads {
+        buffers.resize_with(threads, R::default);
     }
-    let begun: [RunCounter; MOST] = std::array::from_fn(|_| RunCounter::default());
+    let begun: [RunCounter; MAX_THREADS] = std::array::from_fn(|_| RunCounter::default());
     let all = Cut {
         start: items.as_mut_ptr(),
-        bounds: [0; MOST + 1],
+        bounds: [0; MAX_THREADS + 1],
         slice: PhantomData,
     };
     let count = items.len();
-    each_item(&mut rooms[..threads], 1, |thread, room| {
+    each_item(&mut buffers[..threads], 1, |thread, buffer| {
         for turn in 0..threads {
             let whose = (thread + turn) % threads;
             let share = count * whose / threads..count * (whose + 1) / threads;
@@ -252,7 +252,7 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
                 }
                 for n in first..(first + some).min(share.end) {
                     // SAFETY: the index is within the slice, and no other thread has taken it.
-                    work(room, unsafe { &mut *all.item(n) });
+                    work(buffer, unsafe { &mut *all.item(n) });
                 }
             }
         }
@@ -260,12 +260,12 @@ pub fn each_item_when_free<T: Send, R: Send + Default>(
 }
 
 /// Buffer for new items of a list, filled by one piece of the work.
-pub struct Room<'a, T> {
+pub struct PieceBuffer<'a, T> {
     slice: &'a mut [MaybeUninit<T>],
     count: usize,
 }
 
-impl<T> Room<'_, T> {
+impl<T> PieceBuffer<'_, T> {
     /// Adds an item.
     ///
     /// # Panics
@@ -283,19 +283,19 @@ pub fn extend<T: Copy + Send>(
     list: &mut Vec<T>,
     pieces: usize,
     bound: impl Fn(usize) -> usize,
-    work: impl Fn(usize, &mut Room<'_, T>) + Sync,
+    work: impl Fn(usize, &mut PieceBuffer<'_, T>) + Sync,
 ) {
     list.reserve_exact(bound(pieces));
-    let mut counts = [0; MOST];
+    let mut counts = [0; MAX_THREADS];
     let spare = list.spare_capacity_mut();
     let shared = (
         cut(spare, pieces, &bound),
         evenly(&mut counts[..pieces], pieces),
     );
     each_of(pieces, shared, |piece, (slice, count)| {
-        let mut room = Room { slice, count: 0 };
-        work(piece, &mut room);
-        count[0] = room.count;
+        let mut buffer = PieceBuffer { slice, count: 0 };
+        work(piece, &mut buffer);
+        count[0] = buffer.count;
     });
     // Closes the gaps after pieces that added fewer items.
     let mut end = 0;
@@ -421,16 +421,16 @@ mod tests {
     fn free_threads_take_what_is_left() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
         pool.unwrap().install(|| {
-            let mut rooms: Vec<Vec<usize>> = Vec::new();
+            let mut buffers: Vec<Vec<usize>> = Vec::new();
             for (count, some) in [(0, 1), (1, 4), (7, 2), (1000, 8)] {
                 let mut items: Vec<usize> = (0..count).collect();
-                rooms.iter_mut().for_each(Vec::clear);
-                each_item_when_free(&mut items, some, &mut rooms, |room, item| {
-                    room.push(*item);
+                buffers.iter_mut().for_each(Vec::clear);
+                each_item_when_free(&mut items, some, &mut buffers, |buffer, item| {
+                    buffer.push(*item);
                     *item += 1;
                 });
                 assert!(items.iter().enumerate().all(|(n, item)| n + 1 == *item));
-                let mut done: Vec<usize> = rooms.concat();
+                let mut done: Vec<usize> = buffers.concat();
                 done.sort_unstable();
                 assert!(done.into_iter().eq(0..count));
             }
@@ -447,11 +447,11 @@ mod tests {
                 &mut list,
                 4,
                 |p| bounds[p],
-                |piece, room| {
+                |piece, buffer| {
                     // A piece uses as much of its buffer as it needs.
                     for n in bounds[piece]..bounds[piece + 1] {
                         if n % 3 > 0 {
-                            room.push(n);
+                            buffer.push(n);
                         }
                     }
                 },
@@ -462,7 +462,7 @@ mod tests {
                     &mut Vec::new(),
                     1,
                     |p| p,
-                    |_, room| (0..2).for_each(|n| room.push(n)),
+                    |_, buffer| (0..2).for_each(|n| buffer.push(n)),
                 )
             };
             assert!(catch_unwind(beyond).is_err());

@@ -5,13 +5,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Backward erosion piping: the head at which a pipe of water below an impervious structure grows from the exit to the
-/// water that drives, with the limit equilibrium of the grains at its bottom (Sellmeijer). The answer stands in
-/// `summary.json` and, for every length, in `backward_erosion.csv`. Needs saturated ground without grains, gravity
+/// driving boundary, with the limit equilibrium of the grains at its bottom (Sellmeijer). The answer is written to
+/// `summary.json` and, for every length, to `backward_erosion.csv`. Needs saturated ground without grains, gravity
 /// along an axis, and heads as the only imposed pressures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BackwardErosion {
-    /// Name of the boundary whose head drives. The head of the case there is compared with the critical head.
+    /// Name of the boundary with the driving head. Its head in the case is compared with the critical head.
     pub drive: String,
     /// Name of the boundary at which the pipe begins, with the head at the exit of the pipe.
     pub exit: String,
@@ -50,7 +50,7 @@ pub struct BackwardErosion {
 pub struct PipeLine {
     /// Beginning at the exit [m].
     pub from: Vector,
-    /// End of the search, towards the water that drives [m].
+    /// End of the search, towards the driving boundary [m].
     pub to: Vector,
 }
 

@@ -8,7 +8,7 @@ mod template;
 
 pub use nearest::nearest;
 
-use super::text::{MOST_PROBLEMS, brief, join, unlisted};
+use super::text::{MAX_PROBLEMS, brief, join, unlisted};
 use base::error::{Problem, Remedy, Severity};
 use controls::control_characters;
 use nearest::{choose, clipped, nearest_remedy, nearest_word};
@@ -48,7 +48,7 @@ pub fn schema_of<T: JsonSchema>() -> Value {
 
 /// Findings of a walk over a tree.
 pub(crate) struct Checked {
-    /// The first [`MOST_PROBLEMS`] problems, and the number of further ones.
+    /// The first [`MAX_PROBLEMS`] problems, and the number of further ones.
     pub(crate) problems: Vec<Problem>,
     /// `true` if a list does not have the expected number of values, so that its values cannot be interpreted
     /// together.
@@ -77,7 +77,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
     walk.node(tree, root, "");
     let mut problems = walk.problems;
     let controls = control_characters(tree);
-    let room = MOST_PROBLEMS.saturating_sub(problems.len());
+    let room = MAX_PROBLEMS.saturating_sub(problems.len());
     let more = walk.more + controls.len().saturating_sub(room);
     problems.extend(controls.into_iter().take(room));
     problems.extend(unlisted(more));
@@ -88,7 +88,7 @@ fn walk(root: &Value, tree: &mut Value) -> Checked {
 }
 
 /// Minimum length of a list whose values are first compared with a template of their schema.
-const LEAST_FOR_TEMPLATE: usize = 16;
+const MIN_FOR_TEMPLATE: usize = 16;
 
 /// Keywords by which a schema restricts a value; without any of them every value is valid.
 const RESTRICTING_KEYWORDS: [&str; 4] = ["type", "const", "enum", "properties"];
@@ -129,7 +129,7 @@ impl<'a> Walk<'a> {
     /// Counts a further problem and returns `true` if the list is full. Must be called before the texts of the problem
     /// are built.
     fn only_counted(&mut self) -> bool {
-        let full = self.problems.len() >= MOST_PROBLEMS;
+        let full = self.problems.len() >= MAX_PROBLEMS;
         self.more += usize::from(full);
         full
     }
@@ -241,7 +241,7 @@ impl<'a> Walk<'a> {
                 self.node(child, child_schema, &child_path);
             } else {
                 unknown.push(key.clone());
-                if self.problems.len() >= MOST_PROBLEMS {
+                if self.problems.len() >= MAX_PROBLEMS {
                     self.more += 1;
                     continue;
                 }
@@ -308,7 +308,7 @@ impl<'a> Walk<'a> {
         }
         if let Some(items) = schema.get("items").filter(|s| s.is_object()) {
             let template =
-                (list.len() >= LEAST_FOR_TEMPLATE).then(|| Template::from_schema(self.root, items));
+                (list.len() >= MIN_FOR_TEMPLATE).then(|| Template::from_schema(self.root, items));
             for (index, child) in list.iter_mut().enumerate() {
                 if !template.as_ref().is_some_and(|t| t.accepts(child, LARGEST)) {
                     self.node(child, items, &format!("{path}[{index}]"));
@@ -482,8 +482,8 @@ impl<'a> Walk<'a> {
         }
         if let Some((_, attempt)) = best {
             self.problems.extend(attempt.problems);
-            self.more += attempt.more + self.problems.len().saturating_sub(MOST_PROBLEMS);
-            self.problems.truncate(MOST_PROBLEMS);
+            self.more += attempt.more + self.problems.len().saturating_sub(MAX_PROBLEMS);
+            self.problems.truncate(MAX_PROBLEMS);
             self.wrong_shape |= attempt.wrong_shape;
         }
     }

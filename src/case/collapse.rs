@@ -72,8 +72,8 @@ pub struct StageThresholds {
     /// settlement under water and load and below one grain spacing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub moving_diameters: f64,
-    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover, while the surface stands
-    /// [1].
+    /// Stage t2, arch: the moving ground over one point reaches this fraction of the cover, while the surface has not
+    /// settled [1].
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub arch_reach: f64,
     /// Stage t2 also requires a void of this volume over that point [m3]. Default: the volume of one cell.

@@ -1,4 +1,4 @@
-//! Element tests: a sample between walls, as in a laboratory, and the answers asked of it.
+//! Element tests: a sample between walls, as in a laboratory, and the requested results.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -70,7 +70,7 @@ pub const EXAMPLES: [Example; 41] = [
     },
     Example {
         name: "backward-erosion",
-        summary: "a pipe below a dike on sand: its head for each length, beside the rule of Sellmeijer et al. (2011)",
+        summary: "a pipe below a dike on sand: its head for each length, and the rule of Sellmeijer et al. (2011)",
         text: include_str!("examples/backward-erosion.json"),
     },
     Example {

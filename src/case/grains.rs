@@ -214,8 +214,8 @@ impl Default for Settled {
     }
 }
 
-/// Size distribution: size classes and the quantity to which their fractions refer, which add up to 1; or a sieve
-/// curve.
+/// Size distribution: size classes whose fractions add up to 1, with the quantity to which the fractions refer; or a
+/// sieve curve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Grading {

@@ -14,7 +14,7 @@
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are the texts of the schema, with units in brackets: [m]"
 )]
 
 pub mod accuracy;

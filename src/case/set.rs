@@ -94,10 +94,10 @@ pub fn covers(path: &str, known: &str) -> bool {
 }
 
 /// Maximum number of steps of a path, which limits the depth of a tree.
-const MOST_STEPS: usize = 64;
+const MAX_STEPS: usize = 64;
 
 fn parse(path: &str) -> Option<Vec<Step>> {
-    if path.matches(['.', '[']).count() >= MOST_STEPS {
+    if path.matches(['.', '[']).count() >= MAX_STEPS {
         return None;
     }
     let mut steps = Vec::new();

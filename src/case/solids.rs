@@ -54,7 +54,7 @@ pub struct Servo {
     /// after; two stresses at one time are a jump. Default: constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub history: Option<Vec<[f64; 2]>>,
-    /// Largest velocity along the normal [m/s]. Grains that cannot bear the stress are deformed at this velocity.
+    /// Largest velocity along the normal [m/s]. Grains that cannot carry the stress are deformed at this velocity.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub velocity_limit: f64,
     /// Fraction of the missing force that the servo adds in a solid step [1]: the velocity is gain (stress area -

@@ -1,5 +1,5 @@
 //! Parsing of JSON text into a tree, at a bounded cost. Duplicate keys are refused, because either value might be
-//! intended. Objects with more keys than [`MOST_KEYS`] and texts with more values than [`MOST_VALUES`] are refused.
+//! intended. Objects with more keys than [`MAX_KEYS`] and texts with more values than [`MAX_VALUES`] are refused.
 //! Brackets nest at most 127 deep.
 
 mod plain;
@@ -44,11 +44,11 @@ macro_rules! plain_values {
 use plain_values;
 
 /// Maximum number of keys of one object.
-pub const MOST_KEYS: usize = 10_000;
+pub const MAX_KEYS: usize = 10_000;
 /// Maximum number of values of a text, including each value of lists and objects.
-pub const MOST_VALUES: usize = 20_000_000;
+pub const MAX_VALUES: usize = 20_000_000;
 /// Maximum number of problems listed for one text; further ones are only counted.
-pub const MOST_PROBLEMS: usize = 50;
+pub const MAX_PROBLEMS: usize = 50;
 
 /// Returns the message about problems that are not listed.
 #[must_use]
@@ -56,7 +56,7 @@ pub fn unlisted(more: usize) -> Option<Problem> {
     (more > 0).then(|| Problem {
         path: "the text".into(),
         value: format!("{more} more problems"),
-        reason: format!("only the first {MOST_PROBLEMS} are listed"),
+        reason: format!("only the first {MAX_PROBLEMS} are listed"),
         remedy: "correct those first".into(),
         severity: Severity::Error,
     })
@@ -130,7 +130,7 @@ impl Node<'_> {
 
     fn report(&self, problem: impl FnOnce() -> Problem) {
         let mut problems = self.problems.borrow_mut();
-        if problems.len() < MOST_PROBLEMS {
+        if problems.len() < MAX_PROBLEMS {
             problems.push(problem());
         } else {
             self.more.set(self.more.get() + 1);
@@ -143,8 +143,8 @@ impl<'de> DeserializeSeed<'de> for Node<'_> {
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
         self.values.set(self.values.get() + 1);
-        if self.values.get() > MOST_VALUES {
-            return Err(Error::custom(format!("more than {MOST_VALUES} values")));
+        if self.values.get() > MAX_VALUES {
+            return Err(Error::custom(format!("more than {MAX_VALUES} values")));
         }
         deserializer.deserialize_any(self)
     }
@@ -167,7 +167,7 @@ impl<'de> Visitor<'de> for Node<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
-        while map.len() < MOST_KEYS {
+        while map.len() < MAX_KEYS {
             let Some(key) = access.next_key::<String>()? else {
                 return Ok(map.into());
             };
@@ -196,7 +196,7 @@ impl<'de> Visitor<'de> for Node<'_> {
                     self.path.clone()
                 },
                 value: format!("{{{} keys}}", map.len() + more),
-                reason: format!("{TOO_MANY} {MOST_KEYS}"),
+                reason: format!("{TOO_MANY} {MAX_KEYS}"),
                 remedy: "remove the keys that are not meant".into(),
                 severity: Severity::Error,
             });

@@ -257,7 +257,7 @@ struct CriticalArgs {
     case: CaseArgs,
     #[command(flatten)]
     stability: Stability,
-    /// Boundary that drives the water [default: the one with the highest head].
+    /// Driving boundary [default: the one with the highest head].
     #[arg(long, value_name = "NAME")]
     boundary: Option<String>,
     /// Value that does not erode, in the unit of the boundary condition.
@@ -614,7 +614,7 @@ fn refusal(findings: &[Problem], name: &Path) -> String {
         _ => Verdict::sentence(findings),
     };
     let how = match Verdict::from_findings(findings) {
-        Verdict::Unstable => format!("; {ALLOW_UNSTABLE} runs it nevertheless"),
+        Verdict::Unstable => format!("; use {ALLOW_UNSTABLE} to run it"),
         _ => String::new(),
     };
     format!("{}: {sentence}; the case was not run{how}", name.display())

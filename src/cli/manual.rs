@@ -15,7 +15,7 @@ pub(super) fn completions<C: CommandFactory>(shell: Shell) -> Vec<u8> {
 /// Returns the manual page of the program and, below, of each of its commands, in roff: `solver man | man -l -`.
 ///
 /// # Errors
-/// None of a writer into memory; the signature is that of the renderer.
+/// If writing fails, which cannot happen in memory.
 pub(super) fn page<C: CommandFactory>() -> std::io::Result<Vec<u8>> {
     let mut command = C::command();
     command.build();

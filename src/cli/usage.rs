@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Maximum number of threads per rank; larger numbers are input errors, because no machine has as many cores for
 /// one rank.
-pub(super) const MOST_THREADS: u16 = 1024;
+pub(super) const MAX_THREADS: u16 = 1024;
 
 /// Checks that a first word that is not a command can be a case: an existing file, or a possible file name.
 ///
@@ -36,9 +36,9 @@ pub(super) fn cores() -> usize {
 /// Parses the number of threads of a rank.
 pub(super) fn threads(text: &str) -> Result<u16, String> {
     match text.parse() {
-        Ok(threads) if (1..=MOST_THREADS).contains(&threads) => Ok(threads),
+        Ok(threads) if (1..=MAX_THREADS).contains(&threads) => Ok(threads),
         _ => Err(format!(
-            "a rank can have 1 to {MOST_THREADS} threads, preferably no more than the {} core(s) that it may use \
+            "a rank can have 1 to {MAX_THREADS} threads, preferably no more than the {} core(s) that it may use \
              here",
             cores()
         )),

@@ -10,7 +10,7 @@
 
 mod joint_cells;
 mod links;
-mod look;
+mod lookup;
 mod owners;
 mod rows;
 mod slab;
@@ -26,7 +26,7 @@ use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
 use links::Direction;
-use look::{Found, Nearest};
+use lookup::{Found, Nearest};
 use owners::Settled;
 use rows::Rows;
 use slab::Slab;
@@ -39,7 +39,7 @@ const OUTSIDE: u32 = u32::MAX >> 1;
 /// Owner tag of cells of joints whose water a network computes.
 const JOINT: u32 = OUTSIDE - 1;
 /// Maximum id plus one: ids below it have tags between [`FLUID`] and [`JOINT`].
-const MOST_IDS: u64 = OUTSIDE as u64 - 2;
+const MAX_IDS: u64 = OUTSIDE as u64 - 2;
 /// Owner tag of a fluid cell.
 const FLUID: u32 = 0;
 
@@ -281,7 +281,7 @@ impl BodyMap {
         velocity: f64,
         spin: f64,
     ) -> Result<(), String> {
-        if let Some(body) = particles.body.iter().find(|body| body.id >= MOST_IDS) {
+        if let Some(body) = particles.body.iter().find(|body| body.id >= MAX_IDS) {
             return Err(format!("id {} is too large for the map of bodies", body.id));
         }
         let count = particles.len();

@@ -140,9 +140,9 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         self.registered_motions.extend_from_slice(self.map.motion());
         let (links, motion) = (self.map.links(), self.map.motion());
         if Sp::DIMENSION == 2 {
-            self.fluid.know_links::<2>(links, motion);
+            self.fluid.record_links::<2>(links, motion);
         } else {
-            self.fluid.know_links::<3>(links, motion);
+            self.fluid.record_links::<3>(links, motion);
         }
         if let Some(structures) = &self.structures {
             structures.register_links(&mut self.fluid);

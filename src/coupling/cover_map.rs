@@ -69,7 +69,7 @@ impl Mapped {
     /// divided, because all its cells share tables.
     fn cut(&self, rows: &Rows, frame: [i32; 3], most: usize) -> Vec<Range<i32>> {
         /// Minimum number of planes per piece.
-        const FEWEST: i32 = 2;
+        const MIN_PLANES: i32 = 2;
         let slow = rows.order[0];
         let all = -1..rows.cells[slow] + 1;
         let Some(pose) = self.at.filter(|_| self.is_block()) else {
@@ -80,7 +80,7 @@ impl Mapped {
             floor_i32(pose.centre[slow] + pose.radius) + frame[slow] + 1,
         );
         let (low, high) = (low.max(all.start), high.min(all.end));
-        let count = to_i32(most).min((high - low) / FEWEST).max(1);
+        let count = to_i32(most).min((high - low) / MIN_PLANES).max(1);
         let cut = |k: i32| low + (high - low) * k / count;
         (0..count).map(|k| cut(k)..cut(k + 1)).collect()
     }
@@ -280,7 +280,7 @@ impl CoverMap {
         }
         let (grid, rows, method, dimension) = (&self.grid, self.rows, self.method, self.dimension);
         let closed = &self.closed;
-        let look = |scratch: &mut Scratch, body: &Mapped, planes: Range<i32>, found: &mut Runs| {
+        let find = |scratch: &mut Scratch, body: &Mapped, planes: Range<i32>, found: &mut Runs| {
             if let (true, Some(pose)) = (body.moved, body.at) {
                 let form = body.form(&pose, dimension);
                 rows.level.run(Walk {
@@ -298,9 +298,9 @@ impl CoverMap {
             }
         };
         let all = -1..rows.cells[rows.order[0]] + 1;
-        let look_at_all = |scratch: &mut Scratch, body: &mut Mapped| {
+        let find_all = |scratch: &mut Scratch, body: &mut Mapped| {
             let mut next = std::mem::take(&mut body.next);
-            look(scratch, body, all.clone(), &mut next);
+            find(scratch, body, all.clone(), &mut next);
             body.next = next;
         };
         let threads = thread_pool::threads();
@@ -309,7 +309,7 @@ impl CoverMap {
             scratch.resize_with(1, Scratch::default);
             let mut part = cover.whole();
             for body in &mut self.bodies {
-                look_at_all(&mut scratch[0], body);
+                find_all(&mut scratch[0], body);
                 // Written at once, while the result is in the cache.
                 if body.moved {
                     body.next.write_changes(&mut part, body.slot, &body.cells);
@@ -318,7 +318,7 @@ impl CoverMap {
         } else {
             if self.bodies.len() > FEW {
                 let bodies = &mut self.bodies;
-                thread_pool::each_item_when_free(bodies, 8, &mut scratch, look_at_all);
+                thread_pool::each_item_when_free(bodies, 8, &mut scratch, find_all);
             } else {
                 // Each piece has some planes of a body.
                 let mut pieces = std::mem::take(&mut self.pieces);
@@ -340,7 +340,7 @@ impl CoverMap {
                     &mut scratch,
                     |scratch, piece| {
                         let (body, planes) = (&bodies[piece.body], piece.planes.clone());
-                        look(scratch, body, planes, &mut piece.found);
+                        find(scratch, body, planes, &mut piece.found);
                     },
                 );
                 for body in self.bodies.iter_mut().filter(|body| body.moved) {

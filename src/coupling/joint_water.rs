@@ -214,7 +214,7 @@ pub struct JointWater {
     returned: Vec<(usize, f64)>,
     /// Joints that the lattice takes over after this step.
     taken: Vec<TakenOver>,
-    /// Number of networks so far, to notice a new one.
+    /// Number of networks built so far; it increases when the network is rebuilt.
     networks: u64,
     /// Acceleration of gravity on the blocks [m/s²].
     gravity: Vector3<f64>,

@@ -130,7 +130,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         shifts
     }
 
-    /// Sets the cells in joints, if the network is another one than before.
+    /// Closes the cells in joints if the network was rebuilt.
     fn close_joints(&mut self) {
         if self.closed_for == Some(self.joints.networks()) {
             return;

@@ -44,7 +44,7 @@ impl Balanced<'_> {
         }
         let [.., fast] = populations.order();
         let length = populations.cells()[fast];
-        let mut counts = [0; thread_pool::MOST];
+        let mut counts = [0; thread_pool::MAX_THREADS];
         populations.by_rows(&mut counts, |mut at, count| {
             *count += (0..length)
                 .filter(|&k| {

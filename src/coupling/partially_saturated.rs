@@ -336,9 +336,9 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             let map = &self.map;
             let surfaces = |thread, threads| map.surface_cells(thread, threads);
             if Sp::DIMENSION == 2 {
-                self.fluid.know_covered::<2, _>(surfaces);
+                self.fluid.record_covered::<2, _>(surfaces);
             } else {
-                self.fluid.know_covered::<3, _>(surfaces);
+                self.fluid.record_covered::<3, _>(surfaces);
             }
             if let Some(structures) = &self.structures {
                 structures.register_links(&mut self.fluid);

@@ -21,7 +21,7 @@
 //!
 //! With `drag: reaction` `b_r = b`: in a bed both are `V eps R_bed/(1 - eps)` with the loss over flux `R_bed(|U|)` of
 //! the law of resistance, in dilute water the drag of a grain alone
-//! ([`darcy::permeability::PermeabilityFormula::dilute`]), and between them a weighted mean
+//! ([`darcy::resistance::ResistanceFormula::dilute`]), and between them a weighted mean
 //! ([`dense_share`](darcy::drag::gidaspow::dense_share)). The porosity of the drag in dilute water is that of the
 //! neighbourhood ([`darcy::neighbourhood`]): a lone grain falls like an isolated sphere, however small its cell. `R` is
 //! the resistance of open water ([`darcy::open_water`]) and of zones without grains.
@@ -84,7 +84,7 @@ use bed::Sums;
 use darcy::pressure;
 use darcy::zones::ZonePermeability;
 use darcy::{
-    DragLaw, Equations, Liquid, Openness, Permeability, Pores, Pressure, SeepageGrid,
+    DragLaw, Equations, Liquid, Openness, Pores, Pressure, ResistanceSettings, SeepageGrid,
     SolutionReport, Zones,
 };
 use decomposition::{Communicator, Domain, ExactSum};
@@ -108,17 +108,17 @@ const FILLED: f64 = 0.95;
 pub struct SeepageSettings {
     /// Properties of the water.
     pub liquid: Liquid,
-    /// Law of the permeability from porosity and diameter.
-    pub permeability: Permeability,
+    /// Law of flow resistance, with the limits of the porosity.
+    pub resistance: ResistanceSettings,
     /// The drag law.
     pub drag: DragLaw,
-    /// Law of the drag.
+    /// Form of the equations.
     pub equations: Equations,
     /// `true` if moving grains displace water: the bed moves, or the change of porosity is a source in the equations as
     /// printed.
-    pub transient: bool,
+    pub transient_porosity: bool,
     /// `true` if the drag on a grain is taken at the end of the interval if it stops the grain within the interval.
-    pub semi_implicit: bool,
+    pub semi_implicit_drag: bool,
     /// Gravity on the grains \[m/s2\].
     pub gravity: [f64; 3],
     /// Time between two couplings \[s\].
@@ -135,7 +135,7 @@ pub struct SeepageSettings {
 impl SeepageSettings {
     /// Returns `true` if the motion of the bed and its water are solved together.
     fn moves(&self) -> bool {
-        self.transient && self.equations == Equations::Corrected
+        self.transient_porosity && self.equations == Equations::Corrected
     }
 
     /// Returns the weight of the water per volume \[N/m3\]; 0 in the equations as printed.
@@ -169,7 +169,7 @@ pub struct Seepage<Sp: Space> {
     sums: Sums,
     water: Water,
     moist: Moist,
-    /// `true` if a coupling may be interrupted ([`Self::heed`]).
+    /// `true` if a coupling may be interrupted ([`Self::interrupt_when`]).
     may_stop: bool,
     /// State before the present coupling, if it may be interrupted.
     kept: Vec<f64>,
@@ -217,8 +217,8 @@ impl<Sp: Space> Seepage<Sp> {
     /// Adds permeabilities and porosities by zone.
     #[must_use]
     pub fn with_zones(mut self, zones: Arc<Zones>) -> Self {
-        let room = ZonePermeability::new(&zones, self.grid().count());
-        self.zones = Some((zones, room));
+        let permeability_of_zones = ZonePermeability::new(&zones, self.grid().count());
+        self.zones = Some((zones, permeability_of_zones));
         self
     }
 
@@ -262,7 +262,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// 0.95.
     #[must_use]
     pub fn mean_porosity(&self) -> f64 {
-        let most = self.settings.permeability.porosity_cap.min(FILLED);
+        let most = self.settings.resistance.porosity_cap.min(FILLED);
         let full = self.pores.porosity().iter();
         let full = full.filter(|e| **e > 0.0 && **e < most);
         let (sum, cells) = full.fold((0.0, 0.0), |(sum, cells), e| (sum + e, cells + 1.0));
@@ -306,10 +306,10 @@ impl<Sp: Space> Seepage<Sp> {
         state.extend(self.pressure.saved_water());
     }
 
-    /// Ends couplings early where `requested` returns `true` on some rank ([`Pressure::heed`]). The state is then that
-    /// of the previous coupling.
-    pub fn heed(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
-        self.pressure.heed(requested);
+    /// Ends couplings early where `requested` returns `true` on some rank ([`Pressure::interrupt_when`]). The state is
+    /// then that of the previous coupling.
+    pub fn interrupt_when(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
+        self.pressure.interrupt_when(requested);
         self.may_stop = true;
     }
 
@@ -370,8 +370,7 @@ impl<Sp: Space> Seepage<Sp> {
                 balance.closure
             ));
         }
-        if balance.reynolds > DARCY && !settings.permeability.law.model().depends_on_the_gradient()
-        {
+        if balance.reynolds > DARCY && !settings.resistance.law.model().depends_on_the_gradient() {
             all.push(format!(
                 "the Reynolds number of the seepage reaches {:.1}: above about {DARCY} there are inertial \
                  losses, which the law of resistance does not include",
@@ -381,10 +380,10 @@ impl<Sp: Space> Seepage<Sp> {
         all
     }
 
-    /// Returns `true` if a body that the case does not resolve bears the pressure of a cell.
+    /// Returns `true` if a body that the case does not resolve carries the pressure of a cell.
     fn is_body(&self, cell: usize) -> bool {
         let zones = self.zones.as_ref();
-        zones.is_some_and(|(_, room)| room.is_body(cell))
+        zones.is_some_and(|(_, permeability_of_zones)| permeability_of_zones.is_body(cell))
     }
 }
 
@@ -434,7 +433,7 @@ impl<Sp: Space> Seepage<Sp> {
         if self.pressure.drains() {
             return self.wet(particles);
         }
-        if self.settings.semi_implicit {
+        if self.settings.semi_implicit_drag {
             particles.keep_last_velocity();
         }
         let grains = particles.view();

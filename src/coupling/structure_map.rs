@@ -154,9 +154,9 @@ impl StructureMap {
     /// Registers the surfaces with the gradients of the eddy viscosity, in addition to those already registered.
     pub fn register_links<S: Stored>(&self, fluid: &mut Fluid<S>) {
         if self.dimension == 2 {
-            fluid.know_fixed_links::<2>(&self.links);
+            fluid.record_fixed_links::<2>(&self.links);
         } else {
-            fluid.know_fixed_links::<3>(&self.links);
+            fluid.record_fixed_links::<3>(&self.links);
         }
     }
 

@@ -7,7 +7,7 @@
 //! direction, and its effective position is within half a cell of the true one. A sheet on the faces of cells is
 //! represented exactly.
 
-use super::enclosure::{LEAST_OPEN, Openness};
+use super::enclosure::{MIN_OPEN, Openness};
 use super::grid::SeepageGrid;
 use base::number::real;
 use std::sync::Arc;
@@ -309,7 +309,7 @@ impl Openness {
                     real(part.iter().filter(|wet| **wet).count()) / real(part.len())
                 }
             };
-            if *fraction < LEAST_OPEN {
+            if *fraction < MIN_OPEN {
                 *fraction = 0.0;
             }
         }

@@ -7,7 +7,7 @@
 //! eps |grad phi| = n b(q) q
 //! ```
 //!
-//! which turns a drag law into a resistance law ([`permeability`]). Conversely, [`reaction`] is the drag that a
+//! which turns a drag law into a resistance law ([`resistance`]). Conversely, [`reaction`] is the drag that a
 //! resistance law implies.
 //!
 //! A drag law is one file below this module and one line of the list.
@@ -149,7 +149,7 @@ pub fn permeability(
     if q < f64::EPSILON * liquid.viscosity / (liquid.density * diameter) {
         return liquid.viscosity / at_rest;
     }
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let here = loss(q);
         let above = loss(q * (1.0 + NEARBY));
         let power = 1.0 + (above / here - 1.0) / NEARBY;
@@ -165,12 +165,12 @@ pub fn permeability(
 /// Relative difference of the two speeds with which the slope of a law is computed.
 const NEARBY: f64 = 1e-4;
 /// Maximum number of iterations of [`permeability`]: five are usual.
-const MOST_STEPS: usize = 30;
+const MAX_STEPS: usize = 30;
 
 #[cfg(test)]
 pub(super) mod testing {
     use super::*;
-    use crate::permeability::kozeny_carman;
+    use crate::resistance::kozeny_carman;
 
     /// Returns the conditions of water in a bed of this porosity.
     pub(in crate::drag) fn bed(porosity: f64, viscosity: f64) -> BedConditions {

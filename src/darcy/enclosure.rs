@@ -29,7 +29,7 @@ pub enum Enclosure {
 /// Minimum fraction of a cell inside the walls: other cells are blocked, because slivers conduct almost nothing and
 /// could contain a whole grain by its centre. Faces with a smaller open fraction are closed, as their flow would be
 /// lost in rounding.
-pub const LEAST_OPEN: f64 = 0.01;
+pub const MIN_OPEN: f64 = 0.01;
 
 /// Face between the ground and a drain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +78,7 @@ impl Openness {
             Enclosure::Surface { triangles, samples } => all.sample(triangles, (*samples).max(1)),
         }
         for fraction in &mut all.inside {
-            if *fraction < LEAST_OPEN {
+            if *fraction < MIN_OPEN {
                 *fraction = 0.0;
             }
         }
@@ -200,7 +200,7 @@ impl Openness {
                     lower[axis] -= 1;
                     either |= !open(lower);
                 }
-                if either || self.faces[axis][index] < LEAST_OPEN {
+                if either || self.faces[axis][index] < MIN_OPEN {
                     self.faces[axis][index] = 0.0;
                 }
             }

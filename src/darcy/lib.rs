@@ -25,11 +25,11 @@ mod multigrid;
 pub mod neighbourhood;
 pub mod open_water;
 pub mod overlap;
-pub mod permeability;
 pub mod piping;
 pub mod porosity;
 pub mod pressure;
 mod reproducible;
+pub mod resistance;
 pub mod retention;
 pub mod surface;
 pub mod zones;
@@ -40,7 +40,6 @@ pub use drains::DrainCells;
 pub use enclosure::{Enclosure, Openness};
 pub use grid::{GridAxis, SeepageGrid};
 pub use mean_diameter::MeanDiameter;
-pub use permeability::{Permeability, Resistance};
 pub use piping::{Piping, PipingSettings};
 pub use porosity::{Pores, PorosityMethod};
 pub use pressure::unsaturated::{
@@ -50,6 +49,7 @@ pub use pressure::{
     Condition, Equations, Heave, Liquid, Medium, Pressure, PressurePatch, PressureSettings, Prisms,
     SolutionReport,
 };
+pub use resistance::{Resistance, ResistanceSettings};
 pub use retention::Retention;
 pub use surface::WettedSurface;
 pub use zones::Zones;
@@ -143,7 +143,7 @@ pub enum SeepageError {
     /// Failure to set up the messages between ranks.
     #[error("seepage: {0}")]
     Messages(String),
-    /// Solution that ended early, because a stop was requested ([`Pressure::heed`]).
+    /// Solution that ended early, because a stop was requested ([`Pressure::interrupt_when`]).
     #[error("stopped within a solution of the seepage pressure")]
     Stopped,
 }

@@ -28,9 +28,9 @@ use merging::{AxisMerging, Merging, Widths};
 /// Maximum number of cells of a level that is solved by elimination.
 const DIRECT: usize = 48;
 
-/// Chebyshev weights of two Jacobi steps for eigenvalues of D^-1 A in `LEAST … 2`: the part of the error that a
-/// coarse grid cannot represent.
-const LEAST: f64 = 0.35;
+/// Chebyshev weights of two Jacobi steps for eigenvalues of D^-1 A in `MIN_EIGENVALUE … 2`: the part of the error that
+/// a coarse grid cannot represent.
+const MIN_EIGENVALUE: f64 = 0.35;
 
 /// Conductances of one level.
 #[derive(Clone, Debug)]
@@ -223,7 +223,7 @@ impl Multigrid {
         let positions: Vec<usize> =
             last.map_or(Vec::new(), |l| l.rows(&l.whole()).flatten().collect());
         let n = positions.len();
-        let (middle, half) = (0.5 * (2.0 + LEAST), 0.5 * (2.0 - LEAST));
+        let (middle, half) = (0.5 * (2.0 + MIN_EIGENVALUE), 0.5 * (2.0 - MIN_EIGENVALUE));
         let root = |k: f64| single(1.0 / (middle + half * (std::f64::consts::PI * k / 4.0).cos()));
         Ok(Self {
             levels,

@@ -18,7 +18,7 @@ use base::number::{real, whole};
 const WIDTH: f64 = 6.0;
 /// Maximum number of cells on each side of the middle one.
 const FARTHEST: f64 = 3.0;
-/// Solid fraction up to which the solid fraction of the neighbourhood is used; above the next one that of the cell is
+/// Solid fraction up to which the mean of the neighbourhood is used; above [`DENSE`] the value of the cell itself is
 /// used.
 const DILUTE: f64 = 0.1;
 const DENSE: f64 = 0.2;

@@ -1,5 +1,5 @@
 //! Backward erosion piping at true size: a pipe of water that grows upstream at the contact of sand with an
-//! impervious roof, from an exit towards the water that drives it.
+//! impervious roof, from an exit towards the driving boundary.
 //!
 //! ```text
 //! soil        div (k grad h) = 0                                            Darcy's law
@@ -8,17 +8,17 @@
 //! hence       a = C/i,  C = (pi/3) eta (rho_s/rho - 1) d tan(theta)
 //! ```
 //!
-//! Q is the discharge through the pipe, i the slope of the head along it, a its height, w its width, d the diameter
-//! of the grains that form its bottom. This is the closure of Sellmeijer (1988) in the form of his rule of 2011 and
-//! of two-dimensional programs: the grains of the bottom are everywhere at the limit of equilibrium. The height is
-//! no unknown, because it follows from the slope, and the discharge falls with the slope: `Q = w C^3 rho g/(12 mu
-//! i^2)`. A shallower pipe would erode to this height, and a deeper one has grains that do not move.
+//! Q is the discharge through the pipe, i the slope of the head along it, a its height, w its width, d the diameter of
+//! the grains that form its bottom. This is the closure of Sellmeijer (1988) in the form of his rule of 2011 and of
+//! two-dimensional programs: the grains of the bottom are everywhere at the limit of equilibrium. The height is not an
+//! unknown, because it follows from the slope, and the discharge falls with the slope: `Q = w C^3 rho g/(12 mu i^2)`. A
+//! shallower pipe would erode to this height, and a deeper one has grains that do not move.
 //!
-//! **Head of a length.** A pipe of length l has a smallest head H(l) at which this equilibrium exists along all of
-//! it. Below it the shear stress at the tip is too small for the grains there, so that the pipe ends earlier. H
-//! rises with l at first, because the tip moves away from the concentration of flow at the exit, and falls once the
-//! tip comes near the water that drives. The *critical head* is the maximum over l, and the length there the
-//! *critical length*: under a smaller head the pipe stops, under a larger one it grows through.
+//! **Head of a length.** A pipe of length l has a smallest head H(l) at which this equilibrium exists along all of it.
+//! Below it the shear stress at the tip is too small for the grains there, so that the pipe ends earlier. H rises with
+//! l at first, because the tip moves away from the concentration of flow at the exit, and falls once the tip comes near
+//! the driving boundary. The *critical head* is the maximum over l, and the length there the *critical length*: under a
+//! smaller head the pipe stops, under a larger one it grows through.
 //!
 //! **Detachment at the tip.** No criterion acts in front of the tip; the tip advances as soon as the longer pipe has
 //! an equilibrium, as in the original model. Grains whose first motion needs a larger head (a heave of the exit, or
@@ -51,9 +51,9 @@ use serde::Serialize;
 use std::f64::consts::PI;
 
 /// Maximum number of cells of a pipe: each needs a solution of the pressure.
-pub const MOST_CELLS: usize = 400;
+pub const MAX_CELLS: usize = 400;
 /// Minimum number of cells of a pipe.
-pub const FEWEST_CELLS: usize = 4;
+pub const MIN_CELLS: usize = 4;
 /// Reynolds number of the discharge per width above which a flow between plates may be turbulent (H. Schlichting,
 /// Boundary-Layer Theory, 1979).
 pub const TURBULENT: f64 = 1000.0;
@@ -195,7 +195,7 @@ pub const SLIT: f64 = 1.741;
 pub struct PipingSettings {
     /// Cells that the pipe may follow.
     pub path: PipePath,
-    /// Index of the boundary whose head drives.
+    /// Index of the boundary with the driving head.
     pub drive: usize,
     /// Index of the boundary at which the pipe begins.
     pub exit: usize,

@@ -22,7 +22,7 @@
 
 use super::Liquid;
 use super::grid::SeepageGrid;
-use super::permeability::{BedOfCells, PermeabilityFormula, Resistance, larger};
+use super::resistance::{BedOfCells, Resistance, ResistanceFormula, larger};
 use std::collections::BTreeMap;
 
 /// Permeability of a zone.
@@ -163,7 +163,7 @@ impl Medium {
     #[must_use]
     pub fn permeability(
         &self,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (porosity, diameter): (f64, f64),
         liquid: Liquid,
         gradient: f64,
@@ -172,7 +172,7 @@ impl Medium {
         let porosity = self.porosity(grains).unwrap_or(porosity);
         let rule = self.permeability.filter(|(_, without)| grains || *without);
         let by =
-            |law: &dyn PermeabilityFormula| law.permeability(porosity, diameter, liquid, gradient);
+            |law: &dyn ResistanceFormula| law.permeability(porosity, diameter, liquid, gradient);
         match rule.map(|(rule, _)| rule) {
             Some(Rule::Value(value)) => value,
             Some(Rule::Factor(factor)) => factor * by(law),
@@ -527,7 +527,7 @@ pub struct ZonePermeability {
     porosity: Vec<f64>,
     /// `true` for cells that contain grains.
     grains: Vec<bool>,
-    /// `true` for cells without grains in which a zone applies: a body that the case does not resolve bears the
+    /// `true` for cells without grains in which a zone applies: a body that the case does not resolve carries the
     /// pressure.
     bodies: Vec<bool>,
     /// `true` for cells with grains that lie within zones.
@@ -623,7 +623,7 @@ impl ZonePermeability {
     pub fn replace(
         &mut self,
         zones: &Zones,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &mut [f64],
@@ -685,11 +685,11 @@ impl ZonePermeability {
     }
 
     /// Computes the largest relative change, along any axis, from the given permeabilities to those of the bed,
-    /// weighted as in [`PermeabilityFormula::change`].
+    /// weighted as in [`ResistanceFormula::change`].
     pub fn change(
         &mut self,
         zones: &Zones,
-        law: &dyn PermeabilityFormula,
+        law: &dyn ResistanceFormula,
         (bed, open): (BedOfCells<'_>, &[[f64; 3]]),
         liquid: Liquid,
         permeability: &[f64],

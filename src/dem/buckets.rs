@@ -33,7 +33,7 @@ impl Buckets {
     ) {
         self.start.clear();
         self.start.resize(count + 1, 0);
-        let mut ends = [0; thread_pool::MOST + 1];
+        let mut ends = [0; thread_pool::MAX_THREADS + 1];
         let shared = (
             thread_pool::cut(&mut self.start[1..], threads, &bound),
             thread_pool::evenly(&mut ends[1..=threads], threads),

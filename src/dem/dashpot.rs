@@ -47,17 +47,17 @@ pub(super) fn part_of_step(overlap: f64, rate: f64, time_step: f64) -> f64 {
 #[inline(always)]
 pub(super) fn hertz_root(overlap: f64, rate: f64, time_step: f64, pulls: bool) -> f64 {
     let path = rate.abs() * time_step;
-    let mean = |ways: f64| {
+    let mean = |ratio: f64| {
         let reached = overlap + 0.5 * path;
-        0.8 * ways * reached.sqrt().sqrt()
+        0.8 * ratio * reached.sqrt().sqrt()
     };
-    let last = |ways: f64| 0.8 * 1.5 * ways * (1.5 * path).sqrt().sqrt();
+    let last = |ratio: f64| 0.8 * 1.5 * ratio * (1.5 * path).sqrt().sqrt();
     if pulls && rate > 0.0 && overlap < 2.0 * path {
-        let ways = overlap / path;
+        let ratio = overlap / path;
         if overlap < path {
-            last(ways)
+            last(ratio)
         } else {
-            mean(0.5 + ways) - last(ways - 1.0)
+            mean(0.5 + ratio) - last(ratio - 1.0)
         }
     } else if overlap < path {
         mean(0.5 + overlap / path)
@@ -107,15 +107,15 @@ impl Pulling {
             self.dashpot * time_step / self.mass,
             self.spring * time_step * time_step / self.mass,
         );
-        let ways = overlap / path;
+        let ratio = overlap / path;
         let scale = self.mass * rate.abs() / time_step;
         if rate > 0.0 {
             scale
-                * Self::force_of_separation_now(x, y, ways)
-                    .max(Self::force_of_separation_next(x, y, ways).min(within / scale))
-        } else if ways < 1.0 {
-            let dashpot = x / (1.0 + 0.25 * x) * (0.5 + ways) * (1.0 + 0.15 * x);
-            spring + scale * (dashpot + 0.5 * y * (ways - 0.5) * (ways - 0.5))
+                * Self::force_of_separation_now(x, y, ratio)
+                    .max(Self::force_of_separation_next(x, y, ratio).min(within / scale))
+        } else if ratio < 1.0 {
+            let dashpot = x / (1.0 + 0.25 * x) * (0.5 + ratio) * (1.0 + 0.15 * x);
+            spring + scale * (dashpot + 0.5 * y * (ratio - 0.5) * (ratio - 0.5))
         } else {
             within
         }
@@ -129,18 +129,18 @@ impl Pulling {
     }
 
     /// Returns the force over `m v/dt` with which the surfaces separate in the same step.
-    fn force_of_separation_now(x: f64, y: f64, ways: f64) -> f64 {
+    fn force_of_separation_now(x: f64, y: f64, ratio: f64) -> f64 {
         let border = Self::border(x, y);
-        -ways * (1.0 - border) / border
+        -ratio * (1.0 - border) / border
     }
 
     /// Returns the force over `m v/dt` with which the surfaces separate in the next step.
-    fn force_of_separation_next(x: f64, y: f64, ways: f64) -> f64 {
+    fn force_of_separation_next(x: f64, y: f64, ratio: f64) -> f64 {
         let border = Self::border(x, y);
-        let t = ways + 0.5;
-        let energy = (1.0 + y * ways * (1.0 + ways)) / (1.0 - 0.25 * y.min(2.0));
+        let t = ratio + 0.5;
+        let energy = (1.0 + y * ratio * (1.0 + ratio)) / (1.0 - 0.25 * y.min(2.0));
         let last = energy.sqrt() - x * t * (1.0 + 0.09 * x) + x * y * t * t * t / 6.0;
-        border * last.max(0.0) + (1.0 - border) * ways - 1.0
+        border * last.max(0.0) + (1.0 - border) * ratio - 1.0
     }
 }
 

@@ -117,7 +117,7 @@ fn move_all<
     from: &[Motion<S>],
     to: &mut [Motion<S>],
     loads: &Loads<'_, S>,
-    how: &Kick<S>,
+    kick_by: &Kick<S>,
 ) -> Fastest {
     let grains = to.len();
     let from = if IN_PLACE { from } else { &from[..grains] };
@@ -133,11 +133,11 @@ fn move_all<
         };
         let mut motion = if IN_PLACE { to[k] } else { from[k] };
         if ENDS {
-            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], how);
+            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], kick_by);
         }
         if BEGINS {
-            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], how);
-            motion.position += motion.velocity * how.time_step;
+            kick::<S, DAMPED>(&mut motion, &load, &mobility[k], kick_by);
+            motion.position += motion.velocity * kick_by.time_step;
             let squared = motion.velocity.scalar(&motion.velocity);
             // A comparison that is false for NaN, too.
             let bounded = squared < SPEED_LIMIT;
@@ -159,11 +159,11 @@ pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
     from: &[Motion<S>],
     to: &mut [Motion<S>],
     loads: &Loads<'_, S>,
-    how: &Kick<S>,
+    kick_by: &Kick<S>,
     phase: Phase,
 ) -> Fastest {
     let wet = !loads.fluid.is_empty();
-    let act = match (how.damping > 0.0, phase, wet) {
+    let act = match (kick_by.damping > 0.0, phase, wet) {
         (false, Phase::First, false) => move_all::<S, IN_PLACE, false, false, true, false>,
         (false, Phase::First, true) => move_all::<S, IN_PLACE, false, false, true, true>,
         (false, Phase::Between, false) => move_all::<S, IN_PLACE, false, true, true, false>,
@@ -177,13 +177,13 @@ pub(super) fn move_by<S: Space, const IN_PLACE: bool>(
         (true, Phase::Last, false) => move_all::<S, IN_PLACE, true, true, false, false>,
         (true, Phase::Last, true) => move_all::<S, IN_PLACE, true, true, false, true>,
     };
-    act(from, to, loads, how)
+    act(from, to, loads, kick_by)
 }
 
 /// Moves all owned grains in place.
 pub(super) fn advance<S: Space>(
     particles: &mut Particles<S>,
-    how: &Kick<S>,
+    kick_by: &Kick<S>,
     phase: Phase,
     parallel: bool,
 ) -> Fastest {
@@ -192,7 +192,7 @@ pub(super) fn advance<S: Space>(
     let (contact, mobility) = (&particles.contact[..owned], &particles.mobility[..owned]);
     let fluid = &particles.fluid[..];
     let threads = if parallel { thread_pool::threads() } else { 1 };
-    let mut fastest = [Fastest::default(); thread_pool::MOST];
+    let mut fastest = [Fastest::default(); thread_pool::MAX_THREADS];
     let shared = (
         thread_pool::evenly(&mut fastest[..threads], threads),
         thread_pool::evenly(motion, threads),
@@ -204,7 +204,7 @@ pub(super) fn advance<S: Space>(
             fluid: fluid.get(part.clone()).unwrap_or_default(),
             mobility: &mobility[part],
         };
-        fastest[0] = move_by::<S, true>(&[], motion, &loads, how, phase);
+        fastest[0] = move_by::<S, true>(&[], motion, &loads, kick_by, phase);
     });
     fastest.into_iter().fold(Fastest::default(), Fastest::or)
 }

@@ -16,7 +16,7 @@ pub struct Relaxation {
     /// Non-viscous damping during the relaxation, usually 0.7 to 0.8.
     pub local_damping: f64,
     /// Solid steps between two measurements.
-    pub look_every: u64,
+    pub check_every: u64,
     /// Maximum number of solid steps.
     pub limit: u64,
 }
@@ -26,7 +26,7 @@ impl Default for Relaxation {
         Self {
             tolerance: 1e-3,
             local_damping: 0.7,
-            look_every: 100,
+            check_every: 100,
             limit: 100_000,
         }
     }

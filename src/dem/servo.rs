@@ -7,11 +7,11 @@
 //!
 //! v is the velocity into the grains, A the area of the wall that grains can reach ([`super::walls::area`]), N the
 //! force of the normal spring of a contact, dt the solid step. In one step at this velocity the springs gain the
-//! fraction `gain` of what F lacks, if the grains stand still: the error falls by the factor `1 - gain` from step to
+//! fraction `gain` of what F lacks, if the grains are stationary: the error falls by the factor `1 - gain` from step to
 //! step, and the control is stable up to a gain of 2 for the wall alone. While grains move away at the speed u from the
 //! wall, F lacks `K u dt/gain`: the control acts as a dashpot of `K dt/gain`, which takes energy from the grains and is
-//! weak where the solid step is small against the period of a contact. A gain of at most 1 keeps both. Where nothing
-//! touches the wall, it comes at its velocity limit.
+//! weak if the solid step is small compared with the period of a contact. With a gain of at most 1 the control is
+//! stable and dissipates energy. A wall that touches nothing moves at its velocity limit.
 //!
 //! The force is measured at the end of a solid step, from the positions of that time; the wall moves with the velocity
 //! that follows from it in the next one. Position and velocity of a wall are all of its state. F and K of all walls are
@@ -135,7 +135,7 @@ mod tests {
             };
             assert_eq!(limited.velocity([0.0, 0.0], area, dt), 0.1);
             assert_eq!(limited.velocity([1e4, 1.0], area, dt), -0.1);
-            // A wall without a load that touches nothing stands still.
+            // A wall without a load that touches nothing does not move.
             let idle = Servo {
                 stress: 0.0,
                 ..limited

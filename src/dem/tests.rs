@@ -45,8 +45,8 @@ pub(super) const SPRINGS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 1.0,
     friction: 0.5,
-    normal_damping: 0.0,
-    shear_damping: 0.0,
+    normal_damping_ratio: 0.0,
+    shear_damping_ratio: 0.0,
     attraction: false,
 };
 
@@ -58,8 +58,8 @@ pub(super) const PAPER: cohesive_frictional::CohesiveFrictionalParameters =
         // The tangent of 20 degrees.
         friction: 0.363_970_234_266_202_36,
         cohesion: Scaled::PerDiameter(0.506),
-        normal_damping: 0.0,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.0,
+        shear_damping_ratio: 0.0,
     };
 
 /// Returns a box of side 2 `half` about the origin.

@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bulk_that_fails_is_told_from_faces_that_erode() {
+    fn a_bulk_that_fails_is_distinguished_from_faces_that_erode() {
         let root = tempfile::tempdir().unwrap();
         let folder = write_run(root.path(), 0.3, 0.506, (1e-3, 9.1), false);
         let file = folder.join("erosion.csv");

@@ -1,6 +1,6 @@
 //! The erosion law of jet erosion tests: `solver erosion-law TABLE... --nozzle D --head H`.
 //!
-//! A table has the columns `time` and `distance` (from the nozzle to the soil); units may stand in brackets.
+//! A table has the columns `time` and `distance` (from the nozzle to the soil); units may be in brackets.
 //!
 //! | file | content |
 //! |---|---|

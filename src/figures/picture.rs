@@ -37,7 +37,7 @@ use std::rc::Rc;
 /// Options of a picture of a run.
 #[allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are the help of the command, where units stand in brackets"
+    reason = "comments are the help of the command, with units in brackets"
 )]
 #[derive(Clone, Debug, Args)]
 pub struct PictureOptions {
@@ -80,7 +80,7 @@ pub struct PictureOptions {
     /// The picture [default: picture.svg in the folder of the run].
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Replace a file that is no picture, or a file of a run.
+    /// Replace a file that is not a picture, or a file of a run.
     #[arg(long)]
     pub overwrite: bool,
 }

@@ -76,7 +76,7 @@ fn widest(network: &Network, joint: usize) -> f64 {
     let joint = &network.joints[joint];
     let corners = joint.overlap.corners().iter();
     let gaps = corners.map(|(corner, _)| joint.gap.value(corner));
-    gaps.fold(network.settings.residual, f64::max)
+    gaps.fold(network.settings.residual_aperture, f64::max)
 }
 
 fn cover(network: &Network, number: usize, endings: &[Ending]) -> Cover {

@@ -145,9 +145,9 @@ pub fn ends(
     cells: &[Cell],
     firsts: &[usize],
     limits: &PairLimits,
-    residual: f64,
+    residual_aperture: f64,
 ) -> Ends {
-    let edges = edges(joints, cells, firsts, residual);
+    let edges = edges(joints, cells, firsts, residual_aperture);
     let groups = groups(&edges, limits);
     let mut found = Ends::default();
     for group in groups {
@@ -157,7 +157,7 @@ pub fn ends(
 }
 
 /// Returns the edges of all joints with pieces, in the order of joints and edges.
-fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> Vec<Edge> {
+fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual_aperture: f64) -> Vec<Edge> {
     let mut edges = Vec::new();
     for (number, joint) in joints.iter().enumerate() {
         let own = firsts[number]..firsts[number + 1];
@@ -181,7 +181,7 @@ fn edges(joints: &[Joint], cells: &[Cell], firsts: &[usize], residual: f64) -> V
                 ends: [joint.point(&from), joint.point(&to)],
                 direction: joint.direction(&along),
                 length,
-                apertures: [from, to].map(|end| joint.gap.value(&end).max(residual)),
+                apertures: [from, to].map(|end| joint.gap.value(&end).max(residual_aperture)),
                 outward,
                 parts,
             });

@@ -455,7 +455,7 @@ impl JointFlow {
         let (water, gap) = (&self.settings.water, &self.gaps[link.joint]);
         let apertures = link
             .path
-            .map(|at| gap.value(&at).max(network.settings.residual));
+            .map(|at| gap.value(&at).max(network.settings.residual_aperture));
         let (cube, inertial) = (cube(apertures), inertial(apertures));
         let density = water.mixture_density();
         let per_width = 12.0 * water.viscosity * link.length / cube;

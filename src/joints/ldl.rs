@@ -1,12 +1,12 @@
 //! Direct solution of sparse symmetric systems by `L D L^T` without pivoting.
 //!
-//! The matrices of a network are positive definite; with the motion of blocks they become quasi-definite, for which
-//! the factors exist in any order of elimination (Vanderbei, SIAM J. Optim. 5, 100 (1995)). The order is that of
+//! The matrices of a network are positive definite; with the motion of blocks they become quasi-definite, for which the
+//! factors exist in any order of elimination (Vanderbei, SIAM J. Optim. 5, 100 (1995)). The order is that of
 //! approximate minimum degree on the quotient graph (George and Liu, SIAM Review 31, 1 (1989); Amestoy, Davis and Duff,
-//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)), that of large networks is given ([`crate::order`]). The factors are
-//! computed row by row along the elimination tree (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter 4).
-//! The pattern is analysed once; further factorisations allocate nothing. The order of operations is fixed, so that the
-//! bits are the same on every rank.
+//! SIAM J. Matrix Anal. Appl. 17, 886 (1996)); the caller states it for large networks ([`crate::order`]). The factors
+//! are computed row by row along the elimination tree (Davis, Direct Methods for Sparse Linear Systems, 2006, chapter
+//! 4). The pattern is analysed once; further factorisations allocate nothing. The order of operations is fixed, so that
+//! the bits are the same on every rank.
 
 use std::collections::BTreeSet;
 
@@ -108,7 +108,7 @@ impl Factors {
     /// pair are added.
     ///
     /// # Errors
-    /// If a pivot is zero or no number.
+    /// If a pivot is zero or not a number.
     pub(crate) fn factorise(&mut self, diagonal: &[f64], pairs: &[f64]) -> Result<(), Singular> {
         self.filled
             .copy_from_slice(&self.column_starts[..diagonal.len()]);

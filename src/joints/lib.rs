@@ -33,7 +33,7 @@ pub mod flow;
 pub mod friction;
 #[allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 pub mod history;
 mod ldl;

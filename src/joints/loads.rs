@@ -150,7 +150,7 @@ pub fn add_wide_loads(
         }
         let [from, to] = link.path;
         let middle = 0.5 * (from + to);
-        let aperture = gap.value(&middle).max(network.settings.residual);
+        let aperture = gap.value(&middle).max(network.settings.residual_aperture);
         let along = joint.direction(&(to - from)) / link.length;
         let force = along * (0.5 * flow.friction(number) * aperture * link.width);
         for (side, face) in joint.faces.iter().enumerate() {

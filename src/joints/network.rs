@@ -16,7 +16,7 @@ pub struct NetworkSettings {
     /// Limits within which faces form a joint.
     pub limits: PairLimits,
     /// Minimum aperture for the conductivity and storage of a joint \[m\], which the roughness of its walls keeps open.
-    pub residual: f64,
+    pub residual_aperture: f64,
     /// Maximum size of a cell \[m\].
     pub cell: f64,
     /// Limits of the apertures if a lattice computes the water outside; none without a lattice.
@@ -170,7 +170,7 @@ impl Network {
             &cells,
             &firsts,
             &settings.limits,
-            settings.residual,
+            settings.residual_aperture,
         );
         let mut positions: Vec<Vector3<f64>> = cells
             .iter()

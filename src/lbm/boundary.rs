@@ -79,7 +79,7 @@ macro_rules! boundaries {
         #[schemars(transform = family::describe_choices)]
         pub enum $list {
             $(
-                #[allow(missing_docs, reason = "the documentation of a boundary stands in its module")]
+                #[allow(missing_docs, reason = "the documentation of a boundary is in its module")]
                 $boundary($module::$boundary),
             )*
         }

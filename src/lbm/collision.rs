@@ -42,7 +42,7 @@ macro_rules! operators {
         #[schemars(transform = family::describe_choices)]
         pub enum $list {
             $(
-                #[allow(missing_docs, reason = "the documentation of an operator stands in its module")]
+                #[allow(missing_docs, reason = "the documentation of an operator is in its module")]
                 $operator($module::$parameters),
             )*
         }

@@ -10,7 +10,7 @@ use super::populations::Populations;
 use base::thread_pool;
 
 /// Maximum number of populations of a cell.
-const MOST: usize = 27;
+const MAX_POPULATIONS: usize = 27;
 
 /// Density deviation and velocity (lattice units) at a position in cells of the whole domain.
 pub trait Field: Sync {
@@ -133,11 +133,11 @@ impl State<'_> {
         (drho, u, gradient)
     }
 
-    fn populations(&self, &(drho, u, gradient): &Given) -> [f64; MOST] {
+    fn populations(&self, &(drho, u, gradient): &Given) -> [f64; MAX_POPULATIONS] {
         let half_force = self.half_force;
         let divergence = gradient[0][0] + gradient[1][1] + gradient[2][2];
         let uf: f64 = (0..3).map(|a| u[a] * half_force[a]).sum();
-        let mut all = [0.0; MOST];
+        let mut all = [0.0; MAX_POPULATIONS];
         for (i, number) in all.iter_mut().enumerate().take(self.velocities.q()) {
             let (w, c) = (self.velocities.w[i], self.velocities.c[i]);
             let mut strain = -divergence / 3.0;

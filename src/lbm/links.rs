@@ -327,7 +327,7 @@ unsafe fn half_way<S: Stored, const D: usize>(all: &Along<S>, link: &BodyLink, l
 
 /// # Safety
 /// Those of [`half_way`]; where the link is `backed`, the two numbers between x and the cell behind it must not be
-/// written by any thread: both cells are fluid, so no link stands between them.
+/// written by any thread: both cells are fluid, so that no link lies between them.
 #[inline(always)]
 unsafe fn interpolated<S: Stored, const D: usize>(
     all: &Along<S>,

@@ -170,11 +170,11 @@ impl SlabSurface {
         })
     }
 
-    /// Gives the surface a tension. Collective.
+    /// Adds surface tension. Collective.
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
-    pub fn stretch<S: Stored>(
+    pub fn add_tension<S: Stored>(
         &mut self,
         populations: &Populations<S>,
         ends: Ends,
@@ -322,7 +322,7 @@ impl SlabSurface {
     }
 
     /// Returns the patches of the openings with the mass that entered in the last step on this rank, in quanta.
-    pub(crate) fn entered_last(&self) -> impl Iterator<Item = (usize, i128)> + '_ {
+    pub(crate) fn entered_in_last_step(&self) -> impl Iterator<Item = (usize, i128)> + '_ {
         let openings = self.openings.iter();
         openings.map(|opening| (opening.patch(), opening.last()))
     }
@@ -591,7 +591,7 @@ impl SlabSurface {
             (&self.ghosts, &self.fed),
         );
         if self.bodies.is_some() {
-            self.share_out(populations);
+            self.distribute_excess(populations);
             self.unsettled = true;
         } else {
             self.settle(populations);
@@ -630,7 +630,7 @@ impl SlabSurface {
                 self.cells.fill[cell as usize] = fill;
             }
         }
-        self.share_out(populations);
+        self.distribute_excess(populations);
     }
 
     /// Updates the lists of the planes whose cells have changed kind.

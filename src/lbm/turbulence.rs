@@ -27,7 +27,7 @@ macro_rules! eddy_viscosities {
         #[schemars(transform = family::describe_choices)]
         pub enum $list {
             $(
-                #[allow(missing_docs, reason = "the documentation of a model stands in its module")]
+                #[allow(missing_docs, reason = "the documentation of a model is in its module")]
                 $model($module::$model),
             )*
         }

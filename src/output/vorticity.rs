@@ -98,7 +98,13 @@ impl Velocities {
     }
 
     /// Returns the velocity of the adjacent cell along `axis`, up or down; none outside the domain.
-    fn beside(&self, cell: [usize; 3], axis: usize, up: bool, periodic: bool) -> Option<[f64; 3]> {
+    fn neighbour(
+        &self,
+        cell: [usize; 3],
+        axis: usize,
+        up: bool,
+        periodic: bool,
+    ) -> Option<[f64; 3]> {
         let last = self.cells[axis] - 1;
         let at_end = cell[axis] == if up { last } else { 0 };
         if at_end && axis == self.axis {
@@ -124,8 +130,8 @@ impl Velocities {
     /// of the domain.
     fn derivative(&self, cell: [usize; 3], axis: usize, periodic: bool) -> [f64; 3] {
         let here = self.velocity_at(cell);
-        let low = self.beside(cell, axis, false, periodic);
-        let high = self.beside(cell, axis, true, periodic);
+        let low = self.neighbour(cell, axis, false, periodic);
+        let high = self.neighbour(cell, axis, true, periodic);
         let (from, to, over) = match (low, high) {
             (Some(low), Some(high)) => (low, high, 0.5),
             (Some(low), None) => (low, here, 1.0),

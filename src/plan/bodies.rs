@@ -15,7 +15,7 @@ use base::error::Remedy;
 use case::coupling::Coupling;
 
 /// Minimum number of cells in a diameter.
-const FEWEST_CELLS: f64 = 4.0;
+const MIN_CELLS: f64 = 4.0;
 /// Minimum number of cells in the thickness of a block.
 const THINNEST: f64 = 1.0;
 /// Minimum thickness of a plate \[cells\] that contains full cells at any position on the lattice.
@@ -58,29 +58,24 @@ fn diameters(
     }
     for (path, diameter) in diameters {
         let cells = diameter / h;
-        if cells < FEWEST_CELLS * (1.0 - 1e-9) {
+        if cells < MIN_CELLS * (1.0 - 1e-9) {
             findings.error(
                 &path,
                 format!(
-                    "the smallest diameter in the fluid is {} cells; at least {FEWEST_CELLS} are required",
+                    "the smallest diameter in the fluid is {} cells; at least {MIN_CELLS} are required",
                     number(cells)
                 ),
                 propose_spacing(
                     scene,
-                    diameter / FEWEST_CELLS,
+                    diameter / MIN_CELLS,
                     format!(
                         "use a spacing of at most {} m, or larger solids",
-                        number(diameter / FEWEST_CELLS)
+                        number(diameter / MIN_CELLS)
                     ),
                 ),
             );
         }
-        margins.push(margin(
-            "fewest cells per diameter",
-            FEWEST_CELLS,
-            cells,
-            &path,
-        ));
+        margins.push(margin("fewest cells per diameter", MIN_CELLS, cells, &path));
     }
 }
 

@@ -228,7 +228,7 @@ struct Limits {
 }
 
 /// Opening of a bond, in diameters of the smallest grain, above which a third grain fits between the two.
-const A_GRAIN_BETWEEN: f64 = 1.0;
+const THIRD_GRAIN_FITS: f64 = 1.0;
 /// Opening of a bond, in diameters of the smallest grain, above which the bond is longer than the contact that it
 /// represents.
 const LONG_BOND: f64 = 0.1;
@@ -272,12 +272,12 @@ fn openings(scene: &Scene, law: &dyn ContactModel, findings: &mut Findings) {
             number(at_least(bond.strength / room(part)))
         )
     };
-    if opening > A_GRAIN_BETWEEN * smallest {
+    if opening > THIRD_GRAIN_FITS * smallest {
         let than = format!(
             "more than the size of the smallest grain, {} m: the bond would act across other grains",
             number(smallest)
         );
-        findings.error(path, reason(than), remedy(A_GRAIN_BETWEEN));
+        findings.error(path, reason(than), remedy(THIRD_GRAIN_FITS));
     } else if opening > LONG_BOND * smallest {
         let than = format!(
             "a large part of the size of the smallest grain, {} m",

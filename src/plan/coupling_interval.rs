@@ -1,4 +1,4 @@
-//! The longest coupling interval of a seepage: how long the load of the water on a bed may stay constant.
+//! The longest coupling interval of a seepage: the time for which the load of the water on a bed may stay constant.
 //!
 //! The load anticipates the effect of drag on a grain within the interval T, but not that of its contacts
 //! ([`coupling::seepage`]). This does not matter if the interval resolves the contacts. Otherwise the drag of an
@@ -192,12 +192,12 @@ pub(super) fn check(
         ("coupling interval / settling time of the bed", limits.bed),
     ];
     let of_contact_decides = limits.longest() <= limits.contact;
-    let ways: &[(&str, f64)] = if of_contact_decides {
+    let decisive: &[(&str, f64)] = if of_contact_decides {
         &of_contact
     } else {
         &of_bed
     };
-    for (limit, allowed) in ways {
+    for (limit, allowed) in decisive {
         margins.push(margin(limit, interval, *allowed, PATH));
     }
     let longest = limits.longest();
@@ -273,7 +273,7 @@ mod tests {
         let period = (2650.0 * PI / 6.0 * 1e-9 / 1000.0_f64).sqrt();
         let eps = 0.4;
         let stops =
-            |mu: f64| 2650.0 * (1.0 - eps) * darcy::permeability::kozeny_carman(eps, 1e-3) / mu;
+            |mu: f64| 2650.0 * (1.0 - eps) * darcy::resistance::kozeny_carman(eps, 1e-3) / mu;
         for (viscosity, damping) in [(1.0, 0.0), (1e-3, 0.0), (1e-3, 0.2)] {
             let plan = column(viscosity, damping, &["fluid.darcy.coupling_interval=1"]).unwrap();
             let found = limits(&plan.scene).unwrap();

@@ -1,6 +1,6 @@
 //! Distance of the closed ends of a seepage model from its imposed heads.
 //!
-//! A model of a dam ends somewhere, and its ends let no water through. Under a cover of thickness D and conductivity k,
+//! The ends of a model of a dam are impermeable. Under a cover of thickness D and conductivity k,
 //! water leaks into a layer of transmissivity T over the leakage length λ = (T D/k)^½ (C. E. Jacob, Trans. AGU 27,
 //! 198, 1946; J. Bear, Hydraulics of Groundwater, 1979, section 5-5). An end at the distance L beyond the last edge of
 //! an imposed head adds the resistance of a length E(L) = λ coth(L/λ) instead of E(∞) = λ. In uniform ground of depth D
@@ -157,7 +157,7 @@ impl Ends {
     }
 }
 
-/// Way of the water into the ground below an imposed head.
+/// Path of the water into the ground below an imposed head.
 #[derive(Clone, Copy, Debug)]
 enum Entrance {
     /// Through a cover, over this leakage length \[m\].

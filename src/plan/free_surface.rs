@@ -6,9 +6,9 @@
 //! returns. Water with a level surface has no drop; the drop of a wave is twice its amplitude. A body that falls
 //! into the water or moves in it is judged by its own speed if that is larger; there is no map of bodies.
 //!
-//! A stream, that of an inlet or that of the start, is judged by its own speed: the map `benches/stability/stream-10`
-//! shows one that runs against a wall, and the jump that runs back to the inlet. Two rates fail there from 20 on, at
-//! the inlet. In 3-D there is no map of streams, and that in 2-D counts.
+//! A stream from an inlet or in the initial state is judged by its own speed: the map `benches/stability/stream-10` has
+//! one that runs against a wall, and the jump that runs back to the inlet. Operators with two rates fail there at a
+//! cell Reynolds number of 20 and above, at the inlet. In 3-D there is no map of streams; that in 2-D is used.
 
 use super::margin::{Margin, margin, slower_clock};
 use crate::scene::Scene;
@@ -31,8 +31,8 @@ const WIDE_GAP: f64 = 5.0;
 /// Fraction of a limit of the time step that a remedy proposes.
 const STEP_PROPOSED: f64 = 0.9;
 
-/// Cell Laplace numbers σ h/(ρ ν²) up to which drops of 5 cells of radius came to rest, and from which on some did not
-/// (2-D, σ dt²/(ρ h³) of 0.002 to 0.02, relaxation times of 0.505 to 0.8).
+/// Cell Laplace numbers σ h/(ρ ν²) up to which all drops of 5 cells of radius came to rest, and above which some did
+/// not (2-D, σ dt²/(ρ h³) of 0.002 to 0.02, relaxation times of 0.505 to 0.8).
 const LAPLACE_HOLDS: f64 = 72.0;
 const LAPLACE_FAILS: f64 = 170.0;
 
@@ -162,7 +162,7 @@ fn check_tension(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
                 "the surface tension of {} N/m needs a time step of at most {} s on cells of {} m: the pressure of \
-                 a drop of a few cells would exceed the compression that the lattice bears",
+                 a drop of a few cells would exceed the compression limit of the lattice",
                 number(tension.value),
                 number(limit),
                 number(scene.grid.spacing)
@@ -182,8 +182,7 @@ fn check_tension(
         findings.warn(
             &path,
             format!(
-                "the cell Laplace number tension h/(density viscosity²) is {}: drops of 5 cells of radius came to \
-                 rest up to {LAPLACE_HOLDS}, and from {LAPLACE_FAILS} on spurious currents drove some of them about",
+                "the cell Laplace number tension h/(density viscosity²) is {}: drops of 5 cells of radius came to rest up to {LAPLACE_HOLDS}, and from {LAPLACE_FAILS} spurious currents moved some of them",
                 number(laplace)
             ),
             format!(
@@ -207,7 +206,7 @@ pub(super) fn bond_number(surface: &FreeSurface, density: f64, tension: f64) -> 
     (bond > 0.0).then_some(bond)
 }
 
-/// Returns the words on a tension that is not computed, with the Bond number of water in air.
+/// Returns the text for a case without surface tension, with the Bond number of water in air.
 pub(super) fn without_tension(surface: &FreeSurface, density: f64) -> String {
     if surface.tension.is_some() {
         return String::new();

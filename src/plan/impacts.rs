@@ -266,21 +266,21 @@ fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]
         ControlFlow::Continue(())
     });
     for (one, touches) in moving.iter_mut().zip(touches) {
-        // A wall that is removed during the run is no lasting support.
+        // A wall that is removed during the run is not a permanent support.
         let mut lasting = scene.walls.iter().filter(|wall| !wall.is_timed());
-        let beside_wall = lasting.any(|wall| {
-            let beside = (1.0 + SUPPORT_GAP) * one.reach;
+        let next_to_wall = lasting.any(|wall| {
+            let near = (1.0 + SUPPORT_GAP) * one.reach;
             wall.surface.as_ref().map_or_else(
                 || {
                     let away: f64 = (0..3)
                         .map(|a| (one.at[a] - wall.point[a]) * wall.normal[a])
                         .sum();
-                    away < beside
+                    away < near
                 },
-                |surface| surface.is_within(&Vector3::from(one.at), beside),
+                |surface| surface.is_within(&Vector3::from(one.at), near),
             )
         });
-        one.may_fall &= !touches && !beside_wall;
+        one.may_fall &= !touches && !next_to_wall;
     }
 }
 

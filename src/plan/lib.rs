@@ -109,7 +109,7 @@ impl Clock {
 /// Ratio of the end of the last step to the stated end above which a run warns.
 const LATE: f64 = 1.1;
 /// Maximum number of steps; more would never complete.
-const MOST_STEPS: f64 = 1e13;
+const MAX_STEPS: f64 = 1e13;
 
 impl Plan {
     /// Resolves, checks and plans a case.
@@ -342,11 +342,11 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
         dry_step(scene, allowed, automatic, findings)
     };
     let total = time.end / time_step;
-    if !(time_step > 0.0 && total.is_finite()) || total > MOST_STEPS {
+    if !(time_step > 0.0 && total.is_finite()) || total > MAX_STEPS {
         findings.error(
             "time.end",
             format!(
-                "this takes {} steps of {} s; at most {MOST_STEPS:e} are allowed",
+                "this takes {} steps of {} s; at most {MAX_STEPS:e} are allowed",
                 number(total),
                 number(time_step)
             ),
@@ -356,7 +356,7 @@ fn clock(scene: &Scene, like: Option<&Clock>, findings: &mut Findings) -> Option
     }
     check_end(scene, (time_step, total), solid_steps, findings);
     let warm_up_steps = match time.warm_up {
-        Some(WarmUp::FluidOnly { at_most, .. }) if at_most / time_step <= MOST_STEPS => {
+        Some(WarmUp::FluidOnly { at_most, .. }) if at_most / time_step <= MAX_STEPS => {
             steps(at_most / time_step)
         }
         Some(_) => {

@@ -35,7 +35,7 @@ pub(super) fn margin(limit: &str, value: f64, allowed: f64, path: &str) -> Margi
 
 /// Smallest relaxation time that is proposed: below it stability depends on the operator and the walls, not on the
 /// time step.
-const LEAST_PROPOSED: f64 = 0.505;
+const MIN_PROPOSED: f64 = 0.505;
 
 /// Proposes the fraction `part` of the time step through the field that determines it, if the resulting relaxation
 /// time is stable.
@@ -43,7 +43,7 @@ pub(super) fn slower_clock(flow: &Flow, h: f64, part: f64, text: String) -> Reme
     let dt = at_most(part * flow.time_step);
     let above = 3.0 * flow.kinematic_viscosity * part * flow.time_step / (h * h);
     let remedy = Remedy::from(text);
-    if part >= 1.0 || 0.5 + above < LEAST_PROPOSED {
+    if part >= 1.0 || 0.5 + above < MIN_PROPOSED {
         return remedy;
     }
     match flow.fixed_by {

@@ -57,7 +57,7 @@ pub(super) fn check(
                 ),
             ),
         );
-    } else if flow.turbulence.is_some() && flow.time_step > limit.beside_eddies {
+    } else if flow.turbulence.is_some() && flow.time_step > limit.with_eddies {
         findings.warn(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
@@ -66,8 +66,8 @@ pub(super) fn check(
                 limit.zone.name
             ),
             slower(
-                limit.beside_eddies,
-                format!("use a time step of at most {} s", number(PROPOSED_FRACTION * limit.beside_eddies)),
+                limit.with_eddies,
+                format!("use a time step of at most {} s", number(PROPOSED_FRACTION * limit.with_eddies)),
             ),
         );
     }

@@ -3,8 +3,8 @@
 //! Names are replaced by indices, boxes by cells, and missing choices by their defaults. Numbers are in SI.
 //! [`crate`] derives time steps, memory and stability.
 
+pub mod aligned_box;
 pub mod auto;
-pub mod block;
 mod blocked;
 pub mod blocks;
 pub mod bodies;
@@ -296,7 +296,7 @@ impl Scene {
     fn with_spacing(case: &Case, starts: bool, findings: &mut Findings) -> Option<Self> {
         let grid = grid::Grid::resolve(&case.domain, findings)?;
         let gravity = case.gravity.as_ref().map_or([0.0; 3], |g| {
-            block::AlignedBox::vector(&grid, g, "gravity", findings)
+            aligned_box::AlignedBox::vector(&grid, g, "gravity", findings)
         });
         gravity::check_size(gravity, findings);
         let names: Vec<String> = case.materials.keys().cloned().collect();

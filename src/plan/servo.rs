@@ -1,17 +1,17 @@
 //! Contacts under the stress of servo walls: their overlap, and their stiffness against that of the solid step.
 //!
-//! A grain of diameter d in an array under the stress sigma bears a force of the order of sigma d² (2-D: sigma d): in a
-//! simple cubic array exactly that. Its spring then has the overlap
+//! A grain of diameter d in an array under the stress sigma carries a force of the order of sigma d² (2-D: sigma d): in
+//! a simple cubic array exactly that. Its spring then has the overlap
 //!
 //! ```text
 //! delta = f/k,                   of a linear spring
 //! delta = (f/c)^(2/3)            where F = c delta^(3/2)
 //! ```
 //!
-//! Grains of a random packing bear more and less; the largest forces are several times the mean. From an overlap of
-//! [`LARGE`] of the radius on, contacts are no longer small and the plan warns. Where springs harden, the solid time
-//! step follows from the overlap of the fastest impact that is expected: a stress that presses deeper makes springs
-//! stiffer than the step was chosen for.
+//! Single grains of a random packing carry more or less; the largest forces are several times the mean. Above an
+//! overlap of [`LARGE`] of the radius contacts are no longer small, and the plan warns. Where springs harden, the solid
+//! time step follows from the overlap of the fastest impact that is expected: a stress that presses deeper makes
+//! springs stiffer than the step was chosen for.
 
 use super::critical_step::moving;
 use crate::scene::Scene;

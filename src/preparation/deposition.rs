@@ -10,8 +10,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::free_space::FreeSpace;
 use super::numbering::curve_order;
-use super::room::FreeSpace;
 use super::supervision::{SavedSample, Supervision};
 use base::error::Error;
 use base::number::{floor_i64, whole};
@@ -50,7 +50,7 @@ pub struct Deposition<S: Space> {
     /// Walls onto which the grains fall.
     pub walls: Vec<Wall<S>>,
     /// Space outside the structures.
-    pub room: FreeSpace,
+    pub free_space: FreeSpace,
     /// Seed of sizes and positions.
     pub seed: u64,
     /// Contact laws from the softest to that of the case.
@@ -113,14 +113,14 @@ const PLACES: u32 = 12;
 const AT_REST: f64 = 0.7;
 const LANDED: f64 = 0.1;
 /// Steps between checks.
-const LOOK_EVERY: u64 = 500;
+const CHECK_EVERY: u64 = 500;
 
 impl<S: Space> Deposition<S> {
     /// Runs the deposition. Returns centres and radii \[m\], ordered along a space-filling curve.
     ///
     /// # Errors
-    /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`]
-    /// where the outside wants an end.
+    /// If the grading or cloud cannot be met, gravity is not along an axis, or a grain is lost; [`Error::Stopped`] if
+    /// the caller requests a stop.
     pub fn run(
         &self,
         supervision: &Supervision<'_, S>,
@@ -258,7 +258,7 @@ impl<S: Space> Deposition<S> {
                 });
                 let point = S::to_volume(&at).into();
                 let clear = clear_of_walls
-                    && self.room.has_space_for(point, radius)
+                    && self.free_space.has_space_for(point, radius)
                     && (0..levels).all(|level| {
                         let reach = radius + 0.5 * size(level);
                         let (low, high) = (cell(&at, -reach, level), cell(&at, reach, level));
@@ -411,7 +411,7 @@ impl<'a, S: Space> Falling<'a, S> {
             progress,
             particles,
         };
-        falling.progress.left = LOOK_EVERY.min(deposition.limit);
+        falling.progress.left = CHECK_EVERY.min(deposition.limit);
         Ok(falling)
     }
 
@@ -442,7 +442,7 @@ impl<'a, S: Space> Falling<'a, S> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
         self.progress.landed = !convergence.is_empty();
-        self.progress.left = LOOK_EVERY.min(self.deposition.limit);
+        self.progress.left = CHECK_EVERY.min(self.deposition.limit);
         let (particles, bodies) = self.deposition.particles(grains);
         let law = self.deposition.law(self.progress.stage)?;
         self.dem = self.deposition.dem(law, &bodies, self.progress.landed)?;
@@ -497,7 +497,7 @@ impl<'a, S: Space> Falling<'a, S> {
                     })
                     .collect());
             }
-            self.progress.left = LOOK_EVERY.min(self.deposition.limit - self.dem.steps());
+            self.progress.left = CHECK_EVERY.min(self.deposition.limit - self.dem.steps());
         }
     }
 }
@@ -529,8 +529,8 @@ mod tests {
                     normal_stiffness: Scaled::Absolute(stiffness),
                     stiffness_ratio: 1.0,
                     friction: 0.5,
-                    normal_damping: 0.3,
-                    shear_damping: 0.3,
+                    normal_damping_ratio: 0.3,
+                    shear_damping_ratio: 0.3,
                     attraction: false,
                 },
             ),
@@ -555,7 +555,7 @@ mod tests {
             clouds: vec![cloud(800, classes())],
             region,
             walls: Wall::of_box(Vector3::zeros(), corner, [true; 3], 0),
-            room: FreeSpace::default(),
+            free_space: FreeSpace::default(),
             seed: 3,
             laws: vec![linear(1e3), linear(1e4)],
             materials: 1,

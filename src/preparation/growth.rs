@@ -141,8 +141,8 @@ impl<S: Space> PackingSettings<S> {
     /// Packs the grains.
     ///
     /// # Errors
-    /// If the request makes no sense, or the packing does not come about within the steps allowed;
-    /// [`Error::Stopped`] where the outside wants an end.
+    /// If the request makes no sense, or no packing is reached within the allowed steps; [`Error::Stopped`] if the
+    /// caller requests a stop.
     pub fn pack(&self, supervision: &Supervision<'_, S>) -> Result<Packing<S>, Error> {
         let radii = self.radii()?;
         let mut growth = match supervision.take_saved() {
@@ -343,8 +343,8 @@ impl<'a, S: Space> Growing<'a, S> {
             normal_stiffness: Scaled::PerDiameter(settings.stiffness_per_diameter),
             stiffness_ratio: 0.4,
             friction: settings.friction,
-            normal_damping: 0.2,
-            shear_damping: 0.2,
+            normal_damping_ratio: 0.2,
+            shear_damping_ratio: 0.2,
             attraction: false,
         };
         let law = Law::Linear(Linear {
@@ -470,7 +470,7 @@ impl<'a, S: Space> Growing<'a, S> {
                         taken,
                         limit,
                     };
-                    self.batch(LOOK_EVERY.min(limit - taken));
+                    self.batch(CHECK_EVERY.min(limit - taken));
                     return Ok(());
                 }
                 self.dem.set_local_damping(WHILE_GROWING);
@@ -546,7 +546,7 @@ impl<'a, S: Space> Growing<'a, S> {
             limit,
         };
         self.dem.set_local_damping(AT_REST);
-        self.batch(LOOK_EVERY.min(limit));
+        self.batch(CHECK_EVERY.min(limit));
     }
 
     fn after_round(
@@ -674,7 +674,7 @@ const COARSE: f64 = 1e-2;
 const WHILE_GROWING: f64 = 0.3;
 const AT_REST: f64 = 0.7;
 /// Number of steps between checks of a relaxing packing, and maximum number of rounds of up to a thousand steps.
-const LOOK_EVERY: u64 = 100;
+const CHECK_EVERY: u64 = 100;
 const ROUNDS: u32 = 40;
 #[cfg(test)]
 mod tests {
@@ -696,7 +696,7 @@ mod tests {
         dem.set_local_damping(until.local_damping);
         let mut steps = 0;
         let still = loop {
-            let batch = until.look_every.max(1).min(until.limit - steps);
+            let batch = until.check_every.max(1).min(until.limit - steps);
             dem.advance_many(particles, domain, batch).unwrap();
             steps += batch;
             let now = dem.equilibrium_state(particles, domain);
@@ -761,8 +761,8 @@ mod tests {
             stiffness_ratio: 0.4,
             friction: 20.0_f64.to_radians().tan(),
             cohesion: Scaled::PerDiameter(0.506),
-            normal_damping: 0.0,
-            shear_damping: 0.0,
+            normal_damping_ratio: 0.0,
+            shear_damping_ratio: 0.0,
         };
         let law = Law::CohesiveFrictional(CohesiveFrictional {
             parameters: PairTable::uniform(1, parameters),

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | a packing by growing radii | [`growth`] |
 //! | a deposition under gravity | [`deposition`] |
-//! | the free space outside structures for falling grains | [`room`] |
+//! | the free space outside structures for falling grains | [`free_space`] |
 //! | numbers along a space-filling curve | [`numbering`] |
 //! | bonds at the contacts, then relaxation with damping | [`rest`] |
 //! | reports, interruption and resumption | [`supervision`] |
@@ -15,10 +15,10 @@
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 
 pub mod deposition;
+pub mod free_space;
 pub mod growth;
 pub mod numbering;
 pub mod rest;
-pub mod room;
 pub mod supervision;
 
 use base::error::{Error, number};
@@ -29,8 +29,9 @@ use dem::relax::unbalanced_text;
 use dem::space::{Components, Space, vector};
 use dem::{GrainDomain, Wall};
 use deposition::Deposition;
+use free_space::FreeSpace;
 use growth::{PackingSettings, Sizes, Stop};
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use plan::scene::blocks::PlacedBlocks;
 use plan::scene::grading::Grading;
 use plan::scene::grains::{Cloud, GrainSource, assign};
@@ -39,7 +40,6 @@ use plan::scene::sample;
 use plan::scene::sample::ListedGrain;
 use plan::scene::structures;
 use plan::{Plan, contacts};
-use room::FreeSpace;
 use serde_json::{Value, json};
 use std::path::Path;
 use supervision::Supervision;
@@ -171,7 +171,7 @@ impl Prepared {
             last.kinetic_energy,
             unbalanced_text(last.unbalanced)
         );
-        let closed = deposition.room.closed;
+        let closed = deposition.free_space.closed;
         if closed > 0.0 {
             let unit = if S::DIMENSION == 2 { "m2" } else { "m3" };
             self.add(format!(
@@ -303,7 +303,7 @@ fn deposition_of<S: Space>(
         .collect();
     let up = (0..scene.grid.dimension).find(|&a| scene.gravity[a].abs() > 0.0);
     let up = up.unwrap_or(scene.grid.dimension - 1);
-    let bounds = room::Boundaries {
+    let bounds = free_space::Boundaries {
         dimension: scene.grid.dimension,
         region: [
             components(&engine.region.lower),
@@ -316,7 +316,7 @@ fn deposition_of<S: Space>(
     let smallest = clouds.iter().map(|cloud| cloud.grading.bounds().0);
     let smallest = smallest.fold(f64::INFINITY, f64::min);
     Deposition {
-        room: FreeSpace::new(&scene.structures, &bounds, smallest),
+        free_space: FreeSpace::new(&scene.structures, &bounds, smallest),
         clouds: (clouds.iter())
             .map(|cloud| deposition::Cloud {
                 lower: vector::<S>(cloud.block.from),

@@ -199,12 +199,12 @@ impl BondRelaxation {
                 break EquilibriumState::default();
             }
             // The checks follow the same steps, independently of interruptions between them.
-            let to_check = until.look_every - self.steps % until.look_every;
+            let to_check = until.check_every - self.steps % until.check_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
             dem.advance_many(particles, domain, batch)?;
             self.steps += batch;
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
-            let checks = self.steps.is_multiple_of(until.look_every) || self.steps >= until.limit;
+            let checks = self.steps.is_multiple_of(until.check_every) || self.steps >= until.limit;
             if checks {
                 if self.broken > self.broken_at_check {
                     self.broken_at_check = self.broken;
@@ -313,8 +313,8 @@ mod tests {
                     normal_stiffness: Scaled::Absolute(1e3),
                     stiffness_ratio: 1.0,
                     friction: 0.5,
-                    normal_damping: 0.3,
-                    shear_damping: 0.3,
+                    normal_damping_ratio: 0.3,
+                    shear_damping_ratio: 0.3,
                     attraction: false,
                 },
             ),

@@ -23,10 +23,10 @@ use plan::scene::free_surface::WaterCells;
 /// it slabs are cut by cost.
 const IMBALANCE_LIMIT: f64 = 1.05;
 /// Minimum fraction of the busiest rank's time that other slabs must save before a run changes to them.
-const LEAST_SAVING: f64 = 0.1;
+const MIN_SAVING: f64 = 0.1;
 /// Minimum cost of a step of all ranks together \[ps\] for which slabs are balanced: below it messages
 /// dominate.
-const LEAST_STEP_COST: i64 = 20_000_000;
+const MIN_STEP_COST: i64 = 20_000_000;
 /// Minimum estimated time of a run on one core \[s\] for which the speed of the machine is measured.
 const LONG_RUN: f64 = 10.0;
 /// Picoseconds in a second.
@@ -289,8 +289,8 @@ pub(super) fn cut(scene: &Scene, planes: &[i64], ranks: usize) -> Slabs {
 /// Returns `true` if changing from the slabs `now` to `other` is worth its cost.
 #[must_use]
 pub(super) fn is_worth(now: &Slabs, other: &Slabs, planes: &[i64]) -> bool {
-    planes.iter().sum::<i64>() >= LEAST_STEP_COST
-        && imbalance(other, planes) < (1.0 - LEAST_SAVING) * imbalance(now, planes)
+    planes.iter().sum::<i64>() >= MIN_STEP_COST
+        && imbalance(other, planes) < (1.0 - MIN_SAVING) * imbalance(now, planes)
 }
 
 /// Returns the bounds of slabs of at least one plane each with the smallest possible maximum cost.

@@ -108,8 +108,8 @@ pub fn spheres(count: usize, packed: bool) -> Result<(Dem<Volume>, Particles<Vol
         normal_stiffness: Scaled::Absolute(1e5),
         stiffness_ratio: 2.0 / 7.0,
         friction: 0.5,
-        normal_damping: 0.3,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.0,
         attraction: false,
     };
     let law = Law::Linear(Linear {

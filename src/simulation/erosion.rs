@@ -11,14 +11,14 @@
 //! - **Balance.** dP d_h / (2 L) with dP the difference of the *imposed* pressures at this time, ramp included, as in
 //!   hole erosion tests. Losses in the chambers make it an upper bound.
 //! - **Traction.** The force of the water on the grains of the faces, from the momentum exchange with each grain, and
-//!   therefore independent of the other two. A grain of volume V inside a packing of solid fraction phi bears in any
-//!   case the seepage force G V / phi, with G the pressure drop over L, because there the grains bear the whole
-//!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole:
-//!   `tau = sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`DEPTH_BEHIND`] mean
+//!   therefore independent of the other two. A grain of volume V inside a packing of solid fraction phi carries in any
+//!   case the seepage force G V / phi, with G the pressure drop over L, because there the grains carry the whole
+//!   pressure drop. The additional force on the grains behind a face is the traction of the flow in the hole: `tau =
+//!   sum_k (F_k - G V_k / phi) / (2 L)`. The sum is over grains with their centre within [`DEPTH_BEHIND`] mean
 //!   diameters behind a face or `hole::DISTANCE_BEFORE` in front of it. The shear stress decays within less than a
 //!   diameter, so that a deeper layer adds only noise. G is the difference of the mean pressures of the water at the
-//!   two ends of that layer, in the planes of cells just outside the hole box; phi is measured once, from the
-//!   grains next to the hole at the first row.
+//!   two ends of that layer, in the planes of cells just outside the hole box; phi is measured once, from the grains
+//!   next to the hole at the first row.
 //! - **Bonds.** A bond breaks at the wall of the hole if its contact point lies between the faces of the last row or
 //!   within [`NEAR_WALL`] mean diameters of one, and not further than that beyond the ends of the hole; otherwise
 //!   inside. Before the first row the faces are those of the box in the case.
@@ -567,7 +567,7 @@ impl ErosionRecorder {
     /// Finds the faces of the hole and stores them; at the first row also the solid fraction next to
     /// the hole.
     fn find_faces(&mut self, sums: &Sums, hole: &Hole, spacing: f64) -> Option<HoleFaces> {
-        let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_beside(hole));
+        let intact = *(self.state.intact).get_or_insert_with(|| sums.solid_fraction_around(hole));
         let solid = sums.solid_fractions();
         let faces = hole_faces(profile(spacing, &solid), intact, hole.middle());
         self.state.faces = faces.map(|faces| [faces.lower, faces.upper]);

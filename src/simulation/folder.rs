@@ -96,7 +96,7 @@ struct LockHolder {
 }
 
 impl LockHolder {
-    fn me() -> Self {
+    fn this_process() -> Self {
         Self {
             host: fs::read_to_string("/proc/sys/kernel/hostname")
                 .map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned()),
@@ -324,7 +324,7 @@ fn lock_file(path: &Path) -> Result<File, Error> {
         if !is_at(&file, path) {
             continue;
         }
-        let me = LockHolder::me();
+        let me = LockHolder::this_process();
         if let Some(holder) = read(&mut file)
             && may_still_run(&holder, &me, locks, &file)
         {
@@ -521,7 +521,7 @@ mod tests {
     fn a_lock_of_a_process_that_is_gone_is_taken_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(LOCK);
-        let me = LockHolder::me();
+        let me = LockHolder::this_process();
         let holder = |host: &str, job: Option<[&str; 2]>| LockHolder {
             host: host.into(),
             process: 4_000_000,

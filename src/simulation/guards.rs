@@ -2,7 +2,7 @@
 //! balance.
 //!
 //! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is
-//!   checked ([`look`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a compression
+//!   checked ([`state_check`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a compression
 //!   above `guards.max_compression` end the run; [`failure`] names the cell. A compression above
 //!   `guards.warn_compression` is reported at once, and in each log line while it persists. Cells enclosed by
 //!   bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same
@@ -21,8 +21,8 @@
 //! Values that were never measured are none: tables print `-`, `summary.json` has `null`.
 
 mod failure;
-mod look;
 mod openings;
+mod state_check;
 
 use base::error::Error;
 use case::coupling::{Coupling, Scheme};
@@ -40,11 +40,11 @@ use lbm::boundary::from_quanta;
 use lbm::lanes::Stored;
 use lbm::populations::RowSums;
 use lbm::surface::SlabSurface;
-use look::{CheckResult, Extreme, LatticeOrder, StateCheck};
 use openings::Openings;
 use plan::Plan;
 use plan::margin::USUAL_LATTICE_VELOCITY;
 use serde::{Deserialize, Serialize};
+use state_check::{CheckResult, Extreme, LatticeOrder, StateCheck};
 use std::fmt;
 
 /// Steps between two balances; each balance costs about as much as a fluid step.
@@ -103,7 +103,7 @@ pub struct Guards {
     /// `true` if a warning was given about a Mach number above the usual limit.
     fast: bool,
     messages: Vec<String>,
-    look: StateCheck,
+    state_check: StateCheck,
     /// Sums over rows in buffers that are reused between checks.
     rows: Vec<RowSums>,
 }
@@ -381,7 +381,7 @@ impl Guards {
 
     /// Returns `true` if the state of this step is checked.
     #[must_use]
-    pub fn looks_at(&self, step: u64) -> bool {
+    pub fn checks_at(&self, step: u64) -> bool {
         step.is_multiple_of(self.every)
     }
 
@@ -412,7 +412,7 @@ impl Guards {
         {
             // Allocates the buffers of the checks once: no step after the first allocates.
             self.ready = true;
-            self.look.check_cells(flow);
+            self.state_check.check_cells(flow);
             self.openings.prepare(self.every, flow);
         }
         // The lattice balances the momentum below a free surface, and interface cells keep their mass apart.
@@ -631,7 +631,7 @@ impl Guards {
         domain: &Domain,
     ) -> Result<(), Error> {
         let communicator = domain.communicator();
-        let seen = flow.map(|flow| self.look.check_cells(flow));
+        let seen = flow.map(|flow| self.state_check.check_cells(flow));
         let lost = lost_grain(particles).map(|id| GRAINS + id);
         let mine = seen.and_then(|seen| seen.broken).or(lost);
         let broken = communicator.all_reduce_min_u64(mine.unwrap_or(u64::MAX));
@@ -830,7 +830,7 @@ mod tests {
 
     /// Checks that errors of a balance are reported only above the limits of rounding.
     #[test]
-    fn an_error_of_a_balance_is_said_above_what_rounding_explains() {
+    fn an_error_of_a_balance_beyond_rounding_is_reported() {
         let text = examples::find("poiseuille").unwrap().text;
         let document = Document::read(text, &[], Path::new(".")).unwrap();
         let plan = Plan::prepare(document).unwrap();

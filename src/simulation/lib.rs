@@ -317,7 +317,7 @@ impl<Sp: Space, S: SavedNumber> Simulation<Sp, S> {
         let mass_error = self.guards.mass_error().unwrap_or(f64::NAN);
         let view = now.view();
         (self.recorder).record_due(&view, removed, breaks, mass_error)?;
-        if self.guards.looks_at(view.step) {
+        if self.guards.checks_at(view.step) {
             // The checks may end the run: write the records first.
             self.recorder.flush(view.domain)?;
         }

@@ -100,7 +100,7 @@ fn means_from(probe: &str, rows: &Rows, from: f64) -> Option<Means> {
 /// Relative difference of the two shear stresses of a bed above which the stream over it is not considered steady.
 const STEADY_DIFFERENCE: f64 = 0.2;
 
-/// Returns the reasons why the computed shear stresses of a bed may differ from the stress that it bears.
+/// Returns the reasons why the computed shear stresses of a bed may differ from the stress on the bed.
 fn doubts(values: &[Mean], obstacles: bool) -> Vec<String> {
     let mean = |name: &str| values.iter().find(|v| v.quantity == name)?.mean;
     let (balance, profile) = (mean("shear_stress_balance"), mean("shear_stress_profile"));

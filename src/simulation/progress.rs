@@ -41,9 +41,9 @@ const BAR_EVERY: Duration = Duration::from_millis(500);
 
 /// Returns the number of decimals with which times up to `end` have at least four significant digits.
 fn decimals_of(end: f64) -> usize {
-    const LEAST_STEPS: i64 = 4;
+    const MIN_STEPS: i64 = 4;
     let first = base::number::floor_i64(end.log10().clamp(-20.0, 20.0));
-    usize::try_from((LEAST_STEPS - first).clamp(LEAST_STEPS, 15)).unwrap_or(0)
+    usize::try_from((MIN_STEPS - first).clamp(MIN_STEPS, 15)).unwrap_or(0)
 }
 
 impl Progress {

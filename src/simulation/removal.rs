@@ -22,7 +22,7 @@ use dem::particles::{Body, Motion, Particles};
 use dem::space::{Components, Space};
 use nalgebra::Vector3;
 use plan::Plan;
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use plan::scene::grid::Grid;
 use plan::scene::observe::RegionAction;
 use serde::{Deserialize, Serialize};

@@ -619,7 +619,7 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
 }
 
 /// Checks that no grain overlaps a wall that a restart adds. Collective.
-pub(super) fn clear_of_new_walls<S: Space>(
+pub(super) fn check_new_walls<S: Space>(
     plan: &Plan,
     (origins, gates, step): (&[Option<usize>], &Gates, u64),
     particles: &Particles<S>,

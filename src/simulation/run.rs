@@ -181,7 +181,7 @@ pub fn trial(
 ///
 /// # Errors
 ///
-/// None of its own.
+/// If the first rank panics or another rank fails.
 pub fn is_done(communicator: &Communicator, plan: &Plan, folder: &Path) -> Result<bool, Error> {
     let done = agreement::on_first(communicator, || {
         let text = io::plain::text(&folder.join("summary.json"), io::plain::LONGEST_CASE)

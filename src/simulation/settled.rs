@@ -1,9 +1,9 @@
 //! Steadiness of the forces, fluxes and pressures of the probes at the end of a run.
 //!
 //! The means over the last tenth of the run and over the tenth before it are compared, and the oscillation in the last
-//! tenth is measured. If a probe has fewer than [`FEWEST`] samples in each tenth, fifths and then thirds of the run are
-//! compared; if even these have too few samples, the result is unknown. The samples are read from the files of the
-//! probes, which contain them exactly, for any number of ranks and across restarts.
+//! tenth is measured. If a probe has fewer than [`MIN_SAMPLES`] samples in each tenth, fifths and then thirds of the
+//! run are compared; if even these have too few samples, the result is unknown. The samples are read from the files of
+//! the probes, which contain them exactly, for any number of ranks and across restarts.
 
 use base::number::real;
 use base::units::LatticeUnits;
@@ -19,10 +19,10 @@ const SETTLED: f64 = 0.01;
 /// Parts of the run that are compared, and their names.
 const WINDOWS: [(f64, &str); 3] = [(0.1, "tenth"), (0.2, "fifth"), (1.0 / 3.0, "third")];
 /// Minimum number of samples in a window.
-const FEWEST: usize = 2;
+const MIN_SAMPLES: usize = 2;
 /// Minimum magnitude by which a change is divided, as a fraction of the largest value of its kind: a value much smaller
 /// than the others need not settle.
-const LEAST_MAGNITUDE: f64 = 1e-3;
+const MIN_MAGNITUDE: f64 = 1e-3;
 /// Magnitude in lattice units below which a value is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Maximum number of values reported at the end of a run.
@@ -152,10 +152,15 @@ fn size(vector: impl Iterator<Item = f64>) -> f64 {
 /// enough.
 fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<EndStatistics> {
     let mut windows = WINDOWS.iter();
-    windows.find_map(|(window, _)| look_at(rows, quantity, end, *window))
+    windows.find_map(|(window, _)| window_statistics(rows, quantity, end, *window))
 }
 
-fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Option<EndStatistics> {
+fn window_statistics(
+    rows: &Rows,
+    (_, names, _): &Quantity,
+    end: f64,
+    window: f64,
+) -> Option<EndStatistics> {
     let times = rows.column("time")?;
     let mut seen = EndStatistics {
         unit: String::new(),
@@ -177,7 +182,7 @@ fn look_at(rows: &Rows, (_, names, _): &Quantity, end: f64, window: f64) -> Opti
         };
         let before = between(1.0 - 2.0 * window, 1.0 - window);
         let last = between(1.0 - window, 1.0 + 1e-9);
-        if before.len() < FEWEST || last.len() < FEWEST {
+        if before.len() < MIN_SAMPLES || last.len() < MIN_SAMPLES {
             return None;
         }
         let mean = |list: &[(f64, f64)]| list.iter().map(|s| s.1).sum::<f64>() / real(list.len());
@@ -232,7 +237,7 @@ fn normalise(all: Vec<(String, Quantity, EndStatistics)>) -> Vec<Settled> {
         let alike = sizes.iter().filter(|(kind, _)| *kind == sizes[n].0);
         let largest = alike.map(|(_, size)| *size).fold(0.0, f64::max);
         let scale = (sizes[n].1)
-            .max(LEAST_MAGNITUDE * largest)
+            .max(MIN_MAGNITUDE * largest)
             .max(ROUNDING * scale);
         Settled {
             probe,
@@ -274,7 +279,7 @@ pub(super) fn lines(plan: &Plan, end: &End) -> Vec<String> {
             .map(|name| format!("`{name}`"))
             .collect();
         lines.push(format!(
-            "it is not known whether these values are steady: {}{}, with fewer than {FEWEST} samples in each of \
+            "it is not known whether these values are steady: {}{}, with fewer than {MIN_SAMPLES} samples in each of \
              the last two thirds of the run; use a shorter `every`",
             names.join(", "),
             if end.unknown.len() > NAMED { " and others" } else { "" }

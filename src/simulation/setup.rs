@@ -303,7 +303,7 @@ pub fn grains<S: Space>(
     }
 }
 
-/// Returns the settings of a flow that changes with time; `interval` is the time between two steps of the clock
+/// Returns the settings of a transient flow; `interval` is the time between two steps of the clock
 /// \[s\].
 fn transient(written: &TransientFlow, interval: f64) -> darcy::TransientSettings {
     darcy::TransientSettings {

@@ -12,7 +12,7 @@
 //! timeout delays these ends.
 //!
 //! All ranks agree on the response in one reduction, so that they stop at the same step. They check for requests every
-//! [`MOST_STEPS`] steps, or more often if these steps would take more than a second.
+//! [`MAX_STEPS`] steps, or more often if these steps would take more than a second.
 //!
 //! Before the first step, geometry and checkpoints are read and mapped without such checks. If a request to stop is
 //! not answered there within [`PATIENCE`] of processor time, the process ends at once: no state is lost, and the
@@ -33,7 +33,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Maximum number of steps between two checks for requests.
-const MOST_STEPS: u64 = 10;
+const MAX_STEPS: u64 = 10;
 /// Time between two checks \[ms\] above which the number of steps between them is halved, and below which it is
 /// doubled.
 const CHECK_INTERVALS: [u64; 2] = [1000, 250];
@@ -336,7 +336,7 @@ impl Requests for Watch {
         if took > CHECK_INTERVALS[0] {
             self.steps = (self.steps / 2).max(1);
         } else if took < CHECK_INTERVALS[1] {
-            self.steps = (2 * self.steps).min(MOST_STEPS);
+            self.steps = (2 * self.steps).min(MAX_STEPS);
         }
         match request {
             0 => Request::None,

@@ -127,10 +127,10 @@ pub(super) fn across(axis: Point) -> (Point, Point) {
 
 /// Returns the number of edges of a regular polygon inside a circle with a maximum distance of `tolerance` from it.
 pub(super) fn segments(radius: f64, tolerance: f64) -> usize {
-    const MOST: f64 = 2048.0;
+    const MAX_EDGES: f64 = 2048.0;
     let half = (1.0 - tolerance / radius).clamp(-1.0, 1.0).acos();
     // A multiple of 8, so that corners lie on the axes.
-    let count = (std::f64::consts::PI / half).clamp(32.0, MOST);
+    let count = (std::f64::consts::PI / half).clamp(32.0, MAX_EDGES);
     8 * whole((count / 8.0).ceil())
 }
 

@@ -22,7 +22,7 @@
 #![cfg_attr(test, allow(clippy::float_cmp, reason = "tests compare bits exactly"))]
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are the texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are the texts of the schema, with units in brackets: [m]"
 )]
 
 pub mod facets;
@@ -54,7 +54,7 @@ macro_rules! shapes {
         #[schemars(transform = describe_choices)]
         pub enum $list {
             $(
-                #[allow(missing_docs, reason = "the documentation of a shape stands in its module")]
+                #[allow(missing_docs, reason = "the documentation of a shape is in its module")]
                 #[serde(rename = $name)]
                 $shape($module::$shape),
             )*

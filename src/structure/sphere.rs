@@ -44,7 +44,7 @@ impl Ball {
     /// Returns the number of rings of facets from pole to pole for a tolerance \[m\].
     fn rings(&self, tolerance: f64) -> usize {
         let rings = super::facets::segments(self.radius, 0.5 * tolerance).div_ceil(2);
-        rings.clamp(8, MOST_RINGS)
+        rings.clamp(8, MAX_RINGS)
     }
 }
 
@@ -62,7 +62,7 @@ pub(super) fn intersect_ball(from: Point, along: Point, radius: f64, found: &mut
 }
 
 /// Maximum number of rings of facets from pole to pole.
-const MOST_RINGS: usize = 96;
+const MAX_RINGS: usize = 96;
 
 impl Solid for Ball {
     fn distance(&self, at: Point) -> f64 {

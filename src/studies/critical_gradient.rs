@@ -142,7 +142,7 @@ fn planned(text: &str, search: &Search, more: &[String]) -> Result<Plan, Error> 
     }
 }
 
-/// Boundary that drives the water.
+/// Boundary with the driving head or pressure.
 struct Inlet {
     name: String,
     /// Path of the drive in the case.

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Number of values without a verdict inside an interval at which the search ends.
-pub const MOST_FAILED: usize = 3;
+pub const MAX_FAILED: usize = 3;
 
 /// Width of the interval at which a search ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -121,7 +121,7 @@ impl Section {
             }
         }
         let failed = marks.len() - 2;
-        if failed >= MOST_FAILED || (failed > 0 && gap[1] - gap[0] <= width) {
+        if failed >= MAX_FAILED || (failed > 0 && gap[1] - gap[0] <= width) {
             return Round::Undecided(Some(bracket));
         }
         let values = self.inside(gap);

@@ -76,9 +76,9 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
     let file = &sweep.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(format!("the study: {e}")))?;
-    let beside = file.parent().unwrap_or(Path::new(""));
+    let study_folder = file.parent().unwrap_or(Path::new(""));
     let study = Study::read(&text).map_err(Error::Case)?;
-    let members = members::members(&study, beside).map_err(Error::Case)?;
+    let members = members::members(&study, study_folder).map_err(Error::Case)?;
     let output = (sweep.output.clone()).unwrap_or_else(|| file.with_extension(""));
     log::debug!(
         "study {}: {} members, {} outputs, into {}",
@@ -105,7 +105,7 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
             report(&slurm::script(&study, members.len(), file, &output));
             Ok(())
         }
-        Task::Collect => collect(&study, &members, beside, &output, report),
+        Task::Collect => collect(&study, &members, study_folder, &output, report),
         Task::Member(number) => {
             let chosen = number.checked_sub(1).and_then(|n| members.get(n));
             let member = chosen.ok_or_else(|| {
@@ -122,7 +122,7 @@ pub fn command(sweep: &Sweep, report: LineReport<'_>) -> Result<(), Error> {
         Task::Run => {
             enough_cores(&study.run)?;
             run(&study, &members, &output, sweep, report)?;
-            collect(&study, &members, beside, &output, report)?;
+            collect(&study, &members, study_folder, &output, report)?;
             check_ends(&members, &output)
         }
     }
@@ -244,11 +244,11 @@ fn list(
 fn collect(
     study: &Study,
     members: &[Member],
-    beside: &Path,
+    study_folder: &Path,
     output: &Path,
     report: LineReport<'_>,
 ) -> Result<(), Error> {
-    let table = table::SweepTable::collect(study, members, beside, output);
+    let table = table::SweepTable::collect(study, members, study_folder, output);
     let mut files = vec![
         ("members.csv", table.to_csv(study, members)),
         (

@@ -88,14 +88,14 @@ struct Trial {
 /// If the study is invalid, with all problems before any member runs; if a signal ended the search,
 /// [`Error::Stopped`]; if members failed, [`Error::Io`]; if no result follows from the members, [`Error::Numerical`].
 pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<SearchOutcome, Error> {
-    let (study, beside, output) = read(options)?;
-    ends(&study, beside).map_err(Error::Case)?;
+    let (study, study_folder, output) = read(options)?;
+    ends(&study, study_folder).map_err(Error::Case)?;
     enough_cores(&study.run)?;
     let allowed = study.refused == Refused::Run;
     let runner = Runner::new(&study.run, allowed, &output, options.max_walltime, report)?;
     let mut search = Search {
         study: &study,
-        beside,
+        study_folder,
         output: &output,
         trials: Vec::new(),
     };
@@ -128,19 +128,22 @@ fn read(options: &Threshold) -> Result<(ThresholdStudy, &Path, PathBuf), Error> 
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(format!("the study: {e}")))?;
     let study = ThresholdStudy::read(&text).map_err(Error::Case)?;
-    let beside = file.parent().unwrap_or(Path::new(""));
+    let study_folder = file.parent().unwrap_or(Path::new(""));
     let output = (options.output.clone()).unwrap_or_else(|| file.with_extension(""));
-    Ok((study, beside, output))
+    Ok((study, study_folder, output))
 }
 
 /// Returns the members at both ends of the interval, without running them; relative paths in the study start at
-/// `beside`.
+/// `study_folder`.
 ///
 /// # Errors If a case of these members or a name in the criterion is invalid, with all problems.
-pub fn ends(study: &ThresholdStudy, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
-    let mut ends = members(&study.with_values(&[study.search.from]), beside)?;
+pub fn ends(study: &ThresholdStudy, study_folder: &Path) -> Result<Vec<Member>, Vec<Problem>> {
+    let mut ends = members(&study.with_values(&[study.search.from]), study_folder)?;
     // After the first, so that a fault of both is reported once.
-    ends.extend(members(&study.with_values(&[study.search.to]), beside)?);
+    ends.extend(members(
+        &study.with_values(&[study.search.to]),
+        study_folder,
+    )?);
     let outputs: Vec<&str> = (study.outputs.0.iter())
         .map(|(name, _)| name.as_str())
         .collect();
@@ -157,8 +160,8 @@ pub fn ends(study: &ThresholdStudy, beside: &Path) -> Result<Vec<Member>, Vec<Pr
 /// # Errors
 /// If the study is invalid, with all problems.
 pub fn list(options: &Threshold, report: LineReport<'_>) -> Result<(), Error> {
-    let (study, beside, _) = read(options)?;
-    for member in ends(&study, beside).map_err(Error::Case)? {
+    let (study, study_folder, _) = read(options)?;
+    for member in ends(&study, study_folder).map_err(Error::Case)? {
         let cost = member.prepared.as_ref().map_or_else(
             || "not run".to_owned(),
             |prepared| {
@@ -183,7 +186,7 @@ pub fn list(options: &Threshold, report: LineReport<'_>) -> Result<(), Error> {
 /// Members that have been run.
 struct Search<'a> {
     study: &'a ThresholdStudy,
-    beside: &'a Path,
+    study_folder: &'a Path,
     output: &'a Path,
     trials: Vec<Trial>,
 }
@@ -202,9 +205,9 @@ impl Search<'_> {
         report: LineReport<'_>,
     ) -> Result<(), Error> {
         let study = self.study.with_values(values);
-        let members = members(&study, self.beside).map_err(Error::Case)?;
+        let members = members(&study, self.study_folder).map_err(Error::Case)?;
         let outcome = runner.run(&members);
-        let table = SweepTable::collect(&study, &members, self.beside, self.output);
+        let table = SweepTable::collect(&study, &members, self.study_folder, self.output);
         for ((value, member), mut row) in values.iter().zip(members).zip(table.rows) {
             let verdict = verdict(self.study, &member, &mut row);
             if outcome.is_ok() {

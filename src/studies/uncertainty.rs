@@ -76,7 +76,7 @@ pub struct Members {
     /// Settings and the indices of their runs in the list.
     pub settings: Vec<(Setting, usize)>,
     /// Index of the run with which settings are compared.
-    pub beside: usize,
+    pub comparison: usize,
     /// Scaling of the time step.
     pub scaling: Scaling,
 }
@@ -155,7 +155,7 @@ impl Members {
             }],
             grids: vec![(1.0, 0)],
             settings: Vec::new(),
-            beside: 0,
+            comparison: 0,
             scaling,
         };
         for ratio in ratios {
@@ -176,7 +176,7 @@ impl Members {
                 .grids
                 .iter()
                 .find(|(ratio, place)| *ratio > 1.0 && self.list[*place].prepared.is_some());
-            self.beside = coarser.map_or(0, |(_, place)| *place);
+            self.comparison = coarser.map_or(0, |(_, place)| *place);
         }
     }
 
@@ -223,8 +223,11 @@ impl Members {
 
     /// Returns the case on the grid that is used to compare settings.
     fn compared(&self, plan: &Plan, stated: &Value) -> Value {
-        let beside = self.grids.iter().find(|(_, place)| *place == self.beside);
-        match beside {
+        let comparison = self
+            .grids
+            .iter()
+            .find(|(_, place)| *place == self.comparison);
+        match comparison {
             Some((ratio, place)) if *place > 0 => {
                 grids::on_cells(stated, plan, *ratio, self.scaling)
             }
@@ -395,7 +398,7 @@ pub fn command(
         report,
     )?;
     runner.run(&members.list)?;
-    let wanted = members.grids.len().min(MOST_GRIDS);
+    let wanted = members.grids.len().min(MAX_GRIDS);
     loop {
         // Grids whose runs failed are replaced as long as there are others.
         let failed = failures(plan, &members, &options.output);
@@ -428,7 +431,7 @@ pub fn command(
 }
 
 /// Number of grids that an estimate uses.
-const MOST_GRIDS: usize = 3;
+const MAX_GRIDS: usize = 3;
 
 /// Returns the indices in the list of the grids that were run and have no answers.
 fn failures(plan: &Plan, members: &Members, output: &Path) -> Vec<usize> {
@@ -502,14 +505,14 @@ fn collect(plan: &Plan, members: &Members, output: &Path) -> Result<UncertaintyT
     };
     let settings = members.settings.iter().map(|(setting, place)| {
         let folder = members.list[*place].name.as_str();
-        let beside = members.list[members.beside].name.as_str();
-        let missing = match (&found[*place], &found[members.beside]) {
+        let comparison = members.list[members.comparison].name.as_str();
+        let missing = match (&found[*place], &found[members.comparison]) {
             (Ok(_), Ok(_)) => String::new(),
             (Err(why), _) => why.clone(),
-            (_, Err(why)) => format!("{beside}, the run for comparison, {why}"),
+            (_, Err(why)) => format!("{comparison}, the run for comparison, {why}"),
         };
-        let answers = [of(members.beside), of(*place)];
-        table::sensitivity(setting, [folder, beside], answers, &missing, noise)
+        let answers = [of(members.comparison), of(*place)];
+        table::sensitivity(setting, [folder, comparison], answers, &missing, noise)
     });
     Ok(UncertaintyTable {
         scaling: members.meaning().to_owned(),

@@ -46,8 +46,8 @@ fn scene(name: &str) -> Result<(Dem<PlaneSpace>, Grains), Error> {
         stiffness_ratio: 0.4,
         friction: 20.0_f64.to_radians().tan(),
         cohesion: Scaled::Absolute(if name == "bonded" { 0.5 } else { 0.0 }),
-        normal_damping: 0.05,
-        shear_damping: 0.05,
+        normal_damping_ratio: 0.05,
+        shear_damping_ratio: 0.05,
     };
     let law = Law::CohesiveFrictional(CohesiveFrictional {
         parameters: PairTable::uniform(1, parameters),
@@ -99,8 +99,8 @@ fn blocks(mine: impl Fn(u64) -> bool) -> Result<(Dem<Volume>, Particles<Volume>)
             shear: 5e7,
         },
         friction: 0.5,
-        normal_damping: 0.1,
-        shear_damping: 0.1,
+        normal_damping_ratio: 0.1,
+        shear_damping_ratio: 0.1,
     };
     let law = Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),

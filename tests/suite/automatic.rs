@@ -146,8 +146,7 @@ fn the_hole_erosion_test_needs_five_physical_parameters() {
     assert!(plan.margins.iter().all(|margin| margin.used < 1.0 + 1e-9));
 }
 
-/// Checks that a law that states friction and damping, but no stiffness, gets the stiffness that a case without a law
-/// gets.
+/// Checks that a law that states friction and damping, but no stiffness, has the stiffness of a case without a law.
 #[test]
 fn a_linear_law_needs_no_stiffness() {
     let case = |contact: &str| {

@@ -821,7 +821,7 @@ pub(crate) const TABLE: &[(&str, &str, Break, &str)] = &[
         "bodies[0].motion.driven.history",
     ),
     (
-        "table of a body that stands",
+        "table of a stationary body",
         "rock-into-reservoir",
         Set(&["bodies[0].motion.driven={\"history\": [[0, 1], [2, 1]]}"]),
         "bodies[0].motion.driven.history",

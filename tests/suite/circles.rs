@@ -16,9 +16,9 @@ const ALLOWED: &[&[&str]] = &[
         "src/darcy/drag.rs",
         "src/darcy/drag/di_felice.rs",
         "src/darcy/drag/gidaspow.rs",
-        "src/darcy/permeability.rs",
-        "src/darcy/permeability/ergun.rs",
-        "src/darcy/permeability/kozeny_carman.rs",
+        "src/darcy/resistance.rs",
+        "src/darcy/resistance/ergun.rs",
+        "src/darcy/resistance/kozeny_carman.rs",
     ],
 ];
 

@@ -123,7 +123,7 @@ fn weir(limit: f64) -> Value {
 /// Checks a weir over whose crest the lattice velocity increases with the cell size, which the plan does not predict. A
 /// guard ends the runs on coarser grids: other grids replace them, and the message describes the remaining estimate.
 #[test]
-fn grids_that_a_guard_ends_are_replaced_and_told() {
+fn grids_that_a_guard_ends_are_replaced_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, limit: f64| {
         let case = weir(limit);

@@ -715,7 +715,7 @@ fn pores_that_are_all_and_nothing() {
 
 /// Checks that the plan refuses or warns before the run fails.
 #[test]
-fn light_and_thin_solids_are_told_of() {
+fn plan_reports_light_and_thin_solids() {
     let said = |set: &[&str], path: &str, words: &str| {
         let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let document = Document::read(SETTLING, &set, Path::new("")).unwrap();

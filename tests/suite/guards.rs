@@ -339,7 +339,7 @@ fn a_contact_that_is_pierced_is_named() {
 /// Checks that log and summary contain the Mach number next to the lattice velocity, and that the log reports a
 /// lattice velocity above 0.1 once.
 #[test]
-fn a_mach_number_above_the_usual_is_said() {
+fn a_mach_number_above_the_usual_is_reported() {
     let case = |speed: f64| {
         json!({
             "domain": {"size": [0.4, 0.1], "spacing": 0.01, "periodic": ["x"]},

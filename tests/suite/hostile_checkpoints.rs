@@ -395,7 +395,7 @@ fn another_program_is_named() {
 }
 
 #[test]
-fn a_table_that_was_changed_is_told() {
+fn a_changed_table_is_reported() {
     let _beside = beside_others();
     for name in ["bonds.csv", "erosion.csv"] {
         let copy = Copy::new("tables");

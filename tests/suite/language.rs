@@ -520,6 +520,55 @@ fn each_rule_finds_its_fault_and_nothing_else() {
     );
 }
 
+/// Returns the terms of the glossary of a page, in its order; a row may have several, separated by commas.
+fn glossary(page: &str) -> Vec<&str> {
+    let section = page.split("## Glossary").nth(1).unwrap_or_default();
+    let section = section.split("\n## ").next().unwrap_or_default();
+    let rows = section.lines().skip_while(|line| !line.starts_with("|---"));
+    let terms = rows
+        .skip(1)
+        .filter_map(|row| row.strip_prefix("| ")?.split(" | ").next());
+    terms.collect()
+}
+
+/// Returns `true` if a text contains a term, in the singular or the plural.
+fn uses(text: &str, term: &str) -> bool {
+    has_word(text, term) || has_word(text, &format!("{term}s"))
+}
+
+#[test]
+fn the_glossary_is_sorted_and_its_terms_are_used() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("src/ARCHITECTURE.md")).unwrap();
+    let terms = glossary(&page);
+    assert!(terms.len() > 30, "{terms:?}");
+    let small: Vec<String> = terms.iter().map(|term| term.to_lowercase()).collect();
+    assert!(small.is_sorted_by(|a, b| a < b), "{small:?}");
+    let mut sources = Vec::new();
+    files(root, &root.join("src"), &mut sources);
+    let texts: Vec<String> = sources
+        .iter()
+        .filter(|(file, _)| file.ends_with(".rs"))
+        .map(|(_, text)| {
+            text.lines()
+                .filter_map(comment)
+                .collect::<Vec<_>>()
+                .join("\n")
+                .to_lowercase()
+        })
+        .collect();
+    for term in small.iter().flat_map(|term| term.split(", ")) {
+        let number = texts.iter().filter(|text| uses(text, term)).count();
+        assert!(
+            number >= 4,
+            "only {number} files use the term `{term}` of the glossary"
+        );
+    }
+    let unsorted = "## Glossary\n\n| term | meaning |\n|---|---|\n| b, c | d |\n| a | e |\n\n## Next\n\n| f | g |\n";
+    assert_eq!(glossary(unsorted), ["b, c", "a"]);
+    assert!(uses("two joints meet", "joint") && !uses("jointed rock", "joint"));
+}
+
 #[test]
 fn a_number_may_fall_and_not_rise() {
     let fault = |line| Fault {

@@ -143,7 +143,7 @@ fn wrong_input_of_backward_erosion_gets_its_sentence() {
             r#"structures=[{"name": "pile", "shape": {"box": {"from": [45, 8], "to": [45.2, 10]}}}]"#
                 .to_owned(),
             "pipe",
-            "no whole cell of ground",
+            "is not completely ground",
         ),
     ] {
         let wanted = if path.is_empty() {

@@ -119,7 +119,7 @@ fn every_room_speaks_at_debug_and_none_without_being_asked() {
 }
 
 #[test]
-fn the_end_tells_how_long_ranks_waited() {
+fn the_end_reports_the_waiting_time_of_ranks() {
     let _machine = beside_others();
     let folder = tempfile::tempdir().unwrap();
     let case = write(folder.path(), "case.json", &sinking());

@@ -298,7 +298,7 @@ fn a_weir_of_triangles_is_one_of_boxes_in_both_fluids() {
 /// Checks that a drawing in millimetres is refused with a proposed scale, even if it covers the whole domain; if it
 /// lies outside the domain, the message contains its position.
 #[test]
-fn a_surface_in_millimetres_is_told_from_one_in_metres() {
+fn a_surface_in_millimetres_is_distinguished_from_one_in_metres() {
     let folder = tempfile::tempdir().unwrap();
     let problems = |centre: [f64; 2], set: &[&str]| {
         let file = folder.path().join("c.stl");

@@ -195,7 +195,7 @@ fn nothing_runs_where_members_would_share_a_core_or_a_field_is_wrong() {
 
 /// Checks that the exit code and the table report a member that is ended by a signal.
 #[test]
-fn a_member_that_is_killed_is_told() {
+fn a_member_that_is_killed_is_reported() {
     let (folder, file) = study(|_| {});
     let launcher = folder.path().join("launch.sh");
     std::fs::write(&launcher, "#!/bin/sh\nkill -9 $$\n").unwrap();

@@ -112,8 +112,8 @@ pub fn hole_faces(solid: HoleProfile<'_>, intact: f64, middle: f64) -> Option<Ho
 /// Returns the distance in cells from `open` to the best step from 0 to 1 along `path`; `None` where no packing is
 /// left.
 ///
-/// A step before path entry `k` leaves the misfit `sum_{<k} s^2 + sum_{>=k} (s - 1)^2`, least where the sum of
-/// `2 s - 1` over the solid side is largest.
+/// A step before path entry `k` leaves the misfit `sum_{<k} s^2 + sum_{>=k} (s - 1)^2`, which is smallest where the sum
+/// of `2 s - 1` over the solid side is largest.
 fn step(open: usize, path: &[usize], solid: impl Fn(usize) -> f64) -> Option<f64> {
     let mut best = None;
     let mut most = 0.0;

@@ -22,12 +22,12 @@
 //! **Fit.** Errors of reading are errors of J, alike for all readings, the first one included. The sum of their squares
 //! is minimised over tau_c, k_d and the first distance: for each tau_c of a scale from 0 to the stress at the first
 //! reading over the other two, by Gauss and Newton. **Intervals** of 95 % are those of the likelihood: the laws whose
-//! sum of squares is below the least one times 1 + t^2/(n - 3), with Student's t. They are not symmetric. A test that
-//! ends far from equilibrium does not determine tau_c: the interval reaches 0, which a covariance hides.
+//! sum of squares is below the smallest one times 1 + t^2/(n - 3), with Student's t. They are not symmetric. A test
+//! that ends far from equilibrium does not determine tau_c: the interval reaches 0, which a covariance hides.
 //!
 //! **Blaisdell's reading** is the customary one, for comparison: with x = log10(U_0 t/d_0) and f = log10(J/d_0) - x, a
 //! hyperbola (f - f_0)^2 = x^2 + A^2 is fitted, J_e = d_0 10^f_0 gives tau_c, and the times give k_d. The hyperbola is
-//! another curve than the law above: of an exact record up to 0.99 J_e it finds less than a tenth of tau_c.
+//! a different curve from the law above: from an exact record up to 0.99 J_e it finds less than a tenth of tau_c.
 //!
 //! **Specimens.** Tests of several specimens or packings give the mean of tau_c and the geometric mean of k_d with
 //! intervals that include the scatter between them.
@@ -36,8 +36,8 @@ use super::fit::Interval;
 use crate::statistics::student;
 use base::number::real;
 
-/// Least number of readings: three parameters and one degree of freedom.
-const LEAST_READINGS: usize = 4;
+/// Minimum number of readings: three parameters and one degree of freedom.
+const MIN_READINGS: usize = 4;
 /// Number of values of tau_c at which the sum of squares is first computed.
 const SCALE: u32 = 80;
 /// Largest distance of equilibrium at which the sum is computed, divided by the largest distance read; a larger one is
@@ -272,9 +272,9 @@ pub fn fit_jet(apparatus: &JetApparatus, readings: &[JetReading]) -> Result<JetO
 }
 
 fn check(readings: &[JetReading]) -> Result<(), String> {
-    if readings.len() < LEAST_READINGS {
+    if readings.len() < MIN_READINGS {
         return Err(format!(
-            "{} readings do not determine a law: at least {LEAST_READINGS} are needed",
+            "{} readings do not determine a law: at least {MIN_READINGS} are needed",
             readings.len()
         ));
     }
@@ -458,7 +458,7 @@ impl Test<'_> {
             .collect()
     }
 
-    /// Returns the candidate of the least squares.
+    /// Returns the candidate with the smallest sum of squares.
     fn best(&self) -> Candidate {
         let scale = self.scale();
         let found: Vec<Option<Candidate>> = scale.iter().map(|c| self.candidate(*c)).collect();

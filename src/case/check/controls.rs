@@ -9,7 +9,7 @@ use serde_json::Value;
 /// description may have several lines.
 pub(super) fn control_characters(tree: &Value) -> Vec<Problem> {
     let mut found = Vec::new();
-    look_for_controls(tree, &Place::Case, false, &mut found);
+    find_controls(tree, &Place::Case, false, &mut found);
     found
 }
 
@@ -30,7 +30,7 @@ impl Place<'_> {
     }
 }
 
-fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>) {
+fn find_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>) {
     let check = |text: &str, place: &Place<'_>, lines: bool, found: &mut Vec<Problem>| {
         let stays = |c| lines && matches!(c, '\n' | '\r' | '\t');
         if let Some(c) = text.chars().find(|&c| controls(c) && !stays(c)) {
@@ -50,14 +50,14 @@ fn look_for_controls(value: &Value, place: &Place<'_>, lines: bool, found: &mut 
         Value::String(text) => check(text, place, lines, found),
         Value::Array(list) => {
             for (n, child) in list.iter().enumerate() {
-                look_for_controls(child, &Place::Index(place, n), lines, found);
+                find_controls(child, &Place::Index(place, n), lines, found);
             }
         }
         Value::Object(map) => {
             for (key, child) in map {
                 let here = Place::Key(place, key);
                 check(key, &here, false, found);
-                look_for_controls(child, &here, key == "description", found);
+                find_controls(child, &here, key == "description", found);
             }
         }
         _ => {}

@@ -5,8 +5,8 @@ use base::number;
 use coupling::Flow;
 use coupling::seepage::{Seepage, SeepageSettings};
 use darcy::{
-    Condition, Enclosure, Liquid, Openness, Permeability, Pores, Pressure, PressurePatch,
-    PressureSettings, SeepageGrid,
+    Condition, Enclosure, Liquid, Openness, Pores, Pressure, PressurePatch, PressureSettings,
+    ResistanceSettings, SeepageGrid,
 };
 use decomposition::Communicator;
 use dem::alone;
@@ -69,7 +69,7 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                 let pores = Pores::new(grid.clone(), written.porosity, written.mean_diameter);
                 let settings = SeepageSettings {
                     liquid,
-                    permeability: Permeability {
+                    resistance: ResistanceSettings {
                         law: written.resistance(),
                         diameter: written.mean_diameter,
                         porosity_cap: written.porosity_cap(),
@@ -77,8 +77,8 @@ fn by_default_a_bed_lifts_at_the_gradient_of_terzaghi_and_the_velocity_of_ergun(
                     },
                     drag: written.drag(),
                     equations: written.equations,
-                    transient: written.transient_porosity(),
-                    semi_implicit: written.semi_implicit_drag,
+                    transient_porosity: written.transient_porosity(),
+                    semi_implicit_drag: written.semi_implicit_drag,
                     gravity,
                     interval: 1e-6,
                     roughness: None,

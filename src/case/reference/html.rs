@@ -6,7 +6,7 @@ use std::fmt::Write;
 /// Introduction on the front page.
 pub const INTRODUCTION: &str = "A case is one JSON file in SI units. Every parameter is listed by its path, as \
     messages and `--set` write \
-it; `[]` stands for any item of a list and `NAME` for any name. Wherever a value stands, an object \
+it; `[]` stands for any item of a list and `NAME` for any name. In place of any value, an object \
 `{\"value\": 0.2, \"source\": \"assumed\", \"note\": \"reason\"}` may state its source. Unknown fields are refused.";
 
 const STYLE: &str = include_str!("style.css");

@@ -22,7 +22,7 @@ impl<'de> DeserializeSeed<'de> for Plain<'_> {
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
         self.0.set(self.0.get() + 1);
-        if self.0.get() > MOST_VALUES {
+        if self.0.get() > MAX_VALUES {
             return Err(D::Error::custom("too many values"));
         }
         deserializer.deserialize_any(self)
@@ -45,7 +45,7 @@ impl<'de> Visitor<'de> for Plain<'_> {
     fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Value, A::Error> {
         let mut map = Map::new();
         while let Some(key) = access.next_key::<String>()? {
-            if map.len() >= MOST_KEYS {
+            if map.len() >= MAX_KEYS {
                 return Err(A::Error::custom("too many keys"));
             }
             let value = access.next_value_seed(self)?;

@@ -160,7 +160,7 @@ fn change(
     (first, parts): (i32, &[f32]),
 ) {
     let row = row as usize;
-    let mut tell = |k: i32, part: f32| {
+    let mut write = |k: i32, part: f32| {
         cover.cover(row.wrapping_add_signed(k as isize), slot, part);
     };
     // The cells in both runs lie between `from` and `to`.
@@ -176,7 +176,7 @@ fn change(
         (was_first.max(to), &was[was_to..]),
     ] {
         for (k, _) in (k..).zip(gone).filter(|(_, held)| **held != 0.0) {
-            tell(k, 0.0);
+            write(k, 0.0);
         }
     }
     for (k, new) in [
@@ -184,7 +184,7 @@ fn change(
         (first.max(to), &parts[parts_to..]),
     ] {
         for (k, part) in (k..).zip(new).filter(|(_, part)| **part != 0.0) {
-            tell(k, *part);
+            write(k, *part);
         }
     }
     let both = (&was[was_from..was_to], &parts[parts_from..parts_to]);

@@ -61,7 +61,7 @@ impl Scene {
         rocks: &[Rock],
         pressure: PressureHistory,
         presses: bool,
-        (residual, cell): (f64, f64),
+        (residual_aperture, cell): (f64, f64),
         step: f64,
     ) -> Self {
         let solid = |&(low, high, _): &Rock| {
@@ -101,8 +101,8 @@ impl Scene {
                 shear: 0.5 * STIFFNESS,
             },
             friction: 0.5,
-            normal_damping: 0.3,
-            shear_damping: 0.3,
+            normal_damping_ratio: 0.3,
+            shear_damping_ratio: 0.3,
         };
         let law = Law::Blocks(BlockLaw {
             parameters: PairTable::uniform(1, law),
@@ -115,7 +115,7 @@ impl Scene {
         settings.gravity = gravity;
         let dem = Dem::new(law, settings, Vec::new()).unwrap();
         Self {
-            water: water(&blocks, pressure, presses, (residual, cell), step).unwrap(),
+            water: water(&blocks, pressure, presses, (residual_aperture, cell), step).unwrap(),
             dem,
             particles,
             domain: dem::alone(),
@@ -143,7 +143,7 @@ fn water(
     blocks: &[NetworkBlock],
     pressure: PressureHistory,
     presses: bool,
-    (residual, cell): (f64, f64),
+    (residual_aperture, cell): (f64, f64),
     step: f64,
 ) -> Result<JointWater, Error> {
     let settings = NetworkSettings {
@@ -151,7 +151,7 @@ fn water(
             distance: 0.02,
             angle: 0.1,
         },
-        residual,
+        residual_aperture,
         cell,
         under: None,
     };

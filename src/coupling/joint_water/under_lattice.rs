@@ -48,7 +48,7 @@ impl JointWater {
         self.first + block as u64
     }
 
-    /// Returns the number of networks so far: it changes whenever the network is another one.
+    /// Returns the number of networks built so far; it increases when the network is rebuilt.
     #[must_use]
     pub fn networks(&self) -> u64 {
         self.networks

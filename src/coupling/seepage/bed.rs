@@ -9,8 +9,8 @@ use super::water::{Ground, Water};
 use super::{SeepageSettings, components};
 use base::number::real;
 use darcy::drag::{DragFormula, GrainSize};
-use darcy::permeability::larger;
-use darcy::{Equations, permeability, power_above};
+use darcy::resistance::larger;
+use darcy::{Equations, power_above, resistance};
 use decomposition::{Communicator, quantise};
 use dem::particles::{Kind, ParticlesView};
 use dem::space::Space;
@@ -19,7 +19,7 @@ use dem::space::Space;
 #[derive(Clone, Copy)]
 pub(super) struct Laws<'a> {
     pub(super) drag: &'a dyn DragFormula,
-    pub(super) resistance: &'a dyn permeability::PermeabilityFormula,
+    pub(super) resistance: &'a dyn resistance::ResistanceFormula,
     pub(super) settings: &'a SeepageSettings,
 }
 
@@ -78,7 +78,7 @@ impl Laws<'_> {
 }
 
 /// Minimum weight of a velocity change over the interval, with which the load is that of the middle of the interval.
-const LEAST_WEIGHT: f64 = 0.5;
+const MIN_WEIGHT: f64 = 0.5;
 
 /// Known data of a grain before a coupling.
 enum Start {
@@ -124,7 +124,7 @@ pub(super) fn fill<Sp: Space>(
         let start = start(particles, k);
         // At first, a grain held by contacts loads the water as if it were stationary.
         let free =
-            settings.semi_implicit && body.kind == Kind::Free && !matches!(start, Start::Held);
+            settings.semi_implicit_drag && body.kind == Kind::Free && !matches!(start, Start::Held);
         let (before, last) = match start {
             Start::Known if free => (
                 components(&particles.last_velocity[k]),
@@ -147,7 +147,7 @@ pub(super) fn fill<Sp: Space>(
             let strongest = drag.iter().copied().fold(0.0, f64::max);
             let ratio = settings.interval * strongest / (body.mass * ground.measure);
             let least = if matches!(start, Start::Known) {
-                LEAST_WEIGHT
+                MIN_WEIGHT
             } else {
                 0.0
             };
@@ -167,7 +167,7 @@ pub(super) fn fill<Sp: Space>(
                 compliance,
                 response: drag.map(|b| 1.0 / (1.0 + compliance * b * ground.measure)),
                 known,
-                late: part > LEAST_WEIGHT,
+                late: part > MIN_WEIGHT,
             };
             share.terms.push(term);
             if moves {

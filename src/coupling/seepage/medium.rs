@@ -9,8 +9,8 @@ use base::thread_pool;
 use darcy::drag::gidaspow::dense_share;
 use darcy::drag::{self, GrainSize};
 use darcy::open_water::{openness, rise};
-use darcy::permeability::{BedOfCells, larger};
 use darcy::pressure::Medium;
+use darcy::resistance::{BedOfCells, larger};
 use darcy::zones::ZonePermeability;
 use darcy::{Equations, Openness, Zones, neighbourhood};
 use dem::particles::ParticlesView;
@@ -23,13 +23,13 @@ const CONTINUED_CHANGE: f64 = 2e-3;
 /// Relative change of a coefficient in a round at which it is converged: a multiple of the tolerance of the
 /// pressure, and a minimum.
 const SETTLED: f64 = 100.0;
-const LEAST_SETTLED: f64 = 1e-11;
+const MIN_SETTLED: f64 = 1e-11;
 /// Number of rounds after which a change of this size is accepted: it may be the rounding error of a pressure that
 /// has almost no drive.
 const STALLED_ROUNDS: u32 = 50;
 const STALLED_CHANGE: f64 = 1e-5;
 /// Maximum number of rounds: the error at least halves in each.
-const MOST_ROUNDS: u32 = 200;
+const MAX_ROUNDS: u32 = 200;
 /// Solid fraction up to which the reaction of grains does not move the water around them; above
 /// [`DENSE_FRACTION`] it moves the water fully.
 const DILUTE_FRACTION: f64 = 0.02;
@@ -39,7 +39,7 @@ const LOOSE_POROSITY: f64 = 0.8;
 /// Maximum porosity of the permeability law above which open water has only the resistance of its channel.
 const FREE: f64 = 0.9999;
 /// Minimum fraction of a cell that counts as pores in the balance of momentum.
-const LEAST_PORES: f64 = 1e-6;
+const MIN_PORES: f64 = 1e-6;
 /// Relative difference of the two speeds with which the slope of a law is computed.
 const SPEED_DIFFERENCE: f64 = 1e-4;
 
@@ -69,15 +69,16 @@ impl<Sp: Space> Seepage<Sp> {
         self.pores
             .finish(&self.openness, &self.communicator)
             .map_err(failed)?;
-        let permeability = self.settings.permeability;
+        let permeability = self.settings.resistance;
         let porosity = self.pores.porosity();
         for cell in 0..porosity.len() {
             self.limited[cell] = permeability.limited(porosity[cell]);
             self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
                 / self.settings.interval;
         }
-        if let Some((zones, room)) = &mut self.zones {
-            room.replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
+        if let Some((zones, permeability_of_zones)) = &mut self.zones {
+            permeability_of_zones
+                .replace_porosity(zones, &mut self.limited, |cell| porosity[cell] < FILLED);
         }
         self.compute_porosities();
         self.measure_open_water();
@@ -98,7 +99,9 @@ impl<Sp: Space> Seepage<Sp> {
             if self.openness.blocked(cell) {
                 return (0.0, 1.0);
             }
-            let free = zones.map_or(1.0, |(_, room)| room.free(cell));
+            let free = zones.map_or(1.0, |(_, permeability_of_zones)| {
+                permeability_of_zones.free(cell)
+            });
             let ground = self.water.ground[cell].as_ref();
             (
                 free.min(openness(
@@ -164,7 +167,7 @@ impl<Sp: Space> Seepage<Sp> {
             let body = self
                 .zones
                 .as_ref()
-                .is_some_and(|(_, room)| room.is_body(cell));
+                .is_some_and(|(_, permeability_of_zones)| permeability_of_zones.is_body(cell));
             let weight = water.weight[cell];
             for axis in 0..dimension {
                 let duct = water.channels.duct(cell, axis);
@@ -189,7 +192,7 @@ impl<Sp: Space> Seepage<Sp> {
     fn laws(&self) -> Laws<'_> {
         Laws {
             drag: self.settings.drag.model(),
-            resistance: self.settings.permeability.law.model(),
+            resistance: self.settings.resistance.law.model(),
             settings: &self.settings,
         }
     }
@@ -199,8 +202,8 @@ impl<Sp: Space> Seepage<Sp> {
         let settings = &self.settings;
         let porosity = self.pores.porosity();
         let (least, cap) = (
-            settings.permeability.least_porosity,
-            settings.permeability.porosity_cap,
+            settings.resistance.least_porosity,
+            settings.resistance.porosity_cap,
         );
         for cell in 0..porosity.len() {
             self.water.coupled[cell] = 0.0;
@@ -216,7 +219,7 @@ impl<Sp: Space> Seepage<Sp> {
             let zone = self
                 .zones
                 .as_ref()
-                .is_some_and(|(_, room)| room.is_ground(cell));
+                .is_some_and(|(_, permeability_of_zones)| permeability_of_zones.is_ground(cell));
             let around = if settings.equations == Equations::Paper || zone || solid <= 0.0 {
                 1.0 - self.limited[cell]
             } else {
@@ -233,7 +236,7 @@ impl<Sp: Space> Seepage<Sp> {
             } else {
                 dense_share(felt)
             };
-            let pores = porosity[cell].max(LEAST_PORES);
+            let pores = porosity[cell].max(MIN_PORES);
             self.water.ground[cell] = Some(Ground {
                 bed: drag::BedConditions {
                     density: settings.liquid.density,
@@ -245,12 +248,12 @@ impl<Sp: Space> Seepage<Sp> {
                 measure: match settings.equations {
                     // A zone states the porosity of the law; the porosity of the balances is still that of the
                     // grains.
-                    Equations::Corrected if zone => settings.permeability.limited(porosity[cell]),
+                    Equations::Corrected if zone => settings.resistance.limited(porosity[cell]),
                     Equations::Corrected => felt,
                     Equations::Paper => 1.0,
                 },
                 packing: (self.limited[cell], diameter),
-                factor: pores / solid.max(LEAST_PORES),
+                factor: pores / solid.max(MIN_PORES),
                 stated_resistance: None,
                 displaced: if solid > around { around / solid } else { 1.0 },
                 counts: !self.is_body(cell),
@@ -272,14 +275,14 @@ impl<Sp: Space> Seepage<Sp> {
         if moves && self.zones.is_none() {
             return;
         }
-        let law = settings.permeability.law.model();
+        let law = settings.resistance.law.model();
         let bed = BedOfCells {
             porosity: &self.limited,
             diameter: self.pores.diameter(),
             gradient: &self.water.steepness,
         };
         law.fill(bed, liquid, &mut self.permeability);
-        let Some((zones, room)) = &mut self.zones else {
+        let Some((zones, permeability_of_zones)) = &mut self.zones else {
             for (ground, permeability) in self.water.ground.iter_mut().zip(&self.permeability) {
                 if let Some(ground) = ground {
                     ground.bed.permeability = *permeability;
@@ -287,7 +290,7 @@ impl<Sp: Space> Seepage<Sp> {
             }
             return;
         };
-        room.replace(
+        permeability_of_zones.replace(
             zones,
             law,
             (bed, &self.water.open),
@@ -300,13 +303,13 @@ impl<Sp: Space> Seepage<Sp> {
             };
             let k = self.permeability[cell];
             ground.bed.permeability = k;
-            ground.ratios = room
+            ground.ratios = permeability_of_zones
                 .ratios()
                 .map_or([1.0; 3], |ratios| ratios[cell].map(|r| 1.0 / r));
-            if room.is_ground(cell) {
+            if permeability_of_zones.is_ground(cell) {
                 ground.stated_resistance = Some(liquid.viscosity / k);
             }
-            if moves && room.is_body(cell) {
+            if moves && permeability_of_zones.is_body(cell) {
                 self.water.still[cell] = ground.ratios.map(|r| liquid.viscosity / k * r);
             }
         }
@@ -326,7 +329,7 @@ impl<Sp: Space> Seepage<Sp> {
                 continue;
             };
             let volume = self.openness.volume(cell);
-            let pores = self.pores.porosity()[cell].max(LEAST_PORES) * volume;
+            let pores = self.pores.porosity()[cell].max(MIN_PORES) * volume;
             let (sum, coupled) = (self.sums.cell(cell), water.coupled[cell]);
             let weight = coupled * f64::from(u8::from(moves));
             let mut along = [0.0; 3];
@@ -366,13 +369,13 @@ impl<Sp: Space> Seepage<Sp> {
     /// Computes laws and pressure alternately until both converge; returns the number of iterations. Collective.
     fn iterate_until_converged(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
-        let source = self.settings.transient && !moves && self.has_before;
-        let mut settled = (SETTLED * self.pressure.tolerance()).max(LEAST_SETTLED);
+        let source = self.settings.transient_porosity && !moves && self.has_before;
+        let mut settled = (SETTLED * self.pressure.tolerance()).max(MIN_SETTLED);
         let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
         if moves && self.has_before && grains > 0 {
             settled = settled.max(CONTINUED_CHANGE);
         }
-        let law = self.settings.permeability.law.model();
+        let law = self.settings.resistance.law.model();
         let of_zones = |(zones, _): &(Arc<Zones>, ZonePermeability)| zones.depend_on_the_gradient();
         let depends =
             law.depends_on_the_gradient() && !moves || self.zones.as_ref().is_some_and(of_zones);
@@ -407,7 +410,7 @@ impl<Sp: Space> Seepage<Sp> {
             if change <= settled || round >= STALLED_ROUNDS && change <= STALLED_CHANGE {
                 break;
             }
-            if round >= MOST_ROUNDS || change.is_nan() {
+            if round >= MAX_ROUNDS || change.is_nan() {
                 return Err(Error::Numerical(self.unsettled(change, round)));
             }
         }
@@ -425,14 +428,14 @@ impl<Sp: Space> Seepage<Sp> {
 
     /// Computes the largest relative change of the permeabilities that depend on the gradient.
     fn permeability_change(&mut self) -> f64 {
-        let (law, liquid) = (self.settings.permeability.law.model(), self.settings.liquid);
+        let (law, liquid) = (self.settings.resistance.law.model(), self.settings.liquid);
         let bed = BedOfCells {
             porosity: &self.limited,
             diameter: self.pores.diameter(),
             gradient: &self.water.steepness,
         };
         match &mut self.zones {
-            Some((zones, room)) => room.change(
+            Some((zones, permeability_of_zones)) => permeability_of_zones.change(
                 zones,
                 law,
                 (bed, &self.water.open),
@@ -564,5 +567,5 @@ impl<Sp: Space> Seepage<Sp> {
 
 /// Returns the water-filled volume of a cell inside the walls \[m³\].
 pub(super) fn pores_of(openness: &Openness, porosity: &[f64], cell: usize) -> f64 {
-    openness.volume(cell) * porosity[cell].max(LEAST_PORES)
+    openness.volume(cell) * porosity[cell].max(MIN_PORES)
 }

@@ -30,12 +30,12 @@ use dem::space::{Components, Space};
 /// Porosity above which grains count as loose.
 const LOOSE_POROSITY: f64 = 0.8;
 /// Minimum solid fraction of a cell for its water to be distributed over its grains.
-const LEAST_SOLID: f64 = 1.0 - FILLED;
+const MIN_SOLID: f64 = 1.0 - FILLED;
 
 /// Returns the fraction of the load of a bed that acts at a porosity, divided by the solid fraction.
 fn bed(porosity: f64) -> f64 {
     let part = ((FILLED - porosity) / (FILLED - LOOSE_POROSITY)).clamp(0.0, 1.0);
-    part / (1.0 - porosity).max(LEAST_SOLID)
+    part / (1.0 - porosity).max(MIN_SOLID)
 }
 
 /// Water of the cells of unsaturated ground.
@@ -102,7 +102,7 @@ impl<Sp: Space> Seepage<Sp> {
             let pressure = self.pressure.pressure(cell);
             let [saturation, effective] = self.pressure.saturations(cell, pressure);
             moist.stress[cell] = effective * pressure;
-            let solid = (1.0 - porosity[cell]).max(LEAST_SOLID);
+            let solid = (1.0 - porosity[cell]).max(MIN_SOLID);
             moist.moisture[cell] = [saturation, saturation * porosity[cell] / solid];
         }
         for cell in 0..cells {

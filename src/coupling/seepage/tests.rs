@@ -87,7 +87,7 @@ impl Bench {
         let pores = Pores::new(grid, self.method, MeanDiameter::Sauter);
         let settings = SeepageSettings {
             liquid: WATER,
-            permeability: Permeability {
+            resistance: ResistanceSettings {
                 law: self.resistance,
                 diameter: MeanDiameter::Sauter,
                 porosity_cap: self.cap,
@@ -95,8 +95,8 @@ impl Bench {
             },
             drag: self.drag,
             equations: self.equations,
-            transient: self.moves,
-            semi_implicit: true,
+            transient_porosity: self.moves,
+            semi_implicit_drag: true,
             gravity,
             interval: self.interval,
             roughness: None,

@@ -6,11 +6,11 @@
 //!
 //! with the drag coefficient of [`super::dallavalle`], the projected area A and the superficial velocity U of the
 //! water past the grain (R. Di Felice, Int. J. Multiphase Flow 20 (1994) 153). The published fissure model uses the
-//! interstitial velocity for U. As a resistance law it is [`super::permeability`] with this drag.
+//! interstitial velocity for U. As a resistance law it is [`super::resistance`] with this drag.
 
 use super::dallavalle::Dallavalle;
 use super::{BedConditions, DragFormula, GrainSize};
-use crate::{Equations, Liquid, permeability};
+use crate::{Equations, Liquid, resistance};
 
 /// Drag law of Di Felice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl DragFormula for DiFelice {
     }
 }
 
-impl permeability::PermeabilityFormula for DiFelice {
+impl resistance::ResistanceFormula for DiFelice {
     fn summary() -> &'static str {
         "Di Felice 1994: the drag on the grains as a resistance, with inertial losses. Requires the corrected \
          equations."
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn as_a_resistance_it_has_the_loss_of_its_drag() {
         use crate::drag::testing::gradient;
-        use crate::permeability::PermeabilityFormula as _;
+        use crate::resistance::ResistanceFormula as _;
         let liquid = Liquid {
             density: 1000.0,
             viscosity: 1e-3,

@@ -14,12 +14,12 @@
 //! (S. Ergun, Chem. Eng. Prog. 48 (1952) 89; C. Y. Wen and Y. H. Yu 1966; D. Gidaspow, Multiphase Flow and
 //! Fluidization, 1994.) The pressure gradient acts on grains and water alike, so that a stationary bed has Ergun's
 //! pressure loss. The corresponding resistance law is that of Ergun below a porosity of 0.8, and
-//! [`super::permeability`] with Wen and Yu's drag above.
+//! [`super::resistance`] with Wen and Yu's drag above.
 
 use super::{BedConditions, DragFormula, GrainSize};
 use crate::open_water::rise;
-use crate::permeability::ergun::Ergun;
-use crate::{Equations, Liquid, permeability};
+use crate::resistance::ergun::Ergun;
+use crate::{Equations, Liquid, resistance};
 
 /// Porosity up to which the drag is that of Ergun.
 pub const DENSE: f64 = 0.77;
@@ -76,7 +76,7 @@ impl DragFormula for Gidaspow {
     }
 }
 
-impl permeability::PermeabilityFormula for Gidaspow {
+impl resistance::ResistanceFormula for Gidaspow {
     fn summary() -> &'static str {
         "Gidaspow 1994: Ergun in dense beds, Wen and Yu in dilute beds, with inertial losses. Requires the corrected \
          equations."
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn as_a_resistance_it_has_the_loss_of_its_drag() {
-        use crate::permeability::PermeabilityFormula as _;
+        use crate::resistance::ResistanceFormula as _;
         let (d, mu) = (1e-3, 1e-3);
         let liquid = Liquid {
             density: 1000.0,

@@ -6,12 +6,12 @@
 //! ```
 //!
 //! The sum is the momentum that the water of the cell loses by Darcy's law: the forces on stationary grains balance
-//! the imposed pressures and the weight of the water. Each grain of a cell bears a fraction proportional to its
+//! the imposed pressures and the weight of the water. Each grain of a cell carries a fraction proportional to its
 //! volume.
 //!
 //! `eps` is the unlimited porosity, while `K` may use a limited one. In a cell with a solid fraction of one or more
-//! the drag is zero. In a cell with a porosity above the maximum of the permeability law, a grain bears the drag of
-//! a bed at this maximum. Without this rule the few grains at a surface would bear the resistance of the whole
+//! the drag is zero. In a cell with a porosity above the maximum of the permeability law, a grain carries the drag of
+//! a bed at this maximum. Without this rule the few grains at a surface would carry the resistance of the whole
 //! cell, which has the permeability at the maximum.
 
 use super::{BedConditions, DragFormula, GrainSize};

@@ -30,7 +30,7 @@ const NARROW: f64 = 1e-7;
 /// Maximum number of steps of the search for a slope of the tip.
 const STEPS: usize = 120;
 
-/// Slopes along a pipe and the head that drives.
+/// Slopes along a pipe and the driving head.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PipeState {
     /// Logarithms of the slopes of the head, from the exit to the tip.

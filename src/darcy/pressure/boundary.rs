@@ -10,10 +10,13 @@ use decomposition::{ExactSum, Slabs, SplitAxis};
 /// Boundary face of the grid, or of a drain in it, that may be crossed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Boundary {
-    /// Index of the cell among the cells, then in the layout.
+    /// Index of the cell in the grid.
     pub(super) cell: usize,
+    /// Position of the cell in the layout.
     pub(super) at: usize,
+    /// Axis normal to the face.
     pub(super) axis: usize,
+    /// `true` for the upper face of the cell.
     pub(super) upper: bool,
     /// Open area \[m2\].
     pub(super) area: f64,

@@ -25,10 +25,10 @@ impl Interruption {
 }
 
 impl Pressure {
-    /// Ends solutions early where `requested` returns `true` on some rank; every rank must state such a check. It is
+    /// Ends solutions early where `requested` returns `true` on some rank; every rank must set a check. It is
     /// called once in an iteration. After [`SeepageError::Stopped`] the state is that of an unfinished solution:
     /// restore an earlier one ([`Self::restore`], [`Self::restore_water`]).
-    pub fn heed(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
+    pub fn interrupt_when(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
         self.interruption = Interruption(Some(requested));
     }
 }

@@ -2,7 +2,7 @@ mod graded;
 
 use super::*;
 use crate::enclosure::Enclosure;
-use crate::permeability::kozeny_carman;
+use crate::resistance::kozeny_carman;
 use base::number::real;
 use base::random::SplitMix;
 

@@ -11,7 +11,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use super::{Fault, RetentionLaw, SoilState};
@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Natural logarithm of the relative permeability of dry soil, 1e-8.
-const LOG_LEAST: f64 = -18.420_680_743_952_367;
+const LOG_DRY_PERMEABILITY: f64 = -18.420_680_743_952_367;
 /// Capillary length if neither the case nor the grid determines one \[m\].
 const DEFAULT_CAPILLARY_LENGTH: f64 = 1e-3;
 
@@ -51,7 +51,7 @@ impl RetentionLaw for SaturatedOnly {
         let log_permeability = head / self.capillary_length();
         if head >= 0.0 {
             SoilState::default()
-        } else if log_permeability > LOG_LEAST {
+        } else if log_permeability > LOG_DRY_PERMEABILITY {
             SoilState {
                 log_permeability,
                 slope: 1.0 / self.capillary_length(),
@@ -59,7 +59,7 @@ impl RetentionLaw for SaturatedOnly {
             }
         } else {
             SoilState {
-                log_permeability: LOG_LEAST,
+                log_permeability: LOG_DRY_PERMEABILITY,
                 ..SoilState::default()
             }
         }
@@ -67,8 +67,8 @@ impl RetentionLaw for SaturatedOnly {
 
     fn potential(&self, head: f64, power: f64) -> Option<f64> {
         let length = self.capillary_length() / power;
-        let driest = LOG_LEAST * self.capillary_length();
-        let least = (LOG_LEAST * power).exp();
+        let driest = LOG_DRY_PERMEABILITY * self.capillary_length();
+        let least = (LOG_DRY_PERMEABILITY * power).exp();
         let falls = (head.clamp(driest, 0.0) / length).exp() * length;
         Some(head.max(0.0) + falls + least * (head - driest).min(0.0))
     }
@@ -99,14 +99,14 @@ impl RetentionLaw for SaturatedOnly {
 mod tests {
     use super::*;
 
-    const LEAST: f64 = 1e-8;
+    const DRY_PERMEABILITY: f64 = 1e-8;
 
     #[test]
     fn the_least_permeability_is_where_it_is_stated() {
-        assert!((LEAST.ln() / LOG_LEAST - 1.0).abs() < 1e-15);
+        assert!((DRY_PERMEABILITY.ln() / LOG_DRY_PERMEABILITY - 1.0).abs() < 1e-15);
         let law = SaturatedOnly { thickness: None };
         let dry = law.state(-1.0);
-        assert!((dry.log_permeability.exp() / LEAST - 1.0).abs() < 1e-12);
+        assert!((dry.log_permeability.exp() / DRY_PERMEABILITY - 1.0).abs() < 1e-12);
         assert_eq!(law.state(0.5), SoilState::default());
     }
 }

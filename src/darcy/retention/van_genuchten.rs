@@ -10,7 +10,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use super::{Fault, RetentionLaw, SoilState};
@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 
 /// Minimum exponent n: below it the permeability decreases by more than half within a thousandth of the capillary
 /// length.
-const LEAST_N: f64 = 1.05;
-const MOST_N: f64 = 20.0;
+const MIN_N: f64 = 1.05;
+const MAX_N: f64 = 20.0;
 
 /// Retention of van Genuchten (1980) with the relative permeability of Mualem (1976).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -107,13 +107,10 @@ impl RetentionLaw for VanGenuchten {
                          100".into(),
             });
         }
-        if !(LEAST_N..=MOST_N).contains(&self.n) {
+        if !(MIN_N..=MAX_N).contains(&self.n) {
             return Some(Fault {
                 path: "van_genuchten.n",
-                reason: format!(
-                    "n is {}; it must lie between {LEAST_N} and {MOST_N}",
-                    self.n
-                ),
+                reason: format!("n is {}; it must lie between {MIN_N} and {MAX_N}", self.n),
                 remedy: "use a value in this range; clay has about 1.1, sand about 3".into(),
             });
         }

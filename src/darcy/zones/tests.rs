@@ -1,5 +1,5 @@
 use super::*;
-use crate::permeability::kozeny_carman;
+use crate::resistance::kozeny_carman;
 
 const WATER: Liquid = Liquid {
     density: 1000.0,

@@ -15,7 +15,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use nalgebra::Matrix3;
@@ -163,8 +163,8 @@ impl BlockInput {
                 |p| p.friction_angle_degrees,
                 self.friction_angle_degrees.unwrap_or(0.0),
             )),
-            normal_damping: own(|p| p.normal_damping_ratio, self.normal_damping_ratio),
-            shear_damping: own(|p| p.shear_damping_ratio, self.shear_damping_ratio),
+            normal_damping_ratio: own(|p| p.normal_damping_ratio, self.normal_damping_ratio),
+            shear_damping_ratio: own(|p| p.shear_damping_ratio, self.shear_damping_ratio),
         }
     }
 
@@ -258,7 +258,7 @@ pub fn springs(pair: &polyhedron::BlockPairLaw, area: f64, mass: f64) -> Springs
     Springs::damped(
         pair.stiffness(area),
         pair.friction > 0.0,
-        ([pair.normal_damping, pair.shear_damping], 1.0),
+        ([pair.normal_damping_ratio, pair.shear_damping_ratio], 1.0),
         mass,
     )
 }
@@ -426,7 +426,7 @@ impl<S: Space> ContactLaw<S> for BlockLaw {
             law.stiffness(std::f64::consts::PI * scale.radius * kinematics.overlap);
         let dashpot =
             |fraction: f64, stiffness: f64| 2.0 * fraction * (scale.mass * stiffness).sqrt();
-        let brake = dashpot(law.normal_damping, normal);
+        let brake = dashpot(law.normal_damping_ratio, normal);
         let (rate, step) = (kinematics.separation_rate, kinematics.time_step);
         let brake =
             over_step(brake, step, 1.0, scale.mass) * part_of_step(kinematics.overlap, rate, step);
@@ -435,7 +435,7 @@ impl<S: Space> ContactLaw<S> for BlockLaw {
         let limit = law.friction * push;
         let carried = S::turn(&out_of_space(&history.spring()), &kinematics.normal);
         let spring = carried - kinematics.slip * (shear * kinematics.time_step);
-        let total = spring - kinematics.slip * dashpot(law.shear_damping, shear);
+        let total = spring - kinematics.slip * dashpot(law.shear_damping_ratio, shear);
         let length = total.length();
         let (tangent, spring) = if length > limit {
             let cut = cut_to(total, length, limit);

@@ -17,7 +17,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use schemars::JsonSchema;
@@ -84,8 +84,8 @@ impl<F: From<CohesiveFrictional>> ContactParameters<F> for CohesiveFrictionalInp
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
             cohesion: self.cohesion,
-            normal_damping: self.normal_damping_ratio,
-            shear_damping: self.shear_damping_ratio,
+            normal_damping_ratio: self.normal_damping_ratio,
+            shear_damping_ratio: self.shear_damping_ratio,
         };
         base.linear().check(path, report);
         let parameters = pair_table(
@@ -120,9 +120,9 @@ pub struct CohesiveFrictionalParameters {
     /// Cohesion C [N]; in the plane [N per m of depth].
     pub cohesion: Scaled,
     /// Normal dashpot as a fraction of critical damping.
-    pub normal_damping: f64,
+    pub normal_damping_ratio: f64,
     /// Shear dashpot as a fraction of critical damping.
-    pub shear_damping: f64,
+    pub shear_damping_ratio: f64,
 }
 
 impl CohesiveFrictionalParameters {

@@ -23,7 +23,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use schemars::JsonSchema;
@@ -115,8 +115,8 @@ where
                 normal_stiffness: self.normal_stiffness,
                 stiffness_ratio: self.shear_to_normal_stiffness,
                 friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
-                normal_damping: self.normal_damping_ratio,
-                shear_damping: self.shear_damping_ratio,
+                normal_damping_ratio: self.normal_damping_ratio,
+                shear_damping_ratio: self.shear_damping_ratio,
                 attraction: false,
             },
             tensile_strength: self.tensile_strength,

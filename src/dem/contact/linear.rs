@@ -15,7 +15,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets: [m]"
+    reason = "comments are texts of the schema, with units in brackets: [m]"
 )]
 
 use schemars::JsonSchema;
@@ -102,8 +102,8 @@ where
             normal_stiffness: self.normal_stiffness.unwrap_or(Scaled::Absolute(1.0)),
             stiffness_ratio: self.shear_to_normal_stiffness,
             friction: coefficient(self.friction_angle_degrees.unwrap_or(0.0)),
-            normal_damping: self.normal_damping_ratio,
-            shear_damping: self.shear_damping_ratio,
+            normal_damping_ratio: self.normal_damping_ratio,
+            shear_damping_ratio: self.shear_damping_ratio,
             attraction: self.attraction,
         };
         base.check(path, report);
@@ -153,9 +153,9 @@ pub struct LinearParameters {
     /// Coefficient of friction, the tangent of the friction angle.
     pub friction: f64,
     /// Normal dashpot as a fraction of critical damping.
-    pub normal_damping: f64,
+    pub normal_damping_ratio: f64,
     /// Shear dashpot as a fraction of critical damping.
-    pub shear_damping: f64,
+    pub shear_damping_ratio: f64,
     /// `true` if the dashpot may pull.
     pub attraction: bool,
 }
@@ -165,8 +165,8 @@ impl LinearParameters {
         normal_stiffness: Scaled::ZERO,
         stiffness_ratio: 0.0,
         friction: 0.0,
-        normal_damping: 0.0,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.0,
+        shear_damping_ratio: 0.0,
         attraction: false,
     };
 
@@ -186,8 +186,10 @@ impl LinearParameters {
             friction: pair
                 .friction_angle_degrees
                 .map_or(self.friction, coefficient),
-            normal_damping: pair.normal_damping_ratio.unwrap_or(self.normal_damping),
-            shear_damping: pair.shear_damping_ratio.unwrap_or(self.shear_damping),
+            normal_damping_ratio: pair
+                .normal_damping_ratio
+                .unwrap_or(self.normal_damping_ratio),
+            shear_damping_ratio: pair.shear_damping_ratio.unwrap_or(self.shear_damping_ratio),
             attraction: self.attraction,
         }
     }
@@ -198,7 +200,7 @@ impl LinearParameters {
         Springs::damped(
             [normal, normal * self.stiffness_ratio],
             contact.bonded || self.friction > 0.0,
-            ([self.normal_damping, self.shear_damping], 1.0),
+            ([self.normal_damping_ratio, self.shear_damping_ratio], 1.0),
             contact.mass,
         )
     }
@@ -293,10 +295,10 @@ impl LinearParameters {
             normal,
             per_diameter,
             ratio: self.stiffness_ratio,
-            normal_dashpot: 2.0 * self.normal_damping,
-            shear_dashpot: 2.0 * self.shear_damping * self.stiffness_ratio.sqrt(),
+            normal_dashpot: 2.0 * self.normal_damping_ratio,
+            shear_dashpot: 2.0 * self.shear_damping_ratio * self.stiffness_ratio.sqrt(),
             friction: self.friction,
-            pulls: self.attraction && self.normal_damping > 0.0,
+            pulls: self.attraction && self.normal_damping_ratio > 0.0,
         }
     }
 }

@@ -324,7 +324,7 @@ impl<S: Space> Bodies<S> for BlockLaw {
 
     /// Distributes the work of the next phase. The narrow phase takes much longer than the summation, and uneven times:
     /// threads take pieces of its work as they become free.
-    fn share_out(_: &mut Engine<S, Self>, _: &Particles<S>) {}
+    fn distribute_work(_: &mut Engine<S, Self>, _: &Particles<S>) {}
 
     fn forces(
         engine: &mut Engine<S, Self>,

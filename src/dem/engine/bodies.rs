@@ -67,7 +67,7 @@ pub(crate) trait Bodies<S: Space>: ContactLaw<S> + 'static {
     }
 
     /// Distributes the work of new lists over threads.
-    fn share_out(engine: &mut Engine<S, Self>, particles: &Particles<S>) {
+    fn distribute_work(engine: &mut Engine<S, Self>, particles: &Particles<S>) {
         engine.cut_into_parts(particles);
     }
 

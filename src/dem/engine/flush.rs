@@ -1,6 +1,6 @@
 //! Walls in one plane: a contact that a plane wall already has is not counted again.
 //!
-//! Grains do not get behind a plane wall. Facets in its plane or behind it are therefore hidden as long as both
+//! Grains cannot pass a plane wall. Facets in its plane or behind it are therefore hidden as long as both
 //! move with the same normal velocity, and the plane acts with its material and velocity. Of two walls in the same
 //! plane the first acts. A contact of a sphere with a facet in the direction of an equally near plane does not
 //! count, nor does one with an edge or a vertex on the plane, as at the foot of a ramp.

@@ -54,7 +54,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let (pairs, names) = (&self.lists.pairs, &self.lists.names);
         let threads = threads_for(pairs.len());
         let bound = |thread: usize| pairs.len() * thread / threads;
-        let mut before = [0; thread_pool::MOST + 1];
+        let mut before = [0; thread_pool::MAX_THREADS + 1];
         thread_pool::each_item(&mut before[1..=threads], 1, |thread, count| {
             let own = pairs[bound(thread)..bound(thread + 1)].iter();
             *count = own.filter(|pair| pair.history != fresh).count();
@@ -67,11 +67,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             histories,
             threads,
             |thread| before[thread],
-            |thread, room| {
+            |thread, buffer| {
                 for pair in &pairs[bound(thread)..bound(thread + 1)] {
                     if pair.history != fresh {
                         let (first, second) = pair.ends();
-                        room.push((key(names[first], names[second]), pair.history));
+                        buffer.push((key(names[first], names[second]), pair.history));
                     }
                 }
             },

@@ -68,7 +68,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         let threads = threads_for(particles.len());
         let bound = |thread: usize| candidates.before(thread, threads);
         let view = particles.view();
-        thread_pool::extend(&mut pairs, threads, bound, |thread, room| {
+        thread_pool::extend(&mut pairs, threads, bound, |thread, buffer| {
             let mut cursor = Cursor::default();
             candidates.each(thread, threads, |i, j| {
                 let (a, b) = (&view.body[i], &view.body[j]);
@@ -94,7 +94,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 }
                 let held = cursor.find(&self.histories, &key).unwrap_or_default();
                 let lives = squared < reach * reach || L::bonded(&held);
-                room.push(Pair {
+                buffer.push(Pair {
                     first: ghosts::index(i),
                     second: ghosts::index(j),
                     reach,
@@ -112,7 +112,7 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         self.histories = Vec::new();
         self.wall_histories.clear();
         self.validity.path = 0.0;
-        L::share_out(self, particles);
+        L::distribute_work(self, particles);
         self.activate(particles);
     }
 

@@ -39,25 +39,27 @@ fn kick<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
     by: &Moved<'_, S>,
-    how: &VelocityUpdate<'_, S>,
+    update: &VelocityUpdate<'_, S>,
 ) {
     if by.body.kind != Kind::Free {
         return;
     }
     let damp = |rate: &Vector3<f64>, speed: &Vector3<f64>| {
-        rate.zip_map(speed, |a, v| damped(a, v, how.kick.damping))
+        rate.zip_map(speed, |a, v| damped(a, v, update.kick.damping))
     };
     let velocity = S::to_volume(&motion.velocity);
-    let force = (by.contact.force + by.fluid.force) * (1.0 / by.body.mass) + how.kick.gravity;
+    let force = (by.contact.force + by.fluid.force) * (1.0 / by.body.mass) + update.kick.gravity;
     let force = damp(&S::to_volume(&force), &velocity);
-    motion.velocity = S::from_volume(&how.damping.kick(&velocity, &force));
+    motion.velocity = S::from_volume(&update.damping.kick(&velocity, &force));
 
     let spin = in_space(&motion.spin);
     let moment = damp(&in_space(&(by.contact.torque + by.fluid.torque)), &spin);
     let spin = match by.shape {
-        None => how.damping.kick(&spin, &(moment * (1.0 / by.body.inertia))),
+        None => update
+            .damping
+            .kick(&spin, &(moment * (1.0 / by.body.inertia))),
         Some(shape) => {
-            rotation.kick(&moment, &how.damping);
+            rotation.kick(&moment, &update.damping);
             rotation.spin(&by.body.moments(shape))
         }
     };
@@ -96,17 +98,17 @@ fn move_one<S: Space>(
     motion: &mut Motion<S>,
     rotation: &mut RotationState,
     by: &Moved<'_, S>,
-    how: &VelocityUpdate<'_, S>,
+    update: &VelocityUpdate<'_, S>,
     phase: Phase,
 ) -> Fastest {
-    let dt = how.kick.time_step;
+    let dt = update.kick.time_step;
     if phase != Phase::First {
-        kick(motion, rotation, by, how);
+        kick(motion, rotation, by, update);
     }
     if phase == Phase::Last {
         return Fastest::default();
     }
-    kick(motion, rotation, by, how);
+    kick(motion, rotation, by, update);
     drift_one(motion, rotation, by, dt)
 }
 
@@ -186,11 +188,11 @@ pub(crate) fn advance<S: Space>(
     mass_damping: f64,
     (phase, parallel): (Phase, bool),
 ) -> Fastest {
-    let how = VelocityUpdate {
+    let update = VelocityUpdate {
         kick,
         damping: Damping::new(mass_damping, 0.5 * kick.time_step),
     };
     each(particles, parallel, |motion, rotation, by| {
-        move_one(motion, rotation, by, &how, phase)
+        move_one(motion, rotation, by, &update, phase)
     })
 }

@@ -68,9 +68,9 @@ pub struct BlockPairLaw {
     /// Coefficient of friction mu.
     pub friction: f64,
     /// Normal dashpot as a fraction of critical damping of the pair.
-    pub normal_damping: f64,
+    pub normal_damping_ratio: f64,
     /// Shear dashpot as a fraction of critical damping.
-    pub shear_damping: f64,
+    pub shear_damping_ratio: f64,
 }
 
 /// Motion of the second body relative to the first.
@@ -140,8 +140,8 @@ impl BlockPairLaw {
         let [stiff, shear_stiff] = self.stiffness_of(touch.area, approach.part);
         let mass = approach.mass * approach.part;
         let dashpots = [
-            2.0 * self.normal_damping * (mass * stiff).sqrt() * approach.damped,
-            2.0 * self.shear_damping * (mass * shear_stiff).sqrt(),
+            2.0 * self.normal_damping_ratio * (mass * stiff).sqrt() * approach.damped,
+            2.0 * self.shear_damping_ratio * (mass * shear_stiff).sqrt(),
         ];
         let brake = over_step(dashpots[0], dt, 1.0, mass) * part_of_step(touch.depth, rate, dt);
         let normal = (stiff * touch.depth - brake * rate).max(0.0);

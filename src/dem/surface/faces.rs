@@ -27,7 +27,7 @@ pub(crate) struct Faces {
     /// First given facet of the face to which each facet belongs, also for periodic images of the face.
     name: Vec<u32>,
     /// Facet on the other side of each edge, in the order of the corners of all facets.
-    beside: Vec<u32>,
+    opposite: Vec<u32>,
 }
 
 impl Faces {
@@ -67,7 +67,7 @@ impl FacetSurface {
         edges.sort_unstable();
         let mut of: Vec<u32> = (0..count).collect();
         let mut with_images = of.clone();
-        let mut beside = vec![NONE; self.corners.len()];
+        let mut opposite = vec![NONE; self.corners.len()];
         // Where images end in one plane, four facets share an edge.
         for group in edges.chunk_by(|a, b| a.0 == b.0) {
             for (n, &(_, a)) in group.iter().enumerate() {
@@ -79,7 +79,7 @@ impl FacetSurface {
                 }
             }
             if let [(edge, a), (_, b)] = *group {
-                self.link(edge, [a, b], &mut beside);
+                self.link(edge, [a, b], &mut opposite);
             }
         }
         Faces {
@@ -87,13 +87,13 @@ impl FacetSurface {
             name: (0..count)
                 .map(|k| first_of(&with_images, self.given(k)))
                 .collect(),
-            beside,
+            opposite,
         }
     }
 
     /// Records two facets on both sides of an edge as neighbours if they run along it in opposite directions, so
     /// that their fronts are on the same side.
-    fn link(&self, edge: [u32; 2], facets: [u32; 2], beside: &mut [u32]) {
+    fn link(&self, edge: [u32; 2], facets: [u32; 2], opposite: &mut [u32]) {
         let places = facets.map(|facet| {
             let numbers = self.numbers(facet as usize);
             let next = |k: usize| numbers[(k + 1) % numbers.len()];
@@ -105,8 +105,8 @@ impl FacetSurface {
         if let [Some((one, from)), Some((other, towards))] = places
             && from != towards
         {
-            beside[one] = facets[1];
-            beside[other] = facets[0];
+            opposite[one] = facets[1];
+            opposite[other] = facets[0];
         }
     }
 
@@ -133,7 +133,7 @@ impl FacetSurface {
         point: &'a Vector3<f64>,
     ) -> impl Iterator<Item = usize> + 'a {
         let place = self.facets[facet];
-        let around = faces.beside[place.first as usize..place.end as usize].iter();
+        let around = faces.opposite[place.first as usize..place.end as usize].iter();
         let around = around.filter(|other| **other != NONE);
         around.map(|other| *other as usize).filter(move |&other| {
             let side = if self.height(other, point) < 0.0 {

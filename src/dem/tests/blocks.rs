@@ -24,8 +24,8 @@ fn law(normal: f64, friction: f64, damping: f64, mass_damping: f64) -> Law {
             shear: 0.5 * normal,
         },
         friction,
-        normal_damping: damping,
-        shear_damping: damping,
+        normal_damping_ratio: damping,
+        shear_damping_ratio: damping,
     };
     Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),

@@ -182,8 +182,8 @@ fn rolling_friction_slows_and_holds() {
     let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: 0.8,
-        normal_damping: 0.3,
-        shear_damping: 0.3,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.3,
         ..SPRINGS
     };
     let roll = |speed: f64, slope: f64, time: f64| {

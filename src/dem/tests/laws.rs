@@ -20,7 +20,7 @@ fn whole(value: f64) -> u64 {
 /// grains.
 fn collide<S: Space>(zeta: f64, attraction: bool) -> [f64; 3] {
     let parameters = linear::LinearParameters {
-        normal_damping: zeta,
+        normal_damping_ratio: zeta,
         attraction,
         friction: 0.0,
         ..SPRINGS
@@ -107,7 +107,7 @@ fn the_restitution_at_the_default_step_is_the_exact_one() {
 /// Returns the restitution of two spheres whose contact begins at the fraction `part` of a default step.
 fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
     let parameters = linear::LinearParameters {
-        normal_damping: zeta,
+        normal_damping_ratio: zeta,
         attraction,
         friction: 0.0,
         ..SPRINGS
@@ -135,13 +135,13 @@ fn rebound(zeta: f64, part: f64, attraction: bool) -> f64 {
 /// Compares two spheres of 2 mm that meet obliquely, one of them spinning, against LIGGGHTS.
 fn compare_collision(table: &str, friction: f64, gamma: f64) {
     let body = Body::uniform::<Volume>(1, 1e-3, 2600.0, 0);
-    let normal_damping = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
+    let normal_damping_ratio = 0.5 * gamma * (0.5 * body.mass / 1e5_f64).sqrt();
     // LIGGGHTS takes its dashpot at the velocity of half a step before, and from the start of the step in which a
     // contact begins: both are worth half a step of decay.
     let first_order = 0.5 * gamma * 1e-7;
     let parameters = linear::LinearParameters {
         friction,
-        normal_damping,
+        normal_damping_ratio,
         attraction: true,
         ..SPRINGS
     };
@@ -245,7 +245,7 @@ fn a_sphere_on_an_incline_follows_lammps() {
         let damping = 0.5 * 2000.0 * (body.mass / 1e5_f64).sqrt();
         let parameters = linear::LinearParameters {
             friction: mu,
-            normal_damping: damping,
+            normal_damping_ratio: damping,
             ..SPRINGS
         };
         let mut settings = DemSettings::new(about_origin::<Volume>(1.0), 1e-6, 1e-3);
@@ -282,8 +282,8 @@ fn slide_to_roll<S: Space>(mu: f64, shape: f64) {
     let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
-        normal_damping: 0.3,
-        shear_damping: 0.3,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.3,
         ..SPRINGS
     };
     let mut settings = DemSettings::new(
@@ -337,8 +337,8 @@ fn roll_down<S: Space>(degrees: f64, mu: f64) -> f64 {
     let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(stiffness),
         friction: mu,
-        normal_damping: 0.3,
-        shear_damping: 0.3,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.3,
         ..SPRINGS
     };
     let mut settings = DemSettings::new(
@@ -422,9 +422,9 @@ fn a_block_slides_or_stays_on_an_incline() {
                         linear::LinearParameters {
                             normal_stiffness: Scaled::Absolute(1e7),
                             friction,
-                            normal_damping: 0.3,
+                            normal_damping_ratio: 0.3,
                             // Critical: an overshoot of the sudden load would slip.
-                            shear_damping: 1.0,
+                            shear_damping_ratio: 1.0,
                             ..SPRINGS
                         },
                     ),
@@ -506,7 +506,7 @@ fn an_oblique_impact_slides_as_chung_and_ooi_say() {
     let parameters = linear::LinearParameters {
         stiffness_ratio: 20.0,
         friction: 0.4,
-        normal_damping: pushing_damping(0.5),
+        normal_damping_ratio: pushing_damping(0.5),
         ..SPRINGS
     };
     for row in rows(include_str!(
@@ -549,7 +549,7 @@ fn an_oblique_impact_restitutes_as_chung_and_ooi_measured() {
         normal_stiffness: Scaled::Absolute(stiffness),
         stiffness_ratio: 20.0,
         friction: 0.092,
-        normal_damping: pushing_damping(0.98),
+        normal_damping_ratio: pushing_damping(0.98),
         ..SPRINGS
     };
     for row in rows(include_str!(

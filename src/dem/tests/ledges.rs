@@ -204,8 +204,8 @@ fn law(friction: f64) -> Law {
             shear: 5e8,
         },
         friction,
-        normal_damping: 0.3,
-        shear_damping: 0.3,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.3,
     };
     Law::Blocks(BlockLaw {
         parameters: PairTable::uniform(1, law),

@@ -17,8 +17,8 @@ const GLASS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 0.8,
     friction: 0.3,
-    normal_damping: 0.1,
-    shear_damping: 0.05,
+    normal_damping_ratio: 0.1,
+    shear_damping_ratio: 0.05,
     ..SPRINGS
 };
 
@@ -217,8 +217,8 @@ fn a_block_slides_over_the_seam() {
                 shear: 5e7,
             },
             friction: 0.3,
-            normal_damping: 0.3,
-            shear_damping: 0.3,
+            normal_damping_ratio: 0.3,
+            shear_damping_ratio: 0.3,
         };
         let law = Law::Blocks(BlockLaw {
             parameters: PairTable::uniform(1, law),

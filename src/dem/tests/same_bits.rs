@@ -56,16 +56,16 @@ fn dem(scene: Scene) -> Dem<PlaneSpace> {
         let parameters = cohesive_frictional::CohesiveFrictionalParameters {
             normal_stiffness: Scaled::Absolute(5e5),
             cohesion: Scaled::Absolute(0.8),
-            normal_damping: 0.05,
-            shear_damping: 0.05,
+            normal_damping_ratio: 0.05,
+            shear_damping_ratio: 0.05,
             ..PAPER
         };
         cohesive(parameters, settings(scene), walls)
     } else {
         let parameters = linear::LinearParameters {
             normal_stiffness: Scaled::Absolute(5e5),
-            normal_damping: 0.1,
-            shear_damping: 0.1,
+            normal_damping_ratio: 0.1,
+            shear_damping_ratio: 0.1,
             ..SPRINGS
         };
         linear(parameters, settings(scene), walls)

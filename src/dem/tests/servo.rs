@@ -38,7 +38,7 @@ fn pressed(stress: f64, limit: f64) -> Dem<PlaneSpace> {
     walls.push(Wall::new(plate, Vector2::new(0.0, -1.0), 0));
     let parameters = linear::LinearParameters {
         normal_stiffness: Scaled::Absolute(1e6),
-        normal_damping: 0.2,
+        normal_damping_ratio: 0.2,
         friction: 0.0,
         ..SPRINGS
     };

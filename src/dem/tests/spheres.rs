@@ -33,8 +33,8 @@ fn dem(which: Which, skin: f64, time_step: f64) -> Dem<Volume> {
             contact_bond::ContactBondParameters {
                 linear: linear::LinearParameters {
                     normal_stiffness: Scaled::Absolute(2e4),
-                    normal_damping: 0.1,
-                    shear_damping: 0.1,
+                    normal_damping_ratio: 0.1,
+                    shear_damping_ratio: 0.1,
                     ..SPRINGS
                 },
                 tensile_strength: 0.02,

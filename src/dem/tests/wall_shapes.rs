@@ -37,8 +37,8 @@ const GLASS: linear::LinearParameters = linear::LinearParameters {
     normal_stiffness: Scaled::Absolute(1e5),
     stiffness_ratio: 0.8,
     friction: 0.3,
-    normal_damping: 0.1,
-    shear_damping: 0.05,
+    normal_damping_ratio: 0.1,
+    shear_damping_ratio: 0.05,
     ..SPRINGS
 };
 

@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Maximum number of streamlines.
-const MOST_LINES: f64 = 60.0;
+const MAX_LINES: f64 = 60.0;
 /// Point of the plane or of the picture.
 type Point = [f64; 2];
 
@@ -217,7 +217,7 @@ impl FlowNet {
                 squares += steep * steep * x * y;
             }
         }
-        let tube = (drop * products / squares).max((most - least) / MOST_LINES);
+        let tube = (drop * products / squares).max((most - least) / MAX_LINES);
         if !(drop > 0.0 && tube > 0.0 && tube.is_finite()) {
             return None;
         }
@@ -542,7 +542,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_across_a_sheet_are_told_from_lines_next_to_it() {
+    fn lines_across_a_sheet_differ_from_lines_next_to_it() {
         let sheet = [[1.0, 0.0], [1.0, 1.0]];
         assert!(crosses([[0.5, 0.5], [1.5, 0.6]], sheet));
         assert!(!crosses([[0.5, 1.5], [1.5, 1.6]], sheet));

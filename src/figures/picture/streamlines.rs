@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 /// Number of squares along the longer edge of the plane; each square contains one line at most.
 const SQUARES: f64 = 36.0;
 /// Maximum number of steps of a line in each direction, of half a cell each.
-const MOST_STEPS: usize = 4000;
+const MAX_STEPS: usize = 4000;
 
 /// Returns the velocity at a point in cells from the corner, interpolated between the centres of cells; `None` in
 /// solids and outside.
@@ -99,7 +99,7 @@ pub(super) fn lines(water: &Water) -> Vec<Vec<[f64; 2]>> {
         let mut passed = Vec::new();
         for length in [-0.5, 0.5] {
             let mut at = start;
-            for _ in 0..MOST_STEPS {
+            for _ in 0..MAX_STEPS {
                 let Some(next) = step(water, flow, at, length, still) else {
                     break;
                 };

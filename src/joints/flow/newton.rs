@@ -10,7 +10,7 @@ use super::{FlowError, JointFlow};
 use crate::ldl::Singular;
 
 /// Maximum number of Newton iterations.
-const MOST: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// Change of the pressures, relative to the largest, at which Newton's method ends.
 const CHANGE: f64 = 1e-12;
 /// Change of the pressures, relative to the largest, below which a step that does not reduce the imbalance ends the
@@ -66,7 +66,7 @@ impl JointFlow {
         let mut untried = self.keeps;
         self.work.first.copy_from_slice(pressure);
         let mut sum = self.imbalance(pressure, interval, stores);
-        for step in 1..=MOST {
+        for step in 1..=MAX_ITERATIONS {
             let fresh = !self.keeps;
             if fresh && untried {
                 pressure.copy_from_slice(&self.work.first);
@@ -137,7 +137,7 @@ impl JointFlow {
             sum = new;
         }
         Err(FlowError::NotConverged {
-            steps: MOST,
+            steps: MAX_ITERATIONS,
             change,
         })
     }
@@ -145,6 +145,6 @@ impl JointFlow {
     /// Returns the change of a velocity that moves a block by rounding errors of the widest aperture in a time \[s\].
     fn small_change(&self, interval: f64) -> f64 {
         let gaps = self.gaps.iter().map(|gap| gap.constant);
-        STILL * gaps.fold(self.network.settings.residual, f64::max) / interval
+        STILL * gaps.fold(self.network.settings.residual_aperture, f64::max) / interval
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn settings(cell: f64) -> NetworkSettings {
             distance: 0.02,
             angle: 0.1,
         },
-        residual: 1e-6,
+        residual_aperture: 1e-6,
         cell,
         under: None,
     }

@@ -286,7 +286,7 @@ pub(super) fn sums<const N: usize>(
     part: impl Fn(Range<usize>) -> [i128; N] + Sync,
 ) -> [i128; N] {
     let threads = thread_pool::threads().min(count / least).max(1);
-    let mut parts = [[0; N]; thread_pool::MOST];
+    let mut parts = [[0; N]; thread_pool::MAX_THREADS];
     thread_pool::each_item(&mut parts[..threads], 1, |t, sums| {
         *sums = part(count * t / threads..count * (t + 1) / threads);
     });

@@ -22,14 +22,14 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
-    pub fn stretch_surface(
+    pub fn add_surface_tension(
         &mut self,
         tension: SurfaceTension,
         domain: &Domain,
     ) -> Result<(), String> {
         let ends = self.ends(domain);
         match &mut self.surface {
-            Some(surface) => surface.stretch(&self.populations, ends, domain, tension),
+            Some(surface) => surface.add_tension(&self.populations, ends, domain, tension),
             None => Ok(()),
         }
     }

@@ -195,7 +195,7 @@ impl<S: Stored> Fluid<S> {
             // Interface cells receive a fraction of the mass that passes through their links.
             masses.clear();
             masses.resize(self.boundaries.count(), 0);
-            for (patch, entered) in surface.entered_last() {
+            for (patch, entered) in surface.entered_in_last_step() {
                 masses[patch] = -entered;
             }
             return;

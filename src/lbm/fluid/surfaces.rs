@@ -16,7 +16,7 @@ impl<S: Stored> Fluid<S> {
     /// Registers the surfaces of solids that cover cells, for the velocity gradients of the eddy viscosity.
     /// `covered` returns the part of one of several threads in the positions of all cells and ghost cells that may
     /// have fluid neighbours.
-    pub fn know_covered<const D: usize, I: Iterator<Item = usize>>(
+    pub fn record_covered<const D: usize, I: Iterator<Item = usize>>(
         &mut self,
         covered: impl Fn(usize, usize) -> I + Sync,
     ) {
@@ -86,7 +86,7 @@ impl<S: Stored> Fluid<S> {
     }
 
     /// Registers links for the velocity gradients of the eddy viscosity: the links and the motion of each body.
-    pub fn know_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
+    pub fn record_links<const D: usize>(&mut self, links: &[Vec<BodyLink>], motion: &[Rigid]) {
         let Some(field) = &mut self.field else {
             return;
         };
@@ -123,8 +123,8 @@ impl<S: Stored> Fluid<S> {
         });
     }
 
-    /// Registers links like [`Self::know_links`] for stationary surfaces, in addition to those registered before.
-    pub fn know_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
+    /// Registers links like [`Self::record_links`] for stationary surfaces, in addition to those registered before.
+    pub fn record_fixed_links<const D: usize>(&mut self, groups: &[Vec<FixedLink>]) {
         let Some(field) = &mut self.field else {
             return;
         };

@@ -44,7 +44,7 @@ use std::sync::Arc;
 const ROWS: usize = 32;
 
 /// Minimum number of planes per thread for a sweep.
-const FEWEST_PLANES: usize = 8;
+const MIN_PLANES: usize = 8;
 
 /// Data of one of the two steps.
 #[derive(Clone, Copy)]
@@ -79,7 +79,7 @@ impl<S: Stored> Fluid<S> {
         let planes = self.populations.cells()[self.populations.order()[0]];
         let interior = between(planes);
         let threads = self.workers(&interior).max(1);
-        if !self.may_advance_two() || interior.len() / threads < FEWEST_PLANES {
+        if !self.may_advance_two() || interior.len() / threads < MIN_PLANES {
             self.advance();
             self.advance();
             return;

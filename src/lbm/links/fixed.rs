@@ -67,7 +67,7 @@ pub fn bounce_fixed<S: Stored, const D: usize>(
                 prefetch(all.numbers, later.link.near as usize);
                 prefetch(all.numbers, later.link.far as usize);
             }
-            // SAFETY: positions made by `Populations::link` lie in the array; every link stands in one group once, and
+            // SAFETY: positions made by `Populations::link` lie in the array; every link is in one group only, and
             // the numbers that interpolation reads lie between two cells of water without a surface, which no link
             // writes.
             unsafe { one::<S, D>(&all, &opposite, link, &mut sum) };

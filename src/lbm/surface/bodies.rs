@@ -61,7 +61,7 @@ use crate::saturation::Cover;
 use base::number::{real, to_u32};
 use decomposition::Communicator;
 
-/// Fraction from which on bodies fill a cell: the sum of several fractions, each rounded to f32.
+/// Solid fraction above which a cell counts as filled by bodies: the sum of several fractions, each rounded to f32.
 const FULL: f64 = 1.0 - 1e-6;
 
 /// Solid fraction of a cell that no body leaves in a step by its motion: such a body was removed.
@@ -189,7 +189,7 @@ impl Bodies {
             let kept = taken_away.binary_search(&cell).is_err();
             let kind = if fills {
                 HELD
-            } else if at_water && kept && !void_beside(cells, position) {
+            } else if at_water && kept && !is_next_to_gas(cells, position) {
                 LIQUID
             } else if at_water || cells.count_neighbours(position, is_surface) > 0 {
                 SURFACE
@@ -407,7 +407,7 @@ fn gradient_at_end(cells: &Cells, velocities: &Velocities, position: usize) -> [
 }
 
 /// Returns `true` if a cell has air in an adjacent cell.
-fn void_beside(cells: &Cells, position: usize) -> bool {
+fn is_next_to_gas(cells: &Cells, position: usize) -> bool {
     (1..cells.directions()).any(|i| {
         cells.kind_along(position, i) == GAS && cells.solid[cells.neighbour(position, i)] < FULL
     })
@@ -554,7 +554,7 @@ impl SlabSurface {
         let cells = &self.cells;
         for &(cell, _) in &bodies.own {
             let position = cell as usize;
-            if cells.kind[position] == LIQUID && void_beside(cells, position) {
+            if cells.kind[position] == LIQUID && is_next_to_gas(cells, position) {
                 bodies.changes.push(Change {
                     cell,
                     kind: SURFACE,

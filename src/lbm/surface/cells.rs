@@ -5,7 +5,7 @@ use crate::lanes::Stored;
 use crate::populations::Populations;
 
 /// Minimum fraction without body by which the mass of water in a cell is divided.
-const LEAST_FREE: f64 = 1e-3;
+const MIN_FREE: f64 = 1e-3;
 
 /// State of the cells.
 #[derive(Debug)]
@@ -106,7 +106,7 @@ impl Cells {
     pub(super) fn fill_from(&self, cell: usize, mass: f64, density: f64) -> f64 {
         let solid = self.solid(cell);
         if solid > 0.0 {
-            (mass - solid) / (density * (1.0 - solid).max(LEAST_FREE))
+            (mass - solid) / (density * (1.0 - solid).max(MIN_FREE))
         } else {
             mass / density
         }

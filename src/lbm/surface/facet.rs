@@ -30,20 +30,20 @@ use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 
 /// Maximum ratio for the extrapolation of the traction inside beyond the surface: above it sound grows.
-const MOST_RATIO: f64 = 0.5;
+const MAX_RATIO: f64 = 0.5;
 
 /// Maximum acceleration in the pressure bound, relative to the body force: that of a free fall.
-const MOST_ACCELERATION: f64 = 1.0;
+const MAX_ACCELERATION: f64 = 1.0;
 
 /// Largest wave number of a capillary wave in the pressure bound.
-const MOST_WAVE_NUMBER: f64 = 0.5;
+const MAX_WAVE_NUMBER: f64 = 0.5;
 
 /// Minimum component against the normal, relative to its length, of a link from an interface cell to the liquid
 /// cell inside.
 const INWARD: f64 = 0.7;
 
 /// Minimum distance of the surface from the liquid cell inside for the extrapolation of the traction.
-const LEAST_REACH: f64 = 0.25;
+const MIN_REACH: f64 = 0.25;
 
 /// Maximum change of velocity per cell and step at which the liquid cell inside carries an interface cell.
 const SMOOTH: f64 = 3e-3;
@@ -97,8 +97,8 @@ impl Facet {
         }
         let up = dot(c, self.normal);
         let beyond = 0.5 * up - self.distance;
-        let reach = (self.inner + self.distance).max(LEAST_REACH);
-        let ratio = (beyond / reach).clamp(-MOST_RATIO, MOST_RATIO);
+        let reach = (self.inner + self.distance).max(MIN_REACH);
+        let ratio = (beyond / reach).clamp(-MAX_RATIO, MAX_RATIO);
         let density = beyond * self.at_rest - ratio * self.excess(inside);
         let shear = 9.0 * ratio * up * dot(c, self.traction);
         density + inertia(c, density, self.velocity) - shear
@@ -198,10 +198,10 @@ pub(super) fn find<L: Lattice<Q>, S: Stored, J: Jump, const Q: usize>(
     facet.distance = cut::distance(cells.fill[cell], normal) + 0.5 * along(facet.velocity);
     facet.at_rest = 6.0 * along(half_force);
     let weight = 6.0 * half_force.iter().map(|f| f * f).sum::<f64>().sqrt();
-    facet.most = MOST_ACCELERATION * weight * (0.5 + facet.inner);
+    facet.most = MAX_ACCELERATION * weight * (0.5 + facet.inner);
     if J::ACTS {
-        let waves = MOST_WAVE_NUMBER * capillary.abs() + least;
-        facet.most += MOST_ACCELERATION * waves * (0.5 + facet.inner);
+        let waves = MAX_WAVE_NUMBER * capillary.abs() + least;
+        facet.most += MAX_ACCELERATION * waves * (0.5 + facet.inner);
     }
     // SAFETY: as above.
     let of_cell = |cell: usize| unsafe { stencil.moments(numbers, cell) };
@@ -238,7 +238,7 @@ fn carry(facet: &mut Facet, (own, found): ([f64; 3], &Moments), c: [f64; 3], rel
     let change: [f64; 3] = std::array::from_fn(|a| own[a] - inner[a]);
     let smooth = change.iter().map(|u| u * u).sum::<f64>() <= SMOOTH * SMOOTH
         && excess.abs() <= facet.most
-        && facet.distance + facet.inner >= LEAST_REACH;
+        && facet.distance + facet.inner >= MIN_REACH;
     facet.carried = facet.distance < 0.0 && smooth;
     if facet.carried {
         let factor = -1.5 / (relaxation_time * (1.0 + found[0]));

@@ -1,4 +1,4 @@
-//! Choice between surfaces with and without tension, which are compiled apart.
+//! Choice between surfaces with and without tension, which are compiled separately.
 //!
 //! It is separate from the tension because the loops over interface cells need nothing else of it.
 

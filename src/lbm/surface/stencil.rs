@@ -12,7 +12,7 @@ use crate::lattice::{Lattice, unroll};
 use crate::populations::Populations;
 use std::marker::PhantomData;
 
-/// Numbers of a slab, shared out to threads by cell.
+/// Numbers of a slab, divided among threads by cell.
 pub(super) struct Numbers<S>(*mut S);
 // SAFETY: each number belongs to one link end of one interface cell, and each cell to one thread.
 unsafe impl<S: Send> Sync for Numbers<S> {}

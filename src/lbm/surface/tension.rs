@@ -15,7 +15,7 @@
 //!
 //! The fill levels are those of the middle of the step, moved by half of the step with the velocity of the cell: a
 //! delay of half a step would amplify a wave of frequency ω at the rate ω²/4. They are computed in each cell and sent
-//! to the neighbours, so that no number of ranks changes a bit.
+//! to the neighbours, so that the bits do not depend on the number of ranks.
 //!
 //! The pressure in drops of 5, 10 and 20 cells of radius has errors of 0.8, 0.3 and 0.04 % in 2-D, of 1.3 and 0.9 % in
 //! drops of 5 and 8 cells in 3-D. Waves of 20 and 40 cells have errors of the frequency of 2 to 3 % and of 1 %, and are
@@ -43,13 +43,13 @@ const REACH: usize = 3;
 const TAG: u8 = 5;
 
 /// Minimum component of the normal along the columns.
-const LEAST_UPRIGHT: f64 = 0.3;
+const MIN_UPRIGHT: f64 = 0.3;
 
 /// Maximum slope of a wedge at a wall that is continued behind it.
-const MOST_SLOPE: f64 = 3.0;
+const MAX_SLOPE: f64 = 3.0;
 
 /// Curvature of the smallest resolved waves, for the bound of the pressure where the curvature passes through zero.
-const LEAST_CURVATURE: f64 = 0.05;
+const MIN_CURVATURE: f64 = 0.05;
 
 /// Half of the change of the fill level by which the area of a plane in a cell is found.
 const CHANGE: f64 = 0.01;
@@ -169,9 +169,9 @@ impl Levels {
         3.0 * self.settings.tension
     }
 
-    /// Returns the density that the pressure of the smallest resolved waves changes by in a cell.
+    /// Returns the change of density over a cell caused by the pressure of the smallest resolved waves.
     pub(super) fn density_of_waves(&self) -> f64 {
-        LEAST_CURVATURE * self.density()
+        MIN_CURVATURE * self.density()
     }
 
     /// Returns the size of the memory in bytes.
@@ -238,7 +238,7 @@ impl Levels {
         axes.sort_by(|&a, &b| normal[b].abs().total_cmp(&normal[a].abs()));
         let upright = axes
             .into_iter()
-            .filter(|&axis| axis < self.dimension && normal[axis].abs() > LEAST_UPRIGHT);
+            .filter(|&axis| axis < self.dimension && normal[axis].abs() > MIN_UPRIGHT);
         let found = upright.map(|up| Columns::new(self, up, normal).curvature(&level));
         let found = found.flatten().next();
         let most = base::number::real(self.dimension) - 1.0;
@@ -402,7 +402,7 @@ impl<'a> Columns<'a> {
             let angle = self.tension.settings.contact_angles[self.up][upper];
             let slope = if side < 0 { angle.tan() } else { -angle.tan() };
             let thickness = (height - real(end)).abs();
-            if !(slope > 0.0 && slope <= MOST_SLOPE) {
+            if !(slope > 0.0 && slope <= MAX_SLOPE) {
                 return None;
             }
             if thickness <= 0.0 {

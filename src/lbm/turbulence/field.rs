@@ -41,9 +41,9 @@ pub(crate) struct View {
     pub(crate) write: [*mut f32; 3],
     strides: [usize; 3],
     dimension: usize,
-    /// Index in `beside` plus one for each cell, usually 0; null if no cell has adjacent bodies.
+    /// Index in `adjacent` plus one for each cell, usually 0; null if no cell has adjacent bodies.
     places: *const u32,
-    beside: *const AdjacentSurfaces,
+    adjacent: *const AdjacentSurfaces,
 }
 
 /// Surfaces on both sides of a cell along each axis.
@@ -127,7 +127,7 @@ impl View {
         strides: [0; 3],
         dimension: 0,
         places: std::ptr::null(),
-        beside: std::ptr::null(),
+        adjacent: std::ptr::null(),
     };
 
     /// Prefetches the lines of the field for the cells `ahead` numbers after this one.
@@ -219,8 +219,8 @@ impl View {
                 continue;
             }
             // SAFETY: places are those of the list.
-            let beside = unsafe { &*self.beside.add(place - 1) };
-            let own = beside.gradient(self.dimension, self.strides, |a, by| {
+            let adjacent = unsafe { &*self.adjacent.add(place - 1) };
+            let own = adjacent.gradient(self.dimension, self.strides, |a, by| {
                 // SAFETY: neighbours of an interior cell, including ghosts, are in the array.
                 f64::from(unsafe { self.read[a].offset(here.cast_signed() + by).read() })
             });
@@ -602,9 +602,9 @@ pub struct Field {
     plane: Vec<usize>,
     /// First cell of the ghost plane below, the first, the last and the ghost plane above.
     planes: [usize; 4],
-    /// Index in `beside` plus one for each cell, usually 0; empty without bodies.
+    /// Index in `adjacent` plus one for each cell, usually 0; empty without bodies.
     places: Vec<u32>,
-    beside: Vec<AdjacentSurfaces>,
+    adjacent: Vec<AdjacentSurfaces>,
     /// Surfaces found by each thread: reusable buffers.
     found: Vec<Vec<BodyWall>>,
 }
@@ -660,17 +660,17 @@ impl Field {
                 at_plane(last + 1),
             ],
             places: Vec::new(),
-            beside: Vec::new(),
+            adjacent: Vec::new(),
             found: Vec::new(),
         })
     }
 
     /// Clears the surfaces of bodies, before they are set again.
     pub fn forget_walls(&mut self) {
-        for one in &self.beside {
+        for one in &self.adjacent {
             self.places[one.cell as usize] = 0;
         }
-        self.beside.clear();
+        self.adjacent.clear();
     }
 
     /// Sets the surfaces found by the threads: `find` receives the number of a thread, the number of threads, and a
@@ -703,16 +703,16 @@ impl Field {
         }
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         if self.places[cell] == 0 {
-            self.beside.push(AdjacentSurfaces {
+            self.adjacent.push(AdjacentSurfaces {
                 cell: number(cell),
                 ..AdjacentSurfaces::default()
             });
-            self.places[cell] = number(self.beside.len());
+            self.places[cell] = number(self.adjacent.len());
         }
         let place = self.places[cell] as usize - 1;
         #[expect(clippy::cast_possible_truncation, reason = "the field is in f32")]
         let (distance, velocity) = (distance as f32, velocity.map(|u| u as f32));
-        self.beside[place].axes[axis].wall(upper, distance, velocity);
+        self.adjacent[place].axes[axis].wall(upper, distance, velocity);
     }
 
     /// Returns the fields that the next pass reads and writes.
@@ -732,12 +732,12 @@ impl Field {
             write: std::array::from_fn(|a| unsafe { write.add(a * array) }),
             strides: self.strides,
             dimension: self.dimension,
-            places: if self.beside.is_empty() {
+            places: if self.adjacent.is_empty() {
                 std::ptr::null()
             } else {
                 self.places.as_ptr()
             },
-            beside: self.beside.as_ptr(),
+            adjacent: self.adjacent.as_ptr(),
         }
     }
 
@@ -824,8 +824,8 @@ impl Field {
     pub(crate) fn gradient(&self, cell: usize) -> [[f64; 3]; 3] {
         if let Some(place) = self.places.get(cell).filter(|place| **place > 0) {
             let numbers = &self.numbers[self.old];
-            let beside = &self.beside[*place as usize - 1];
-            return beside.gradient(self.dimension, self.strides, |a, by| {
+            let adjacent = &self.adjacent[*place as usize - 1];
+            return adjacent.gradient(self.dimension, self.strides, |a, by| {
                 f64::from(numbers[(a * self.array + cell).wrapping_add_signed(by)])
             });
         }
@@ -845,7 +845,7 @@ impl Field {
     pub fn bytes(&self) -> usize {
         2 * 3 * self.array * size_of::<f32>()
             + self.places.len() * size_of::<u32>()
-            + self.beside.capacity() * size_of::<AdjacentSurfaces>()
+            + self.adjacent.capacity() * size_of::<AdjacentSurfaces>()
             + self.found.iter().map(Vec::capacity).sum::<usize>() * size_of::<BodyWall>()
     }
 }

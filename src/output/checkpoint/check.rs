@@ -32,7 +32,7 @@ pub struct Expected {
 }
 
 /// Maximum mean number of contacts per grain.
-const MOST_CONTACTS: u64 = 1000;
+const MAX_CONTACTS: u64 = 1000;
 
 impl Expected {
     /// Checks that a manifest can belong to a checkpoint of the case.
@@ -92,7 +92,7 @@ impl Expected {
             let found = to_usize(seepage);
             if found > expected || found < expected && !self.seepage_varies {
                 return Err(format!(
-                    "it holds {seepage} numbers of the seepage or of joints; the case has {expected}"
+                    "it holds {seepage} numbers of the seepage or of joints; the case needs {expected}"
                 ));
             }
             known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
@@ -133,7 +133,7 @@ impl Expected {
             let most = if n == 0 {
                 most
             } else {
-                most.saturating_mul(MOST_CONTACTS)
+                most.saturating_mul(MAX_CONTACTS)
             };
             if rows > most {
                 return Err(format!(
@@ -157,8 +157,8 @@ impl Expected {
                 if rows > 0 {
                     known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
                 }
-                if known.len() > MOST_ARRAYS {
-                    return Err(format!("it has more than {MOST_ARRAYS} columns"));
+                if known.len() > MAX_ARRAYS {
+                    return Err(format!("it has more than {MAX_ARRAYS} columns"));
                 }
             }
         }
@@ -356,4 +356,4 @@ fn shifts(numbers: &[u64]) -> bool {
 }
 
 /// Maximum number of arrays in a checkpoint.
-const MOST_ARRAYS: usize = 1000;
+const MAX_ARRAYS: usize = 1000;

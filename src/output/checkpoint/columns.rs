@@ -159,8 +159,8 @@ fn columns_of_discs_and_contacts_keep_names_order_and_hash() {
         normal_stiffness: Scaled::Absolute(1e5),
         stiffness_ratio: 1.0,
         friction: 0.5,
-        normal_damping: 0.0,
-        shear_damping: 0.0,
+        normal_damping_ratio: 0.0,
+        shear_damping_ratio: 0.0,
         attraction: false,
     };
     let law = Law::Linear(Linear {

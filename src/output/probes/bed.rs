@@ -20,7 +20,7 @@
 //!   whole part), and T the force on the top and on the sides by sigma_xy - rho u v and sigma_xz - rho u w,
 //!   extrapolated to walls. At a free-slip face T is zero. In uniform flow without side walls this is tau = rho g h_w
 //!   sin(slope), h_w the depth of the water. The balance holds for a stream that is steady in the mean. It includes the
-//!   drag on grains that move above y = h, and on anything else that stands in the stream there.
+//!   drag on grains that move above y = h, and on any other solid in the stream there.
 //! - **Shear stress by the profile.** The mean of sigma_xy - rho u v over each plane of cells above the bed,
 //!   viscous and resolved stress, is a straight line in a uniform stream without side walls. A least-squares line
 //!   gives the value at y = h. The planes are those from the top down to the last plane without a solid, except the
@@ -50,7 +50,7 @@ use std::path::Path;
 /// Width of a column, in mean diameters.
 const COLUMN: f64 = 2.0;
 /// Minimum number of planes of cells for a least-squares line.
-const FEWEST: usize = 3;
+const MIN_ROWS: usize = 3;
 /// Number of sums per plane of cells: velocity, stress across the bed, momentum in the first and last plane along
 /// the stream, and stress on the outer and inner plane at the lower and the upper side.
 const SUMS: usize = 8;
@@ -329,12 +329,12 @@ fn height(solid: &[i64], cells: i64, half: usize, threshold: f64) -> Option<f64>
     })
 }
 
-/// Calls `look` with each cell of this rank in a box of cells of the domain: its coordinates in the slab and in the
+/// Calls `visit` with each cell of this rank in a box of cells of the domain: its coordinates in the slab and in the
 /// domain.
 fn each_cell(
     fluid: &dyn FluidView,
     part: &[[usize; 2]; 3],
-    mut look: impl FnMut([usize; 3], [usize; 3]),
+    mut visit: impl FnMut([usize; 3], [usize; 3]),
 ) {
     let (start, cells) = (fluid.start(), fluid.cells());
     let range = |axis: usize| {
@@ -345,7 +345,7 @@ fn each_cell(
         for y in range(1) {
             for x in range(0) {
                 let at = [x, y, z];
-                look(std::array::from_fn(|axis| at[axis] - start[axis]), at);
+                visit(std::array::from_fn(|axis| at[axis] - start[axis]), at);
             }
         }
     }
@@ -512,7 +512,7 @@ fn slips(scene: &Scene, axis: usize, upper: bool) -> bool {
 fn profile(planes: &Planes, rows: usize, height: f64) -> f64 {
     let covered = |row: &usize| planes.count(*row, 0) < planes.cells;
     let first = (0..rows).rev().find(covered).map_or(0, |row| row + 2);
-    if first + FEWEST > rows {
+    if first + MIN_ROWS > rows {
         return f64::NAN;
     }
     let number = real(rows - first);

@@ -32,7 +32,7 @@ use base::number::real;
 use decomposition::ExactSum;
 use dem::space::{Components, Space};
 use plan::scene::Scene;
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use plan::scene::grid::Grid;
 use plan::scene::observe::RegionAction;
 use std::path::{Path, PathBuf};

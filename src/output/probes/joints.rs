@@ -101,7 +101,7 @@ fn nearest(water: &JointWater, point: [f64; 3]) -> [f64; 5] {
     let joint = network.joint_of[cell];
     let gap = flow.gaps()[joint].value(&network.cells[cell].point);
     let [x, y, z] = network.positions[cell].into();
-    let aperture = gap.max(network.settings.residual);
+    let aperture = gap.max(network.settings.residual_aperture);
     [flow.pressures()[cell], aperture, x, y, z]
 }
 

@@ -8,7 +8,7 @@ use crate::view::StateView;
 use base::error::Error;
 use dem::space::Space;
 use plan::scene::Scene;
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use std::ops::Range;
 
 /// A part of a plane between cells of the coarse grid.

@@ -6,9 +6,10 @@
 //! ```
 //!
 //! N and S are the forces of the normal and of the shear spring of a contact on the grain, n points from the wall to
-//! the grain, x is the contact point, in a periodic domain that inside the box. Dashpots are left out: the load is that
-//! of slow deformation and rest. **Compression is positive.** The area of a plane is that of its part within the domain
-//! and in front of the other planes ([`dem::walls::area`]), at their present positions; of facets that of all facets.
+//! the grain, x is the contact point, in a periodic domain its image inside the box. Dashpots are left out: the load is
+//! that of slow deformation and rest. **Compression is positive.** The area of a plane is that of its part within the
+//! domain and in front of the other planes ([`dem::walls::area`]), at their present positions; the area of a surface is
+//! the sum over its facets.
 //!
 //! Sums are exact, so that no value depends on the number of ranks.
 

@@ -1,4 +1,4 @@
-//! Water table of draining ground: elevation of zero pressure in each column of cells along gravity.
+//! Water table of unsaturated ground: elevation of zero pressure in each column of cells along gravity.
 //!
 //! This is separate from the other values of the seepage because a sample has one row per column.
 

@@ -50,7 +50,7 @@ const LARGEST: usize = 20_000;
 const SEEDS: usize = 64;
 
 /// Maximum mean number of contacts per node.
-const MOST_PARTNERS: usize = 100;
+const MAX_PARTNERS: usize = 100;
 
 /// Maximum number of power iterations.
 const ROUNDS: usize = 400;
@@ -153,7 +153,7 @@ impl Network {
         };
         let balls: Vec<Ball> = self.nodes.iter().map(ball).collect();
         let period = std::array::from_fn(|a| grid.periodic[a].then_some(grid.size[a]));
-        let most = MOST_PARTNERS * self.nodes.len();
+        let most = MAX_PARTNERS * self.nodes.len();
         let (nodes, springs) = (&self.nodes, &mut self.springs);
         // Bodies that overlap each other widely have too many contacts to sum; such a case is refused elsewhere.
         let _ = pairs::near(&balls, period, |i, j| {

@@ -9,7 +9,7 @@
 //! 4. The stiffness of contacts, from the speed of impacts ([`solids`]). In seepage, stiffness and coupling
 //!    interval follow from the load on the bed ([`seepage`]), and the error of the resistance law from comparison
 //!    with resolved flow ([`resistance`]).
-//! 5. In seepage without grains the spacing follows from its lengths and the answers that the case asks for
+//! 5. In seepage without grains the spacing follows from its lengths and the results that the case requests
 //!    ([`ground`]).
 //! 6. Water with a free surface has promised errors for the answers of its probes ([`surface`]).
 //!
@@ -23,6 +23,7 @@ pub(crate) mod gaps;
 pub mod ground;
 pub mod measured;
 mod moving;
+mod passages;
 pub(crate) mod promise;
 mod resistance;
 mod sections;
@@ -200,8 +201,8 @@ fn hold_means_in_eddies(scene: &mut Scene) {
 }
 
 /// Reports solids that touch each other from wall to wall, so that no water passes.
-fn report_blocked(case: &Case, ways: &[(usize, gaps::Gap)], findings: &mut Findings) {
-    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width <= 0.0) {
+fn report_blocked(case: &Case, narrow_gaps: &[(usize, gaps::Gap)], findings: &mut Findings) {
+    for (axis, gap) in narrow_gaps.iter().filter(|(_, gap)| gap.width <= 0.0) {
         let axis = ["x", "y", "z"][*axis];
         let path = if case.bodies.is_empty() {
             "grains"
@@ -228,13 +229,13 @@ pub(crate) fn choose_remaining(
     findings: &mut Findings,
 ) {
     let lattice = features::lattice(case);
-    let ways = lattice.map_or_else(Vec::new, |lbm| {
+    let narrow_gaps = lattice.map_or_else(Vec::new, |lbm| {
         let factor = scene.coupling.as_ref();
         let factor = factor.map_or(1.0, Coupling::hydraulic_radius_factor);
         gaps::case_gaps(case, lbm, factor).passages
     });
     if let Some(flow) = &scene.flow {
-        scene.density_causes = density::flow_causes(scene, flow, &ways);
+        scene.density_causes = density::flow_causes(scene, flow, &narrow_gaps);
         let of_bodies = moving::causes(scene, flow);
         scene.density_causes.extend(of_bodies);
     }

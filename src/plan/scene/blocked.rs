@@ -10,14 +10,14 @@ use case::geometry::Face;
 use lbm::boundary::Inflow;
 
 /// Maximum number of cells among which ways are sought.
-const MOST_CELLS: usize = 2_000_000;
+const MAX_CELLS: usize = 2_000_000;
 /// Part of the imposed flow that may remain without a way out: rounding.
 const ROUNDING: f64 = 1e-9;
 /// Mark of a cell inside a structure, and of one that was not reached yet.
 const SOLID: u32 = u32::MAX;
 const NEW: u32 = u32::MAX - 1;
 
-/// Refuses openings whose imposed flow finds no way out because structures close the domain.
+/// Refuses openings whose imposed flow cannot leave because structures close the domain.
 pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings: &mut Findings) {
     let solids: Vec<&Structure> = structures.iter().filter(|s| s.stops.water()).collect();
     let imposes = |patch: &ScenePatch| {
@@ -25,7 +25,7 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings
         matches!(patch.condition.model().largest_inflow(&place), Inflow::Mean(mean) if mean.abs() > 0.0)
     };
     if solids.is_empty()
-        || grid.cells.iter().product::<usize>() > MOST_CELLS
+        || grid.cells.iter().product::<usize>() > MAX_CELLS
         || !flow.faces.iter().flatten().any(imposes)
     {
         return;
@@ -75,10 +75,10 @@ pub(crate) fn check(flow: &Flow, grid: &Grid, structures: &[Structure], findings
         findings.error(
             &path,
             format!(
-                "the water of `{}` finds no way to another opening: structures close the domain",
+                "the water of `{}` cannot reach another opening: structures block every path",
                 patch.name
             ),
-            "open a way of at least a cell, or remove the opening",
+            "leave a gap of at least one cell, or remove the opening",
         );
         return;
     }

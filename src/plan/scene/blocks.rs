@@ -1,6 +1,6 @@
 //! The blocks of a scene: a jointed rock mass, a file or a list, and their positions.
 
-use super::block::AlignedBox as Extent;
+use super::aligned_box::AlignedBox as Extent;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
@@ -20,9 +20,9 @@ use structure::surface::judge_unit;
 
 /// Maximum number of blocks of a rock mass, all of which every rank generates before the run starts. Larger masses
 /// come from a file.
-const MOST_BLOCKS: f64 = 2e4;
+const MAX_BLOCKS: f64 = 2e4;
 /// Maximum number of planes of a joint set.
-const MOST_PLANES: f64 = 1e5;
+const MAX_PLANES: f64 = 1e5;
 
 /// Blocks and their positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -151,13 +151,13 @@ fn jointed(
     let path = "blocks.initial.joints";
     let mass = rock_mass(case, grid, joints, path, findings)?;
     let blocks = mass.expected();
-    if blocks > MOST_BLOCKS {
+    if blocks > MAX_BLOCKS {
         findings.error(
             &format!("{path}.sets"),
             format!(
-                "the joints cut up to {} blocks; at most {} are allowed",
+                "the joints create up to {} blocks; at most {} are allowed",
                 number(blocks),
-                number(MOST_BLOCKS)
+                number(MAX_BLOCKS)
             ),
             "use a larger spacing, in m, or a smaller rock mass",
         );
@@ -249,14 +249,14 @@ fn rock_mass(
         let (low, high) = whole.extent(&set.normal);
         let first = set.normal.dot(&set.origin);
         let planes = (high.max(first) - low.min(first)) / set.spacing.mean();
-        if planes.is_nan() || planes > MOST_PLANES {
+        if planes.is_nan() || planes > MAX_PLANES {
             findings.error(
                 &format!("{path}.spacing"),
                 format!(
                     "this makes {} joints between the origin of the set and the far end of the rock mass; at \
                      most {} are allowed",
                     number(planes),
-                    number(MOST_PLANES)
+                    number(MAX_PLANES)
                 ),
                 "use a larger spacing, in m, or an origin nearer to the rock",
             );

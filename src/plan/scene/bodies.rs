@@ -1,6 +1,6 @@
 //! The named bodies of a scene.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
 use super::motion::{factors, first_and_largest, motion, needs_density};

@@ -1,6 +1,6 @@
 //! The force per volume on the fluid.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;
 use case::fluid::{self, LatticeBoltzmann};

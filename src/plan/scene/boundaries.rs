@@ -1,6 +1,6 @@
 //! Conditions of the flow on the faces of the domain.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::LATTICE_PATH as PATH;
 use super::findings::{Findings, number};
 use super::grid::Grid;

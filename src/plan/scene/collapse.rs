@@ -1,6 +1,6 @@
 //! Resolved analysis of a ground collapse: axes, boxes of the seepage points, and thresholds as written.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::observe::{ObservedRegion, RegionAction, due};
@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::json;
 
 /// Maximum number of cells; more indicate a wrong unit. The state of the analysis has a number for each cell.
-pub const MOST_CELLS: f64 = 1e6;
+pub const MAX_CELLS: f64 = 1e6;
 
 /// Analysis of ground collapse.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -117,17 +117,17 @@ pub(crate) fn resolve(
                 ),
                 Remedy::take_out("use about two mean diameters, or omit it", &path),
             );
-        } else if cells > MOST_CELLS {
+        } else if cells > MAX_CELLS {
             findings.error(
                 &path,
                 format!(
                     "this makes {} cells; at most {} are allowed",
                     number(cells),
-                    number(MOST_CELLS)
+                    number(MAX_CELLS)
                 ),
                 format!(
                     "use cells of at least {}",
-                    number((grid.size.iter().product::<f64>() / MOST_CELLS).cbrt())
+                    number((grid.size.iter().product::<f64>() / MAX_CELLS).cbrt())
                 ),
             );
         }
@@ -217,10 +217,10 @@ fn points(
 
 impl GroundCollapse {
     /// Returns the number of cells along each of [`Self::axes`] for a domain, with edges near `size` \[m\], limited
-    /// to [`MOST_CELLS`] in total.
+    /// to [`MAX_CELLS`] in total.
     #[must_use]
     pub fn cells(&self, domain: [f64; 3], size: f64) -> [usize; 3] {
-        let least = (domain.iter().product::<f64>() / MOST_CELLS).cbrt();
+        let least = (domain.iter().product::<f64>() / MAX_CELLS).cbrt();
         self.axes
             .map(|axis| whole((domain[axis] / size.max(least)).round()).max(1))
     }

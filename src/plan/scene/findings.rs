@@ -3,7 +3,7 @@
 use base::error::{Finding, Problem, Remedy, Report, Severity};
 pub use base::error::{at_least, at_most, number};
 use case::set::lookup;
-use case::text::{MOST_PROBLEMS, brief};
+use case::text::{MAX_PROBLEMS, brief};
 use case::{Case, check};
 use serde_json::Value;
 use std::cell::OnceCell;
@@ -173,7 +173,7 @@ impl<'a> Findings<'a> {
     fn push(&mut self, path: &str, reason: String, remedy: Remedy, severity: Severity) {
         // A list of a million grains may be wrong a million times; beyond a maximum, errors are only counted.
         let alike = self.problems.iter().filter(|p| p.severity == severity);
-        if alike.count() >= MOST_PROBLEMS {
+        if alike.count() >= MAX_PROBLEMS {
             self.only_count(severity);
             return;
         }
@@ -202,7 +202,7 @@ impl<'a> Findings<'a> {
                 self.problems.push(Problem {
                     path: "the case".into(),
                     value: String::new(),
-                    reason: format!("only the first {MOST_PROBLEMS} of this severity are listed"),
+                    reason: format!("only the first {MAX_PROBLEMS} of this severity are listed"),
                     remedy: "correct those first".into(),
                     severity,
                 });

@@ -210,12 +210,12 @@ struct FixedStep {
 /// Returns the time step from the fields by which the case states it; if it states none, a placeholder until the speeds
 /// are known.
 fn time_step(lbm: &LatticeBoltzmann, grid: &Grid, findings: &mut Findings) -> Option<FixedStep> {
-    let ways = [
+    let fields = [
         ("relaxation_time", lbm.relaxation_time),
         ("time_step", lbm.time_step),
         ("reference_velocity", lbm.reference_velocity),
     ];
-    let given: Vec<&'static str> = ways
+    let given: Vec<&'static str> = fields
         .iter()
         .filter(|(_, value)| value.is_some())
         .map(|(name, _)| *name)

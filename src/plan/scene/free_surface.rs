@@ -12,7 +12,7 @@ pub use openings::Opening;
 pub use solitary::SolitaryForm;
 pub use tension::Tension;
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::boundaries::ScenePatch;
 use super::findings::{Findings, LATTICE_PATH, number};
 use super::grid::Grid;
@@ -30,8 +30,8 @@ use structure::Images;
 /// Samples of a cell along each axis, if a surface crosses the cell.
 const SAMPLES: usize = 4;
 /// Maximum number of cells whose initial fill levels are compared.
-const MOST_CELLS_TO_COMPARE: usize = 2_000_000;
-/// Difference of fill levels that is none.
+const MAX_CELLS_TO_COMPARE: usize = 2_000_000;
+/// Difference below which two fill levels count as equal.
 const FILL_SLACK: f64 = 1e-3;
 
 /// A free surface.
@@ -267,8 +267,8 @@ impl FreeSurface {
         (self.head() - lowest).max(0.0)
     }
 
-    /// Returns the height through which water can fall \[m\] if the initial water stands: from the energy line of water
-    /// outside, or the highest initial water, to the lowest level or outfall.
+    /// Returns the height through which water can fall \[m\] if the initial water is in equilibrium: from the energy
+    /// line of water outside, or the highest initial water, to the lowest level or outfall.
     #[must_use]
     pub fn drop_at_openings(&self) -> f64 {
         let outside = self.openings.iter().filter_map(|opening| opening.lowest);
@@ -286,8 +286,8 @@ impl FreeSurface {
         }
     }
 
-    /// `true` if no initial water has air at its side or below it, so that it stands. `separated` returns `true` if
-    /// solids lie between two points.
+    /// `true` if no initial water has air next to or below it, so that it is in equilibrium. `separated` returns `true`
+    /// if solids lie between two points.
     #[must_use]
     pub fn stands(
         &self,
@@ -295,8 +295,7 @@ impl FreeSurface {
         separated: impl Fn([f64; 3], [f64; 3]) -> bool,
     ) -> bool {
         let level = |part: &WaterPart| matches!(part, WaterPart::Level(_) | WaterPart::Solid(_));
-        if !self.parts.iter().all(level) || cells.iter().product::<usize>() > MOST_CELLS_TO_COMPARE
-        {
+        if !self.parts.iter().all(level) || cells.iter().product::<usize>() > MAX_CELLS_TO_COMPARE {
             return false;
         }
         let h = self.spacing;

@@ -1,6 +1,6 @@
 //! Grains of a scene: their source, sizes and number.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{motion, needs_density};
@@ -218,13 +218,13 @@ fn zones(
 }
 
 /// Maximum number of grains for which percentiles are computed before the run.
-const MOST_SIZES: usize = 1_000_000;
+const MAX_SIZES: usize = 1_000_000;
 
 impl Cloud {
     /// Returns the percentiles of the grading by mass; none if there are too many grains.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
-        let number = self.number.min(MOST_SIZES);
+        let number = self.number.min(MAX_SIZES);
         let radii = self.grading.radii(number, dimension, (0, 0)).ok()?;
         Percentiles::from_radii(radii.into_iter(), dimension)
     }
@@ -251,7 +251,7 @@ impl Grains {
     /// be drawn, or of the uniform distribution for growth.
     #[must_use]
     pub fn percentiles(&self, dimension: usize) -> Option<Percentiles> {
-        let number = self.expected.min(MOST_SIZES);
+        let number = self.expected.min(MAX_SIZES);
         let radii = match &self.source {
             GrainSource::List(grains) | GrainSource::File { grains, .. } => {
                 return Percentiles::from_radii(grains.iter().map(|grain| grain.radius), dimension);
@@ -260,7 +260,7 @@ impl Grains {
                 let mut radii = Vec::new();
                 for cloud in clouds {
                     let first = radii.len();
-                    let number = cloud.number.min(MOST_SIZES);
+                    let number = cloud.number.min(MAX_SIZES);
                     let from = (deposition.seed, first);
                     radii.extend(cloud.grading.radii(number, dimension, from).ok()?);
                 }

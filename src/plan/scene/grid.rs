@@ -26,7 +26,7 @@ pub struct Grid {
 }
 
 /// Maximum number of cells along an axis; more indicate a wrong unit.
-const MOST_CELLS: f64 = 1e9;
+const MAX_CELLS: f64 = 1e9;
 
 impl Grid {
     /// Returns the number of cells.

@@ -1,6 +1,6 @@
 //! The initial flow.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::boundaries::ScenePatch;
 use super::findings::{Findings, LATTICE_PATH as PATH};
 use super::grid::Grid;

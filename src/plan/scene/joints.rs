@@ -1,7 +1,7 @@
 //! Water in the joints of a scene: the network is constructed from the initial blocks, and the mouths from their
 //! boxes.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::blocks::PlacedBlocks;
 use super::contact::ContactTable;
 use super::findings::{Findings, at_least, at_most, number};
@@ -28,7 +28,7 @@ use serde_json::json;
 const JOINTS_PATH: &str = "fluid.joints";
 const LATTICE_JOINTS_PATH: &str = "fluid.lattice_boltzmann.joints";
 /// Maximum number of cells: every rank stores and solves all of them.
-const MOST_CELLS: f64 = 2e5;
+const MAX_CELLS: f64 = 2e5;
 
 /// Water in joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -289,7 +289,7 @@ fn network(
             distance: limit,
             ..pair_limits(&written.joints)
         },
-        residual: written.joints.residual_aperture,
+        residual_aperture: written.joints.residual_aperture,
         cell: written.joints.cell,
         under: lattice.map(|[wide, takeover]| UnderLattice { wide, takeover }),
     };
@@ -536,15 +536,15 @@ fn thin_enough(
     // The area of a joint is at most that of the faces on one of its sides.
     let areas = blocks.list.iter().map(|block| block.solid.shape.area());
     let cells = 0.5 * areas.sum::<f64>() / (written.joints.cell * written.joints.cell);
-    if cells > MOST_CELLS {
+    if cells > MAX_CELLS {
         let path = format!("{path}.cell");
-        let size = at_least(written.joints.cell * (cells / MOST_CELLS).sqrt());
+        let size = at_least(written.joints.cell * (cells / MAX_CELLS).sqrt());
         findings.error(
             &path,
             format!(
                 "the joints would have up to {} cells; at most {} are allowed",
                 number(cells),
-                number(MOST_CELLS)
+                number(MAX_CELLS)
             ),
             Remedy::from(format!("use cells of {} m or larger", number(size))).set(&*path, size),
         );

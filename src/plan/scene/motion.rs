@@ -1,6 +1,6 @@
 //! Common parts of bodies, blocks and grains: the initial motion, and the density that free motion requires.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::Findings;
 use super::grid::Grid;
 use base::error::Remedy;

@@ -4,7 +4,7 @@ mod bed;
 mod probes;
 mod seepage;
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, at_least, number};
 use super::grains::{check_radii, fits_domain};
 use super::grid::Grid;

@@ -7,7 +7,7 @@
 //! A polyhedron overlaps a wall of facets if the wall cuts the largest sphere in the polyhedron around its
 //! centroid. Prepared grains have no positions before the run: they are checked by the box in which they start.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::blocks::PlacedBlocks;
 use super::bodies::{Mobility, NamedBody, longer_than_domain};
 use super::findings::{Findings, number};

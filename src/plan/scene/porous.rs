@@ -230,7 +230,7 @@ pub(crate) struct StepLimit<'a> {
     /// Longest time step \[s\] without oscillation.
     pub(crate) stable: f64,
     /// Longest time step \[s\] for accurate velocities in an eddy-viscosity model.
-    pub(crate) beside_eddies: f64,
+    pub(crate) with_eddies: f64,
 }
 
 /// Returns the limit of the time step at a speed [m/s]; none without zones.
@@ -240,6 +240,6 @@ pub(crate) fn step_limit(zones: &[PorousZone], speed: f64) -> Option<StepLimit<'
     Some(StepLimit {
         zone,
         stable: MAX_WITHOUT_OSCILLATION / rate(zone),
-        beside_eddies: MAX_WITH_EDDIES / rate(zone),
+        with_eddies: MAX_WITH_EDDIES / rate(zone),
     })
 }

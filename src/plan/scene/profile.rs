@@ -11,8 +11,8 @@ use lbm::boundary::profile::VelocityTable;
 use std::path::Path;
 
 /// Maximum number of rows of a table.
-pub const MOST_ROWS: usize = 1_000_000;
-/// Maximum length of a file \[bytes\]: that of [`MOST_ROWS`] rows of five numbers with all digits.
+pub const MAX_ROWS: usize = 1_000_000;
+/// Maximum length of a file \[bytes\]: that of [`MAX_ROWS`] rows of five numbers with all digits.
 const LONGEST: u64 = 256 << 20;
 /// Names of the coordinate columns, by axis.
 const COORDINATES: [(&str, &[(&str, f64)]); 3] = [
@@ -102,8 +102,8 @@ fn rows(text: &str, dimension: usize, axis: usize) -> Result<Vec<Vec<f64>>, Stri
     })?;
     let mut rows: Vec<Vec<f64>> = Vec::new();
     sheet.each(|row| {
-        if rows.len() >= MOST_ROWS {
-            return Err(format!("the file has more than {MOST_ROWS} rows"));
+        if rows.len() >= MAX_ROWS {
+            return Err(format!("the file has more than {MAX_ROWS} rows"));
         }
         let numbers: Vec<f64> = (0..columns.len())
             .map(|column| row.number(column))

@@ -1,6 +1,6 @@
 //! Parts of the domain as boxes that may be unbounded.
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use case::geometry::{Axis, Region};

@@ -13,7 +13,7 @@ pub use coarse::rescaled_widths;
 pub use drains::Drain;
 pub use piping::PipingScene;
 
-use super::block::AlignedBox;
+use super::aligned_box::AlignedBox;
 use super::findings::{Findings, number};
 use super::grains::Grains;
 use super::grid::Grid;
@@ -37,7 +37,7 @@ use structure::Images;
 pub(crate) const PATH: &str = "fluid.darcy";
 /// Default number of solid steps between two couplings, then the maximum.
 const USUAL_INTERVAL: u32 = 100;
-const MOST_INTERVAL: u32 = 1_000_000;
+const MAX_INTERVAL: u32 = 1_000_000;
 /// Default number of clock steps between outputs of a transient flow.
 const TRANSIENT_INTERVAL: u32 = 10;
 /// Maximum edge of a cell in median diameters, above which the plan warns (Cundall 2000 and the published model of
@@ -184,7 +184,7 @@ impl Seepage {
             .chain(drains)
     }
 
-    /// Returns `true` if the flow changes with time.
+    /// Returns `true` if the flow is transient.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         let soil = self.written.unsaturated.as_ref();
@@ -205,8 +205,8 @@ impl Seepage {
     #[must_use]
     pub fn coupling_interval(&self, solid_time_step: f64, longest: Option<f64>) -> u32 {
         let steps = |time: f64| {
-            let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MOST_INTERVAL)));
-            u32::try_from(steps).unwrap_or(MOST_INTERVAL)
+            let steps = whole((time / solid_time_step).clamp(1.0, f64::from(MAX_INTERVAL)));
+            u32::try_from(steps).unwrap_or(MAX_INTERVAL)
         };
         let usual = if self.is_transient() {
             TRANSIENT_INTERVAL
@@ -338,7 +338,7 @@ impl Seepage {
                 }
                 if !self.solids.is_empty() {
                     let ends = [&low, &high];
-                    self.end_beside_structures(boundary.face, ends, [&mut from, &mut to], grid);
+                    self.end_at_structures(boundary.face, ends, [&mut from, &mut to], grid);
                 }
                 if (0..grid.dimension).any(|a| a != axis && from[a] >= to[a]) {
                     findings.error(
@@ -406,7 +406,7 @@ impl Seepage {
 
     /// Moves the ends of a patch by a cell where a structure cuts the end cells and leaves their water on the other
     /// side: water that a sheet pile separates from a patch does not belong to it.
-    fn end_beside_structures(
+    fn end_at_structures(
         &self,
         face: Face,
         ends: [&[f64; 3]; 2],

@@ -7,8 +7,8 @@ mod servo;
 pub(crate) use in_water::walls_in_water;
 pub use servo::SceneServo;
 
+use super::aligned_box::AlignedBox;
 use super::auto::features::grain_diameters;
-use super::block::AlignedBox;
 use super::findings::{Findings, number};
 use super::grid::Grid;
 use super::motion::{factors, first_and_largest};

@@ -121,7 +121,7 @@ impl Sums {
     }
 
     /// Returns the mean solid fraction of the rows next to the hole.
-    pub(super) fn solid_fraction_beside(&self, hole: &Hole) -> f64 {
+    pub(super) fn solid_fraction_around(&self, hole: &Hole) -> f64 {
         let beside = |values: &[i64]| -> i64 {
             let rows = values.iter().enumerate();
             rows.filter(|(row, _)| !hole.covers(hole.across, *row))

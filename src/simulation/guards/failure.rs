@@ -3,7 +3,7 @@
 //! A remedy is named only if it worked in a similar case. Those cases are in `tests/suite/guards.rs`, which records
 //! the outcomes. For all other failures the message names the nearest limit and refers to `solver plan`.
 
-use super::look::LatticeOrder;
+use super::state_check::LatticeOrder;
 use base::error::Error;
 use base::number::real;
 use coupling::lattice::LatticeFlow;

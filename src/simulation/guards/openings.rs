@@ -3,7 +3,7 @@
 //! At every check the mass that crossed each patch in the last step is summed over the cells outside bodies,
 //! exactly and over all ranks. A patch with a net inflow counts as inflow with its net rate, the others as outflow.
 //! Both are averaged over a *window* of checks: [`CROSSINGS`] times the time that sound takes across the domain,
-//! and at least [`LEAST_CHECKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while
+//! and at least [`MIN_CHECKS`] checks. A lattice fluid is compressible, so that inflow and outflow differ while
 //! pressure builds up. They are compared when all ramps of the boundaries have ended and two whole windows have
 //! passed since:
 //!
@@ -29,7 +29,7 @@ use plan::scene::boundaries::ScenePatch;
 /// Number of times that sound crosses the domain in a window.
 const CROSSINGS: f64 = 6.0;
 /// Minimum number of checks in a window.
-const LEAST_CHECKS: usize = 10;
+const MIN_CHECKS: usize = 10;
 /// Minimum imbalance for a warning.
 pub(super) const IMBALANCE: f64 = 0.1;
 /// Ratio of the smaller to the larger flow below which the smaller counts as zero.
@@ -72,7 +72,8 @@ pub(super) fn unit(dimension: usize) -> &'static str {
 pub(super) struct State {
     settled: usize,
     /// Inflow and outflow at each check.
-    looks: Vec<[Option<f64>; 2]>,
+    #[serde(rename = "looks")]
+    samples: Vec<[Option<f64>; 2]>,
 }
 
 /// Flow through the openings.
@@ -89,7 +90,7 @@ pub(super) struct Openings {
     /// Number of checks since the end of the ramps.
     settled: usize,
     /// Rates at the checks of the window, oldest first.
-    looks: VecDeque<Rates>,
+    samples: VecDeque<Rates>,
     /// Sums since the last call of [`Self::since_last`], and the number of steps in them.
     since: (Rates, u64),
     masses: Vec<i128>,
@@ -139,10 +140,10 @@ impl Openings {
                 rates.outflow += mass;
             }
         }
-        if self.looks.len() == self.window {
-            self.looks.pop_front();
+        if self.samples.len() == self.window {
+            self.samples.pop_front();
         }
-        self.looks.push_back(rates);
+        self.samples.push_back(rates);
         self.settled += usize::from(step > self.ramps_end);
         self.since.0.inflow += rates.inflow;
         self.since.0.outflow += rates.outflow;
@@ -163,21 +164,21 @@ impl Openings {
         let longest = cells.into_iter().max().unwrap_or(1);
         // Sound travels 1/sqrt(3) of a cell in a step.
         let steps = CROSSINGS * real(longest) * 3.0_f64.sqrt();
-        let looks = (steps / real(every)).ceil();
-        self.window = base::number::whole(looks).max(LEAST_CHECKS);
+        let samples = (steps / real(every)).ceil();
+        self.window = base::number::whole(samples).max(MIN_CHECKS);
         self.ramps_end = base::number::whole(fluid.boundaries().ramps_end()) as u64;
         self.zero_flow = ZERO_FLOW * cells.map(real).iter().product::<f64>();
-        self.looks.reserve(self.window);
+        self.samples.reserve(self.window);
         self.sums.reserve(fluid.boundaries().names().count());
         self.masses.reserve(fluid.boundaries().names().count());
     }
 
     /// Returns the means over the window; none before the first check, and without openings.
     pub(super) fn mean(&self) -> Option<Rates> {
-        let number = real(self.looks.len());
-        (!self.looks.is_empty()).then(|| Rates {
-            inflow: self.looks.iter().map(|r| r.inflow).sum::<f64>() / number,
-            outflow: self.looks.iter().map(|r| r.outflow).sum::<f64>() / number,
+        let number = real(self.samples.len());
+        (!self.samples.is_empty()).then(|| Rates {
+            inflow: self.samples.iter().map(|r| r.inflow).sum::<f64>() / number,
+            outflow: self.samples.iter().map(|r| r.outflow).sum::<f64>() / number,
         })
     }
 
@@ -207,8 +208,8 @@ impl Openings {
     pub(super) fn state(&self) -> State {
         State {
             settled: self.settled,
-            looks: self
-                .looks
+            samples: self
+                .samples
                 .iter()
                 .map(|rates| [Some(rates.inflow), Some(rates.outflow)])
                 .collect(),
@@ -218,8 +219,8 @@ impl Openings {
     /// Restores the state returned by [`Self::state`].
     pub(super) fn restore(&mut self, state: State) {
         self.settled = state.settled;
-        self.looks = state
-            .looks
+        self.samples = state
+            .samples
             .into_iter()
             .filter_map(|[inflow, outflow]| {
                 Some(Rates {

@@ -98,13 +98,13 @@ fn make<Sp: Space>(
             found.path.display()
         ));
     }
-    let tell = |line: &str| progress.note(line);
+    let note = |line: &str| progress.note(line);
     let prepared = preparation::grains::<Sp>(
         plan,
         &outside.start.folder,
         communicator,
         &mut outside.watch,
-        &tell,
+        &note,
         &resume::attributes(plan),
         earlier,
     )?;

@@ -250,7 +250,7 @@ fn solids<Sp: Space, S: SavedNumber>(
     if let Some(walls) = origin.walls() {
         resume::drive_walls(plan, &mut engine);
         let new = (walls, &parts.gates, now.step);
-        resume::clear_of_new_walls(plan, new, particles, &now.domain)?;
+        resume::check_new_walls(plan, new, particles, &now.domain)?;
     }
     if origin.fluid_has_advanced() {
         engine.open_walls(&setup::temporary_walls(plan));

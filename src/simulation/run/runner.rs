@@ -188,7 +188,7 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             .as_mut()
             .and_then(Water::seepage_mut)
         {
-            seepage.heed(self.watch.stop_requests(&communicator));
+            seepage.interrupt_when(self.watch.stop_requests(&communicator));
         }
         let steps = self.simulation.now.plan.clock.steps;
         let save_every = self

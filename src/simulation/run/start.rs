@@ -217,7 +217,7 @@ fn build_flow<Sp: Space, S: SavedNumber>(
         fluid.open_surface(domain).map_err(Error::Internal)?;
         if let Some(tension) = setup::tension(plan, scene, &units) {
             fluid
-                .stretch_surface(tension, domain)
+                .add_surface_tension(tension, domain)
                 .map_err(Error::Internal)?;
         }
     }

@@ -14,7 +14,7 @@ use preparation::supervision::{Request, Requests};
 use serde_json::{Value, json};
 
 /// Steps between two checks of the steadiness of the fluid.
-const LOOK_EVERY: u64 = 100;
+const CHECK_EVERY: u64 = 100;
 
 /// Progress of a warm-up.
 pub(super) struct Reached {
@@ -53,7 +53,7 @@ pub(super) fn warm_up<Sp: Space, S: SavedNumber>(
         flow.advance(&mut now.particles, domain)?;
         step += 1;
         guards.check_warm_up(step, flow, &now.particles, plan, domain)?;
-        if step.is_multiple_of(LOOK_EVERY) {
+        if step.is_multiple_of(CHECK_EVERY) {
             flow.fetch()?;
             look.compare(flow, domain.communicator());
             if look.change < relative_change {
@@ -137,6 +137,6 @@ fn line(steps: u64, change: f64, limit: f64) -> String {
         )
     };
     format!(
-        "fluid warmed up for {steps} steps: relative change of the velocity {change:.1e} in {LOOK_EVERY} steps{short}"
+        "fluid warmed up for {steps} steps: relative change of the velocity {change:.1e} in {CHECK_EVERY} steps{short}"
     )
 }

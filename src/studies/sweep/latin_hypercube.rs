@@ -13,7 +13,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use super::problems::problem;
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_with_a_sample_is_said_at_once() {
+    fn all_problems_of_a_sample_are_reported_at_once() {
         let problems = drawn(|tree| {
             tree["sample"]["latin_hypercube"]["crossed"] =
                 json!(["domain.spcing", "fluid.lattice_boltzmann.density"]);

@@ -3,10 +3,10 @@
 
 use super::latin_hypercube::{Sample, choice};
 use super::problems::{problem, unknown};
-use super::study::{FoundReference, MOST_MEMBERS, Reference, Refused, Study, Variation, label};
+use super::study::{FoundReference, MAX_MEMBERS, Reference, Refused, Study, Variation, label};
 use analysis::expression;
 use base::error::{Problem, Severity, Verdict};
-use case::text::MOST_PROBLEMS;
+use case::text::MAX_PROBLEMS;
 use case::{Document, annotation, set, text};
 use plan::Plan;
 use serde_json::Value;
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of fields of one member set by formulas: each of them is searched for in all the others.
-const MOST_FORMULAS: usize = 100;
+const MAX_FORMULAS: usize = 100;
 /// Field that allows a member beyond the limits to run.
 const LIMITS: &str = "guards.limits";
 
@@ -69,19 +69,19 @@ struct Draft {
     set: Vec<(String, Value)>,
 }
 
-/// Returns all members with their cases; relative paths in the study start at `beside`.
+/// Returns all members with their cases; relative paths in the study start at `study_folder`.
 ///
 /// # Errors
 /// If the study or a member is invalid, with all problems.
-pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>> {
-    let (base, directory) = base(study, beside)?;
+pub fn members(study: &Study, study_folder: &Path) -> Result<Vec<Member>, Vec<Problem>> {
+    let (base, directory) = base(study, study_folder)?;
     let drafts = drafts(study)?;
     let mut found = names(&drafts, study);
     let mut members = Vec::new();
     // A finding that applies to many members is printed once, with the first of them.
     let mut said: BTreeMap<(String, String, String), (usize, usize)> = BTreeMap::new();
     for draft in drafts {
-        if found.len() >= MOST_PROBLEMS {
+        if found.len() >= MAX_PROBLEMS {
             break;
         }
         let (member, problems) = make(study, &base, &directory, draft);
@@ -112,12 +112,12 @@ pub fn members(study: &Study, beside: &Path) -> Result<Vec<Member>, Vec<Problem>
 }
 
 /// Returns the tree of the base case and the folder from which its paths start.
-fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
+fn base(study: &Study, study_folder: &Path) -> Result<(Value, PathBuf), Vec<Problem>> {
     let one =
         |value: &str, reason: String, remedy: &str| vec![problem("case", value, reason, remedy)];
     let (mut tree, directory) = match &study.case {
         Value::String(path) => {
-            let file = beside.join(path);
+            let file = study_folder.join(path);
             let text = io::plain::text(&file, io::plain::LONGEST_CASE).map_err(|e| {
                 one(
                     path,
@@ -129,7 +129,7 @@ fn base(study: &Study, beside: &Path) -> Result<(Value, PathBuf), Vec<Problem>> 
             let tree = tree.filter(|_| problems.is_empty()).ok_or(problems)?;
             (tree, file.parent().unwrap_or(Path::new("")).to_path_buf())
         }
-        tree @ Value::Object(_) => (tree.clone(), beside.to_path_buf()),
+        tree @ Value::Object(_) => (tree.clone(), study_folder.to_path_buf()),
         other => {
             let reason = "a case is an object, or the path of a file".into();
             return Err(one(&other.to_string(), reason, "write one of them"));
@@ -144,15 +144,15 @@ fn drafts(study: &Study) -> Result<Vec<Draft>, Vec<Problem>> {
         let variations = study.vary.0.iter();
         let mut counts = variations.map(|(_, variation)| variation.labels().len());
         let all = counts.try_fold(1_usize, usize::checked_mul);
-        if all.is_none_or(|all| all > MOST_MEMBERS) {
-            let reason = format!("more than {MOST_MEMBERS} combinations");
+        if all.is_none_or(|all| all > MAX_MEMBERS) {
+            let reason = format!("more than {MAX_MEMBERS} combinations");
             let remedy = "vary fewer fields or values";
             return Err(vec![problem("vary", "too many", reason, remedy)]);
         }
     }
-    if study.members.len() > MOST_MEMBERS {
+    if study.members.len() > MAX_MEMBERS {
         let value = format!("{} members", study.members.len());
-        let reason = format!("more than {MOST_MEMBERS} members are listed");
+        let reason = format!("more than {MAX_MEMBERS} members are listed");
         return Err(vec![problem(
             "members",
             &value,
@@ -296,7 +296,7 @@ fn names(drafts: &[Draft], study: &Study) -> Vec<Problem> {
             ));
         }
         seen.push(&draft.name);
-        if found.len() >= MOST_PROBLEMS {
+        if found.len() >= MAX_PROBLEMS {
             return found;
         }
     }
@@ -399,9 +399,9 @@ fn set_fields(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -
             ),
         }
     }
-    if formulas.len() > MOST_FORMULAS {
+    if formulas.len() > MAX_FORMULAS {
         let value = format!("{} formulas", formulas.len());
-        let reason = format!("at most {MOST_FORMULAS} fields of a member are set by formulas");
+        let reason = format!("at most {MAX_FORMULAS} fields of a member are set by formulas");
         found.push(problem("set", &value, reason, "write numbers instead"));
         return found;
     }
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_wrong_is_said_at_once() {
+    fn all_problems_are_reported_at_once() {
         let problems = study(|tree| {
             tree["vary"] = json!({
                 "domain.spcing": [1e-4],

@@ -303,7 +303,7 @@ impl Map {
                 outcome: row.outcome,
             })
         };
-        let looked_at = |place: &Place| {
+        let is_shown = |place: &Place| {
             !matches!(
                 place.outcome,
                 Outcome::Missing | Outcome::Running | Outcome::Stopped
@@ -313,7 +313,7 @@ impl Map {
             .iter()
             .zip(&table.rows)
             .filter_map(place)
-            .filter(looked_at);
+            .filter(is_shown);
         Self {
             axes: axes.clone(),
             places: places.collect(),

@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Interval between two checks of the running members; their times are measured separately.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Maximum time for a member to write its checkpoint.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Part of the wall time of a sweep reserved for the checkpoints of its members.
@@ -168,7 +168,7 @@ impl<'a> Runner<'a> {
             if jobs.is_empty() && (stopping || queue.is_empty()) {
                 break;
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
         // The next call must not stop at once.
         let _ = fs::remove_file(self.output.join("STOP"));

@@ -2,7 +2,7 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use super::latin_hypercube::{Range, Sample};
@@ -22,7 +22,7 @@ use std::marker::PhantomData;
 use std::path::PathBuf;
 
 /// Maximum number of members; more are a slip.
-pub(super) const MOST_MEMBERS: usize = 10_000;
+pub(super) const MAX_MEMBERS: usize = 10_000;
 
 /// A parameter study: members of one base case, with error and cost of each.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
@@ -266,7 +266,7 @@ pub fn schema() -> Value {
 /// Reads the text of a document with a schema, which `solver schema NAME` prints.
 ///
 /// # Errors
-/// If the text is no JSON or contradicts the schema, with all problems.
+/// If the text is not JSON or contradicts the schema, with all problems.
 pub(crate) fn read_document<T: DeserializeOwned>(
     text: &str,
     schema: &Value,
@@ -342,7 +342,7 @@ impl Study {
             self.reference_problems(&path, reference, output.over.is_some(), &mut found);
         }
         if let Some(formula) = &self.sound {
-            readable("sound", formula, &mut found);
+            check_formula("sound", formula, &mut found);
         }
         if let Some(name) = &self.error
             && !self.reference.contains_key(name)
@@ -416,7 +416,7 @@ impl Study {
             ));
         }
         match reference {
-            Reference::Formula(formula) => readable(path, formula, found),
+            Reference::Formula(formula) => check_formula(path, formula, found),
             Reference::Found(FoundReference::Finest(name)) => {
                 let varied = self.vary.find(name);
                 if !varied.is_some_and(|(_, variation)| variation.is_numeric()) {
@@ -503,14 +503,14 @@ impl Output {
         ];
         for (field, formula) in formulas {
             if let Some(formula) = formula {
-                readable(&format!("{path}.{field}"), formula, found);
+                check_formula(&format!("{path}.{field}"), formula, found);
             }
         }
     }
 }
 
 /// Adds a problem if a formula cannot be read whatever names are defined.
-pub(crate) fn readable(path: &str, formula: &str, found: &mut Vec<Problem>) {
+pub(crate) fn check_formula(path: &str, formula: &str, found: &mut Vec<Problem>) {
     if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
         found.push(problem(path, &expression::excerpt(formula), reason, remedy));
@@ -557,8 +557,8 @@ fn of_the_sample(study: &Study, found: &mut Vec<Problem>) {
     let crossed = study.vary.0.iter().filter(|(name, _)| !drawn.draws(name));
     let mut counts = crossed.map(|(_, variation)| variation.labels().len().max(1));
     let all = counts.try_fold(drawn.members as usize, usize::checked_mul);
-    if all.is_none_or(|all| all > MOST_MEMBERS) {
-        let reason = format!("more than {MOST_MEMBERS} members");
+    if all.is_none_or(|all| all > MAX_MEMBERS) {
+        let reason = format!("more than {MAX_MEMBERS} members");
         found.push(problem("sample", "too many", reason, "draw or cross fewer"));
     }
     if study.map.is_some() {

@@ -63,15 +63,15 @@ enum ReadOutput {
 }
 
 impl SweepTable {
-    /// Reads the results of the members below `output`; tables of references are in the folder `beside`.
+    /// Reads the results of the members below `output`; tables of references are in the folder `study_folder`.
     #[must_use]
-    pub fn collect(study: &Study, members: &[Member], beside: &Path, output: &Path) -> Self {
+    pub fn collect(study: &Study, members: &[Member], study_folder: &Path, output: &Path) -> Self {
         let mut rows = Vec::new();
         let mut found = Vec::new();
         for member in members {
             let mut row = MemberRow::new(study, member, &output.join(&member.name));
             let outputs = if row.outcome == Outcome::Finished {
-                row.read(study, member, beside, &output.join(&member.name))
+                row.read(study, member, study_folder, &output.join(&member.name))
             } else {
                 vec![None; study.outputs.0.len()]
             };
@@ -83,7 +83,7 @@ impl SweepTable {
                 let there = Comparison {
                     study,
                     members,
-                    beside,
+                    study_folder,
                     found: &found,
                     at,
                 };
@@ -263,14 +263,14 @@ impl MemberRow {
         &mut self,
         study: &Study,
         member: &Member,
-        beside: &Path,
+        study_folder: &Path,
         folder: &Path,
     ) -> Vec<Option<ReadOutput>> {
         let mut named: BTreeMap<&str, f64> = BTreeMap::new();
         let mut all = Vec::new();
         for (name, output) in &study.outputs.0 {
             let known = |word: &str| named.get(word).copied().or_else(|| member.number(word));
-            let found = read_output(output, beside, folder, &known);
+            let found = read_output(output, study_folder, folder, &known);
             let found = found
                 .map_err(|why| self.add_note(&format!("{name}: {why}")))
                 .ok();
@@ -341,7 +341,7 @@ fn yes_or_no(yes: bool) -> String {
 
 fn read_output(
     output: &Output,
-    beside: &Path,
+    study_folder: &Path,
     folder: &Path,
     known: &dyn Fn(&str) -> Option<f64>,
 ) -> Result<ReadOutput, String> {
@@ -356,7 +356,7 @@ fn read_output(
     }
     output
         .measure
-        .number(folder, beside, known)
+        .number(folder, study_folder, known)
         .map(ReadOutput::Number)
 }
 
@@ -364,7 +364,7 @@ fn read_output(
 struct Comparison<'a> {
     study: &'a Study,
     members: &'a [Member],
-    beside: &'a Path,
+    study_folder: &'a Path,
     found: &'a [Vec<Option<ReadOutput>>],
     at: usize,
 }
@@ -387,7 +387,7 @@ impl Comparison<'_> {
                 ReadOutput::Number(evaluate(formula, &|word| member.number(word))?)
             }
             Reference::Found(FoundReference::Table(path)) => {
-                ReadOutput::Profile(Profile::read(&self.beside.join(path))?)
+                ReadOutput::Profile(Profile::read(&self.study_folder.join(path))?)
             }
             Reference::Found(FoundReference::Member(other)) => {
                 let other = self.members.iter().position(|m| m.name == *other);

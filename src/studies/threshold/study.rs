@@ -2,13 +2,13 @@
 
 #![allow(
     rustdoc::broken_intra_doc_links,
-    reason = "comments are texts of the schema, where units stand in brackets"
+    reason = "comments are texts of the schema, with units in brackets"
 )]
 
 use crate::section::{Section, Tolerance};
 use crate::sweep::problems::problem;
 use crate::sweep::study::{
-    Cost, Ordered, Output, Refused, Run, Study, Variation, read_document, readable,
+    Cost, Ordered, Output, Refused, Run, Study, Variation, check_formula, read_document,
 };
 use base::error::Problem;
 use case::check;
@@ -179,7 +179,7 @@ impl ThresholdStudy {
                 ));
             }
         }
-        readable("criterion", &self.criterion, &mut found);
+        check_formula("criterion", &self.criterion, &mut found);
         found
     }
 }

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Minimum number of samples in the second half of a run for their mean to be an answer.
-const LEAST_SAMPLES: usize = 4;
+const MIN_SAMPLES: usize = 4;
 /// Entries of `summary.json` that describe the solution of the problem, and not the run.
 const SUMMARY: &[&str] = &[
     "inflow",
@@ -312,7 +312,7 @@ impl Samples {
 
 /// Returns the mean of the samples after half of the time; none for too few samples.
 fn mean_of_second_half(times: &[f64], values: &[f64]) -> Option<f64> {
-    mean_between(times, values, 0.5, 1.0, LEAST_SAMPLES)
+    mean_between(times, values, 0.5, 1.0, MIN_SAMPLES)
 }
 
 /// Returns the mean of the samples between two fractions of the time, the earlier end excluded.

@@ -48,9 +48,9 @@ const CAUTIOUS_FACTOR: f64 = 3.0;
 /// Maximum relative deviation of the apparent order from the formal one in the asymptotic range.
 const ASYMPTOTIC: f64 = 0.1;
 /// Minimum order used.
-const LEAST_ORDER: f64 = 0.5;
+const MIN_ORDER: f64 = 0.5;
 /// Maximum order in the search for the apparent order.
-const MOST_ORDER: f64 = 60.0;
+const MAX_ORDER: f64 = 60.0;
 
 /// Behaviour of a value from grid to grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -120,8 +120,7 @@ impl Behaviour {
                  differences change their sign"
             }
             Self::Scattered => {
-                "least squares (Eca and Hoekstra 2014), F = 3, at least the range of the values: edges lie at \
-                 another place in the cells of each grid"
+                "least squares (Eca and Hoekstra 2014), F = 3, at least the range of the values: edges lie at different positions within the cells of each grid"
             }
             Self::Slow => {
                 "grid convergence index, F = 3 and an order of 0.5: the differences do not decrease on these cells, \
@@ -136,13 +135,13 @@ impl Behaviour {
     }
 }
 
-/// Knowledge of the value on cells of no size.
+/// Behaviour of the value as the cell size tends to zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Limit {
-    /// Nothing is known: differences that grow may be an instability.
+    /// Not known: growing differences may be an instability.
     #[default]
     Unknown,
-    /// The method is stable, but the value may be infinite, as a gradient at an edge.
+    /// The method is stable, but the value may be infinite, like a gradient at an edge.
     Stable,
     /// The value converges.
     Exists,
@@ -231,7 +230,7 @@ impl Series {
         let Some(observed) = apparent_order(values, [ratio, third.0 / second.0]) else {
             return match self.limit {
                 Limit::Exists if turn > 0.0 => {
-                    by_order(Behaviour::Slow, None, LEAST_ORDER, CAUTIOUS_FACTOR)
+                    by_order(Behaviour::Slow, None, MIN_ORDER, CAUTIOUS_FACTOR)
                 }
                 Limit::Exists | Limit::Stable if turn <= 0.0 => {
                     self.by_least_squares(Behaviour::Scattered, None, own, range)
@@ -246,7 +245,7 @@ impl Series {
         if observed > (1.0 + ASYMPTOTIC) * self.formal {
             return self.by_least_squares(Behaviour::Fast, Some(observed), own, 0.0);
         }
-        let order = observed.clamp(LEAST_ORDER, self.formal);
+        let order = observed.clamp(MIN_ORDER, self.formal);
         if observed >= (1.0 - ASYMPTOTIC) * self.formal {
             by_order(Behaviour::Asymptotic, Some(observed), order, SAFETY_FACTOR)
         } else {
@@ -309,7 +308,7 @@ pub fn apparent_order(values: [f64; 3], ratios: [f64; 2]) -> Option<f64> {
     if !(quotient.is_finite() && quotient.abs() > limit) {
         return None;
     }
-    let (mut low, mut high) = (1e-9, MOST_ORDER);
+    let (mut low, mut high) = (1e-9, MAX_ORDER);
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
         if grows(middle) < 0.0 {

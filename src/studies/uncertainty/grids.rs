@@ -38,11 +38,11 @@ const RATIO: [f64; 2] = [1.8, 1.6];
 /// Refinement ratio of a finer grid.
 const FINER_RATIO: f64 = 1.5;
 /// Minimum ratio of neighbouring grids (Celik et al. 2008).
-const LEAST_RATIO: f64 = 1.3;
+const MIN_RATIO: f64 = 1.3;
 /// Minimum ratio of a grid to one that failed.
-const LEAST_STEP: f64 = 1.05;
+const MIN_STEP: f64 = 1.05;
 /// Minimum number of cells across the smallest round body on the coarsest grid; the plan refuses fewer.
-const LEAST_CELLS: f64 = 4.0;
+const MIN_CELLS: f64 = 4.0;
 
 /// Scaling of the time step with the cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -87,7 +87,7 @@ impl Scaling {
 }
 
 /// Maximum number of cells of a refined seepage in an estimate.
-const MOST_SEEPAGE_CELLS: usize = 8_000_000;
+const MAX_SEEPAGE_CELLS: usize = 8_000_000;
 
 /// Returns the seepage of a scene if its cells can be refined, that is, if it has no grains.
 #[must_use]
@@ -112,7 +112,7 @@ fn ratios_of_seepage(seepage: &Seepage, dimension: usize, finer: bool) -> Vec<f6
             })
     };
     let cells: usize = seepage.cells[..dimension].iter().product();
-    let fits = |times: usize| cells * times.pow(to_u32(dimension)) <= MOST_SEEPAGE_CELLS;
+    let fits = |times: usize| cells * times.pow(to_u32(dimension)) <= MAX_SEEPAGE_CELLS;
     let coarser: Vec<f64> = [2, 4]
         .into_iter()
         .take_while(|n| divides(*n))
@@ -147,7 +147,7 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
         .fold(0, |a, b| common_divisor(a, *b));
     let wanted = RATIO[usize::from(grid.dimension == 3)];
     let allowed =
-        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (MIN_CELLS * grid.spacing));
     let mut chosen = Vec::new();
     let coarser = coarser_ratios(common, wanted, allowed, if finer { 1 } else { 2 });
     // If no coarser cells divide the edges, a finer grid is used.
@@ -174,7 +174,7 @@ pub fn replacement_grid(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option
         .fold(0, |a, b| common_divisor(a, *b));
     let wanted = RATIO[usize::from(grid.dimension == 3)];
     let allowed =
-        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (LEAST_CELLS * grid.spacing));
+        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (MIN_CELLS * grid.spacing));
     common_divisor_grid(common, wanted, allowed, usable, failed)
 }
 
@@ -190,17 +190,15 @@ fn common_divisor_grid(
     let new = |ratio: f64| {
         usable
             .iter()
-            .all(|known| apart(ratio, *known) >= LEAST_RATIO - 1e-9)
-            && failed
-                .iter()
-                .all(|known| apart(ratio, *known) >= LEAST_STEP)
+            .all(|known| apart(ratio, *known) >= MIN_RATIO - 1e-9)
+            && failed.iter().all(|known| apart(ratio, *known) >= MIN_STEP)
     };
     let lowest = failed.iter().copied().filter(|ratio| *ratio > 1.0);
     let lowest = lowest.fold(f64::INFINITY, f64::min);
     let last = usable.iter().copied().filter(|ratio| *ratio < lowest);
     let last = last.fold(1.0, f64::max);
     let target = if lowest.is_finite() {
-        (last * LEAST_RATIO * lowest).sqrt()
+        (last * MIN_RATIO * lowest).sqrt()
     } else {
         last * wanted
     };
@@ -220,14 +218,14 @@ fn common_divisor_grid(
 /// cells at most `allowed` times as large.
 fn coarser_ratios(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f64> {
     let steps = f64::from(number);
-    let wanted = wanted.min(allowed.powf(1.0 / steps)).max(LEAST_RATIO);
+    let wanted = wanted.min(allowed.powf(1.0 / steps)).max(MIN_RATIO);
     let mut before = common;
     let mut chosen = Vec::new();
     for left in (0..number).rev() {
         let away = |cells: &usize| (real(before) / real(*cells) / wanted).ln().abs();
         let near = |limit: f64| {
             let fits = |cells: &usize| {
-                real(before) / real(*cells) >= LEAST_RATIO - 1e-9
+                real(before) / real(*cells) >= MIN_RATIO - 1e-9
                     && real(common) / real(*cells) <= limit + 1e-9
             };
             (1..before)
@@ -235,7 +233,7 @@ fn coarser_ratios(common: usize, wanted: f64, allowed: f64, number: u8) -> Vec<f
                 .min_by(|a, b| away(a).total_cmp(&away(b)))
         };
         // The first grid must allow a second one, if two fit.
-        let best = near(allowed / LEAST_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
+        let best = near(allowed / MIN_RATIO.powi(i32::from(left))).or_else(|| near(allowed));
         let Some(best) = best else { break };
         chosen.push(real(common) / real(best));
         before = best;
@@ -475,7 +473,7 @@ mod tests {
             for ratio in found {
                 let coarse = real(cells) / ratio;
                 assert!((coarse - coarse.round()).abs() < 1e-9, "{cells} by {ratio}");
-                assert!(ratio / before >= LEAST_RATIO - 1e-9, "{cells}: {ratio}");
+                assert!(ratio / before >= MIN_RATIO - 1e-9, "{cells}: {ratio}");
                 before = ratio;
             }
         }

@@ -3,7 +3,7 @@
 //!
 //! Speeds and pressures of flow between structures, in turbulence and between openings of several kinds are not known
 //! before a run to better than a factor of two. The pilot runs the case on the coarsest cells of an estimate that can
-//! run, at most [`MOST_COST`] of its cost. The case with these numbers is written next to it; the automatic choices
+//! run, at most [`MAX_COST`] of its cost. The case with these numbers is written next to it; the automatic choices
 //! then take them in place of their estimates, on any number of ranks and after a restart.
 
 use super::grids::{self, Scaling};
@@ -21,7 +21,7 @@ use std::fs;
 use std::path::Path;
 
 /// Maximum cost of a pilot divided by that of its case.
-pub const MOST_COST: f64 = 0.1;
+pub const MAX_COST: f64 = 0.1;
 /// Name of the run and of its folder.
 const NAME: &str = "pilot";
 
@@ -79,7 +79,7 @@ fn wrong(e: serde_json::Error) -> Error {
 fn coarse(plan: &Plan) -> Result<Option<(Member, f64)>, Error> {
     let stated = grids::with_choices_stated(plan)?;
     let ratios = grids::ratios(&plan.scene, false);
-    let most = MOST_COST * plan.estimate.seconds_on_one_core;
+    let most = MAX_COST * plan.estimate.seconds_on_one_core;
     let (mut problems, mut costly) = (Vec::new(), false);
     let coarser = || ratios.iter().rev().filter(|ratio| **ratio > 1.0);
     // A case that is unstable by the estimates may run: the pilot exists because they are rough.

@@ -9,7 +9,7 @@
 //! | coupling interval | seepage through grains | half |
 //! | cells of the seepage | seepage through grains | half, if a cell still contains a mean grain |
 //! | resistance | seepage through grains in saturated ground | the law of another source |
-//! | steps in time | seepage through grains that changes with time | a quarter of the error of the content |
+//! | steps in time | transient seepage through grains | a quarter of the error of the content |
 //! | eddy viscosity | lattice with eddies | WALE for Smagorinsky; for WALE the constant 0.325 |
 //! | lattice velocity | lattice under acoustic scaling | half |
 //!

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 /// Drift above which an answer has not settled.
-const LEAST_UNSETTLED_DRIFT: f64 = 1e-3;
+const MIN_UNSETTLED_DRIFT: f64 = 1e-3;
 /// Maximum difference, relative to the scale of an answer, that is attributed to rounding, for populations in f64
 /// and f32.
 const ROUNDING: [f64; 2] = [1e-9, 1e-5];
@@ -108,7 +108,7 @@ pub struct Sensitivity {
     /// Folder of the run.
     pub folder: String,
     /// Folder of the run that the changes are relative to.
-    pub beside: String,
+    pub comparison: String,
     /// Reason for missing changes; empty if there are changes.
     pub missing: String,
     /// Changes of the answers.
@@ -168,7 +168,7 @@ pub fn conclusion(grids: &[GridData]) -> String {
     }
 }
 
-/// Returns what is known of an answer on cells of no size: the scheme of a seepage is stable, but gradients and
+/// Returns what is known of an answer in the limit of small cells: the scheme of a seepage is stable, but gradients and
 /// velocities have no limit at edges.
 fn limit(seepage: bool, answer: &str) -> Limit {
     let local = ["gradient", "velocity", "reynolds", "fastest", "overshoot"];
@@ -222,7 +222,7 @@ pub fn rows(
             values: series.values.iter().map(|v| v.1).collect(),
             estimate: series.estimate(),
             drift: answer.drift,
-            settled: answer.drift.map(|drift| drift <= LEAST_UNSETTLED_DRIFT),
+            settled: answer.drift.map(|drift| drift <= MIN_UNSETTLED_DRIFT),
             scale: answer.scale,
         })
     };
@@ -233,7 +233,7 @@ pub fn rows(
 #[must_use]
 pub fn sensitivity(
     setting: &Setting,
-    [folder, beside]: [&str; 2],
+    [folder, comparison]: [&str; 2],
     [before, after]: [Option<&Answers>; 2],
     missing: &str,
     noise: Noise,
@@ -259,7 +259,7 @@ pub fn sensitivity(
         setting: setting.name.to_owned(),
         change: setting.change.clone(),
         folder: folder.to_owned(),
-        beside: beside.to_owned(),
+        comparison: comparison.to_owned(),
         missing: missing.to_owned(),
         changes,
     }
@@ -496,10 +496,10 @@ impl UncertaintyTable {
             let seen: Vec<&AnswerChange> = setting
                 .changes
                 .iter()
-                .filter(|change| change.relative.abs() >= LEAST_CHANGE)
+                .filter(|change| change.relative.abs() >= MIN_CHANGE)
                 .collect();
             if seen.is_empty() {
-                let none = format!("no change of {}", percent(Some(LEAST_CHANGE)));
+                let none = format!("no change of {}", percent(Some(MIN_CHANGE)));
                 let text = if setting.missing.is_empty() {
                     &none
                 } else {
@@ -507,7 +507,7 @@ impl UncertaintyTable {
                 };
                 cells.push(row(text, Default::default()));
             }
-            for change in seen.iter().take(MOST_CHANGES) {
+            for change in seen.iter().take(MAX_CHANGES) {
                 let numbers = [
                     five_digits(Some(change.before)),
                     five_digits(Some(change.after)),
@@ -515,8 +515,8 @@ impl UncertaintyTable {
                 ];
                 cells.push(row(&change.answer, numbers));
             }
-            if seen.len() > MOST_CHANGES {
-                let more = format!("{} more in estimate.csv", seen.len() - MOST_CHANGES);
+            if seen.len() > MAX_CHANGES {
+                let more = format!("{} more in estimate.csv", seen.len() - MAX_CHANGES);
                 cells.push(row(&more, Default::default()));
             }
         }
@@ -611,10 +611,10 @@ impl UncertaintyTable {
 }
 
 /// Maximum number of changes of one setting that the terminal shows, the largest first.
-const MOST_CHANGES: usize = 6;
+const MAX_CHANGES: usize = 6;
 
 /// Minimum change shown in the terminal; smaller ones are in the files only.
-const LEAST_CHANGE: f64 = 1e-4;
+const MIN_CHANGE: f64 = 1e-4;
 
 /// Half width divided by the value above which an interval counts as wide.
 const WIDE_INTERVAL: f64 = 0.2;
@@ -700,7 +700,7 @@ mod tests {
     }
 
     #[test]
-    fn given_values_and_zeros_are_no_answers_and_drift_is_said() {
+    fn given_values_and_zeros_are_no_answers_and_drift_is_reported() {
         let table = table();
         let names: Vec<&str> = table.answers.iter().map(|r| r.answer.as_str()).collect();
         assert_eq!(names, ["drag", "line: u, point 1", "line: u, point 2"]);
@@ -750,7 +750,7 @@ mod tests {
     }
 
     #[test]
-    fn grids_without_answers_are_told_with_their_reason() {
+    fn grids_without_answers_are_reported_with_their_reason() {
         let mut table = table();
         assert_eq!(conclusion(&table.grids), "");
         for (place, expected) in [

@@ -75,7 +75,7 @@ fn coarser_grids_keep_the_relaxation_time_and_the_end() {
     // The cost of the cells falls with the fourth power of the ratio in this scaling, that of links and of the map of
     // the disc with the third: the ratios of 1.57 and 2.5 leave between 0.19 and 0.32 of the run of the case. The start
     // of the program and the steps of the disc, of which its contacts ask for the same number on every grid, cost the
-    // same on all grids and are no cost of cells.
+    // same on all grids and do not depend on the cells.
     let alike = |place: &usize| {
         let seconds = planned(&members.list[*place]).estimate.seconds;
         seconds.start_and_end + seconds.grains
@@ -99,7 +99,7 @@ fn fast_flow_keeps_its_lattice_velocity_and_halves_it_once() {
     let own = plan(FAST, &[]);
     let members = Members::for_case(&own, false, true, false).unwrap();
     assert_eq!(members.scaling, Scaling::Acoustic);
-    let coarse = planned(&members.list[members.beside]);
+    let coarse = planned(&members.list[members.comparison]);
     let velocity = |plan: &Plan| plan.clock.time_step / plan.scene.grid.spacing;
     approx::assert_relative_eq!(velocity(&coarse), velocity(&own), max_relative = 0.02);
     let (setting, place) = &members.settings[0];
@@ -128,7 +128,7 @@ const SEEPAGE: &str = r#"{
 fn seepage_has_one_grid_and_its_settings_one_run_each() {
     let own = plan(SEEPAGE, &[]);
     let members = Members::for_case(&own, false, true, false).unwrap();
-    assert_eq!((members.grids.len(), members.beside), (1, 0));
+    assert_eq!((members.grids.len(), members.comparison), (1, 0));
     let names: Vec<&str> = members.settings.iter().map(|(s, _)| s.name).collect();
     let expected = [
         "contact stiffness",

@@ -303,7 +303,7 @@ fn a_sinkhole_lies_over_a_point_or_is_wider_than_a_column() {
 
 /// Checks ground over a point that has moved down within a triangle, then within a rectangle.
 #[test]
-fn the_shape_of_a_front_tells_a_triangle_from_a_rectangle() {
+fn the_shape_of_a_front_distinguishes_a_triangle_from_a_rectangle() {
     let point = Point {
         from: [0.0, 0.0, 0.0],
         to: [12.0 * EDGE, 4.0 * EDGE, 0.5 * EDGE],

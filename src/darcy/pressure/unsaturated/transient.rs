@@ -30,7 +30,7 @@ const FIRST_STEP: f64 = 1e-3;
 const SHORTEST_STEP: f64 = 1e-12;
 /// Maximum number of steps of an interval that may fail. More failures mean that the conditions demand more than the
 /// ground can deliver, such as the discharge of a well that has run dry, and the steps would remain short for hours.
-const MOST_FAILURES: u32 = 50;
+const MAX_FAILURES: u32 = 50;
 /// Factors of the next step: safety factor on the step with the stated error, minimum, maximum, and after a
 /// failure.
 const SAFETY: f64 = 0.9;
@@ -441,7 +441,7 @@ impl Pressure {
             };
             transient.step = (factor * dt).min(interval);
             failures += u32::from(!error.is_finite());
-            if transient.step < SHORTEST_STEP * interval || failures > MOST_FAILURES {
+            if transient.step < SHORTEST_STEP * interval || failures > MAX_FAILURES {
                 return Err(SeepageError::UnsteadyFlow {
                     time,
                     length: own.capillary_length(),

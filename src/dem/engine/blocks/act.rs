@@ -325,7 +325,7 @@ impl<'a, S: Space> StepInput<'a, S> {
         let (Some(surface), Some(shape)) = (&wall.surface, self.shape(k)) else {
             return 1.0;
         };
-        if constants.law.normal_damping <= 0.0 {
+        if constants.law.normal_damping_ratio <= 0.0 {
             return 1.0;
         }
         let rotation = self.poses[k].placed(shape).rotation;

@@ -16,7 +16,7 @@ use super::{BlockContactModel, Geometry, Narrow, Other};
 const ENLARGEMENT: f64 = 1.0 / 68_719_476_736.0;
 
 /// Ratio of vector area to area below which the direction of the vector area is unreliable.
-const LEAST_AREA_RATIO: f64 = 0.05;
+const MIN_AREA_RATIO: f64 = 0.05;
 
 /// Overlap of two solids: volume [m³], position relative to the first centre [m], and the vector area [m²] of the
 /// first block's surface in it.
@@ -191,7 +191,7 @@ impl Narrow {
         // If both surfaces nearly cancel, one block penetrates the other, and the vector area is meaningless.
         let [one, two] = overlap.surfaces;
         let sound = overlap.volume > 0.0
-            && area > LEAST_AREA_RATIO * one.min(two)
+            && area > MIN_AREA_RATIO * one.min(two)
             && overlap.centroid.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: overlap.centroid,
@@ -210,7 +210,7 @@ impl Narrow {
         // If one block penetrates the other, the vectors of a surface nearly cancel: the force remains, with an
         // area that does not vanish.
         let [one, two] = overlap.surfaces;
-        let area = overlap.area.norm().max(LEAST_AREA_RATIO * one.min(two));
+        let area = overlap.area.norm().max(MIN_AREA_RATIO * one.min(two));
         let sound = area > 0.0 && push.point.iter().all(|c| c.is_finite());
         sound.then(|| Geometry {
             arm: push.point,

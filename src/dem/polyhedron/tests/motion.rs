@@ -261,8 +261,8 @@ pub(super) fn law(normal: f64, friction: f64, damping: f64) -> BlockPairLaw {
             shear: 0.5 * normal,
         },
         friction,
-        normal_damping: damping,
-        shear_damping: damping,
+        normal_damping_ratio: damping,
+        shear_damping_ratio: damping,
     }
 }
 
@@ -367,8 +367,8 @@ fn a_tilted_block_topples_at_its_angle() {
             }
             // Without a dashpot only the springs decide; all blocks are stationary by now.
             world.damping = 0.0;
-            world.law.normal_damping = 0.0;
-            world.law.shear_damping = 0.0;
+            world.law.normal_damping_ratio = 0.0;
+            world.law.shear_damping_ratio = 0.0;
             world.run(20_000);
             let lean = world.blocks[0].lean().to_degrees();
             println!("{off}: leans {lean} degrees");

@@ -358,8 +358,8 @@ fn a_block_turns_freely_about_its_edge() {
             shear: 1e8,
         },
         friction: 0.5,
-        normal_damping: damping,
-        shear_damping: 0.0,
+        normal_damping_ratio: damping,
+        shear_damping_ratio: 0.0,
     };
     let mut narrow = Narrow::default();
     let mut history = BlockHistory::default();

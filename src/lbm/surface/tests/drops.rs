@@ -25,7 +25,7 @@ fn stretched(
         tension,
         contact_angles,
     };
-    fluid.stretch_surface(settings, &domain).unwrap();
+    fluid.add_surface_tension(settings, &domain).unwrap();
     fluid
 }
 

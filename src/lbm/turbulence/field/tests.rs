@@ -64,7 +64,7 @@ fn cover(fluid: &mut Fluid<f64>, parts: &[f32], motion: Rigid) {
         let all = covered.iter().skip(thread).step_by(threads);
         all.map(|(position, _)| *position)
     };
-    fluid.know_covered::<3, _>(share);
+    fluid.record_covered::<3, _>(share);
 }
 
 /// Sets the velocity of all cells as a function of their centres, `below` for those under a height.

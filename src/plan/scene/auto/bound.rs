@@ -148,7 +148,7 @@ impl Bound {
         let [few, many] = self.cells;
         let slower = reynolds.min(self.most_reynolds);
         let layers = if reynolds > slower {
-            let at_most = reynolds.min(MOST_REYNOLDS).max(self.most_reynolds);
+            let at_most = reynolds.min(MAX_REYNOLDS).max(self.most_reynolds);
             ((1.0 + at_most) / (1.0 + self.most_reynolds)).sqrt()
         } else {
             1.0
@@ -162,7 +162,7 @@ impl Bound {
 }
 
 /// Reynolds number above which the layers are turbulent and an eddy viscosity represents unresolved eddies.
-const MOST_REYNOLDS: f64 = 1000.0;
+const MAX_REYNOLDS: f64 = 1000.0;
 
 /// Returns the coefficient a of a bound with these exponents, and the loss of the quantile regression.
 fn at_quantile(rows: &[Point], confidence: f64, [order, inertia]: [f64; 2]) -> (f64, f64) {
@@ -272,14 +272,14 @@ mod tests {
     }
 
     /// Minimum number of other problems: a single one shows no differences between problems.
-    const LEAST_PROBLEMS: usize = 2;
+    const MIN_PROBLEMS: usize = 2;
 
     /// Checks that bounds computed without a problem hold for it: for 95 % of its rows, with a largest excess below
     /// twice the bound.
     #[test]
     fn a_problem_that_is_left_out_keeps_the_bound_of_the_others() {
         let (mut judged, mut kept) = (0, 0);
-        for one in left_out().iter().filter(|one| one.others >= LEAST_PROBLEMS) {
+        for one in left_out().iter().filter(|one| one.others >= MIN_PROBLEMS) {
             judged += one.judged;
             kept += one.kept;
             let (key, problem) = (one.key, one.problem);

@@ -34,8 +34,8 @@ use serde::Serialize;
 
 /// Factor of the sound pressure of a sudden start behind a uniform profile between walls.
 const RIM_SOUND_FACTOR: f64 = 1.1;
-/// Velocity that determines the sound pressure of a start behind a profile that vanishes at walls, relative to the
-/// mean of the profile.
+/// Ratio of the velocity that determines the sound pressure of a sudden start to the mean of the profile, for profiles
+/// that vanish at walls.
 const PROFILE_SOUND_FACTOR: f64 = 1.2;
 /// Coefficients of the pressure at the rim of an inlet: of ρ U C, and of ρ U ν/h in 2-D and 3-D.
 const RIM_OF_INERTIA: f64 = 0.2;
@@ -155,8 +155,8 @@ pub(crate) fn longest_step(
 }
 
 /// Returns the causes of density changes by the flow of a scene, in addition to the pressures stated in the case.
-/// `ways` are the narrow gaps along axes.
-pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> Vec<Cause> {
+/// `narrow_gaps` are the narrow gaps along axes.
+pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, narrow_gaps: &[(usize, Gap)]) -> Vec<Cause> {
     let sections: [Option<Sections>; 3] = std::array::from_fn(|axis| {
         let imposed = |patch: &ScenePatch| imposes_a_velocity(patch) && patch.face.axis() == axis;
         let open = flow.patches().any(imposed);
@@ -180,7 +180,7 @@ pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, ways: &[(usize, Gap)]) -> 
             _ => (found.0 > 0.0).then_some(found),
         });
         if let Some((discharge, inlet)) = largest {
-            let loss = loss(scene, flow, axis, discharge, sections.as_ref(), ways);
+            let loss = loss(scene, flow, axis, discharge, sections.as_ref(), narrow_gaps);
             causes.extend(
                 loss.map(|(what, pressure)| Cause::steady(what, inlet.path.clone(), pressure)),
             );
@@ -333,7 +333,7 @@ fn loss(
     axis: usize,
     discharge: f64,
     sections: Option<&Sections>,
-    ways: &[(usize, Gap)],
+    narrow_gaps: &[(usize, Gap)],
 ) -> Option<(&'static str, f64)> {
     let (density, viscosity) = (flow.density, flow.kinematic_viscosity);
     let channel = in_channel(scene, flow, axis, discharge);
@@ -349,12 +349,14 @@ fn loss(
         let pressure = winding * density * (friction + 0.75 * speed * speed);
         ("the narrow opening between solids", pressure)
     });
-    let narrow = ways.iter().filter(|(a, gap)| *a == axis && gap.width > 0.0);
+    let narrow = narrow_gaps
+        .iter()
+        .filter(|(a, gap)| *a == axis && gap.width > 0.0);
     let narrow = narrow.map(|(_, gap)| {
         let resistance = sound::resistance(&sound::Passage::through_gap(gap));
         let speed = discharge / gap.width;
         let pressure = density * (12.0 * viscosity * resistance * discharge + 0.75 * speed * speed);
-        ("a narrow way", pressure)
+        ("a narrow passage", pressure)
     });
     let all = channel.into_iter().chain(between).chain(narrow);
     all.max_by(|a, b| a.1.total_cmp(&b.1))

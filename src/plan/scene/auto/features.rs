@@ -2,7 +2,7 @@
 
 use super::coupling_of;
 use super::gaps::{self, Gap};
-use super::ways::{self, AdjacentKind, NarrowPlace};
+use super::passages::{self, AdjacentKind, NarrowPlace};
 use crate::scene::Scene;
 use crate::scene::flow::Flow;
 use crate::scene::sample;
@@ -24,7 +24,7 @@ const DENSE: f64 = 0.6;
 pub(crate) const LAYERS: &str = "layers in time";
 
 /// Name of the table rows for passages between structures, or between a structure and a wall.
-pub(crate) const STRUCTURES: &str = "ways between structures";
+pub(crate) const STRUCTURES: &str = "passages between structures";
 
 /// Name of the table rows for vortices away from walls.
 const VORTICES: &str = "vortices";
@@ -90,11 +90,11 @@ fn in_gap(obstacle: &'static str) -> &'static str {
 }
 
 /// Returns the table row for gaps next to moving bodies, from the row of the adjacent solids.
-fn beside_moving(obstacle: &'static str) -> &'static str {
+fn next_to_moving(obstacle: &'static str) -> &'static str {
     match obstacle {
-        "half-way links" => "gaps beside bodies that move: half-way links",
-        "interpolated links" => "gaps beside bodies that move: interpolated links",
-        "partially saturated cells" => "gaps beside bodies that move: partially saturated cells",
+        "half-way links" => "gaps next to moving bodies: half-way links",
+        "interpolated links" => "gaps next to moving bodies: interpolated links",
+        "partially saturated cells" => "gaps next to moving bodies: partially saturated cells",
         of_blocks => in_narrow_gap(of_blocks),
     }
 }
@@ -120,9 +120,9 @@ pub(crate) fn case_features(
     list.extend(structures(case));
     if let (Some(scene), Some(flow)) = (scene, flow) {
         list.extend(
-            ways::widest_ways(scene, flow)
+            passages::widest_passages(scene, flow)
                 .into_iter()
-                .filter_map(|way| passage_feature(way, case, flow)),
+                .filter_map(|place| passage_feature(place, case, flow)),
         );
     }
     let mut walls = |what: String, size: f64| {
@@ -217,15 +217,15 @@ fn solids(case: &Case, lbm: &LatticeBoltzmann, flow: Option<&Flow>) -> Vec<Featu
     let mut list: Vec<Feature> = bodies.chain(grains).collect();
     let found = gaps::case_gaps(case, lbm, factor);
     let beside = |gap: &Gap| obstacle(&coupling, flow, !gap.faces);
-    let ways = found
+    let narrow = found
         .passages
         .iter()
         .map(|(_, gap)| (gap, in_gap(beside(gap))));
     let moving = found
         .moving
         .iter()
-        .map(|gap| (gap, beside_moving(beside(gap))));
-    let open = ways.chain(moving).filter(|(gap, _)| gap.width > 0.0);
+        .map(|gap| (gap, next_to_moving(beside(gap))));
+    let open = narrow.chain(moving).filter(|(gap, _)| gap.width > 0.0);
     list.extend(open.map(|(gap, obstacle)| gap_feature(gap, obstacle)));
     let dense = found
         .narrowest
@@ -260,46 +260,46 @@ fn gap_feature(gap: &Gap, obstacle: &'static str) -> Feature {
 }
 
 /// Returns the feature of a narrowest passage; none if other features cover it.
-fn passage_feature(way: NarrowPlace, case: &Case, flow: &Flow) -> Option<Feature> {
+fn passage_feature(place: NarrowPlace, case: &Case, flow: &Flow) -> Option<Feature> {
     let coupling = coupling_of(case);
     let beside = |round| {
         coupling
             .as_ref()
             .map(|coupling| obstacle(coupling, Some(flow), round))
     };
-    let obstacle = match way.beside {
+    let obstacle = match place.adjacent {
         // In the plane the gaps of all pairs are known, and for packed spheres the pores are used.
         AdjacentKind::Balls => return None,
         AdjacentKind::BallAndWall | AdjacentKind::Faces if case.domain.size.0.len() == 2 => {
             return None;
         }
-        AdjacentKind::BallAndWall => beside_a_wall(beside(true)?),
+        AdjacentKind::BallAndWall => next_to_wall(beside(true)?),
         AdjacentKind::Faces => between_faces(beside(false)?),
         AdjacentKind::Structure => STRUCTURES,
     };
     Some(Feature {
-        what: way.what,
-        size: way.width,
+        what: place.what,
+        size: place.width,
         obstacle,
     })
 }
 
 /// Returns the table rows for passages between a sphere and a wall.
-fn beside_a_wall(obstacle: &'static str) -> &'static str {
+fn next_to_wall(obstacle: &'static str) -> &'static str {
     match obstacle {
-        "half-way links" => "ways beside spheres: half-way links",
-        "interpolated links" => "ways beside spheres: interpolated links",
-        _ => "ways beside spheres: partially saturated cells",
+        "half-way links" => "passages next to spheres: half-way links",
+        "interpolated links" => "passages next to spheres: interpolated links",
+        _ => "passages next to spheres: partially saturated cells",
     }
 }
 
 /// Returns the table rows for passages between blocks, their periodic images and walls.
 fn between_faces(obstacle: &'static str) -> &'static str {
     match obstacle {
-        "blocks: half-way links" => "ways between blocks: half-way links",
-        "blocks: interpolated links" => "ways between blocks: interpolated links",
-        "blocks: viscosity matched" => "ways between blocks: viscosity matched",
-        _ => "ways between blocks: not measured",
+        "blocks: half-way links" => "passages between blocks: half-way links",
+        "blocks: interpolated links" => "passages between blocks: interpolated links",
+        "blocks: viscosity matched" => "passages between blocks: viscosity matched",
+        _ => "passages between blocks: not measured",
     }
 }
 

@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 /// Maximum number of solids for which gaps are computed.
-const MOST_SOLIDS: usize = 200_000;
+const MAX_SOLIDS: usize = 200_000;
 /// Width of a gap, relative to the adjacent solids, above which it is open water.
 const WIDE: f64 = 1.0;
 
@@ -202,7 +202,7 @@ pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gap
     let Some(solids) = solids(case, factor) else {
         return Gaps::default();
     };
-    if solids.is_empty() || solids.len() > MOST_SOLIDS {
+    if solids.is_empty() || solids.len() > MAX_SOLIDS {
         return Gaps::default();
     }
     let near = near(&places, &solids);
@@ -215,7 +215,7 @@ pub(crate) fn case_gaps(case: &Case, lbm: &LatticeBoltzmann, factor: f64) -> Gap
         let way = |axis| {
             Some((
                 axis,
-                narrowest_of_the_widest_way(&places, &solids, &near, axis)?,
+                narrowest_gap_of_widest_path(&places, &solids, &near, axis)?,
             ))
         };
         gaps.passages = axes.filter_map(way).collect();
@@ -389,7 +389,7 @@ impl JoinedSolids {
 
 /// Returns the narrowest gap of the widest path along an axis of the plane; none if it is wider than the adjacent
 /// solids.
-fn narrowest_of_the_widest_way(
+fn narrowest_gap_of_widest_path(
     places: &Places<'_>,
     solids: &[Solid],
     near: &[Link],

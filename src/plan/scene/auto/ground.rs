@@ -1,7 +1,7 @@
 //! Errors promised for seepage without grains, and the spacing that keeps a requested error.
 //!
-//! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or
-//! much finer cells. Its number of cells is that across the shortest length that the cells must resolve ([`lengths`]):
+//! A row of `measured_ground.csv` is an answer of a scene on one grid, with its error against an exact solution or much
+//! finer cells. Its number of cells is counted across the shortest length that the cells must resolve ([`lengths`]):
 //! height and length of the ground, stretches between the edges of heads, the depth of a wall and the ground below it,
 //! layers, the capillary length, the length over which water moves in the run. Its error is the largest at this number
 //! of cells and at every larger one of the scene.
@@ -25,7 +25,7 @@ use super::bound::{Bound, Point};
 use super::requested_accuracy;
 use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
 use crate::scene::Scene;
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::observe::ProbeAt;
 use crate::scene::seepage::Seepage;
@@ -34,22 +34,23 @@ use case::Case;
 use case::darcy::InitialState;
 use io::csv::Reader;
 pub use lengths::{Ground, GroundLength};
-use lengths::{INFILTRATION, LEAST_LAYER, WITHIN_CELLS};
+use lengths::{INFILTRATION, MIN_LAYER, WITHIN_CELLS};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 const TABLE: &str = include_str!("measured_ground.csv");
 /// Smallest measured error of the fit: below it lie rounding and the references.
-const LEAST_ERROR: f64 = 1e-5;
-/// Largest bound that is a promise. Heads next to a front have no smaller one: there they change by all of their range.
-const MOST_ERROR: f64 = 0.3;
-/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. Rows of one problem err
-/// together, so that both are larger than those of lattices.
+const MIN_ERROR: f64 = 1e-5;
+/// Largest bound that the plan promises. Next to a front, heads have no smaller bound, because they change there by
+/// their whole range.
+const MAX_ERROR: f64 = 0.3;
+/// Fraction of the rows below a bound, and the margin m of its factor 1 + m/k for k problems. The errors of the rows of
+/// one problem are correlated, so that both are larger than those of lattices.
 const FRACTION: f64 = 0.975;
 const MARGIN: f64 = 5.0;
-/// Fewest problems of a bound.
-const LEAST_PROBLEMS: usize = 4;
+/// Minimum number of problems of a bound.
+const MIN_PROBLEMS: usize = 4;
 
 /// Measured error of an answer on one grid.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -99,13 +100,13 @@ fn bound_of(rows: &[&'static Row]) -> Option<Bound> {
         .map(|row| Point {
             cells: row.cells,
             reynolds: 0.0,
-            error: row.error.max(LEAST_ERROR),
+            error: row.error.max(MIN_ERROR),
         })
         .collect();
     let problems = rows.iter().map(|row| row.problem.as_str()).collect();
     let bound =
         (!points.is_empty()).then(|| Bound::of_points(&points, problems, [FRACTION, MARGIN]))?;
-    (bound.problems.len() >= LEAST_PROBLEMS).then_some(bound)
+    (bound.problems.len() >= MIN_PROBLEMS).then_some(bound)
 }
 
 /// Returns the rows by kind of ground and kind of answer.
@@ -158,7 +159,7 @@ pub(super) fn promise(
         let found = bound(&ground.kind, answer.kind);
         answer.error = found
             .and_then(|bound| bound.error(cells, 0.0))
-            .filter(|error| *error <= MOST_ERROR);
+            .filter(|error| *error <= MAX_ERROR);
     }
     scene.chosen.details = details(&ground, &answers);
     let text = summary(&ground, &answers);
@@ -236,7 +237,7 @@ fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
             return format!(
                 "{name}: no measured row gives this {} a bound of at most {} %",
                 answer.kind,
-                number(100.0 * MOST_ERROR)
+                number(100.0 * MAX_ERROR)
             );
         };
         let rows = bound(&ground.kind, answer.kind).map_or(0, |bound| bound.rows);
@@ -263,7 +264,7 @@ fn details(ground: &Ground, answers: &[PromisedAnswer]) -> Vec<String> {
     lines.chain(ground.lengths.iter().map(of_length)).collect()
 }
 
-/// Returns the answers that a scene asks for, without errors.
+/// Returns the results that a scene requests, without errors.
 fn asked(scene: &Scene, seepage: &Seepage, ground: &Ground) -> Vec<PromisedAnswer> {
     let mut answers = Vec::new();
     let mut add = |answer: String, kind: &'static str, scale: Option<f64>| {
@@ -453,7 +454,7 @@ pub(super) fn spacing(
     // Layers may be thin, but not thinner than any measured one.
     let layers = ground.lengths.iter().filter(|length| !length.counts);
     let most = layers
-        .map(|layer| layer.cells * scene.grid.spacing / LEAST_LAYER)
+        .map(|layer| layer.cells * scene.grid.spacing / MIN_LAYER)
         .fold(f64::INFINITY, f64::min);
     let wanted = |kind: &str| {
         let bounds = answers.iter().filter_map(|answer| bound(kind, answer.kind));
@@ -476,7 +477,7 @@ pub(super) fn spacing(
     };
     if let Some((h, cells)) = wanted(&base) {
         let h = h.max(coarsest);
-        let least = (shortest / h - 1e-9).ceil().max(LEAST_CELLS);
+        let least = (shortest / h - 1e-9).ceil().max(MIN_CELLS);
         let spacings = (0..=whole(least)).map(|more| shortest / (least + real(more)));
         let mut fitting = spacings.filter(|h| sizes.iter().all(|size| fits_one(*size, *h)));
         if let Some(h) = fitting.find(|h| ground.is_aligned([*h, *h])) {
@@ -484,12 +485,12 @@ pub(super) fn spacing(
         }
     }
     let (h, cells) = wanted(&format!("{base}{WITHIN_CELLS}"))?;
-    let h = h.max(coarsest).min(shortest / LEAST_CELLS);
+    let h = h.max(coarsest).min(shortest / MIN_CELLS);
     whole_cells(case, h, reason(cells), findings)
 }
 
-/// Fewest cells along the shortest edge; the plan warns of fewer.
-const LEAST_CELLS: f64 = 5.0;
+/// Minimum number of cells along the shortest edge; the plan warns of fewer.
+const MIN_CELLS: f64 = 5.0;
 
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,10 @@
 //! Error promised by the plan: a bound with a confidence of 95 %, from measured rows for the features of the scene.
 //!
-//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The largest bound counts,
-//! plus 3 (U dt/h)² for the compressibility of the lattice or, if larger, the density change by the pressure loss
-//! along the flow, plus the effect of sound in an oscillating flow and of rounding in collisions in f32. If a feature,
-//! an operator or a motion lies outside the measured range, or the sound of a sudden start has not decayed, nothing is
-//! promised, and the plan states why.
+//! Every feature of the scene ([`features`](super::features)) has its bound ([`Bound`]). The promised error is the
+//! largest bound, plus 3 (U dt/h)² for the compressibility of the lattice or, if larger, the density change by the
+//! pressure loss along the flow, plus the effect of sound in an oscillating flow and of rounding in collisions in f32.
+//! If a feature, an operator or a motion lies outside the measured range, or the sound of a sudden start has not
+//! decayed, nothing is promised, and the plan states why.
 
 use super::bound::Bound;
 use super::density::{self, Cause};
@@ -19,7 +19,7 @@ use case::fluid::{LatticeBoltzmann, Precision};
 use case::grains::GrainSource;
 
 /// Maximum lattice velocity U dt/h for a promise.
-const MOST_LATTICE_VELOCITY: f64 = 0.1;
+const MAX_LATTICE_VELOCITY: f64 = 0.1;
 
 /// Feature with its cells and its bound, or the reason why it has none.
 struct Judged<'a> {
@@ -117,7 +117,7 @@ pub(crate) fn compute_promise(
     }
 }
 
-/// Returns the features and motions of a scene that no measured error covers.
+/// Returns the features and motions of a scene without measured errors.
 fn unmeasured(
     scene: &Scene,
     case: &Case,
@@ -165,7 +165,7 @@ fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Finding
     );
 }
 
-/// Records in which sense the promise holds if bodies move.
+/// Records the quantities for which the promise holds if bodies move.
 fn qualify_bodies(scene: &mut Scene) {
     let crosses = |body: &NamedBody| {
         body.mobility != Mobility::Fixed && body.velocity.iter().any(|u| u.abs() > 0.0)
@@ -247,7 +247,7 @@ fn of_feature<'a>(
     }
 }
 
-/// Returns the models and parameters of the lattice that no row covers.
+/// Returns the models and parameters of the lattice without measured rows.
 fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
     if !scene.porous_zones.is_empty() {
@@ -262,15 +262,15 @@ fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<St
             "the errors were measured with two relaxation times (TRT), not with this operator"
                 .to_owned(),
         );
-    } else if !(LEAST_TAU..=MOST_TAU).contains(&tau) {
+    } else if !(MIN_TAU..=MAX_TAU).contains(&tau) {
         new.push(format!(
-            "the relaxation time {} is outside the measured {LEAST_TAU} to {MOST_TAU}",
+            "the relaxation time {} is outside the measured {MIN_TAU} to {MAX_TAU}",
             number(tau)
         ));
     }
-    if lattice_velocity > MOST_LATTICE_VELOCITY * (1.0 + 1e-9) {
+    if lattice_velocity > MAX_LATTICE_VELOCITY * (1.0 + 1e-9) {
         new.push(format!(
-            "the lattice velocity {} is above the measured {MOST_LATTICE_VELOCITY}",
+            "the lattice velocity {} is above the measured {MAX_LATTICE_VELOCITY}",
             number(lattice_velocity)
         ));
     }
@@ -278,9 +278,9 @@ fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<St
 }
 
 /// Minimum relaxation time of the measured rows.
-const LEAST_TAU: f64 = 0.51;
+const MIN_TAU: f64 = 0.51;
 /// Maximum relaxation time of the measured rows.
-const MOST_TAU: f64 = 1.5 + 1e-9;
+const MAX_TAU: f64 = 1.5 + 1e-9;
 
 /// Reports the sound of a sudden start, which oscillates in the forces until it decays.
 fn sound_warning(scene: &Scene, flow: &Flow, target: f64) -> Option<String> {

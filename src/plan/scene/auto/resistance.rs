@@ -40,7 +40,7 @@ const ARRAYS: [(f64, f64); 5] = [
 /// that of Kozeny and Carman, is 99 % of the drag.
 const DENSEST: f64 = 0.65;
 /// Largest Reynolds number of the simulations.
-const MOST_REYNOLDS: f64 = 1000.0;
+const MAX_REYNOLDS: f64 = 1000.0;
 /// Maximum Reynolds number of creeping flow.
 const CREEPING: f64 = 1.0;
 /// Relative errors of the formula: in creeping flow, and with inertia.
@@ -159,7 +159,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
         let permeability = law.permeability(1.0 - loosest, high, liquid, loss * slow);
         worst = worst.max((permeability * loss / liquid.viscosity - 1.0).abs());
     }
-    if fastest > MOST_REYNOLDS {
+    if fastest > MAX_REYNOLDS {
         return Err(format!(
             "{unknown} at the Reynolds number {}",
             number(fastest)
@@ -211,9 +211,9 @@ fn packed_fraction(grains: &[ListedGrain], dimension: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use darcy::permeability::PermeabilityFormula;
-    use darcy::permeability::ergun::Ergun;
-    use darcy::permeability::kozeny_carman::KozenyCarman;
+    use darcy::resistance::ResistanceFormula;
+    use darcy::resistance::ergun::Ergun;
+    use darcy::resistance::kozeny_carman::KozenyCarman;
 
     const WATER: Liquid = Liquid {
         density: 1000.0,
@@ -226,7 +226,7 @@ mod tests {
     fn laws_of_dense_creeping_beds_differ_as_their_factors() {
         let gradient = 1e-3;
         let exact = velocity(0.6, 1e-4, WATER, gradient);
-        let flow = |law: &dyn PermeabilityFormula| {
+        let flow = |law: &dyn ResistanceFormula| {
             law.permeability(0.4, 1e-4, WATER, gradient) * gradient / 1e-3
         };
         let rest: f64 = 1.0 + 0.16 * 0.16 * (1.0 + 1.5 * 0.6_f64.sqrt()) / 6.0;

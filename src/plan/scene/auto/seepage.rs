@@ -1,6 +1,6 @@
 //! Automatic choice of contact stiffness and coupling interval in seepage.
 //!
-//! Two dimensionless numbers are taken from measured beds. The grains at the bottom of a bed bear at most the
+//! Two dimensionless numbers are taken from measured beds. The grains at the bottom of a bed carry at most the
 //! submerged weight of the bed and the pressure difference of the flow,
 //!
 //! ```text
@@ -79,8 +79,8 @@ fn all() -> &'static [Row] {
     &ROWS
 }
 
-/// Returns the row with the largest value, which is cheapest, whose error is within a bound; if there is none, the
-/// row with the smallest error.
+/// Returns the cheapest row, that with the largest value, whose error is within a bound; without such a row, the one
+/// with the smallest error.
 fn cheapest_row(what: &str, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))

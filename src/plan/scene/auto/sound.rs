@@ -334,8 +334,8 @@ pub enum AdjacentSolids {
 
 /// Returns the resistance I of a passage [1/m²].
 #[must_use]
-pub fn resistance(way: &Passage) -> f64 {
-    let Passage { width, adjacent } = *way;
+pub fn resistance(passage: &Passage) -> f64 {
+    let Passage { width, adjacent } = *passage;
     match adjacent {
         AdjacentSolids::Round(radius) => {
             3.0 * PI / 8.0 * (2.0 * radius * width).sqrt() / width.powi(3)
@@ -348,12 +348,12 @@ pub fn resistance(way: &Passage) -> f64 {
 /// after `time`. Each passage fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
-    way: &Passage,
+    passage: &Passage,
     rows: usize,
     [length, height]: [f64; 2],
     (spacing, viscosity, time): (f64, f64, f64),
 ) -> f64 {
-    let series = 12.0 * viscosity * real(rows) * resistance(way) * length * height;
+    let series = 12.0 * viscosity * real(rows) * resistance(passage) * length * height;
     // t = m T = m series/c² with c² = h²/(3 Δt²).
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
 }
@@ -361,14 +361,14 @@ pub fn filling(
 /// Returns the longest time step \[s\] for which the pressure upstream of a narrow gap along `axis` rises in time,
 /// and a description of the requirement. The gap fills the volume of the water next to its solids.
 pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap) -> (String, f64) {
-    let way = Passage::through_gap(gap);
+    let passage = Passage::through_gap(gap);
     let sides = (0..scene.grid.dimension).filter(|side| *side != axis);
     let across = sides
         .map(|side| scene.grid.size[side])
         .fold(gap.adjacent_width + gap.width, f64::min);
     let time = first_use_time(scene);
     let scale = (scene.grid.spacing, viscosity, time);
-    let step = filling(&way, 1, [scene.grid.size[axis], across], scale);
+    let step = filling(&passage, 1, [scene.grid.size[axis], across], scale);
     let what = format!(
         "the build-up of the pressure in front of the {} in {} s",
         gap.what,
@@ -387,7 +387,7 @@ mod tests {
     /// 0.57 and 1.17 s.
     #[test]
     fn a_chamber_fills_in_the_time_of_a_run() {
-        let way = Passage {
+        let passage = Passage {
             width: 1.2e-4,
             adjacent: AdjacentSolids::Round(2.5e-4),
         };
@@ -395,7 +395,7 @@ mod tests {
         let measured = 0.325;
         let chamber = 4.5e-3 * 1.12e-3 - 0.5 * PI * 2.5e-7;
         let step = filling(
-            &way,
+            &passage,
             1,
             [chamber / 1.12e-3, 1.12e-3],
             (spacing, viscosity, TIME_CONSTANTS * measured),
@@ -409,12 +409,12 @@ mod tests {
     #[test]
     fn slots_over_the_whole_length_are_a_channel() {
         let (width, length) = (1e-4, 5e-3);
-        let way = Passage {
+        let passage = Passage {
             width,
             adjacent: AdjacentSolids::Flat(length),
         };
         let (spacing, viscosity, time) = (1e-5, 1e-6, 2.0);
-        let step = filling(&way, 1, [length, width], (spacing, viscosity, time));
+        let step = filling(&passage, 1, [length, width], (spacing, viscosity, time));
         let sound = spacing / (3.0_f64.sqrt() * step);
         let diffusivity = sound * sound * width * width / (12.0 * viscosity);
         let constant = length * length / diffusivity;

@@ -88,7 +88,7 @@ const SHIFT_REFINEMENT: f64 = 1.05;
 /// Distance from a centre, face or corner of a cell that counts as zero [half cells].
 const ON_LATTICE: f64 = 0.1;
 /// Maximum refinement factor to keep a fast flow stable in 2-D.
-const MOST_FINER: f64 = 4.0;
+const MAX_FINER: f64 = 4.0;
 
 /// Returns the stated spacing, or that for the features of the case, before velocities are known.
 pub(crate) fn first(case: &Case, findings: &mut Findings) -> Option<Spacing> {
@@ -140,7 +140,7 @@ pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
         && lbm.turbulence.is_none()
         && let Some(h) =
             step::stable_spacing(scene, flow, speed, requested_accuracy(case)?.target())
-        && h * MOST_FINER >= wanted.0
+        && h * MAX_FINER >= wanted.0
     {
         let reason = format!(
             "in 2-D no operator is stable on coarser cells at {} m/s",
@@ -155,7 +155,7 @@ pub(crate) fn finer_spacing(case: &Case, scene: &Scene) -> Option<Spacing> {
     (found.value < scene.grid.spacing * (1.0 - 1e-9)).then_some(found)
 }
 
-/// Returns the spacing \[m\] that each feature requires, with a sentence.
+/// Returns the spacing \[m\] that each feature requires, with the reason for the plan.
 fn required_spacings(
     case: &Case,
     lbm: &LatticeBoltzmann,

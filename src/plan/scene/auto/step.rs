@@ -43,20 +43,20 @@ use lbm::turbulence::wale::Wale;
 use serde_json::json;
 
 /// Maximum relaxation time.
-const MOST_TAU: f64 = 1.5;
+const MAX_TAU: f64 = 1.5;
 /// Minimum relaxation time of operators with two relaxation times, without and with openings: behind the uniform
 /// inlet of a flume runs failed at 0.5302 and were stable at 0.5491.
-const LEAST_TAU: f64 = 0.51;
-const LEAST_TAU_AT_OPENINGS: f64 = 0.55;
+const MIN_TAU: f64 = 0.51;
+const MIN_TAU_AT_OPENINGS: f64 = 0.55;
 /// Maximum cell Reynolds number for two relaxation times, between openings in 2-D and around moving bodies with
 /// links: runs failed from 11 and from 12 on.
-const MOST_CELL_REYNOLDS: f64 = 7.0;
+const MAX_CELL_REYNOLDS: f64 = 7.0;
 /// Usual upper bound of the lattice velocity, stated as "typically lower than" by Sibille, Lominé and Marot (2012).
 const USUAL_MACH: f64 = 0.1;
 /// Fraction of `guards.max_compression` that the sum of all density changes may reach.
 const GUARD_SHARE: f64 = 0.75;
 /// Maximum relative density change.
-const MOST_COMPRESSION: f64 = 0.03;
+const MAX_COMPRESSION: f64 = 0.03;
 /// Minimum number of steps in a period of an oscillation, and in the run.
 const STEPS_IN_A_PERIOD: f64 = 200.0;
 const STEPS_IN_A_RUN: f64 = 100.0;
@@ -74,15 +74,15 @@ fn least_tau(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> f64 {
     let opens = flow
         .patches()
         .any(|patch| patch.condition.model().passes_water());
-    let bounded = 0.5 + 3.0 * lattice_velocity / MOST_CELL_REYNOLDS;
+    let bounded = 0.5 + 3.0 * lattice_velocity / MAX_CELL_REYNOLDS;
     let links = matches!(scene.coupling, Some(Coupling::BounceBack(_)));
     match (opens, scene.grid.dimension) {
-        (true, 3) => LEAST_TAU_AT_OPENINGS,
-        (true, _) => bounded.clamp(LEAST_TAU, LEAST_TAU_AT_OPENINGS),
+        (true, 3) => MIN_TAU_AT_OPENINGS,
+        (true, _) => bounded.clamp(MIN_TAU, MIN_TAU_AT_OPENINGS),
         (false, _) if links && speed::through_the_fluid(scene, flow).is_some() => {
-            bounded.max(LEAST_TAU)
+            bounded.max(MIN_TAU)
         }
-        (false, _) => LEAST_TAU,
+        (false, _) => MIN_TAU,
     }
 }
 
@@ -119,7 +119,7 @@ pub(crate) fn choose(
     scene: &mut Scene,
     lbm: &LatticeBoltzmann,
     target: f64,
-    ways: &[(usize, Gap)],
+    narrow_gaps: &[(usize, Gap)],
     findings: &mut Findings,
 ) {
     let Some(mut flow) = scene.flow.take() else {
@@ -127,7 +127,7 @@ pub(crate) fn choose(
     };
     let speed = fastest(scene, &flow);
     if flow.fixed_by == "accuracy" {
-        time_step(scene, &mut flow, speed.as_ref(), target, ways);
+        time_step(scene, &mut flow, speed.as_ref(), target, narrow_gaps);
         check_operator(lbm, flow.relaxation_time, findings);
     }
     eddies(scene, &mut flow, lbm, speed.as_ref().map(|s| s.value));
@@ -214,9 +214,9 @@ fn time_step(
     flow: &mut Flow,
     speed: Option<&Speed>,
     target: f64,
-    ways: &[(usize, Gap)],
+    narrow_gaps: &[(usize, Gap)],
 ) {
-    let limits = limits(scene, flow, speed, target, ways);
+    let limits = limits(scene, flow, speed, target, narrow_gaps);
     let shortest = limits
         .iter()
         .min_by(|a, b| a.time_step.total_cmp(&b.time_step));
@@ -240,7 +240,7 @@ fn limits(
     flow: &Flow,
     speed: Option<&Speed>,
     target: f64,
-    ways: &[(usize, Gap)],
+    narrow_gaps: &[(usize, Gap)],
 ) -> Vec<Limit> {
     let (h, nu) = (scene.grid.spacing, flow.kinematic_viscosity);
     let mut limits = Vec::new();
@@ -250,8 +250,8 @@ fn limits(
         }
     };
     add(
-        format!("a relaxation time of {MOST_TAU}"),
-        LatticeUnits::time_step_for(MOST_TAU, h, nu),
+        format!("a relaxation time of {MAX_TAU}"),
+        LatticeUnits::time_step_for(MAX_TAU, h, nu),
     );
     if let Some(speed) = speed {
         let mach = mach(target);
@@ -284,7 +284,7 @@ fn limits(
         add(
             what,
             if eddies {
-                limit.beside_eddies
+                limit.with_eddies
             } else {
                 limit.stable
             },
@@ -309,7 +309,7 @@ fn limits(
     let shortest = intervals(scene).fold(f64::INFINITY, f64::min);
     add("an output in every interval".into(), shortest);
     let fastest = mach(target).min(
-        speed.map_or(0.0, |speed| speed.value) * LatticeUnits::time_step_for(LEAST_TAU, h, nu) / h,
+        speed.map_or(0.0, |speed| speed.value) * LatticeUnits::time_step_for(MIN_TAU, h, nu) / h,
     );
     let stable = LatticeUnits::time_step_for(least_tau(scene, flow, fastest), h, nu);
     if let Some((what, time_step)) = sound::passages(scene, flow) {
@@ -323,7 +323,7 @@ fn limits(
         let (what, time_step) = waves.longest_step(h, SOUND_SHARE * target);
         add(what, time_step.max(stable));
     }
-    for (axis, gap) in ways.iter().filter(|(_, gap)| gap.width > 0.0) {
+    for (axis, gap) in narrow_gaps.iter().filter(|(_, gap)| gap.width > 0.0) {
         let (what, time_step) = sound::building_up(scene, nu, *axis, gap);
         add(what, time_step.max(stable));
     }
@@ -335,7 +335,7 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
     let h = scene.grid.spacing;
     let mut limits = Vec::new();
     let mut add = |what: String, time_step: f64| limits.push(Limit { what, time_step });
-    let compression = MOST_COMPRESSION.min(LOSS_SHARE * target);
+    let compression = MAX_COMPRESSION.min(LOSS_SHARE * target);
     let pressure = largest_pressure(scene, flow);
     add(
         format!(
@@ -368,7 +368,7 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
 }
 
 /// Returns the largest relaxation time at which packed grains are heavy enough for stability in the water between
-/// them, with a margin of a tenth; none if they are at [`MOST_TAU`], or at no relaxation time, which the plan then
+/// them, with a margin of a tenth; none if they are at [`MAX_TAU`], or at no relaxation time, which the plan then
 /// reports.
 fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
     let coupling = scene.coupling.as_ref()?;
@@ -391,8 +391,8 @@ fn longest_in_a_bed(scene: &Scene, flow: &Flow) -> Option<f64> {
         .fold(f64::INFINITY, f64::min);
     let holds = |tau: f64| 1.1 * in_a_bed(coupling, Some(operator), tau, flat, radius) <= lightest;
     // Search in steps of 0.05 down to where the bound is at its minimum.
-    let mut times = (12..=whole(20.0 * MOST_TAU)).rev().map(|n| real(n) / 20.0);
-    times.find(|tau| holds(*tau)).filter(|tau| *tau < MOST_TAU)
+    let mut times = (12..=whole(20.0 * MAX_TAU)).rev().map(|n| real(n) / 20.0);
+    times.find(|tau| holds(*tau)).filter(|tau| *tau < MAX_TAU)
 }
 
 /// Returns the largest pressure \[Pa\]: imposed, initial, or of the water column.

@@ -9,7 +9,7 @@ use lbm::boundary::{Condition, ImposedSpeed, Strength, SurfaceKind, WithSurface}
 use serde::Serialize;
 
 /// Minimum number of cells over the depth of an inflow: with fewer, the surface lies within a cell.
-const LEAST_CELLS: f64 = 2.0;
+const MIN_CELLS: f64 = 2.0;
 /// Number of cells over the depth of an inflow below which the plan warns.
 const FEW_CELLS: f64 = 8.0;
 
@@ -336,8 +336,8 @@ fn check_depth(grid: &Grid, (opening, depth): (&Opening, f64), findings: &mut Fi
         number(depth),
         number(cells)
     );
-    if cells < LEAST_CELLS {
-        let most = number(depth / LEAST_CELLS);
+    if cells < MIN_CELLS {
+        let most = number(depth / MIN_CELLS);
         let remedy = format!("use a spacing of at most {most} m, or deeper water");
         findings.error(&opening.path, reason, remedy);
     } else if cells < FEW_CELLS {

@@ -22,10 +22,10 @@ use crate::scene::grid::Grid;
 use case::free_surface::SolitaryWave;
 use serde::Serialize;
 
-/// Height over depth from which on a solitary wave breaks (J. McCowan, Phil. Mag. 38 (1894) 351).
+/// Ratio of height to depth above which a solitary wave breaks (J. McCowan, Phil. Mag. 38 (1894) 351).
 const BREAKING_HEIGHT: f64 = 0.78;
 
-/// Height over depth above which the error of the third order exceeds 5 % of the velocity at the surface.
+/// Ratio of height to depth above which the error of the third order exceeds 5 % of the velocity at the surface.
 const LARGE_HEIGHT: f64 = 0.4;
 
 /// A solitary wave in SI.

@@ -22,13 +22,13 @@ pub struct Tension {
 
 /// Largest surface tension in lattice units, σ dt²/(ρ h³): the speed of the shortest waves stays far below that of
 /// sound, and their period above the step.
-const MOST_TENSION: f64 = 0.02;
+const MAX_TENSION: f64 = 0.02;
 
 impl Tension {
     /// Returns the longest time step \[s\] for a density [kg/m³] and a cell size \[m\].
     #[must_use]
     pub fn step_limit(&self, density: f64, spacing: f64) -> f64 {
-        (MOST_TENSION * density * spacing.powi(3) / self.value).sqrt()
+        (MAX_TENSION * density * spacing.powi(3) / self.value).sqrt()
     }
 
     /// Returns the contact angle at each end of the axes \[rad\].

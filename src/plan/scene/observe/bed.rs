@@ -1,6 +1,6 @@
 //! Resolution of a bed of grains that a probe measures.
 
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;

@@ -1,7 +1,7 @@
 //! Resolution of the probes of a scene.
 
 use super::{Probe, ProbeAt, averaging_start, bed, due, seepage};
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::blocks::PlacedBlocks;
 use crate::scene::bodies::NamedBody;
 use crate::scene::findings::{Findings, number};

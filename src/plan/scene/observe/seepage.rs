@@ -3,7 +3,7 @@
 //! They are separate from the other probes because they are resolved on the coarse grid.
 
 use super::ProbeAt;
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use crate::scene::seepage::grid_of;

@@ -159,7 +159,7 @@ fn section(text: &str, at: usize) -> Vec<(usize, Vec<&str>)> {
 
 /// Row of an atom of the style `sphere`.
 const SPHERE: &str = "`id type diameter density x y z`";
-/// Advice for a data file whose atoms are no spheres.
+/// Advice for a data file whose atoms are not spheres.
 const DUMP: &str = "write a dump of `id x y z radius`";
 
 /// Returns the style that is written behind `Atoms`; none for another comment.

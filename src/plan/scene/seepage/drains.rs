@@ -1,7 +1,7 @@
 //! Drains, wells and cavities inside the ground, resolved on the coarse grid.
 
 use super::{PATH, Seepage};
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::Findings;
 use crate::scene::grid::Grid;
 use crate::scene::unique;

@@ -1,7 +1,7 @@
 //! Backward erosion piping, resolved on the coarse grid.
 
 use super::{PATH, Seepage};
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
@@ -11,13 +11,13 @@ use case::backward_erosion::{BackwardErosion, EquilibriumDiameter, WidthOfPipe};
 use case::check;
 use darcy::Condition;
 use darcy::piping::{
-    BottomGrains, FEWEST_CELLS, MOST_CELLS, PipePath, PipeWidth, PipingSettings, rule,
+    BottomGrains, MAX_CELLS, MIN_CELLS, PipePath, PipeWidth, PipingSettings, rule,
 };
 use serde::Serialize;
 
 /// Names of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// Part of an edge of a cell by which a line may leave its plane or its row of cells.
+/// Distance by which a line may deviate from its plane or its row of cells, as a fraction of the edge of a cell.
 const SLACK: f64 = 1e-3;
 /// Range of ratios of edges of a cell across a pipe in 3-D, in which its resistance is that of a square cell.
 const SQUARE: f64 = 0.01;
@@ -34,7 +34,7 @@ pub struct PipingScene {
 }
 
 impl Seepage {
-    /// Returns the study of backward erosion of the case; reports a finding for what prevents it.
+    /// Returns the study of backward erosion of the case; reports a finding if something prevents it.
     pub(super) fn piping_of(
         &self,
         case: &Case,
@@ -53,7 +53,7 @@ impl Seepage {
         if drive.0 == exit.0 {
             findings.error(
                 &format!("{path}.exit"),
-                "the boundary that drives and the exit are the same",
+                "the driving boundary and the exit are the same",
                 "name two boundaries",
             );
             return None;
@@ -110,7 +110,8 @@ impl Seepage {
         })
     }
 
-    /// Returns `true` if the ground is saturated, free of grains, without inclined beds, and held by heads only.
+    /// Returns `true` if the ground is saturated, without grains and inclined beds, and all its imposed pressures are
+    /// heads.
     fn suits_piping(&self, case: &Case, path: &str, findings: &mut Findings) -> bool {
         let mut suits = true;
         let mut refuse = |reason: &str, remedy: Remedy| {
@@ -230,11 +231,11 @@ impl Seepage {
         };
         let (begin, end) = (bound(low), bound(high));
         let count = end.saturating_sub(begin);
-        if !(FEWEST_CELLS..=MOST_CELLS).contains(&count) {
+        if !(MIN_CELLS..=MAX_CELLS).contains(&count) {
             findings.error(
                 &path,
                 format!(
-                    "the line contains {count} centres of cells along {}; a pipe has {FEWEST_CELLS} to {MOST_CELLS}",
+                    "the line contains {count} centres of cells along {}; a pipe has {MIN_CELLS} to {MAX_CELLS}",
                     AXES[axis]
                 ),
                 "change the ends of the line or the size of the cells",
@@ -350,7 +351,7 @@ impl Seepage {
         findings.error(
             &format!("{path}.pipe"),
             format!("the line of the pipe does not begin at the exit `{name}`"),
-            "write as `from` the edge of the exit, and as `to` the end towards the water that drives",
+            "write as `from` the edge of the exit, and as `to` the end towards the driving boundary",
         );
         None
     }
@@ -384,8 +385,7 @@ impl Seepage {
                 findings.error(
                     path,
                     format!(
-                        "the cell at ({}) m on the line of the pipe is no whole cell of ground: a structure, a drain \
-                         or a plane of the enclosure lies in it",
+                        "the cell at ({}) m on the line of the pipe is not completely ground: a structure, a drain or a plane of the enclosure lies in it",
                         centre[..grid.dimension].iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ")
                     ),
                     "move the line to the lower face of the structure, and that face to a plane between cells",
@@ -421,11 +421,11 @@ impl Seepage {
                 findings.error(
                     path,
                     format!(
-                        "the roof of the pipe is no roof at ({}) m: the boundary `{}` lies there",
+                        "the pipe has no roof at ({}) m: the boundary `{}` lies there",
                         centre[..grid.dimension].iter().map(|x| number(*x)).collect::<Vec<_>>().join(", "),
                         patch.name
                     ),
-                    "begin the line at the edge of the exit, and end it before the water that drives",
+                    "begin the line at the edge of the exit, and end it before the driving boundary",
                 );
                 return false;
             }
@@ -433,7 +433,7 @@ impl Seepage {
         true
     }
 
-    /// Returns the width of the pipe: none in 2-D. The outer `None` means a finding.
+    /// Returns the width of the pipe: `Some(None)` in 2-D, `None` if a finding was reported.
     fn width(
         &self,
         written: &BackwardErosion,

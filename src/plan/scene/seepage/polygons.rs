@@ -6,7 +6,7 @@ use case::darcy::{Zone, ZonePolygon};
 use io::sheet::{Column, Refusal, Sheet, Unit};
 
 /// Maximum number of corners.
-const MOST_CORNERS: usize = 10_000;
+const MAX_CORNERS: usize = 10_000;
 
 /// Returns the corners of the polygon of a zone \[m\], empty if it has none; reports a finding if the polygon
 /// encloses no area.
@@ -56,11 +56,11 @@ pub(super) fn polygon(
         }
     };
     let finite = points.iter().flatten().all(|x| x.is_finite());
-    if !finite || area(&points).abs() <= 0.0 || points.len() > MOST_CORNERS {
+    if !finite || area(&points).abs() <= 0.0 || points.len() > MAX_CORNERS {
         findings.error(
             &path,
             format!("{} corners do not enclose an area", points.len()),
-            format!("write 3 to {MOST_CORNERS} corners in their order along the boundary, in m"),
+            format!("write 3 to {MAX_CORNERS} corners in their order along the boundary, in m"),
         );
         return Vec::new();
     }

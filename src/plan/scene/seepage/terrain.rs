@@ -63,7 +63,7 @@ impl Height {
     }
 }
 
-/// Returns the nodes around a coordinate, and its distance from the first in parts of the distance between them.
+/// Returns the two nodes around a coordinate, and its distance from the first as a fraction of their distance.
 fn interval(nodes: &[f64], x: f64) -> ([usize; 2], f64) {
     let last = nodes.len() - 1;
     let next = nodes.partition_point(|node| *node <= x).min(last);
@@ -76,7 +76,7 @@ fn interval(nodes: &[f64], x: f64) -> ([usize; 2], f64) {
 }
 
 impl Seepage {
-    /// Returns the parts of the surface of the ground; reports findings for a surface that is none.
+    /// Returns the parts of the surface of the ground; reports findings for an invalid surface.
     pub(super) fn terrain_of(
         &self,
         case: &Case,
@@ -237,7 +237,7 @@ fn ends(grid: &darcy::SeepageGrid, only: &[bool]) -> Option<[[usize; 3]; 2]> {
     })
 }
 
-/// Returns the height of a surface; reports a finding if its points are not those of a surface.
+/// Returns the height of a surface; reports a finding if its points do not define a surface.
 fn height(
     case: &Case,
     surface: &TerrainSurface,
@@ -275,7 +275,7 @@ fn height(
     let made = if !POINTS.contains(&listed.len()) {
         Err(format!("the surface has {} points", listed.len()))
     } else if listed.iter().flatten().any(|x| !x.is_finite()) {
-        Err("a coordinate of the surface is no finite number".to_owned())
+        Err("a coordinate of the surface is not a finite number".to_owned())
     } else if grid.dimension == 2 {
         line(&listed)
     } else {
@@ -326,7 +326,7 @@ fn raster(points: &[[f64; 3]]) -> Result<Height, String> {
     let known: BTreeMap<[u64; 2], f64> = points.iter().map(|p| (bits(p), p[2])).collect();
     if known.len() != points.len() || points.len() != x.len() * y.len() {
         return Err(format!(
-            "the {} points of the surface are not one for each of {} x {} combinations of x and y",
+            "the {} points of the surface do not cover each of the {} x {} combinations of x and y exactly once",
             points.len(),
             x.len(),
             y.len()

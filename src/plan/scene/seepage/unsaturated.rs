@@ -18,7 +18,7 @@ use darcy::{Condition, Equations, Retention};
 const COARSE: f64 = 20.0;
 
 /// Maximum number of zones with a retention.
-const MOST_SOILS: usize = 255;
+const MAX_SOILS: usize = 255;
 /// Thickness of the phreatic surface in ground without suction, in cell heights.
 const SURFACE: f64 = 0.1;
 
@@ -93,7 +93,7 @@ impl Seepage {
             };
             let path = format!("{PATH}.zones[{n}].retention");
             count += 1;
-            if drains.is_none() || count > MOST_SOILS {
+            if drains.is_none() || count > MAX_SOILS {
                 let (reason, remedy) = if drains.is_none() {
                     (
                         "a retention needs unsaturated ground",

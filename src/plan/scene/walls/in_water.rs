@@ -23,7 +23,7 @@ const SAGITTA: f64 = 0.01;
 /// Number of facets that the curved structures of a scene share: a million facets take seconds and 2 GB.
 const FACETS: usize = 400_000;
 /// Number of facets that every structure may have, however many structures share the total.
-const LEAST_FACETS: usize = 1_000;
+const MIN_FACETS: usize = 1_000;
 
 /// Returns the walls of structures for grains.
 pub(super) fn walls_of_structures(
@@ -41,7 +41,7 @@ pub(super) fn walls_of_structures(
         .copied()
         .fold(0.0, f64::max);
     let smallest = grain_diameters(case).map_or(0.01 * extent, |(low, _)| low);
-    let share = (FACETS / structures.len().max(1)).max(LEAST_FACETS);
+    let share = (FACETS / structures.len().max(1)).max(MIN_FACETS);
     let mut coarsest = None;
     let mut walls = Vec::new();
     for (n, structure) in structures.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Flow that changes with time against exact and published solutions. All close their mass.
+//! Transient flow against exact and published solutions. All conserve mass.
 
 use super::*;
 use crate::retention::haverkamp::Haverkamp;
@@ -491,7 +491,7 @@ fn a_stopped_interval_is_repeated_with_the_same_bits() {
         let mut solver = advancing(&grid, patches, soil, settings);
         let left = Arc::new(AtomicI64::new(i64::MAX));
         let counter = Arc::clone(&left);
-        solver.heed(Box::new(move || {
+        solver.interrupt_when(Box::new(move || {
             counter.fetch_sub(1, Ordering::Relaxed) == 0
         }));
         solver.solve(still(&conductivity)).unwrap();

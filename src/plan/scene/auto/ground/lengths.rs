@@ -23,7 +23,7 @@ const SHEET: f64 = 0.2;
 /// Beginning of the names of layers.
 const ZONE: &str = "zone";
 /// Thickness of a layer in cells below which no error was measured.
-pub(super) const LEAST_LAYER: f64 = 0.3;
+pub(super) const MIN_LAYER: f64 = 0.3;
 /// Distance over a cell within which an edge lies on a face of the grid.
 const ON_FACE: f64 = 1e-5;
 
@@ -90,7 +90,7 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Returns the ground of a scene; or the reason why no measured error covers it.
+    /// Returns the ground of a scene; or the reason why no measured error applies to it.
     pub(super) fn new(scene: &Scene, case: &Case) -> Result<Self, String> {
         let seepage = (scene.seepage.as_ref()).ok_or("the case has no seepage")?;
         let reader = Reader::new(scene, case, seepage)?;
@@ -173,7 +173,7 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
-    /// Refuses features of which no error was measured.
+    /// Refuses features without measured errors.
     fn refuse(&mut self) -> Result<(), String> {
         let written = &self.seepage.written;
         let conducts = written.density * self.strength() / written.viscosity;
@@ -224,8 +224,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Returns the part of each structure in the water that lies in the ground: all of a box, and of a polygon the
-    /// box round its corners below the surface, which must be a sheet.
+    /// Returns the part in the ground of each structure in the water: a box completely, and for a polygon the box
+    /// around its corners below the surface. That box must be a sheet.
     fn read_parts(&self) -> Result<Vec<Part>, String> {
         let (origin, end, up) = (self.seepage.origin, self.end, self.up);
         let least = SAME * self.height();
@@ -322,7 +322,7 @@ impl<'a> Reader<'a> {
             && (written.boundaries.iter()).all(|b| b.face.axis() != axis && b.patch.is_none())
     }
 
-    /// Returns the ground, when everything is measured.
+    /// Returns the ground after all lengths have been found.
     fn ground(mut self) -> Result<Ground, String> {
         let edges = self.edges();
         let kind = self.kind()?;
@@ -346,10 +346,10 @@ impl<'a> Reader<'a> {
                 counts: kind != LAYERED || !what.starts_with(ZONE),
             })
             .collect();
-        let thin = lengths.iter().find(|l| !l.counts && l.cells < LEAST_LAYER);
+        let thin = lengths.iter().find(|l| !l.counts && l.cells < MIN_LAYER);
         if let Some(layer) = thin {
             return Err(format!(
-                "the {} is thinner than the {LEAST_LAYER} cells of any measured layer",
+                "the {} is thinner than the {MIN_LAYER} cells of any measured layer",
                 layer.what
             ));
         }
@@ -421,7 +421,7 @@ impl<'a> Reader<'a> {
         if !self.seepage.is_transient() {
             return match (dry, column, self.seepage.drains.is_empty()) {
                 (_, _, false) => {
-                    Err("no error was measured for drains in ground that drains".into())
+                    Err("no error was measured for drains in unsaturated ground".into())
                 }
                 (true, false, _) => Ok(PHREATIC),
                 (false, false, _) if written.zones.len() == 1 => Ok(SUCTION),
@@ -431,7 +431,7 @@ impl<'a> Reader<'a> {
             };
         }
         if written.zones.len() > 1 {
-            return Err("no error was measured for layers whose water changes with time".into());
+            return Err("no error was measured for transient flow in layers".into());
         }
         if self.stays_saturated() {
             return match (column, wells) {
@@ -448,10 +448,9 @@ impl<'a> Reader<'a> {
         ) {
             (true, _) => Ok(INFILTRATION),
             (false, true) => Ok(DRAWDOWN),
-            (false, false) => Err(
-                "no error was measured for drains and walls where the water changes with time"
-                    .into(),
-            ),
+            (false, false) => {
+                Err("no error was measured for transient flow with drains and walls".into())
+            }
         }
     }
 

@@ -330,6 +330,6 @@ fn a_thin_layer_bounds_the_cells() {
         .unwrap()
         .push(seam);
     let scene = scene(&case);
-    assert!(cells(&scene, "zone from 4 to 4.2") >= LEAST_LAYER);
+    assert!(cells(&scene, "zone from 4 to 4.2") >= MIN_LAYER);
     assert!(scene.chosen.promised.is_some_and(|error| error <= 0.1));
 }

@@ -22,7 +22,7 @@ use kozeny_carman::KozenyCarman;
 family! {
     /// Resistance laws. A new line makes a law available to cases, to their schema, to `plan` and to runs.
     #[derive(Default)]
-    pub enum Resistance: PermeabilityFormula {
+    pub enum Resistance: ResistanceFormula {
         #[default]
         Gidaspow,
         KozenyCarman,
@@ -32,7 +32,7 @@ family! {
 }
 
 /// Resistance law: the permeability K \[m²\] of a bed.
-pub trait PermeabilityFormula: Sync {
+pub trait ResistanceFormula: Sync {
     /// Returns the description of the law in the schema of the case: one line.
     fn summary() -> &'static str
     where
@@ -78,9 +78,9 @@ pub trait PermeabilityFormula: Sync {
         }
     }
 
-    /// Returns the largest relative change from the given permeabilities to those of the bed, weighted by the
-    /// gradient of the cell relative to the largest, which is the resulting error of the gradient. In open water,
-    /// whose gradient is rounding, nothing depends on it.
+    /// Returns the largest relative change from the given permeabilities to those of the bed, weighted by the gradient
+    /// of the cell relative to the largest, which is the resulting error of the gradient. In open water the gradient is
+    /// of the order of rounding, so that the change has no effect there.
     fn change(&self, bed: BedOfCells<'_>, liquid: Liquid, permeability: &[f64]) -> f64 {
         let mut change = 0.0_f64;
         let steepest = bed.steepest();
@@ -134,8 +134,8 @@ impl BedOfCells<'_> {
 
 /// Resistance law with the limits of the porosity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Permeability {
-    /// Law of the permeability.
+pub struct ResistanceSettings {
+    /// Law of flow resistance.
     pub law: Resistance,
     /// Mean diameter used by the law.
     pub diameter: MeanDiameter,
@@ -145,7 +145,7 @@ pub struct Permeability {
     pub least_porosity: f64,
 }
 
-impl Permeability {
+impl ResistanceSettings {
     /// Returns the porosity within its limits.
     #[must_use]
     pub fn limited(&self, porosity: f64) -> f64 {
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn the_cap_holds() {
-        let permeability = Permeability {
+        let permeability = ResistanceSettings {
             law: Resistance::KozenyCarman,
             diameter: MeanDiameter::Sauter,
             porosity_cap: 0.7,

@@ -4,14 +4,14 @@
 //! in which a grain of the smallest size fits at the centre are filled from the top of the region downwards, or
 //! from that of the clouds if a closed vessel contains them. A position in a cell that is not reached is not
 //! available for a grain. The cells are as wide as the smallest radius, and wider if there would be more than
-//! [`MOST_CELLS`]. Two centres that are both at least half a cell away from a structure have no sheet between them,
+//! [`MAX_CELLS`]. Two centres that are both at least half a cell away from a structure have no sheet between them,
 //! however thin, so that the filling passes through no structure.
 
 use base::number::{floor_i64, real, whole};
 use plan::scene::structures::Structure;
 
 /// Maximum number of cells of the filling.
-const MOST_CELLS: f64 = 2e6;
+const MAX_CELLS: f64 = 2e6;
 
 /// Free space outside the structures.
 #[derive(Clone, Debug, Default)]
@@ -61,7 +61,7 @@ impl FreeSpace {
         let dimension = bounds.dimension;
         let [lower, upper] = bounds.region;
         let volume: f64 = (0..dimension).map(|a| upper[a] - lower[a]).product();
-        let coarsest = (volume / MOST_CELLS).powf(1.0 / real(dimension));
+        let coarsest = (volume / MAX_CELLS).powf(1.0 / real(dimension));
         let width = smallest.max(coarsest);
         let cells = std::array::from_fn(|a| {
             if a < dimension {

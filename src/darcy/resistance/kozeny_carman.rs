@@ -6,7 +6,7 @@
 //!
 //! (P. C. Carman, Trans. Inst. Chem. Eng. 15 (1937) 150.)
 
-use super::PermeabilityFormula;
+use super::ResistanceFormula;
 use crate::Liquid;
 
 /// Resistance law of Kozeny and Carman.
@@ -20,7 +20,7 @@ pub fn kozeny_carman(eps: f64, d: f64) -> f64 {
     eps * eps * eps * d * d / (180.0 * solid * solid)
 }
 
-impl PermeabilityFormula for KozenyCarman {
+impl ResistanceFormula for KozenyCarman {
     fn summary() -> &'static str {
         "Kozeny-Carman: the pressure gradient is proportional to the flux."
     }

@@ -120,7 +120,7 @@ fn has_moved(body: &Mapped, now: &Rigid, block: Option<&Turned>, dimension: usiz
     });
     #[expect(
         clippy::float_cmp,
-        reason = "any change of radius at all asks for a new map"
+        reason = "any change of the radius requires a new map"
     )]
     let resized = now.radius != body.radius;
     body.slack < 0.0 || moved >= body.slack * body.slack || resized
@@ -219,7 +219,7 @@ fn holds_the_same(body: &mut Mapped, now: &Rigid, dimension: usize) -> bool {
     let reach = body.nearest.reach - moved.sqrt() * (1.0 + 1e-9);
     #[expect(
         clippy::float_cmp,
-        reason = "any change of radius at all asks for a new map"
+        reason = "any change of the radius requires a new map"
     )]
     let resized = now.radius != body.radius;
     if body.slack < 0.0 || resized || reach.is_nan() || reach <= 0.0 {

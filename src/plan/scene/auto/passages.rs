@@ -1,4 +1,4 @@
-//! Narrowest places of the widest paths of the water, by clearance.
+//! Narrowest points of the widest flow paths, by clearance.
 //!
 //! The clearance of a point is its distance to the nearest solid: walls, bodies and their periodic images, blocks,
 //! structures. The width of a path is twice the smallest clearance along it. Samples of a grid are joined in
@@ -20,7 +20,7 @@ const SAMPLES: [f64; 2] = [20_000.0, 24_000.0];
 /// Ratio of samples to the intended number above which a thin box gets fewer samples along its long axes.
 const CROWDED: f64 = 4.0;
 /// Minimum number of samples along an axis.
-const FEWEST: f64 = 8.0;
+const MIN_SAMPLES: f64 = 8.0;
 /// Refinement of the samples about the narrowest place, in 2-D and 3-D; odd, so that the coarser samples are among
 /// the finer ones.
 const REFINEMENT: [usize; 2] = [15, 5];
@@ -29,7 +29,7 @@ const REFINED_SAMPLES: usize = 2;
 /// Width of a gap, relative to the adjacent bodies, above which it is open water.
 const WIDE: f64 = 1.0;
 /// Maximum number of solids.
-const MOST_SOLIDS: usize = 20_000;
+const MAX_SOLIDS: usize = 20_000;
 
 /// Number of nearest solids that are sought for a point.
 const NEAREST: usize = 4;
@@ -55,7 +55,7 @@ pub(crate) struct NarrowPlace {
     /// Width \[m\].
     pub(crate) width: f64,
     /// Kind of the adjacent solids.
-    pub(crate) beside: AdjacentKind,
+    pub(crate) adjacent: AdjacentKind,
 }
 
 enum Form {
@@ -329,14 +329,14 @@ impl<'a> Ground<'a> {
             .iter()
             .any(|side| matches!(side, Neighbour::Structure(_)));
         let wall = sides.iter().any(|side| matches!(side, Neighbour::Wall(..)));
-        let beside = match (structure, faces, bodies.count() > 0, wall) {
+        let adjacent = match (structure, faces, bodies.count() > 0, wall) {
             (true, ..) => AdjacentKind::Structure,
             (_, true, ..) => AdjacentKind::Faces,
             (_, _, true, true) => AdjacentKind::BallAndWall,
             (_, _, true, false) => AdjacentKind::Balls,
             _ => return None,
         };
-        let open = beside != AdjacentKind::Structure
+        let open = adjacent != AdjacentKind::Structure
             && thinnest.is_some_and(|least| width >= WIDE * least);
         let mut names: Vec<String> = Vec::new();
         for name in sides.iter().map(|side| self.name(*side)) {
@@ -347,7 +347,7 @@ impl<'a> Ground<'a> {
         (width > 0.0 && !open).then(|| NarrowPlace {
             what: format!("narrowest opening, next to {}", names.join(" and ")),
             width,
-            beside,
+            adjacent,
         })
     }
 }
@@ -426,27 +426,27 @@ impl Samples {
 }
 
 /// Returns the narrowest places of the widest paths between openings and around periodic axes.
-pub(crate) fn widest_ways(scene: &Scene, flow: &Flow) -> Vec<NarrowPlace> {
+pub(crate) fn widest_passages(scene: &Scene, flow: &Flow) -> Vec<NarrowPlace> {
     let structures = scene.structures.iter().any(|s| s.stops.water());
     let bodies = scene.bodies.len() + scene.blocks.as_ref().map_or(0, |blocks| blocks.list.len());
     // Gaps between discs are known exactly.
     let bodies = if scene.grid.dimension == 2 { 0 } else { bodies };
-    if !structures && bodies == 0 || bodies > MOST_SOLIDS {
+    if !structures && bodies == 0 || bodies > MAX_SOLIDS {
         return Vec::new();
     }
     let ground = Ground::new(scene, flow);
     let samples = sampled(&ground);
     let apart = samples.step.into_iter().fold(0.0, f64::max);
-    let mut ways: Vec<NarrowPlace> = Vec::new();
+    let mut places: Vec<NarrowPlace> = Vec::new();
     for place in narrowest(&ground, &samples) {
         let at = refined(&ground, &samples, &place);
-        ways.extend(
+        places.extend(
             ground
                 .passage_at(at, apart)
-                .filter(|way| !ways.contains(way)),
+                .filter(|place| !places.contains(place)),
         );
     }
-    ways
+    places
 }
 
 /// Returns the number of samples along each axis of a box: as uniform as possible, and in total at most [`CROWDED`]
@@ -457,7 +457,7 @@ fn counts(dimension: usize, size: [f64; 3]) -> [usize; 3] {
     let step = (volume / wanted).powf(1.0 / real(dimension));
     let mut counts = [1.0_f64; 3];
     for (count, size) in counts.iter_mut().zip(size).take(dimension) {
-        *count = (size / step).round().max(FEWEST);
+        *count = (size / step).round().max(MIN_SAMPLES);
     }
     if counts.iter().product::<f64>() > CROWDED * wanted {
         // Short axes first: the long axes divide the remaining samples.
@@ -468,7 +468,7 @@ fn counts(dimension: usize, size: [f64; 3]) -> [usize; 3] {
             let long = &axes[n..];
             let product: f64 = long.iter().map(|a| size[*a] / size[*axis]).product();
             let even = (left / product).powf(1.0 / real(long.len()));
-            counts[*axis] = even.round().max(FEWEST);
+            counts[*axis] = even.round().max(MIN_SAMPLES);
             left /= counts[*axis];
         }
     }
@@ -565,14 +565,14 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
     let mut has_opening: Vec<bool> = vec![false; count];
     has_opening.extend(vec![true; openings.len()]);
     let mut found = Vec::new();
-    let mut beside: Vec<(usize, [i32; 3])> = Vec::new();
+    let mut adjacent: Vec<(usize, [i32; 3])> = Vec::new();
     let widths = samples.largest_near_clearance(periodic);
     for k in samples.order(&widths) {
         there[k] = true;
-        beside.clear();
+        adjacent.clear();
         samples.adjacent(k, periodic, |other, by| {
             if there[other] {
-                beside.push((other, by));
+                adjacent.push((other, by));
             }
         });
         let (at, cell) = (samples.point(k), samples.cell(k));
@@ -580,15 +580,15 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
             let end = if *upper { samples.count[*axis] - 1 } else { 0 };
             let mut across = (0..ground.dimension).filter(|a| a != axis);
             if cell[*axis] == end && across.all(|a| low[a] <= at[a] && at[a] <= high[a]) {
-                beside.push((count + n, [0; 3]));
+                adjacent.push((count + n, [0; 3]));
             }
         }
         // The widest sample of each side represents it.
         let width = |other: usize| widths.get(other).copied().unwrap_or(f64::INFINITY);
-        beside.sort_by(|a, b| width(b.0).total_cmp(&width(a.0)));
+        adjacent.sort_by(|a, b| width(b.0).total_cmp(&width(a.0)));
         let sample = |other: usize| if other < count { other } else { k };
-        let first = beside.first().map_or(k, |(other, _)| sample(*other));
-        for (other, by) in beside.iter().copied() {
+        let first = adjacent.first().map_or(k, |(other, _)| sample(*other));
+        for (other, by) in adjacent.iter().copied() {
             let (one, two) = (sets.root(k).0, sets.root(other).0);
             let open = has_opening[one] && has_opening[two];
             let ring = sets.join(k, other, by);
@@ -688,16 +688,16 @@ fn refined(ground: &Ground<'_>, samples: &Samples, narrow: &Narrow) -> Point {
 fn between(samples: &Samples, ends: [usize; 2]) -> Option<usize> {
     let mut sets = JoinedSolids::new(samples.clearance.len());
     let mut there = vec![false; samples.clearance.len()];
-    let mut beside = Vec::new();
+    let mut adjacent = Vec::new();
     for k in samples.order(&samples.clearance) {
         there[k] = true;
-        beside.clear();
+        adjacent.clear();
         samples.adjacent(k, [false; 3], |other, _| {
             if there[other] {
-                beside.push(other);
+                adjacent.push(other);
             }
         });
-        for other in &beside {
+        for other in &adjacent {
             let _ = sets.join(k, *other, [0; 3]);
         }
         if ends.iter().all(|end| there[*end]) && sets.root(ends[0]).0 == sets.root(ends[1]).0 {
@@ -713,7 +713,7 @@ mod tests {
     use serde_json::{Value, json};
 
     /// Returns widths and kinds of the passages in water under a force along x.
-    fn ways(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, AdjacentKind)> {
+    fn passages(size: &Value, periodic: &[&str], solids: [Value; 2]) -> Vec<(f64, AdjacentKind)> {
         let [bodies, structures] = solids;
         let force: Vec<f64> = (0..size.as_array().unwrap().len())
             .map(|a| if a == 0 { 0.1 } else { 0.0 })
@@ -729,10 +729,10 @@ mod tests {
         let document =
             case::Document::read(&case.to_string(), &[], std::path::Path::new("")).unwrap();
         let plan = crate::Plan::prepare(document).unwrap();
-        let found = widest_ways(&plan.scene, plan.scene.flow.as_ref().unwrap());
+        let found = widest_passages(&plan.scene, plan.scene.flow.as_ref().unwrap());
         found
             .into_iter()
-            .map(|way| (way.width, way.beside))
+            .map(|place| (place.width, place.adjacent))
             .collect()
     }
 
@@ -770,13 +770,13 @@ mod tests {
             wall("a", [5e-4, -1.0], [6e-4, 6.7e-4]),
             wall("b", [1.5e-3, 3.3e-4], [1.6e-3, 1.0])
         ]);
-        let found = ways(&json!([2e-3, 1e-3]), &["x"], [json!([]), baffles]);
+        let found = passages(&json!([2e-3, 1e-3]), &["x"], [json!([]), baffles]);
         assert!(
             found.len() == 1 && found[0].1 == AdjacentKind::Structure && near(found[0].0, 3.3e-4),
             "{found:?}"
         );
         let disc = json!([{"name": "d", "shape": {"disc": {"centre": [1.03e-3, 5.2e-4], "radius": 3.9e-4}}}]);
-        let found = ways(&json!([2e-3, 1e-3]), &["x"], [json!([]), disc]);
+        let found = passages(&json!([2e-3, 1e-3]), &["x"], [json!([]), disc]);
         assert!(found.len() == 1 && near(found[0].0, 1.3e-4), "{found:?}");
     }
 
@@ -786,7 +786,7 @@ mod tests {
     fn the_way_past_a_sphere_in_a_duct_is_in_the_corners() {
         for radius in [4e-4, 4.5e-4] {
             let ball = body(&json!({"sphere": {"radius": radius}}), [1e-3, 5e-4, 5e-4]);
-            let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]);
+            let found = passages(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]);
             let exact = 2.0 * (0.5_f64.sqrt() * 1e-3 - radius) / (1.0 + 2.0_f64.sqrt());
             assert!(
                 found.len() == 1
@@ -801,7 +801,7 @@ mod tests {
     fn wide_water_has_no_narrow_way() {
         let ball = body(&json!({"sphere": {"radius": 1e-4}}), [1e-3, 5e-4, 5e-4]);
         assert_eq!(
-            ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]),
+            passages(&json!([2e-3, 1e-3, 1e-3]), &["x"], [ball, json!([])]),
             []
         );
     }
@@ -813,7 +813,7 @@ mod tests {
             &json!({"cuboid": {"edges": [5e-4, 9.9e-4, 8e-4]}}),
             [1e-3, 5e-4, 4e-4],
         );
-        let found = ways(&json!([2e-3, 1e-3, 1e-3]), &["x"], [block, json!([])]);
+        let found = passages(&json!([2e-3, 1e-3, 1e-3]), &["x"], [block, json!([])]);
         assert!(
             found.len() == 1 && found[0].1 == AdjacentKind::Faces && near(found[0].0, 2e-4),
             "{found:?}"

@@ -13,14 +13,14 @@
 //! K = mu q/|grad phi| = 2 mu/[A + sqrt(A^2 + 4 B |grad phi|)]
 //! ```
 
-use super::PermeabilityFormula;
+use super::ResistanceFormula;
 use crate::{Equations, Liquid};
 
 /// Resistance law of Ergun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ergun;
 
-impl PermeabilityFormula for Ergun {
+impl ResistanceFormula for Ergun {
     fn summary() -> &'static str {
         "Ergun (1952): includes inertial losses and is solved iteratively. Requires the corrected equations."
     }
@@ -57,7 +57,7 @@ impl PermeabilityFormula for Ergun {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::permeability::kozeny_carman;
+    use crate::resistance::kozeny_carman;
 
     const WATER: Liquid = Liquid {
         density: 1000.0,
