@@ -704,7 +704,7 @@ fn piloted(plan: &Plan, case: &CaseArgs) -> Result<Option<Plan>, Error> {
     let Some((found, tree)) = pilot::command(plan, Path::new(&folder), &run, &report)? else {
         report(&format!(
             "no pilot: none on coarser cells costs at most {} % of this run; the plan keeps its own estimates",
-            100.0 * pilot::MOST_COST
+            100.0 * pilot::MAX_COST
         ));
         return Ok(None);
     };

@@ -599,7 +599,7 @@ impl SlabSurface {
     }
 
     /// Distributes excess mass. Collective.
-    fn share_out<S: Stored>(&mut self, populations: &Populations<S>) {
+    fn distribute_excess<S: Stored>(&mut self, populations: &Populations<S>) {
         self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
         self.lost += self.work.distribute(&mut self.cells);
         let mut fill = std::mem::take(&mut self.cells.fill);

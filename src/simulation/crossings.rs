@@ -17,7 +17,7 @@ use decomposition::Domain;
 use dem::particles::Particles;
 use dem::space::{Components, Space};
 use plan::Plan;
-use plan::scene::block::AlignedBox;
+use plan::scene::aligned_box::AlignedBox;
 use plan::scene::observe::RegionAction;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

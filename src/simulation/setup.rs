@@ -472,7 +472,7 @@ fn seepage_settings(
     let saturated = written.unsaturated.is_none();
     seepage::SeepageSettings {
         liquid: liquid_of(scene),
-        permeability: darcy::Permeability {
+        resistance: darcy::ResistanceSettings {
             law: written.resistance(),
             diameter,
             porosity_cap: written.porosity_cap(),
@@ -480,8 +480,8 @@ fn seepage_settings(
         },
         drag: written.drag(),
         equations: written.equations,
-        transient: written.transient_porosity() && saturated,
-        semi_implicit: written.semi_implicit_drag && saturated,
+        transient_porosity: written.transient_porosity() && saturated,
+        semi_implicit_drag: written.semi_implicit_drag && saturated,
         gravity: plan.scene.gravity,
         interval: plan.clock.time_step,
         roughness: written.roughness,

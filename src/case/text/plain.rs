@@ -1,6 +1,6 @@
 //! Parsing of JSON text into a tree, for texts without errors.
 
-use super::{MOST_KEYS, MOST_VALUES, plain_values};
+use super::{MAX_KEYS, MAX_VALUES, plain_values};
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::cell::Cell;

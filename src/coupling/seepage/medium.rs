@@ -155,7 +155,7 @@ impl<Sp: Space> Seepage<Sp> {
             return 0.0;
         }
         let (liquid, dimension) = (self.settings.liquid, self.openness.grid.dimension);
-        let permeability = &self.settings.permeability;
+        let permeability = &self.settings.resistance;
         let (law, cap) = (permeability.law.model(), permeability.porosity_cap);
         let water = &mut self.water;
         let mut change = 0.0_f64;

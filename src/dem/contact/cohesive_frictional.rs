@@ -133,8 +133,8 @@ impl CohesiveFrictionalParameters {
             stiffness_ratio: linear.stiffness_ratio,
             friction: linear.friction,
             cohesion,
-            normal_damping: linear.normal_damping,
-            shear_damping: linear.shear_damping,
+            normal_damping_ratio: linear.normal_damping_ratio,
+            shear_damping_ratio: linear.shear_damping_ratio,
         }
     }
 
@@ -144,8 +144,8 @@ impl CohesiveFrictionalParameters {
             normal_stiffness: self.normal_stiffness,
             stiffness_ratio: self.stiffness_ratio,
             friction: self.friction,
-            normal_damping: self.normal_damping,
-            shear_damping: self.shear_damping,
+            normal_damping_ratio: self.normal_damping_ratio,
+            shear_damping_ratio: self.shear_damping_ratio,
             attraction: false,
         }
     }

@@ -41,7 +41,7 @@ impl JointFlow {
 
     /// Computes the volumes of a cell at the present gap.
     fn measure_volume(&mut self, number: usize) {
-        let residual = self.network.settings.residual;
+        let residual = self.network.settings.residual_aperture;
         let (cell, joint) = (&self.network.cells[number], self.network.joint_of[number]);
         let at = &cell.centroid;
         self.volumes[number] = cell.outline.integral_above(&self.gaps[joint], residual);

@@ -176,7 +176,7 @@ impl<S: Stored> Fluid<S> {
     pub fn fluxes_into(&self, fluxes: &mut Vec<Flux>) {
         let wet = |cell| self.holds_water(cell);
         self.boundaries.fluxes_into(&self.populations, wet, fluxes);
-        for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_last()) {
+        for (patch, entered) in self.surface().iter().flat_map(|s| s.entered_in_last_step()) {
             fluxes[patch].mass = -entered;
         }
     }

@@ -33,7 +33,6 @@ pub mod sound;
 pub(crate) mod spacing;
 pub(crate) mod step;
 pub mod surface;
-mod ways;
 
 use super::Scene;
 use super::findings::Findings;
@@ -241,8 +240,8 @@ pub(crate) fn choose_remaining(
     }
     if let (Some(accuracy), Some(lbm)) = (requested_accuracy(written), lattice) {
         scene.chosen.accuracy = Some(accuracy);
-        report_blocked(case, &ways, findings);
-        step::choose(scene, lbm, accuracy.target(), &ways, findings);
+        report_blocked(case, &narrow_gaps, findings);
+        step::choose(scene, lbm, accuracy.target(), &narrow_gaps, findings);
         if scene.surface.is_none() {
             promise::compute_promise(scene, case, lbm, accuracy.target(), findings);
         }

@@ -105,11 +105,11 @@ fn cells_along(axis: usize, length: f64, spacing: f64, findings: &mut Findings) 
         );
         return None;
     }
-    if ratio > MOST_CELLS {
+    if ratio > MAX_CELLS {
         findings.error(
             &path,
             format!(
-                "this makes {} cells; at most {MOST_CELLS:e} are allowed along an axis",
+                "this makes {} cells; at most {MAX_CELLS:e} are allowed along an axis",
                 number(ratio)
             ),
             "check the units: size and spacing are in m",

@@ -1,7 +1,7 @@
 //! Coarse grid of a seepage: the cells of the domain, or those of its own grid, equal or graded.
 
 use super::PATH;
-use crate::scene::block::AlignedBox;
+use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grid::Grid;
 use base::error::Remedy;
