@@ -191,7 +191,13 @@ impl Choices<'_> {
         };
         let dimension = scene.grid.dimension;
         if let Some(grading) = grains.percentiles(dimension) {
-            let reason = format!("requested; {} grains, passing by mass", grains.expected);
+            // The sizes count by their volumes, which are their masses where all densities are equal.
+            let densities: Vec<f64> = grains.materials().map(|m| scene.density(m)).collect();
+            let alike = densities
+                .windows(2)
+                .all(|pair| pair[0].to_bits() == pair[1].to_bits());
+            let by = if alike { "mass" } else { "volume" };
+            let reason = format!("requested; {} grains, passing by {by}", grains.expected);
             self.add("grading", grading.to_string(), reason);
         }
         for cloud in grains.layers() {

@@ -296,6 +296,9 @@ def measured(runner, options, family, number):
                 continue
             largest[name] = max(error, largest.get(name, 0.0))
             cells = chosen["ground"]["lengths"][0]["cells"]
+            if cells < 1.4 and "within cells" not in chosen["ground"]["kind"]:
+                # A length of one cell is not resolved: such ground has no promise.
+                continue
             rows.append([chosen["ground"]["kind"], entry["kind"], f"{family} {number}", f"{cells:.3g}", f"{largest[name]:.3g}"])
     if not options.keep:
         shutil.rmtree(folder)
