@@ -110,6 +110,39 @@ impl CellState {
     }
 }
 
+/// Cells on both sides of the faces normal to an axis.
+struct FacePair<'a> {
+    states: &'a [CellState],
+    soil_of: &'a [u8],
+    phi: &'a [f64],
+    /// Conductances of the faces at saturation.
+    saturated: &'a [f64],
+    /// Weight of the water \[N/m3\].
+    weight: f64,
+    /// Distance of the positions of two neighbours.
+    stride: usize,
+}
+
+impl FacePair<'_> {
+    /// Returns the flux of the face below a position; the elevation rises by `rise` between the centres \[m\].
+    #[inline(always)]
+    fn flux(&self, at: usize, rise: f64) -> FaceFlux {
+        let (below, t) = (at - self.stride, self.saturated[at]);
+        if t > 0.0 {
+            let (lower, upper) = (self.states[below], self.states[at]);
+            let difference = self.phi[below] - self.phi[at];
+            let k = if self.soil_of[below] == self.soil_of[at] {
+                mean(lower.side(), upper.side(), rise)
+            } else {
+                upstream([lower, upper], difference)
+            };
+            face_flux(t, k, difference, self.weight)
+        } else {
+            FaceFlux::default()
+        }
+    }
+}
+
 /// State of partly saturated ground.
 pub(super) struct Unsaturated {
     /// Retentions of the soils, then the soil index of each cell.
@@ -422,31 +455,25 @@ impl Pressure {
         let states = &own.states;
         for axis in 0..3 {
             let (stride, rise) = (layout.stride[axis], own.rise[axis]);
-            let saturated = &own.saturated[axis];
-            let flux = |at: usize, rise: f64| {
-                let (below, t) = (at - stride, saturated[at]);
-                if t > 0.0 {
-                    let k = if soil_of[below] == soil_of[at] {
-                        mean(states[below].side(), states[at].side(), rise)
-                    } else {
-                        upstream([states[below], states[at]], phi[below] - phi[at])
-                    };
-                    face_flux(t, k, phi[below] - phi[at], weight)
-                } else {
-                    FaceFlux::default()
-                }
+            let pair = FacePair {
+                states,
+                soil_of,
+                phi,
+                saturated: &own.saturated[axis],
+                weight,
+                stride,
             };
             let faces = &mut own.faces[axis];
             match rise {
                 Some(rise) => layout.sweep(&whole, faces, |start, out| {
                     for (i, face) in out.iter_mut().enumerate() {
-                        *face = flux(start + i, rise);
+                        *face = pair.flux(start + i, rise);
                     }
                 }),
                 None => layout.sweep(&whole, faces, |start, out| {
                     for (i, face) in out.iter_mut().enumerate() {
                         let at = start + i;
-                        *face = flux(at, elevation[at] - elevation[at - stride]);
+                        *face = pair.flux(at, elevation[at] - elevation[at - stride]);
                     }
                 }),
             }

@@ -216,7 +216,7 @@ fn faces(written: &CellWidths, from: f64, to: f64) -> Result<Vec<f64>, Fault> {
             }
             let whole = cells.round().max(1.0);
             if (cells - whole).abs() > ROUNDING * whole {
-                let remedy = format!("use {} m", number(length / whole));
+                let remedy = format!("use {} m", length / whole);
                 let reason = format!(
                     "the grid is {} m long, {} widths; it must be a whole number of them",
                     number(length),
