@@ -193,8 +193,20 @@ pub struct Balance {
     /// Volume of water inside the rock in cells that blocks took from joints, minus that in cells that joints took from
     /// blocks \[m³\].
     pub into_rock: f64,
-    /// Smallest and largest gauge pressure of a node so far \[Pa\].
+    /// Smallest and largest gauge pressure of a node so far \[Pa\]; the first above the second if there were no nodes.
     pub pressure: [f64; 2],
+}
+
+/// Extremes before the first pressure: finite, so that a checkpoint can contain them.
+const NO_PRESSURE: [f64; 2] = [f64::MAX, f64::MIN];
+
+impl Balance {
+    /// Returns the smallest and the largest gauge pressure of a node so far \[Pa\]; none if the network never had nodes.
+    #[must_use]
+    pub fn pressures(&self) -> Option<[f64; 2]> {
+        let [low, high] = self.pressure;
+        (low <= high).then_some([low, high])
+    }
 }
 
 /// Number of values of the balance in a saved state.
@@ -295,7 +307,7 @@ impl JointWater {
                 taken_over: 0.0,
                 opened: 0.0,
                 into_rock: 0.0,
-                pressure: [f64::INFINITY, f64::NEG_INFINITY],
+                pressure: NO_PRESSURE,
             },
             report: StepReport::default(),
             steps: 0,

@@ -403,3 +403,16 @@ fn a_plan_names_the_method_of_each_joint_with_reason_and_cost() {
         assert!(found[0].starts_with(expected), "{found:?}");
     }
 }
+
+/// Checks a network without a node: its joint is wide enough for the lattice from the start.
+#[test]
+fn joints_by_the_lattice_alone_restart_with_the_same_bits() {
+    let _beside = beside_others();
+    let mut case = pools(&pressures(6.0, 2.0), "lattice");
+    case["time"]["end"] = json!(0.04);
+    let study = Study::new(&case.to_string());
+    study.run("straight", 1, 1, &[]);
+    study.run("parts", 1, 2, &["time.end=0.02"]);
+    study.restart("parts", 1, &["time.end=0.04"]).expect(0);
+    study.same("straight", "parts");
+}

@@ -320,9 +320,12 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         }
         let simulation = &self.simulation;
         if let Some(joints) = simulation.now.joints() {
-            let [low, high] = joints.balance().pressure;
+            let pressures = joints.balance().pressures();
+            let pressures = pressures.map_or_else(String::new, |[low, high]| {
+                format!("joints {low:.3e} to {high:.3e} Pa so far, ")
+            });
             more = format!(
-                "joints {low:.3e} to {high:.3e} Pa so far, {} Newton steps, mass error {:.1e}",
+                "{pressures}{} Newton steps, mass error {:.1e}",
                 joints.report().newton,
                 joints.mass_error()
             );

@@ -380,8 +380,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "water_into_rock": balance.into_rock,
             "mass_error": joints.mass_error(),
             "blocks_left": departures.collect::<Vec<_>>(),
-            "smallest_pressure": balance.pressure[0],
-            "largest_pressure": balance.pressure[1],
+            "smallest_pressure": balance.pressures().map(|[low, _]| low),
+            "largest_pressure": balance.pressures().map(|[_, high]| high),
         });
     }
 
@@ -514,9 +514,12 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
             "m3/s"
         };
         if let Some(joints) = now.joints() {
-            let [low, high] = joints.balance().pressure;
+            let pressures = joints.balance().pressures();
+            let pressures = pressures.map_or_else(String::new, |[low, high]| {
+                format!(", pressures from {low:.4e} to {high:.4e} Pa")
+            });
             self.progress.note(&format!(
-                "mass error {:.1e} of the water in the joints, pressures from {low:.4e} to {high:.4e} Pa; state {hash}",
+                "mass error {:.1e} of the water in the joints{pressures}; state {hash}",
                 joints.mass_error()
             ));
             return;
