@@ -182,7 +182,8 @@ fn check_tension(
         findings.warn(
             &path,
             format!(
-                "the cell Laplace number tension h/(density viscosity²) is {}: drops of 5 cells of radius came to rest up to {LAPLACE_HOLDS}, and from {LAPLACE_FAILS} spurious currents moved some of them",
+                "the cell Laplace number tension h/(density viscosity²) is {}: drops of 5 cells of radius came to rest \
+                 up to {LAPLACE_HOLDS}, and from {LAPLACE_FAILS} spurious currents moved some of them",
                 number(laplace)
             ),
             format!(

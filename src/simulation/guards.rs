@@ -2,8 +2,8 @@
 //! balance.
 //!
 //! * *Check*: every `guards.check_every_steps` steps (default 100) and at the end, every cell and every grain is
-//!   checked ([`state_check`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a compression
-//!   above `guards.max_compression` end the run; [`failure`] names the cell. A compression above
+//!   checked ([`state_check`]). A value that is not finite, a speed above `guards.max_lattice_velocity` and a
+//!   compression above `guards.max_compression` end the run; [`failure`] names the cell. A compression above
 //!   `guards.warn_compression` is reported at once, and in each log line while it persists. Cells enclosed by
 //!   bodies do not count for compression, because moving bodies squeeze them. The warm-up is checked in the same
 //!   way. A check takes 9, 30 and 40 ns per cell with 9, 19 and 27 populations in f64, where reading them once

@@ -148,7 +148,8 @@ impl PipingAnswers {
         let diameter = self.scene.settings.grains.diameter;
         if critical.exit_height < diameter {
             all.push(format!(
-                "the pipe is {:.2e} m high at the exit, less than a grain of {diameter:.2e} m, so that the model of flow between plates does not apply",
+                "the pipe is {:.2e} m high at the exit, less than a grain of {diameter:.2e} m, \
+                 so that the model of flow between plates does not apply",
                 critical.exit_height
             ));
         }

@@ -120,7 +120,8 @@ impl Behaviour {
                  differences change their sign"
             }
             Self::Scattered => {
-                "least squares (Eca and Hoekstra 2014), F = 3, at least the range of the values: edges lie at different positions within the cells of each grid"
+                "least squares (Eca and Hoekstra 2014), F = 3, at least the range of the values: \
+                 edges lie at different positions within the cells of each grid"
             }
             Self::Slow => {
                 "grid convergence index, F = 3 and an order of 0.5: the differences do not decrease on these cells, \

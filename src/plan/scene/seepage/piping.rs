@@ -385,7 +385,8 @@ impl Seepage {
                 findings.error(
                     path,
                     format!(
-                        "the cell at ({}) m on the line of the pipe is not completely ground: a structure, a drain or a plane of the enclosure lies in it",
+                        "the cell at ({}) m on the line of the pipe is not completely ground: \
+                         a structure, a drain or a plane of the enclosure lies in it",
                         centre[..grid.dimension].iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ")
                     ),
                     "move the line to the lower face of the structure, and that face to a plane between cells",
