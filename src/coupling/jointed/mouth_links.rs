@@ -106,7 +106,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
                 (inner + 0.5 - 0.5 * c[axis]) * spacing
             };
             let middle = Vector3::new(at(0), at(1), at(2));
-            // The cell of water tells a mouth from the edge of a joint that it passes by.
+            // The cell of water distinguishes a mouth from the edge of a joint that the link passes.
             let outer = middle - Vector3::from(c) * (0.5 * spacing);
             let joint = self.joint_of.get(&link.inner).copied();
             let own = joint.and_then(|joint| of_joint.get(joint));
