@@ -292,8 +292,8 @@ fn a_lattice_and_a_wide_joint_keep_their_water_together() {
     assert!(right > 1e-5, "{right:e}");
 }
 
-/// Returns all water of a lattice and its joints \[m³\]: that of the cells that no joint closes, inside rock too, of the
-/// network, and of the rounding of faces to cells.
+/// Returns all water of a lattice and its joints \[m³\]: that of the cells that no joint closes, inside rock too, of
+/// the network, and of the rounding of faces to cells.
 fn all_water(water: &solver::coupling::water::Water<Volume, f64>) -> f64 {
     let lattice = water.lattice().unwrap();
     let populations = lattice.fluid().populations();
