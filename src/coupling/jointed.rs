@@ -32,11 +32,11 @@
 //!
 //! **Stability.** A network that is driven by the pressure before the water enters gives less energy than the lattice
 //! receives: the difference acts as a negative resistance, which friction exceeds in narrow joints alone. At mouths
-//! with links the pressure includes the water of the step, implicitly (`mouth_links`). At cells in front of a wide mouth
-//! it has half of the increase by the discharge of the end of the last step; the change of the discharge in a step
-//! remains. It reduces the inertia of the water between a mouth and the first point of the joint, half a cell `l` of
-//! the joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep it
-//! positive.
+//! with links the pressure includes the water of the step, implicitly (`mouth_links`). At cells in front of a wide
+//! mouth it has half of the increase by the discharge of the end of the last step; the change of the discharge in a
+//! step remains. It reduces the inertia of the water between a mouth and the first point of the joint, half a cell
+//! `l` of the joint, by a quarter of `h/(3 l)` with cells `h` of the lattice. Cells of the joint of at least `h` keep
+//! it positive.
 //!
 //! **Pressures** are those of the lattice. Where gravity does not act on its water they are the excess over
 //! hydrostatic, in the joints as well, and the buoyancy of the whole block comes with the load of the lattice.

@@ -1,7 +1,7 @@
 //! Force and moment of the water of a network on the faces of its blocks.
 //!
-//! The pressure of a cell acts on its area on both faces, normal to the faces and at the points of the faces. Its work in a small motion of the
-//! blocks is the pressure times the change of the cell's volume.
+//! The pressure of a cell acts on its area on both faces, normal to the faces and at the points of the faces. Its
+//! work in a small motion of the blocks is the pressure times the change of the cell's volume.
 //!
 //! Friction of the water acts along both faces, each with half of the pressure that the discharge loses over the area
 //! of the cross section ([`add_wide_loads`]). It matters where an aperture is no longer small compared with a block.

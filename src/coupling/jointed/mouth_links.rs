@@ -3,16 +3,18 @@
 //! A mouth is a wall that moves with the discharge of its joint: the populations that it reflects gain the volume `V`
 //! that leaves the joint in a step, in parts `s_l` in proportion to `w_l c_l.n u` with the weight and the velocity of
 //! each link, the normal of the mouth and the profile `u` of laminar flow between the faces. On a flat face this is
-//! half-way bounce-back at a wall with the velocity of the discharge (A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285), with
-//! mass and momentum of the jet, and exact in mass on any face. A volume that enters the cells at rest instead lowers their pressure by the normal stress `3 mu u/h` of the
-//! divergence: an error that grows as the cells become smaller.
+//! half-way bounce-back at a wall with the velocity of the discharge (A. J. C. Ladd, J. Fluid Mech. 271 (1994) 285),
+//! with mass and momentum of the jet, and exact in mass on any face. A volume that enters the cells at rest instead
+//! lowers their pressure by the normal stress `3 mu u/h` of the divergence: an error that grows as the cells become
+//! smaller.
 //!
-//! The pressure of a mouth is that of the same populations, `sum of s_l f_l/w_l`: the traction of the water on the mouth,
-//! at the place of the mouth. In the norm in which the populations of a lattice lose energy, `sum of f²/w`, the volume
-//! gives the lattice the energy `V p + V²/2 sum of s_l²/w_l`. The network is therefore driven by the pressure `p + V/2
-//! sum of s_l²/w_l`, with the discharge of its own implicit stages ([`joints::flow::Drive::resistance`]): that of the
-//! middle of the step, at which half of the volume has entered. The stages pay at least the energy that the lattice
-//! receives, so that the coupling is stable for any step and friction.
+//! The pressure of a mouth is that of the same populations, `sum of s_l f_l/w_l`: the traction of the water on the
+//! mouth, at the place of the mouth. In the norm in which the populations of a lattice lose energy, `sum of f²/w`,
+//! the volume gives the lattice the energy `V p + V²/2 sum of s_l²/w_l`. The network is therefore driven by the
+//! pressure `p + V/2 sum of s_l²/w_l`, with the discharge of its own implicit stages
+//! ([`joints::flow::Drive::resistance`]): that of the middle of the step, at which half of the volume has entered.
+//! The stages pay at least the energy that the lattice receives, so that the coupling is stable for any step and
+//! friction.
 //!
 //! Sums are sums of integers, which do not depend on the ranks.
 
@@ -106,7 +108,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
                 (inner + 0.5 - 0.5 * c[axis]) * spacing
             };
             let middle = Vector3::new(at(0), at(1), at(2));
-            // The cell of water tells a mouth from the edge of a joint that it passes by.
+            // The cell of water distinguishes a mouth from the edge of a joint that the link passes.
             let outer = middle - Vector3::from(c) * (0.5 * spacing);
             let joint = self.joint_of.get(&link.inner).copied();
             let own = joint.and_then(|joint| of_joint.get(joint));
@@ -138,8 +140,8 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         self.links.made_for = made_for;
     }
 
-    /// Returns the pressure in front of each mouth \[Pa\], none if there is no water, and its increase per discharge out
-    /// of the joint [Pa s/m³]. Collective.
+    /// Returns the pressure in front of each mouth \[Pa\], none if there is no water, and its increase per discharge
+    /// out of the joint [Pa s/m³]. Collective.
     pub(super) fn fronts(&mut self, domain: &Domain) -> (Vec<Option<f64>>, Vec<f64>) {
         self.find_mouth_cells();
         self.find_mouth_links();

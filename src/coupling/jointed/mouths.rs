@@ -55,13 +55,13 @@ pub(super) struct MouthCells {
 
 impl MouthCells {
     /// Returns the cells of a mouth.
-    fn of(&self, mouth: usize) -> Range<usize> {
+    fn cells_of(&self, mouth: usize) -> Range<usize> {
         self.firsts[mouth]..self.firsts[mouth + 1]
     }
 
     /// Returns the mean pressure in front of a mouth \[Pa\]; none if there is no water.
     fn weigh(&mut self, mouth: usize) -> Option<f64> {
-        let (wide, cells) = (self.wide[mouth], self.of(mouth));
+        let (wide, cells) = (self.wide[mouth], self.cells_of(mouth));
         let cells = &mut self.list[cells];
         let mut points = 0.0;
         for cell in cells.iter_mut() {
@@ -244,7 +244,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         let mut wide = Vec::new();
         for (mouth, front) in fronts.iter_mut().enumerate() {
             if front.is_some() {
-                let cells = self.cells.of(mouth);
+                let cells = self.cells.cells_of(mouth);
                 self.cells.list[cells]
                     .iter_mut()
                     .for_each(|cell| cell.part = 0.0);
@@ -269,7 +269,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
         cells.volumes.fill(0.0);
         for &mouth in wide {
             let volume = outflows[mouth] * self.joints.interval();
-            for cell in &cells.list[cells.of(mouth)] {
+            for cell in &cells.list[cells.cells_of(mouth)] {
                 cells.volumes[cell.index] += cell.part * volume;
             }
         }
@@ -279,7 +279,7 @@ impl<Sp: Space, S: Stored> Jointed<Sp, S> {
             let Some(front) = &mut fronts[mouth] else {
                 continue;
             };
-            for cell in &cells.list[cells.of(mouth)] {
+            for cell in &cells.list[cells.cells_of(mouth)] {
                 *front += cell.part * half * cells.volumes[cell.index];
             }
         }

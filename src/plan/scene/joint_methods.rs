@@ -16,11 +16,11 @@
 //! | 4 | -8.2 % | 0.7 % | 1.5 |
 //! | 6 | -8.0 % | reference | 1.2 |
 //!
-//! The error of the network falls with the length of the joint, to 1.8 % at thirty apertures, and does not depend on the
-//! cells. That of the lattice in the table is for faces on faces of cells. Other faces move by up to half a cell, each:
-//! the discharge is off by up to `(1 + 1/n)³`, twice with four cells and a fifth with sixteen, while the network takes
-//! faces where they are. With fewer than four cells the lattice may lose more than half of the section of a joint, so
-//! that the limit is four.
+//! The error of the network falls with the length of the joint, to 1.8 % at thirty apertures, and does not depend on
+//! the cells. That of the lattice in the table is for faces on faces of cells. Other faces move by up to half a cell,
+//! each: the discharge is off by up to `(1 + 1/n)³`, twice with four cells and a fifth with sixteen, while the
+//! network takes faces where they are. With fewer than four cells the lattice may lose more than half of the section
+//! of a joint, so that the limit is four.
 
 use super::blocks::{PlacedBlocks, RockBlock};
 use super::grid::Grid;
