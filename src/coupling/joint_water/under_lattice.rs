@@ -18,7 +18,9 @@ impl JointWater {
         let network = self.flow.network();
         let mouth = |piece: &joints::edges::Piece| {
             let gap = &network.joints[piece.joint].gap;
-            let aperture = gap.value(&piece.path[1]).max(network.settings.residual_aperture);
+            let aperture = gap
+                .value(&piece.path[1])
+                .max(network.settings.residual_aperture);
             MouthAt {
                 middle: piece.middle,
                 outward: piece.outward,

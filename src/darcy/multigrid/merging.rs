@@ -183,7 +183,7 @@ impl Merging {
     pub(super) fn inner(&self, axis: usize, index: usize) -> Option<usize> {
         match &self.graded {
             None if self.joined[axis] == 1 => None,
-            None => Some(usize::from(index % 2 == 0)),
+            None => Some(usize::from(index.is_multiple_of(2))),
             Some(axes) => {
                 let axis = &axes[axis];
                 let start = axis.starts[axis.of[index]];

@@ -255,7 +255,7 @@ impl Bodies {
                 self.wet.push((cell, at));
             }
             let end = gradient_at_end(cells, velocities, position);
-            if end != [0.0; 3] {
+            if end.iter().any(|c| c.abs() > 0.0) {
                 self.ends.push(((cell, at), end));
             }
             cover.each_body(position, |slot, solid, fraction, _| {

@@ -238,7 +238,7 @@ fn faces(written: &CellWidths, from: f64, to: f64) -> Result<Vec<f64>, Fault> {
             if real(widths.len()) > MOST_CELLS {
                 return fault(too_many(real(widths.len())), "use wider cells");
             }
-            if !((sum - length).abs() <= ROUNDING * length) {
+            if sum.is_nan() || (sum - length).abs() > ROUNDING * length {
                 let reason = format!(
                     "the widths add up to {} m, but the grid is {} m long",
                     number(sum),
