@@ -42,7 +42,7 @@ fn angle(y: f64, x: f64) -> f64 {
 
 /// Returns a - a³/3.
 #[inline(always)]
-pub fn less_cubed(a: f64) -> f64 {
+pub fn minus_third_of_cube(a: f64) -> f64 {
     a - a * a * a / 3.0
 }
 
@@ -57,10 +57,10 @@ pub fn meeting(a: f64, b: f64) -> f64 {
 /// line x = a, y = b does not enter the ball.
 #[inline(always)]
 pub fn edge(a: f64, b: f64) -> f64 {
-    edge_by([a, b], less_cubed, less_cubed)
+    edge_by([a, b], minus_third_of_cube, minus_third_of_cube)
 }
 
-/// Computes [`edge`] with functions that return [`less_cubed`] of each coordinate, for callers that have stored it.
+/// Computes [`edge`] with functions that return [`minus_third_of_cube`] of each coordinate, for callers that have stored it.
 #[inline(always)]
 pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f64) -> f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
@@ -124,7 +124,7 @@ pub fn filled(corner: [f64; 8], radius: f64) -> f64 {
 /// Squared distances \[cells²\] from the centre of a ball or disc to the cells of a layer or row, measured normal to
 /// it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Beside {
+pub struct NormalDistances {
     /// Squared distance to the nearest point of the cells.
     pub nearest: f64,
     /// Squared distance to the farthest point of the cells.
@@ -133,7 +133,7 @@ pub struct Beside {
     pub beyond: f64,
 }
 
-impl Beside {
+impl NormalDistances {
     /// Returns the distances along one axis of the cells from `lower` to `lower` + 1.
     #[inline(always)]
     pub fn along_axis(centre: f64, lower: f64) -> Self {
@@ -148,7 +148,7 @@ impl Beside {
     }
 }
 
-impl Add for Beside {
+impl Add for NormalDistances {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {

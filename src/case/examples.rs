@@ -176,7 +176,7 @@ pub const EXAMPLES: [Example; 41] = [
     },
     Example {
         name: "incline",
-        summary: "two blocks under a stream down an incline, which sweeps both away",
+        summary: "two blocks on an incline under a stream that carries both away",
         text: include_str!("examples/incline.json"),
     },
     Example {

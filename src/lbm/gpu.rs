@@ -50,7 +50,7 @@ use super::populations::Parity;
 use super::saturation::Cover;
 use balls::BLOCK;
 use copies::Copies;
-use cover::{BYTES_BESIDE, Kernels, OnGpu};
+use cover::{EXTRA_BYTES, Kernels, OnGpu};
 use cudarc::driver::{
     CudaContext, CudaEvent, CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr,
     DriverError, LaunchConfig, PushKernelArg, sys,
@@ -267,7 +267,7 @@ impl Gpu {
         let (free, _) = context.mem_get_info().map_err(failed)?;
         let (stored, bytes) = (S::NAME, numbers * size_of::<S>());
         let beside = cover.as_ref().map_or(0, |cover| {
-            cover.cells().1.len() * (Cover::BYTES + BYTES_BESIDE)
+            cover.cells().1.len() * (Cover::BYTES + EXTRA_BYTES)
         });
         if bytes + beside > free {
             return Err(format!(

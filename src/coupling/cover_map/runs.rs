@@ -1,7 +1,7 @@
 //! Cells covered by a body, as runs along the rows of the lattice.
 
 use super::super::solid_fraction::{BallInCells, Form, FractionMethod, PolyhedronSurface, Scratch};
-use base::ball::Beside;
+use base::ball::NormalDistances;
 use base::number::{floor_i32, single, to_i32, to_u32};
 use lbm::lanes::{Level, WIDEST, Work};
 use lbm::saturation::DEEP;
@@ -370,11 +370,11 @@ impl Area<'_, '_> {
     }
 
     #[inline(always)]
-    fn beside(&self, axis: usize, raw: i32) -> Beside {
+    fn beside(&self, axis: usize, raw: i32) -> NormalDistances {
         if axis < self.rows.dimension {
-            Beside::along_axis(self.form.bounds().0[axis], f64::from(raw))
+            NormalDistances::along_axis(self.form.bounds().0[axis], f64::from(raw))
         } else {
-            Beside::default()
+            NormalDistances::default()
         }
     }
 

@@ -8,7 +8,7 @@
 //! layer at a time. The loops along a row have neither branches nor calls, and rows are padded to whole vectors
 //! ([`WIDEST`]), so that the compiler vectorises all of it, in a version for each instruction set ([`Level`]).
 
-use base::ball::{Coordinate, edge_by, filled, less_cubed, meeting, octant_of};
+use base::ball::{Coordinate, edge_by, filled, meeting, minus_third_of_cube, octant_of};
 use base::number::real;
 use lbm::lanes::{Level, WIDEST, Work};
 
@@ -20,7 +20,7 @@ struct Coordinates {
     size: Vec<f64>,
     sign: Vec<f64>,
     cap: Vec<f64>,
-    /// Value of [`less_cubed`] at each size.
+    /// Value of [`minus_third_of_cube`] at each size.
     less: Vec<f64>,
     /// Index of the coordinate nearest to the centre.
     nearest: usize,
@@ -137,7 +137,7 @@ impl BallTable {
             }
             axis.less.clear();
             axis.less
-                .extend(axis.size.iter().map(|&size| less_cubed(size)));
+                .extend(axis.size.iter().map(|&size| minus_third_of_cube(size)));
         }
         for a in 0..3 {
             let (first, second) = (&self.coordinates[a], &self.coordinates[(a + 1) % 3]);

@@ -4,7 +4,7 @@
 //! as for a single row.
 
 use super::RowIntervals;
-use base::ball::{Beside, around, chord, within};
+use base::ball::{NormalDistances, around, chord, within};
 
 /// Ranges of the cells of a row, as coordinates along it: the first cell and one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl RowCells {
 pub(crate) struct RoundRows {
     /// Distance of each row from the centre along the axis between the slowest and the fastest: smallest, largest,
     /// and with the adjacent rows.
-    beside: [Vec<f64>; 3],
+    distances: [Vec<f64>; 3],
     /// Ends of the cells of each row: outer, full, deep.
     low: [Vec<i32>; 3],
     high: [Vec<i32>; 3],
@@ -47,27 +47,27 @@ pub(crate) struct RoundRows {
 impl RoundRows {
     /// Stores the distances from the centre of the rows of a body, from coordinate `first` on.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, count: usize, beside: impl Fn(usize) -> Beside) {
+    pub(crate) fn fill(&mut self, count: usize, distances: impl Fn(usize) -> NormalDistances) {
         for n in 0..3 {
-            self.beside[n].clear();
+            self.distances[n].clear();
             self.low[n].resize(count, 0);
             self.high[n].resize(count, 0);
         }
         for k in 0..count {
-            let Beside {
+            let NormalDistances {
                 nearest,
                 farthest,
                 beyond,
-            } = beside(k);
-            self.beside[0].push(nearest);
-            self.beside[1].push(farthest);
-            self.beside[2].push(beyond);
+            } = distances(k);
+            self.distances[0].push(nearest);
+            self.distances[1].push(farthest);
+            self.distances[2].push(beyond);
         }
     }
 
     /// Computes a layer.
     #[inline(always)]
-    pub(crate) fn layer(&mut self, layer: Beside, centre: f64, radius: f64, frame: i32) {
+    pub(crate) fn layer(&mut self, layer: NormalDistances, centre: f64, radius: f64, frame: i32) {
         self.ends::<0>(layer.nearest, centre, radius, frame);
         self.ends::<1>(layer.farthest, centre, radius, frame);
         self.ends::<2>(layer.beyond, centre, radius, frame);
@@ -75,11 +75,11 @@ impl RoundRows {
 
     #[inline(always)]
     fn ends<const N: usize>(&mut self, layer: f64, centre: f64, radius: f64, frame: i32) {
-        let beside = &self.beside[N][..];
-        let count = beside.len();
+        let distances = &self.distances[N][..];
+        let count = distances.len();
         let (low, high) = (&mut self.low[N][..count], &mut self.high[N][..count]);
         for k in 0..count {
-            let [from, to] = chord(centre, radius, layer + beside[k]);
+            let [from, to] = chord(centre, radius, layer + distances[k]);
             [low[k], high[k]] = match N {
                 0 => around([from, to], frame),
                 1 => within([from, to], 0, frame),

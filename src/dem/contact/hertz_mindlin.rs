@@ -50,7 +50,7 @@ use super::{
 use crate::dashpot::{hertz_root, over_step};
 use base::error::{Remedy, Report};
 
-/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that restitute a given part of the speed, whatever the speed;
+/// F_n = 4/3 E* sqrt(R*) δ^(3/2) with dashpots that give the same restitution at every speed of impact;
 /// incremental shear of stiffness 8 G* sqrt(R* δ); |F_s| <= F_n tan Φ. The moduli come from `young_modulus` and
 /// `poisson_ratio` of the materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

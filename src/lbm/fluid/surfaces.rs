@@ -77,7 +77,7 @@ impl<S: Stored> Fluid<S> {
                             cell: water,
                             side: (axis, upper),
                             distance,
-                            velocity: cover.velocity_beside::<D>(position, local, offset),
+                            velocity: cover.velocity_near::<D>(position, local, offset),
                         });
                     }
                 }

@@ -19,7 +19,7 @@
 
 use crate::rigid::Rigid;
 use crate::saturation::solid::{CoveringBody, DEEP, NONE, SHARED, STILL, Share, Shares, total};
-use base::ball::{Beside, Coordinate, around, chord, edge, filled, octant_of, within};
+use base::ball::{Coordinate, NormalDistances, around, chord, edge, filled, octant_of, within};
 use base::number::single;
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -374,7 +374,7 @@ impl Balls {
             position += self.strides[a] * cell[a];
         }
         let across = |axis: u32| {
-            Beside::along_axis(component(centre, axis), f64::from(component(raw, axis)))
+            NormalDistances::along_axis(component(centre, axis), f64::from(component(raw, axis)))
         };
         let across = across(slow) + across(middle);
         let (cell, centre, frame) = (

@@ -55,7 +55,7 @@ impl Kernels {
 
 /// Number of bytes per cell on the GPU in addition to [`Cover::BYTES`]: head of a list, number in the list of covered
 /// cells, and previous fraction.
-pub(super) const BYTES_BESIDE: usize = 2 * size_of::<u32>() + size_of::<f32>();
+pub(super) const EXTRA_BYTES: usize = 2 * size_of::<u32>() + size_of::<f32>();
 
 /// Cover on the GPU. The work on bodies has its own stream, so that the host receives the forces and moves the bodies
 /// while the open cells collide.

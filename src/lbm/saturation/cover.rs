@@ -339,7 +339,7 @@ impl Cover {
     /// Returns the velocity of the solids in a cell at least half filled by them, at a point `offset` from its
     /// centre: `at` are its local coordinates. Ghost cells are included, cells behind walls are not.
     #[must_use]
-    pub fn velocity_beside<const D: usize>(
+    pub fn velocity_near<const D: usize>(
         &self,
         position: usize,
         at: [i32; 3],

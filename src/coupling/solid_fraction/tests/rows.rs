@@ -1,33 +1,33 @@
 //! Single rows of cells, as a reference for the rows of a layer.
 
 use super::super::{Form, LEVEL, RowIntervals};
-use base::ball::{Beside, EMPTY, chord};
+use base::ball::{EMPTY, NormalDistances, chord};
 use lbm::links::CellPlane;
 
 /// Returns the row of cells along `axis` through the cell with this lower corner.
 pub(super) fn row(form: &Form<'_>, axis: usize, lower: [f64; 3]) -> RowIntervals {
     match form {
         Form::Disc { centre, radius } => {
-            let beside = Beside::along_axis(centre[1 - axis], lower[1 - axis]);
-            round_row(centre[axis], *radius, beside)
+            let distances = NormalDistances::along_axis(centre[1 - axis], lower[1 - axis]);
+            round_row(centre[axis], *radius, distances)
         }
         Form::Ball { centre, radius } => {
             let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-            let beside =
-                Beside::along_axis(centre[b], lower[b]) + Beside::along_axis(centre[c], lower[c]);
-            round_row(centre[axis], *radius, beside)
+            let distances = NormalDistances::along_axis(centre[b], lower[b])
+                + NormalDistances::along_axis(centre[c], lower[c]);
+            round_row(centre[axis], *radius, distances)
         }
         Form::Block { surface, .. } => block_row(surface.planes(), axis, lower),
     }
 }
 
 /// Returns the row of a ball or disc; `centre` along the row.
-fn round_row(centre: f64, radius: f64, beside: Beside) -> RowIntervals {
+fn round_row(centre: f64, radius: f64, distances: NormalDistances) -> RowIntervals {
     let reach = |squared: f64| chord(centre, radius, squared);
     RowIntervals {
-        outer: reach(beside.nearest),
-        inner: reach(beside.farthest),
-        deep: reach(beside.beyond),
+        outer: reach(distances.nearest),
+        inner: reach(distances.farthest),
+        deep: reach(distances.beyond),
     }
 }
 
@@ -41,16 +41,16 @@ fn block_row(planes: &[CellPlane], axis: usize, lower: [f64; 3]) -> RowIntervals
         let n = plane.normal;
         let mut least = 0.0;
         let mut most = 0.0;
-        let mut beside = 0.0;
+        let mut distances = 0.0;
         for b in (0..3).filter(|&b| b != axis) {
             let (p, q) = (n[b] * lower[b], n[b] * (lower[b] + 1.0));
             least += p.min(q);
             most += p.max(q);
-            beside += n[b].abs();
+            distances += n[b].abs();
         }
         narrow(&mut row.outer, n[axis], plane.offset - least);
         narrow(&mut row.inner, n[axis], plane.offset - most);
-        narrow(&mut row.deep, n[axis], plane.offset - most - beside);
+        narrow(&mut row.deep, n[axis], plane.offset - most - distances);
     }
     row
 }
