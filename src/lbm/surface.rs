@@ -99,7 +99,7 @@ use decomposition::{Communicator, Domain};
 use ghosts::Ghosts;
 use jump::{CapillaryJump, NoJump};
 use kind::{ENCLOSED, GAS, HELD, LIQUID, SOLID, STRAY, SURFACE, is_surface, is_wet};
-use lists::Plane;
+use lists::{Plane, live};
 use stencil::with_set;
 use tension::SlabTension;
 
@@ -223,7 +223,8 @@ impl SlabSurface {
             self.cells.kind[cell] = kind;
             self.cells.mass[cell] = mass;
         }
-        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, live(&self.planes));
         let open = |cells: &Cells, cell: usize| {
             cells.kind[cell] == LIQUID && cells.count_neighbours(cell, |kind| kind == GAS) > 0
         };
@@ -572,7 +573,8 @@ impl SlabSurface {
         }
         self.work.forget_shares(&mut self.cells);
         self.work.collect(&mut self.cells, &self.planes);
-        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, live(&self.planes));
         let kinds = &self.cells.kind;
         let of_surface = |cell: usize| {
             if is_surface(kinds[cell]) {
@@ -583,7 +585,8 @@ impl SlabSurface {
         };
         self.ghosts.exchange_moments(false, of_surface);
         self.work.resolve(&mut self.cells);
-        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, live(&self.planes));
         self.work.convert(
             &mut self.cells,
             &mut self.planes,
@@ -600,7 +603,8 @@ impl SlabSurface {
 
     /// Distributes excess mass. Collective.
     fn distribute_excess<S: Stored>(&mut self, populations: &Populations<S>) {
-        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, live(&self.planes));
         self.lost += self.work.distribute(&mut self.cells);
         let mut fill = std::mem::take(&mut self.cells.fill);
         let mut share = std::mem::take(&mut self.cells.share);
@@ -616,7 +620,8 @@ impl SlabSurface {
     /// Distributes excess mass, and updates the ghost cells and the lists from the cells of the slab. Collective.
     fn settle<S: Stored>(&mut self, populations: &mut Populations<S>) {
         self.unsettled = false;
-        self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+        self.ghosts
+            .spread_kinds(&mut self.cells.kind, live(&self.planes));
         self.lost += self.work.distribute(&mut self.cells);
         self.list(populations);
         let planes = &mut self.planes[..];

@@ -50,6 +50,7 @@ use super::cells::Cells;
 use super::conversion::{enter, leave};
 use super::ghosts::{Around, Ghosts};
 use super::kind::{GAS, HELD, LIQUID, SURFACE, is_surface, is_wet};
+use super::lists::live;
 use super::moments::moments;
 use super::{SlabSurface, directions};
 use crate::lanes::Stored;
@@ -472,11 +473,14 @@ impl SlabSurface {
             }
             bodies.find_filled(&self.cells, &taken_away);
             self.fill_cells(populations, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+            self.ghosts
+                .spread_kinds(&mut self.cells.kind, live(&self.planes));
             self.open_cells(populations, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+            self.ghosts
+                .spread_kinds(&mut self.cells.kind, live(&self.planes));
             self.hold_cells(populations, cover, &mut bodies);
-            self.ghosts.spread_kinds(&mut self.cells.kind, &self.planes);
+            self.ghosts
+                .spread_kinds(&mut self.cells.kind, live(&self.planes));
             if bodies.known {
                 bodies.push(&mut self.cells, populations, cover);
             } else {

@@ -6,7 +6,6 @@
 use super::carrier::{Carrier, NUMBERS};
 use super::cells::Cells;
 use super::kind::{HELD, LIQUID, SOLID, is_wet};
-use super::lists::Plane;
 use super::moments::{Moments, mirrored};
 use super::strips::{Strips, Tags};
 use crate::lanes::Stored;
@@ -233,8 +232,8 @@ impl Ghosts {
         live.flat_map(|(range, _)| self.all[range.clone()].iter().copied())
     }
 
-    /// Fills the kinds of the ghost cells. Collective.
-    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8], planes: &[Plane]) {
+    /// Fills the kinds of the ghost cells; `live` returns `true` for the planes of the slab with water. Collective.
+    pub(super) fn spread_kinds(&mut self, kinds: &mut [u8], live: impl Fn(usize) -> bool) {
         let (lower, upper) = self.kinds.send_buffers_mut::<u8>();
         for (buffer, plane) in [(lower, self.planes[1]), (upper, self.planes[2])] {
             for (to, cell) in buffer.into_iter().flatten().zip(&self.plane) {
@@ -256,7 +255,7 @@ impl Ghosts {
         for &[ghost, inside] in &self.copies[..first] {
             kinds[ghost as usize] = kinds[inside as usize];
         }
-        self.find_live(kinds, planes);
+        self.find_live(kinds, live);
         for (plane, group) in &self.groups {
             if self.live[*plane] > 0 {
                 for &[ghost, inside] in &self.copies[group.clone()] {
@@ -274,11 +273,11 @@ impl Ghosts {
     }
 
     /// Notes the planes with water.
-    fn find_live(&mut self, kinds: &[u8], planes: &[Plane]) {
+    fn find_live(&mut self, kinds: &[u8], live: impl Fn(usize) -> bool) {
         let last = self.live.len() - 1;
-        for (live, plane) in self.live[1..last].iter_mut().zip(planes) {
-            if plane.is_live() {
-                *live = LINGER;
+        for (n, steps) in self.live[1..last].iter_mut().enumerate() {
+            if live(n) {
+                *steps = LINGER;
             }
         }
         for (n, first) in [(0, self.planes[0]), (last, self.planes[3])] {
