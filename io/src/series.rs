@@ -30,7 +30,7 @@ pub struct Series {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Step {
     when: OutputTime,
-    /// The `<Grid>` element; empty for a step without cells.
+    /// The `<Grid>` element.
     grid: String,
 }
 
@@ -107,12 +107,11 @@ impl Series {
         self.folder.join(format!("{}_{step:09}.vtkhdf", self.name))
     }
 
-    /// Returns the steps written so far that contain cells, in order; only rank 0 knows them.
+    /// Returns the steps written so far, in order, unless none of them contains cells; only rank 0 knows them.
     pub fn moments(&self) -> impl Iterator<Item = OutputTime> + '_ {
-        self.steps
-            .iter()
-            .filter(|s| !s.grid.is_empty())
-            .map(|s| s.when)
+        let any = self.steps.iter().any(|step| xdmf::has_cells(&step.grid));
+        let steps = self.steps.iter().filter(move |_| any);
+        steps.map(|step| step.when)
     }
 
     /// Writes one output of a lattice and the index. Called by all ranks; returns the path of the data file.
@@ -270,7 +269,7 @@ impl Series {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Alone, Cells, Data};
+    use crate::{Alone, Cells, Column, Data};
 
     fn mesh(points: &[f64]) -> MeshData<'_> {
         MeshData {
@@ -317,7 +316,7 @@ mod tests {
             series.moments().collect::<Vec<_>>()
         );
         again.truncate_after(200, &Alone).unwrap();
-        assert_eq!(steps(&again), vec![100, 200]);
+        assert_eq!(steps(&again), vec![0, 100, 200]);
         assert!(!again.data_path(300).exists() && again.data_path(0).exists());
 
         // The same index from the heavy files alone.
@@ -328,11 +327,42 @@ mod tests {
 
         // A step that is written twice occurs once.
         put(&mut again, 200, &[1.0, 1.0, 1.0]);
-        assert_eq!(steps(&again), vec![100, 200]);
+        assert_eq!(steps(&again), vec![0, 100, 200]);
         again.truncate_after(50, &Alone).unwrap();
         assert!(!again.index().exists());
         let fresh = Series::create(dir.path(), "particles", &Alone).unwrap();
         assert!(!fresh.data_path(0).exists());
+    }
+
+    /// Checks that the index does not show the step before one without cells in its place.
+    #[test]
+    fn a_step_without_cells_is_in_the_index() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut series = Series::create(dir.path(), "particles", &Alone).unwrap();
+        for (step, points) in [(1, &[0.0; 3][..]), (2, &[]), (3, &[1.0; 3])] {
+            let radii = vec![0.5; points.len() / 3];
+            let mut mesh = mesh(points);
+            mesh.point_columns = vec![Column {
+                name: "radius",
+                units: "m",
+                components: 1,
+                data: Data::F64(&radii),
+            }];
+            let when = OutputTime { step, time: 0.1 };
+            series
+                .write_mesh(when, &mesh, &[], &Alone, Mode::Collective)
+                .unwrap();
+        }
+        assert_eq!(steps(&series), vec![1, 2, 3]);
+        let text = std::fs::read_to_string(series.index()).unwrap();
+        let empty = text.split("<Grid Name=").nth(3).unwrap();
+        assert!(empty.contains("particles_000000002"), "{empty}");
+        assert!(
+            empty.contains("NumberOfElements=\"0\"") && empty.contains("\"radius\""),
+            "{empty}"
+        );
+        let again = Series::open(dir.path(), "particles", &Alone).unwrap();
+        assert_eq!(steps(&again), vec![1, 2, 3]);
     }
 
     #[test]

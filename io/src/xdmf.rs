@@ -13,8 +13,7 @@ use crate::image;
 use crate::mesh::MIXED;
 use crate::moment::OutputTime;
 
-/// Returns the `<Grid>` of one data file, and its step and time. The text is empty if the file contains no cells:
-/// readers report empty grids as errors, so that the index omits them.
+/// Returns the `<Grid>` of one data file, and its step and time.
 pub(crate) fn grid(path: &Path) -> Result<(OutputTime, String)> {
     let info = inspect(path)?;
     let when = OutputTime::read(&info, path)?;
@@ -98,7 +97,7 @@ fn mesh_grid(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
     } else if cells("Polygons")? > 0 {
         ("Mixed", "", "Polygons")
     } else {
-        return Ok(String::new());
+        return without_cells(path, info, when);
     };
     let ids = match list {
         "Polygons" => dataset(MIXED)?,
@@ -127,6 +126,71 @@ fn mesh_grid(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
     Ok(text)
 }
 
+/// Topology of a grid without cells.
+const NO_CELLS: &str =
+    "<Topology TopologyType=\"Polyvertex\" NumberOfElements=\"0\" NodesPerElement=\"1\"/>";
+
+/// Returns `true` if a grid has cells.
+pub(crate) fn has_cells(grid: &str) -> bool {
+    !grid.contains(NO_CELLS)
+}
+
+/// Returns the grid of a step without cells, which has one point with values of 0: readers report grids without points
+/// as errors, and an omitted step would show the one before it.
+fn without_cells(path: &Path, info: &FileInfo, when: OutputTime) -> Result<String> {
+    let mut text = head(path, when);
+    let values = |width: usize| {
+        let zeros = vec!["0"; width].join(" ");
+        let dimensions = if width == 1 {
+            "1".to_owned()
+        } else {
+            format!("1 {width}")
+        };
+        (dimensions, zeros)
+    };
+    let (dimensions, zeros) = values(3);
+    let _ = write!(
+        text,
+        "   {NO_CELLS}\n   <Geometry GeometryType=\"XYZ\">\n    \
+         <DataItem Format=\"XML\" NumberType=\"Float\" Precision=\"8\" Dimensions=\"{dimensions}\">{zeros}\
+         </DataItem></Geometry>\n"
+    );
+    let of_points = |column: &&DatasetInfo| column.path.starts_with("/VTKHDF/PointData/");
+    for column in info.datasets.iter().filter(of_points) {
+        let kind = rank(path, column, 1)?;
+        let (number, precision) = number_type(path, column)?;
+        let (dimensions, zeros) = values(column.shape.get(1).copied().unwrap_or(1));
+        let _ = writeln!(
+            text,
+            "   <Attribute Name=\"{}\" AttributeType=\"{kind}\" Center=\"Node\">\n    <DataItem Format=\"XML\" \
+             NumberType=\"{number}\" Precision=\"{precision}\" Dimensions=\"{dimensions}\">{zeros}</DataItem>\
+             </Attribute>",
+            column.name()
+        );
+    }
+    text.push_str("  </Grid>\n");
+    Ok(text)
+}
+
+/// Returns the rank of a field as XDMF names it; `axes` are those of its places.
+fn rank(path: &Path, column: &DatasetInfo, axes: usize) -> Result<&'static str> {
+    match column.shape.get(axes) {
+        None => Ok("Scalar"),
+        Some(3) => Ok("Vector"),
+        Some(9) => Ok("Tensor"),
+        Some(n) => Err(Error::corrupt(
+            path,
+            format!("{} has {n} components", column.path),
+        )),
+    }
+}
+
+/// Returns the type of the numbers of a dataset and their size in bytes.
+fn number_type(path: &Path, dataset: &DatasetInfo) -> Result<(&'static str, usize)> {
+    (dataset.kind.and_then(|kind| kind.xdmf()))
+        .ok_or_else(|| Error::corrupt(path, format!("{} has no XDMF type", dataset.path)))
+}
+
 /// Writes one field; `axes` are those of its places, and an additional one is the component.
 fn attribute(
     text: &mut String,
@@ -135,17 +199,7 @@ fn attribute(
     center: &str,
     axes: usize,
 ) -> Result<()> {
-    let kind = match column.shape.get(axes) {
-        None => "Scalar",
-        Some(3) => "Vector",
-        Some(9) => "Tensor",
-        Some(n) => {
-            return Err(Error::corrupt(
-                path,
-                format!("{} has {n} components", column.path),
-            ));
-        }
-    };
+    let kind = rank(path, column, axes)?;
     let _ = writeln!(
         text,
         "   <Attribute Name=\"{}\" AttributeType=\"{kind}\" Center=\"{center}\">\n    {}</Attribute>",
@@ -156,10 +210,7 @@ fn attribute(
 }
 
 fn item(path: &Path, dataset: &DatasetInfo) -> Result<String> {
-    let (number, precision) = dataset
-        .kind
-        .and_then(|kind| kind.xdmf())
-        .ok_or_else(|| Error::corrupt(path, format!("{} has no XDMF type", dataset.path)))?;
+    let (number, precision) = number_type(path, dataset)?;
     let shape: Vec<String> = dataset.shape.iter().map(usize::to_string).collect();
     let file = path
         .file_name()

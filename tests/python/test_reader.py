@@ -60,7 +60,7 @@ def test_series_are_those_of_the_index(runs, name):
             for output in series:
                 place = dict(raw_attributes(output.path, "output"))
                 assert (output.step, output.time) == (place["step"], place["time"])
-                # A step without cells is in no index.
+                # A series in which no step has cells has no index.
                 assert named.pop(output.step, place["time"]) == place["time"]
                 assert series.at_step(output.step).path == output.path
                 assert series.nearest(output.time).step == output.step

@@ -439,7 +439,7 @@ class Series(Sequence, Generic[Kind]):
         return self._found
 
     def _index(self) -> dict[int, float]:
-        """Times by step as the index of the series gives them. An output without cells is in no index: its file knows its time."""
+        """Times by step as the index of the series gives them. A series in which no output has cells has no index: its files know their times."""
         if self._times is None:
             try:
                 index = (self._folder / f"{self.name}.xmf").read_text(encoding="utf-8")
