@@ -201,7 +201,7 @@ pub struct Balance {
 const NO_PRESSURE: [f64; 2] = [f64::MAX, f64::MIN];
 
 impl Balance {
-    /// Returns the smallest and the largest gauge pressure of a node so far \[Pa\]; none if the network never had nodes.
+    /// Returns the smallest and the largest gauge pressure of a node so far \[Pa\]; none if there never were nodes.
     #[must_use]
     pub fn pressures(&self) -> Option<[f64; 2]> {
         let [low, high] = self.pressure;

@@ -1,8 +1,8 @@
 //! Deposition under gravity: a loose random cloud of grains falls onto the walls, settles and is trimmed to a level.
 //!
 //! Sizes follow a [`Grading`]. Random sequential addition, the largest grain first, places the cloud in a box above
-//! the walls, outside structures and their closed hollows ([`super::free_space`]). Grains count as settled if their mean
-//! kinetic energy is a small fraction of m g d and the mean resultant on a grain is a small fraction of the mean
+//! the walls, outside structures and their closed hollows ([`super::free_space`]). Grains count as settled if their
+//! mean kinetic energy is a small fraction of m g d and the mean resultant on a grain is a small fraction of the mean
 //! contact force. Contacts may be softer while the grains fall, which allows longer time steps; the stiffness
 //! increases to that of the case in factors of ten, with a relaxation after each. Grains above the level are
 //! removed last, and the remaining ones settle once more. The deposition runs on one rank and depends on the seed

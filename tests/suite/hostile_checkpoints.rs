@@ -210,12 +210,12 @@ fn a_signed_manifest_is_bounded_by_the_case() {
     };
     let (populations, ids) = (array("populations"), array("grains_id"));
     let cases: Vec<(&str, Value, &str)> = vec![
-        ("/file", json!("../../x.h5"), "no file of a checkpoint"),
-        ("/file", json!("/dev/zero"), "no file of a checkpoint"),
+        ("/file", json!("../../x.h5"), "not a file of a checkpoint"),
+        ("/file", json!("/dev/zero"), "not a file of a checkpoint"),
         (
             "/file",
             json!("checkpoint_1.h5/../../x.h5"),
-            "no file of a checkpoint",
+            "not a file of a checkpoint",
         ),
         ("/time", json!(1e9), "its time is 1000000000 s at step"),
         ("/bytes", json!(huge), "for arrays of"),

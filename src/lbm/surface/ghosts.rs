@@ -295,7 +295,7 @@ impl Ghosts {
         [fill, share]: [&mut [f64]; 2],
         of_cell: impl Fn(usize) -> Moments,
     ) {
-        // Away from the surface the kind tells the fill level.
+        // Away from the surface the fill level follows from the kind.
         for first in [self.planes[0], self.planes[3]] {
             for cell in self.plane.iter().map(|cell| first + cell) {
                 let full = matches!(kinds[cell], LIQUID | HELD);

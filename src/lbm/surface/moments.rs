@@ -26,8 +26,8 @@ pub(super) fn from_sums(
         *sum -= momentum[a] * velocity[b];
     }
     // The trace remains: a fast shear flow has a moment of higher order along itself only (I. Ginzburg, D. d'Humières,
-    // Phys. Rev. E 68 (2003) 066614: the even part of third order grows with the odd relaxation time). Without the trace
-    // half of it would act along the normal, as a stress and as a velocity of the surface that are not there.
+    // Phys. Rev. E 68 (2003) 066614: the even part of third order grows with the odd relaxation time). Without the
+    // trace half of it would act along the normal, as a stress and a velocity of the surface that are not there.
     for sum in &mut second[..dimension] {
         *sum -= density / 3.0;
     }

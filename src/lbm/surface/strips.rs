@@ -125,8 +125,8 @@ impl Strips {
         }
     }
 
-    /// Sends values of the outer planes; `fill` writes those of a cell, given by end and index in the plane. With `all`,
-    /// strips far from the surface are sent too.
+    /// Sends values of the outer planes; `fill` writes those of a cell, given by end and index in the plane. With
+    /// `all`, strips far from the surface are sent too.
     pub(super) fn send<T: Pod>(&mut self, all: bool, fill: impl Fn(usize, usize, &mut [T])) {
         let (values, length) = (self.values, self.length);
         for Cut { strips, near, ends } in &mut self.cuts {
@@ -143,8 +143,8 @@ impl Strips {
         }
     }
 
-    /// Receives the values that the neighbours have sent with the same `all`; `take` gets those of a ghost cell, given by
-    /// end and index in the plane.
+    /// Receives the values that the neighbours have sent with the same `all`; `take` receives those of a ghost cell,
+    /// given by end and index in the plane.
     pub(super) fn receive<T: Pod>(&mut self, all: bool, mut take: impl FnMut(usize, usize, &[T])) {
         let (values, length) = (self.values, self.length);
         for Cut { strips, near, ends } in &mut self.cuts {

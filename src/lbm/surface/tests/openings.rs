@@ -140,8 +140,8 @@ fn a_discharge_enters_and_leaves() {
 }
 
 /// Checks that a jet from a nozzle into air has the discharge of its velocity. The cells at its rims touch the wall of
-/// the nozzle, so that the jet widens by about 1.3 cells on average for any width, and is slower accordingly; then it falls like a
-/// projectile.
+/// the nozzle, so that the jet widens by about 1.3 cells on average for any width, and is slower accordingly; then it
+/// falls like a projectile.
 #[test]
 fn a_jet_enters_a_dry_box() {
     let mut tank = Tank::new([60, 50, 1]);

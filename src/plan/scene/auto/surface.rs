@@ -17,7 +17,7 @@
 //! | standing wave | amplitude times wave number | frequency; amplitude after a period, relative to that at the start |
 //! | solitary wave | height over depth | time of the crest at a gauge; its height, relative to that at the start |
 //! | film | Froude number U/(g d)^½ | discharge |
-//! | dam over a dry or a wet bed | duration over (H/g)^½ | time of arrival at a dry gauge; depth at the end, relative to H |
+//! | dam over a dry or wet bed | duration over (H/g)^½ | arrival at a dry gauge; depth at the end, relative to H |
 //! | sluice gate | head over opening | discharge |
 
 mod kinds;

@@ -15,9 +15,11 @@ use std::sync::Arc;
 
 /// Maximum number of cells along an axis.
 const MOST_CELLS: f64 = 1e5;
-/// Largest ratio of the widths of neighbouring cells that needs no warning. Cells of 0.0125 m at the tip of a sheet pile
-/// in ground of 1 m that widen by a constant ratio lower its discharge by 0.05 % at a ratio of 1.1, 0.2 % at 1.2, 1.1 %
-/// at 1.5, 3.1 % at 2 and 7.3 % at 3, and its exit gradient by at most 0.05 %.
+/// Largest ratio of the widths of neighbouring cells that needs no warning.
+///
+/// Cells of 0.0125 m at the tip of a sheet pile in ground of 1 m that widen by a constant ratio lower its discharge by
+/// 0.05 % at a ratio of 1.1, 0.2 % at 1.2, 1.1 % at 1.5, 3.1 % at 2 and 7.3 % at 3, and its exit gradient by at most
+/// 0.05 %.
 const USUAL_RATIO: f64 = 1.5;
 /// Loss of discharge at the usual ratio, in percent.
 const USUAL_LOSS: f64 = 1.0;
