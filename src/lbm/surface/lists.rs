@@ -37,6 +37,11 @@ pub(crate) struct Plane {
     spans: Vec<[u32; 2]>,
 }
 
+/// Returns a function that is `true` for the planes that contain water, by index.
+pub(super) fn live(planes: &[Plane]) -> impl Fn(usize) -> bool {
+    |n| planes[n].is_live()
+}
+
 impl Plane {
     /// Returns the lists of a plane without a free surface, from the parts of its rows to process.
     pub(crate) fn of_spans<'a>(rows: impl Iterator<Item = &'a [[u32; 2]]>) -> Self {
