@@ -60,7 +60,8 @@ pub fn edge(a: f64, b: f64) -> f64 {
     edge_by([a, b], minus_third_of_cube, minus_third_of_cube)
 }
 
-/// Computes [`edge`] with functions that return [`minus_third_of_cube`] of each coordinate, for callers that have stored it.
+/// Computes [`edge`] with functions that return [`minus_third_of_cube`] of each coordinate, for callers that have
+/// stored it.
 #[inline(always)]
 pub fn edge_by([a, b]: [f64; 2], less_a: impl Fn(f64) -> f64, less_b: impl Fn(f64) -> f64) -> f64 {
     let squared = 1.0 - a * a - b * b;
