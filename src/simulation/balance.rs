@@ -189,10 +189,11 @@ fn whole(x: f64) -> i64 {
     floor_i64(x.clamp(0.0, 1e15) + 0.5)
 }
 
-/// Returns the cells with water of each plane at the start; `None` without a free surface.
+/// Returns the cells with water of each plane at the start, for slabs along the axis of gravity, above which the air
+/// remains; `None` without a free surface and along other axes, along which the water spreads.
 pub(super) fn water_at_start(scene: &Scene) -> Option<Vec<WaterCells>> {
-    let surface = scene.surface.as_ref()?;
-    Some(surface.cells_of_planes(scene.grid.cells, scene.grid.split_axis))
+    let (surface, axis) = (scene.surface.as_ref()?, scene.grid.split_axis);
+    (surface.axis == axis).then(|| surface.cells_of_planes(scene.grid.cells, axis))
 }
 
 /// Returns the cells with water of each plane at present; `None` without a free surface. Collective.
