@@ -24,8 +24,7 @@ pub struct Grains {
     /// bonds from `pairs` of the contact law.
     #[serde(default)]
     pub zones: Vec<GrainZone>,
-    /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if its centre lies in the
-    /// box.
+    /// Boxes emptied after the preparation, such as chambers and holes. A grain is removed if it touches the box.
     #[serde(default)]
     pub cut: Vec<Cut>,
     /// `true` if contacts that exist after preparation and cutting are bonded. Contacts that form later are never

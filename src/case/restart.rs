@@ -98,6 +98,10 @@ pub const CHANGEABLE: [Changeable; 49] = [
         "counts from the first step of the fluid",
     ),
     changeable(
+        "fluid.lattice_boltzmann.boundaries[*].condition.pressure.history",
+        "counts from the first step of the fluid",
+    ),
+    changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.moving_wall.velocity",
         "takes effect at once",
     ),
