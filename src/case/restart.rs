@@ -20,7 +20,7 @@ const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 49] = [
+pub const CHANGEABLE: [Changeable; 50] = [
     changeable("title", "changes a name only"),
     changeable("description", "changes a text only"),
     changeable(

@@ -11,6 +11,7 @@
 use super::supervision::{Request, Requests};
 use base::error::Error;
 use decomposition::Domain;
+use dem::contact::{Depth, StaticContact};
 use dem::particles::Particles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space};
@@ -79,6 +80,37 @@ fn hold_unsupported<S: Space>(
     dem.prepare(particles, domain)
 }
 
+/// Returns the force \[N\] by which the rounding of positions changes the stiffest contact of grains, with a margin.
+fn force_of_rounding(scene: &Scene) -> f64 {
+    /// Number of roundings of a position that add up in a force.
+    const ROUNDINGS: f64 = 16.0;
+    let (Some(contact), Some((_, radius))) = (
+        &scene.contact,
+        scene.grains.as_ref().and_then(|grains| grains.radii),
+    ) else {
+        return 0.0;
+    };
+    let law = contact.model();
+    let stiffness = |materials: [u32; 2]| {
+        let mass = scene.mass(materials[0] as usize, radius);
+        let springs = law.springs(&StaticContact {
+            materials,
+            diameter: 2.0 * radius,
+            radius: 0.5 * radius,
+            mass: 0.5 * mass,
+            overlap: None,
+            depth: Depth::Expected,
+            bonded: true,
+        });
+        springs.stiffness[0]
+    };
+    let count = law.materials();
+    let pairs = (0..count).flat_map(|a| (0..count).map(move |b| [a, b]));
+    let stiffest = pairs.map(stiffness).fold(0.0, f64::max);
+    let length = scene.grid.size.iter().copied().fold(0.0, f64::max);
+    ROUNDINGS * f64::EPSILON * length * stiffest
+}
+
 /// Returns the number of grains and bodies of this kind on all ranks. Collective.
 fn count_kind<S: Space>(particles: &Particles<S>, kind: Kind, domain: &Domain) -> u64 {
     let own = &particles.body[..particles.owned()];
@@ -93,8 +125,8 @@ pub struct SavedRest {
     broken: u64,
     broken_at_check: u64,
     steps: u64,
-    /// Bits of [`BondRelaxation::first_contact`].
-    first_contact: u64,
+    /// Bits of [`BondRelaxation::rounding`].
+    rounding: u64,
     /// Id, and the bits of the six components of velocity and spin.
     velocities: Vec<(u64, [u64; 6])>,
 }
@@ -109,8 +141,8 @@ pub struct BondRelaxation {
     broken_at_check: u64,
     /// Number of solid steps.
     steps: u64,
-    /// Largest force of a contact \[N\] after the first step.
-    first_contact: f64,
+    /// Force of a contact \[N\] below which it is due to the rounding of positions.
+    rounding: f64,
     /// Velocities of grains and bodies to be restored after the relaxation.
     velocities: Velocities,
 }
@@ -141,7 +173,7 @@ impl BondRelaxation {
             broken: 0,
             broken_at_check: 0,
             steps: 0,
-            first_contact: 0.0,
+            rounding: force_of_rounding(scene),
             velocities,
         }))
     }
@@ -160,7 +192,7 @@ impl BondRelaxation {
             broken: self.broken,
             broken_at_check: self.broken_at_check,
             steps: self.steps,
-            first_contact: self.first_contact.to_bits(),
+            rounding: self.rounding.to_bits(),
             velocities,
         }
     }
@@ -173,7 +205,7 @@ impl BondRelaxation {
             broken: state.broken,
             broken_at_check: state.broken_at_check,
             steps: state.steps,
-            first_contact: f64::from_bits(state.first_contact),
+            rounding: f64::from_bits(state.rounding),
             velocities: state
                 .velocities
                 .into_iter()
@@ -206,17 +238,11 @@ impl BondRelaxation {
                 break EquilibriumState::default();
             }
             // The checks follow the same steps, independently of interruptions between them.
-            let to_check = match self.steps {
-                0 => 1,
-                steps => until.check_every - steps % until.check_every,
-            };
+            let to_check = until.check_every - self.steps % until.check_every;
             let batch = requests.steps().min(to_check).min(until.limit - self.steps);
             dem.advance_many(particles, domain, batch)?;
             self.steps += batch;
             self.broken += communicator.all_reduce_sum_u64(dem.take_breaks().len() as u64);
-            if self.steps == 1 {
-                self.first_contact = dem.equilibrium_state(particles, domain).contact;
-            }
             let checks = self.steps.is_multiple_of(until.check_every) || self.steps >= until.limit;
             if checks {
                 if self.broken > self.broken_at_check {
@@ -256,13 +282,10 @@ impl BondRelaxation {
         Ok((self.line(held, &still), report))
     }
 
-    /// Returns `true` if the resultants are small beside the forces of the contacts, or beside those of the first step:
-    /// where a free sample has come to equilibrium, resultants and forces are both of the size of rounding.
+    /// Returns `true` if the resultants are small beside the forces of the contacts, or are those of rounding: in a sample
+    /// that nothing loads, both vanish.
     fn at_rest(&self, now: &EquilibriumState) -> bool {
-        /// Part of the first forces below which forces are those of rounding.
-        const NEGLIGIBLE: f64 = 1e-8;
-        now.unbalanced() <= Relaxation::default().tolerance
-            || now.resultant <= NEGLIGIBLE * self.first_contact
+        now.unbalanced() <= Relaxation::default().tolerance || now.resultant <= self.rounding
     }
 
     /// Returns the line to print. It does not claim equilibrium where the relaxation ended at its limit of steps.
@@ -356,7 +379,7 @@ mod tests {
             broken: 0,
             broken_at_check: 0,
             steps: 0,
-            first_contact: 0.0,
+            rounding: 1e-11,
             velocities: Velocities::new(),
         }
     }
