@@ -88,10 +88,8 @@ pub struct PartiallySaturated {
     /// 0.52, no turbulence model, no free surface), else `non_equilibrium_bounce_back`, which stays stable at high
     /// Reynolds numbers.
     pub solid_operator: Option<SolidOperator>,
-    /// Weighting of the solid fraction. Default: `fraction` where gravity acts on the fluid across walls or openings
-    /// (`gravity_acts_on_fluid`) without a free surface, because bodies then have the buoyancy of the weighted cells,
-    /// else `viscous`.
-    pub weighting: Option<Weighting>,
+    /// Weighting of the solid fraction.
+    pub weighting: Weighting,
     /// Method that computes the solid fraction of a cell.
     pub solid_fraction: SolidFraction,
     /// `true` if the inertia of the fluid inside a body is subtracted from the motion of the body. If not, the
@@ -103,7 +101,7 @@ impl Default for PartiallySaturated {
     fn default() -> Self {
         Self {
             solid_operator: None,
-            weighting: None,
+            weighting: Weighting::default(),
             solid_fraction: SolidFraction::default(),
             exclude_inner_fluid: true,
         }

@@ -12,7 +12,7 @@ use crate::scene::blocks::PlacedBlocks;
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::grains::GrainSource;
 use base::error::Remedy;
-use case::coupling::{Coupling, Weighting};
+use case::coupling::Coupling;
 
 /// Minimum number of cells in a diameter.
 const MIN_CELLS: f64 = 4.0;
@@ -28,25 +28,6 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     };
     diameters(scene, coupling, margins, findings);
     thickness(scene, margins, findings);
-    buoyancy(scene, coupling, findings);
-}
-
-/// Warns of the viscous weighting where the pressure of the water carries the bodies: the pass integrates it over the
-/// weighted cells, which are smaller than the body for small viscosities.
-fn buoyancy(scene: &Scene, coupling: &Coupling, findings: &mut Findings) {
-    let (Some(flow), Coupling::PartiallySaturated(written)) = (&scene.flow, coupling) else {
-        return;
-    };
-    let weighted = flow.solid_operator(written).model().weighted();
-    if flow.hydrostatic && weighted && flow.weighting(written) == Weighting::Viscous {
-        const PATH: &str = "coupling.partially_saturated.weighting";
-        findings.warn(
-            PATH,
-            "where gravity acts on the fluid, bodies have the buoyancy of their weighted cells: with the viscous weighting, \
-             discs of 5, 10 and 20 cells had 38, 22 and 10 % too little at a relaxation time of 0.504",
-            Remedy::from("weight by the solid fraction").set(PATH, "fraction"),
-        );
-    }
 }
 
 fn grains_path(source: &GrainSource) -> &'static str {
@@ -147,50 +128,5 @@ fn thickness(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Findings) 
             cells,
             &path,
         ));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::Plan;
-    use base::error::Problem;
-    use case::Document;
-    use case::coupling::{Coupling, Weighting};
-    use std::path::Path;
-
-    /// Returns the weighting for a disc in a closed tank, and the findings about it.
-    fn weighting(gravity_acts: bool, stated: &str) -> (Weighting, Vec<Problem>) {
-        let case = format!(
-            r#"{{"domain": {{"size": [0.06, 0.04], "spacing": 0.002}}, "gravity": [0, -9.81],
-            "materials": {{"wood": {{"density": 900}}}},
-            "fluid": {{"lattice_boltzmann": {{"density": 1000, "kinematic_viscosity": 1e-5, "time_step": 2e-4,
-                "gravity_acts_on_fluid": {gravity_acts}}}}},
-            "bodies": [{{"name": "disc", "material": "wood", "shape": {{"disc": {{"radius": 0.01}}}},
-                "position": [0.03, 0.02], "motion": {{"fixed": {{}}}}}}],
-            "coupling": {{"partially_saturated": {{"solid_operator": "non_equilibrium_bounce_back"{stated}}}}},
-            "time": {{"end": 0.01}}}}"#
-        );
-        let document = Document::read(&case, &[], Path::new(".")).unwrap();
-        let plan = Plan::prepare(document).unwrap();
-        let (flow, coupling) = (plan.scene.flow.as_ref(), plan.scene.coupling.as_ref());
-        let Some(Coupling::PartiallySaturated(written)) = coupling else {
-            unreachable!("the case states the coupling")
-        };
-        let findings = plan.warnings.iter();
-        let findings = findings.filter(|finding| finding.path.ends_with(".weighting"));
-        (
-            flow.unwrap().weighting(written),
-            findings.cloned().collect(),
-        )
-    }
-
-    /// Checks that the buoyancy of bodies in water that carries its weight is that of their volume, or that the plan
-    /// says how much is missing.
-    #[test]
-    fn the_buoyancy_of_a_body_is_that_of_its_volume() {
-        assert_eq!(weighting(false, ""), (Weighting::Viscous, Vec::new()));
-        assert_eq!(weighting(true, ""), (Weighting::Fraction, Vec::new()));
-        let (stated, findings) = weighting(true, r#", "weighting": "viscous""#);
-        assert_eq!((stated, findings.len()), (Weighting::Viscous, 1));
     }
 }

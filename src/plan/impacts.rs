@@ -707,8 +707,7 @@ mod tests {
         // The mean diameter of both is 0.05025 m.
         let by_diameter = planned(serde_json::json!({"per_diameter": 1e5}), none.clone());
         let absolute = planned(serde_json::json!({"absolute": 5025.0}), none);
-        let pair =
-            serde_json::json!([{"between": ["g", "h"], "normal_stiffness": {"absolute": 5025.0}}]);
+        let pair = serde_json::json!([{"materials": ["g", "h"], "normal_stiffness": {"absolute": 5025.0}}]);
         let of_pair = planned(serde_json::json!({"absolute": 50.0}), pair);
         for plan in [&by_diameter, &of_pair] {
             approx::assert_relative_eq!(part(plan), part(&absolute), max_relative = 1e-9);
@@ -797,12 +796,13 @@ mod tests {
             \"material\": \"glass\", \"velocity\": [200, 0]}]";
         assert_eq!(severity(&planned(&[still])), None);
         assert_eq!(severity(&planned(&[still, wall])), Some(Severity::Unstable));
-        let fall = planned(&[still, "gravity=[0, -9.81]"]);
+        let floor = "box_walls=[\"y_min\"]";
+        assert_eq!(part(&planned(&[still, "gravity=[0, -9.81]"])), 0.0);
+        let fall = planned(&[still, floor, "gravity=[0, -9.81]"]);
         let mass = 2500.0 * std::f64::consts::PI * 1e-4;
         let speed = (2.0 * 9.81 * 0.04_f64).sqrt();
         assert!(part(&fall) > 0.0 && part(&fall) < speed * (mass / 1e7_f64).sqrt() / 0.01);
         let lies = "grains.initial.list=[{\"position\": [0.08, 0.01], \"radius\": 0.01}]";
-        let floor = "box_walls=[\"y_min\"]";
         assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
     }
 

@@ -701,7 +701,7 @@ fn name(coupling: &Coupling, flow: &Flow) -> String {
     let chosen = flow.solid_operator(written).model();
     let operator = chosen.describe();
     let weighting = if chosen.weighted() {
-        flow.weighting(written).describe()
+        written.weighting.describe()
     } else {
         "no weighting"
     };

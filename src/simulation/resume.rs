@@ -438,20 +438,10 @@ pub(super) fn plan(
                     format!("from {from} s, every {every} s")
                 })
             };
-            let (was, reason) = match &old.scene.output.averages {
-                Some(_) => (
-                    written(&old),
-                    "the sums in the checkpoint contain samples at the times of the original run",
-                ),
-                None => (
-                    "none".into(),
-                    "the run has taken no samples before the checkpoint, and these would be missing",
-                ),
-            };
             Error::Case(vec![refusal(
                 path,
-                format!("{} (was {was})", written(&plan)),
-                reason,
+                format!("{} (was {})", written(&plan), written(&old)),
+                "the sums in the checkpoint contain samples at the times of the original run",
                 "undo the change, or choose `from` after the checkpoint, so that the averages start again",
             )])
         })?;

@@ -11,7 +11,7 @@ use super::initial::{Initial, initial};
 use base::error::Remedy;
 use base::units::LatticeUnits;
 use case::Case;
-use case::coupling::{PartiallySaturated, SolidOperator, Weighting};
+use case::coupling::{PartiallySaturated, SolidOperator};
 use case::fluid::{
     self, Collision, Device, LatticeBoltzmann, LatticeChoice, Pilot, Precision, Turbulence,
     TurbulenceChoice,
@@ -63,9 +63,6 @@ pub struct Flow {
     pub pilot: Option<Pilot>,
     /// `true` below a free surface.
     pub free_surface: bool,
-    /// `true` if the pressure of the lattice contains that of water at rest, and no free surface corrects the loads on
-    /// bodies for the weight of the water in their cells.
-    pub hydrostatic: bool,
 }
 
 impl Flow {
@@ -80,16 +77,6 @@ impl Flow {
             SolidOperator::ViscosityMatched
         } else {
             SolidOperator::NonEquilibriumBounceBack
-        })
-    }
-
-    /// Returns the weighting of cells covered by solids: as given, or chosen by the pressure of the water.
-    #[must_use]
-    pub fn weighting(&self, written: &PartiallySaturated) -> Weighting {
-        written.weighting.unwrap_or(if self.hydrostatic {
-            Weighting::Fraction
-        } else {
-            Weighting::Viscous
         })
     }
 
@@ -160,8 +147,6 @@ impl Flow {
             initial,
             faces,
             free_surface: lbm.surface.is_some(),
-            hydrostatic: lbm.surface.is_none()
-                && (0..grid.dimension).any(|a| acts[a] && !grid.periodic[a]),
             pilot: lbm.pilot.as_deref().cloned(),
         })
     }

@@ -56,8 +56,7 @@ fn obstacle(coupling: &Coupling, flow: Option<&Flow>, round: bool) -> &'static s
 }
 
 fn of_blocks(cells: &PartiallySaturated, flow: Option<&Flow>) -> &'static str {
-    let weighting = flow.map_or(cells.weighting, |flow| Some(flow.weighting(cells)));
-    if weighting == Some(Weighting::Fraction) {
+    if cells.weighting == Weighting::Fraction {
         return "blocks: weighted by fraction";
     }
     let operator = flow.map_or(cells.solid_operator, |flow| {
