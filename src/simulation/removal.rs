@@ -700,6 +700,8 @@ mod tests {
             let text = format!(
                 r#"{{"domain": {{"size": [0.01, 0.004], "spacing": 1e-4}},
                 "materials": {{"soil": {{"density": 2000}}}},
+                "grains": {{"material": "soil", "initial": {{"list": [
+                    {{"position": [0.009, 0.0035], "radius": 1e-4}}]}}}},
                 "structures": [{{"name": "rock", "material": "soil",
                     "shape": {{"box": {{"from": [0, 0], "to": [0.01, {top}]}}}}}}],
                 "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e3}}}}}},
