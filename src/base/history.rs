@@ -13,8 +13,14 @@ impl TimeTable {
     pub fn new(table: Option<&[[f64; 2]]>, value: f64) -> Self {
         match table {
             Some(table) if !table.is_empty() => Self(table.to_vec()),
-            _ => Self(vec![[0.0, value]]),
+            _ => Self::constant(value),
         }
+    }
+
+    /// Returns the history of a constant value.
+    #[must_use]
+    pub fn constant(value: f64) -> Self {
+        Self(vec![[0.0, value]])
     }
 
     /// Returns the value at a time; at the time of a jump, the value before the jump.

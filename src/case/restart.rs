@@ -20,7 +20,7 @@ const fn changeable(path: &'static str, effect: &'static str) -> Changeable {
 }
 
 /// Fields that a restart may change.
-pub const CHANGEABLE: [Changeable; 49] = [
+pub const CHANGEABLE: [Changeable; 50] = [
     changeable("title", "changes a name only"),
     changeable("description", "changes a text only"),
     changeable(
@@ -95,6 +95,10 @@ pub const CHANGEABLE: [Changeable; 49] = [
     ),
     changeable(
         "fluid.lattice_boltzmann.boundaries[*].condition.pressure.ramp",
+        "counts from the first step of the fluid",
+    ),
+    changeable(
+        "fluid.lattice_boltzmann.boundaries[*].condition.pressure.history",
         "counts from the first step of the fluid",
     ),
     changeable(

@@ -3,7 +3,8 @@
 //! The condition of a drain applies to the faces between its cells and the ground, or to both sides of the faces of
 //! a plane. These faces are boundary faces like those at the ends of the grid, so that every boundary condition may
 //! apply there, seepage faces included. The discharge of a well is a source in its cells instead, which stay in the
-//! ground and store water like all others.
+//! ground and store water like all others; a well that is narrower than a cell is a plane, and its sources are the cells
+//! on both sides of it, between which water flows as everywhere.
 
 use super::enclosure::{DrainFace, Openness, with_one_more};
 use super::grid::SeepageGrid;
@@ -100,6 +101,20 @@ impl Openness {
                     });
                 };
                 match (cells.map(|cell| owner[cell]), sheet) {
+                    ([None, None], Some(drain)) if drains[drain].stays => {
+                        let [low, high] = [lower, upper].map(|cell| grid.volume(cell));
+                        // The nearer of two centres has the larger part.
+                        for (cell, ratio) in cells.into_iter().zip([high / low, low / high]) {
+                            self.drain_faces.push(DrainFace {
+                                cell,
+                                axis: 0,
+                                upper: false,
+                                open: self.inside[cell] * ratio,
+                                source: true,
+                                drain,
+                            });
+                        }
+                    }
                     ([None, None], Some(drain)) => {
                         add(0, drain);
                         add(1, drain);
@@ -182,6 +197,17 @@ mod tests {
             [(6, 1, true), (7, 1, true), (11, 1, false), (12, 1, false)]
         );
         assert_eq!(open.faces[1][open.face(1, [1, 2, 0])], 0.0);
+        // The well in a plane has the cells on both sides, and the faces between them stay open.
+        let (open, _) = faces(DrainCells {
+            from: [1, 2, 0],
+            to: [3, 2, 1],
+            stays: true,
+            only: None,
+        });
+        let sources = open.drain_faces.iter().map(|f| (f.cell, f.source));
+        let sources: Vec<_> = sources.collect();
+        assert_eq!(sources, [(6, true), (7, true), (11, true), (12, true)]);
+        assert_eq!(open.faces[1][open.face(1, [1, 2, 0])], 1.0);
         // At the corner of the grid only the faces towards the ground exist.
         let (_, found) = faces(DrainCells {
             from: [0, 0, 0],

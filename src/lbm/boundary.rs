@@ -59,6 +59,7 @@ use super::populations::{Link, Parity, Populations};
 use super::surface::Outside;
 use base::error::{Error, Report};
 use base::family;
+use base::history::TimeTable;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
 use decomposition::Communicator;
@@ -181,6 +182,14 @@ impl Ramp {
         } else {
             self.start + (self.end - self.start) * (step / self.steps)
         }
+    }
+}
+
+impl From<Ramp> for TimeTable {
+    fn from(ramp: Ramp) -> Self {
+        let rows = [[0.0, ramp.start], [ramp.steps, ramp.end]];
+        let rows = (ramp.steps > 0.0).then_some(rows.as_slice());
+        Self::new(rows, ramp.end)
     }
 }
 

@@ -34,7 +34,7 @@ mod bonds;
 mod network;
 
 use super::Clock;
-use super::critical_step::{critical_solid_time_step, moving};
+use super::critical_step::{critical_solid_time_step, largest_radius, moving};
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, at_least, at_most, number};
@@ -53,7 +53,8 @@ fn mass_over_inertia(dimension: usize) -> f64 {
     if dimension == 2 { 2.0 } else { 2.5 }
 }
 
-/// Returns the limit of the densest packing of one kind of grain, each with at most `partners` neighbours.
+/// Returns the limit of the densest packing of one kind of grain, each with at most `partners` neighbours of its size,
+/// and that of a grain between two of the largest bodies.
 fn densest_limit(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), partners: f64) -> f64 {
     let (material, radius) = kind;
     let mass = scene.mass(material, radius);
@@ -68,20 +69,31 @@ fn densest_limit(scene: &Scene, law: &dyn ContactModel, kind: (usize, f64), part
         lattice[0].min(round),
         lattice[1].min(round * (1.0 + mass_over_inertia(dimension))),
     ];
+    let largest = largest_radius(scene).max(radius);
+    let heavy = scene.mass(material, largest);
+    // The heavier body moves less against the grain than one of its own mass.
+    let between = partners.min(2.0) * (1.0 + mass / heavy);
+    let between = [between, between * (1.0 + mass_over_inertia(dimension))];
     let mut shortest = f64::INFINITY;
     for other in 0..law.materials() {
-        let found = law.springs(&StaticContact {
+        let touching = |radius_of_other: f64, mass_of_other: f64| StaticContact {
             materials: [to_u32(material), other],
-            diameter: 2.0 * radius,
-            radius: 0.5 * radius,
-            mass: 0.5 * mass,
+            diameter: radius + radius_of_other,
+            radius: radius / (1.0 + radius / radius_of_other),
+            mass: mass / (1.0 + mass / mass_of_other),
             overlap: None,
             depth: Depth::Expected,
             bonded: bonds(scene, law),
-        });
-        for (n, factor) in factors.into_iter().enumerate() {
-            let [k, c] = [found.stiffness[n], found.dashpots[n]].map(|v| factor * v / mass);
-            shortest = shortest.min(limit(k, c));
+        };
+        for (contact, factors) in [
+            (touching(radius, mass), factors),
+            (touching(largest, heavy), between),
+        ] {
+            let found = law.springs(&contact);
+            for (n, factor) in factors.into_iter().enumerate() {
+                let [k, c] = [found.stiffness[n], found.dashpots[n]].map(|v| factor * v / mass);
+                shortest = shortest.min(limit(k, c));
+            }
         }
     }
     shortest

@@ -21,7 +21,7 @@
 //! and the ratio of dissipation to input is smallest at `w_i T = 4.5`.
 
 use super::Clock;
-use super::critical_step::moving;
+use super::critical_step::{largest_radius, moving};
 use super::explicit_drag::{bed_properties, porosity, stopping_times};
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
@@ -104,6 +104,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     };
     let height = seepage.height(scene.gravity, dimension);
     let mut all: Option<Limits> = None;
+    let largest = largest_radius(scene);
     for (material, radius) in moving(scene) {
         if material >= scene.materials.len() || radius <= 0.0 {
             continue;
@@ -113,7 +114,10 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
             2.0 * radius,
             scene.mass(material, radius),
         );
-        let period = 0.5 * law.time_limits(to_u32(material), radius, mass).spring;
+        let period = 0.5
+            * law
+                .time_limits(to_u32(material), [radius, largest], mass)
+                .spring;
         let grain = GrainSize::new(dimension, radius);
         let of_beds = bed_properties(seepage, (eps, diameter), liquid, 0.0).into_iter();
         let stops = of_beds

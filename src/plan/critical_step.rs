@@ -3,6 +3,7 @@
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::grains::GrainSource;
+use crate::scene::observe::RegionAction;
 use base::number::to_u32;
 use dem::contact::TimeLimits;
 
@@ -31,7 +32,7 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
         }
     }
     for region in &scene.regions {
-        if let crate::scene::observe::RegionAction::Generate {
+        if let RegionAction::Generate {
             radii, material, ..
         } = &region.action
         {
@@ -44,14 +45,31 @@ pub(super) fn moving(scene: &Scene) -> Vec<(usize, f64)> {
     moving
 }
 
+/// Returns the largest radius \[m\] of the discs and spheres of a scene; 0 without.
+pub(crate) fn largest_radius(scene: &Scene) -> f64 {
+    let grains = scene.grains.iter();
+    let grains = grains.filter_map(|grains| Some(grains.radii?.1));
+    let fed = scene
+        .regions
+        .iter()
+        .filter_map(|region| match &region.action {
+            RegionAction::Generate { radii, .. } => Some(radii.bounds().1),
+            _ => None,
+        });
+    let bodies = scene.bodies.iter().filter(|body| body.solid.is_none());
+    let bodies = bodies.map(|body| body.radius);
+    grains.chain(fed).chain(bodies).fold(0.0, f64::max)
+}
+
 /// Returns material, radius \[m\] and mass [kg; in 2-D kg/m] of the sphere or disc with the shortest limit.
 pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
     let law = scene.contact.as_ref()?.model();
+    let largest = largest_radius(scene);
     let known = moving(scene).into_iter();
     let known = known.filter(|(material, _)| *material < scene.materials.len());
     let limits = known.map(|(material, radius)| {
         let mass = scene.mass(material, radius);
-        let limits = law.time_limits(to_u32(material), radius, mass);
+        let limits = law.time_limits(to_u32(material), [radius, largest], mass);
         (limits.shorter(), (material, radius, mass))
     });
     limits
@@ -63,11 +81,13 @@ pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
 /// Rayleigh time as well; for a block with all its faces in contact.
 pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
     let law = scene.contact.as_ref()?.model();
+    let largest = largest_radius(scene);
     let of_spheres = moving(scene)
         .into_iter()
         .filter(|(material, _)| *material < scene.materials.len())
         .map(|(material, radius)| {
-            law.time_limits(to_u32(material), radius, scene.mass(material, radius))
+            let mass = scene.mass(material, radius);
+            law.time_limits(to_u32(material), [radius, largest], mass)
         });
     let of_blocks =
         scene

@@ -23,6 +23,7 @@
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::seepage::Seepage;
+use base::geometry::Vector;
 use case::darcy::ZonePermeability;
 use case::geometry::{Axis, Region};
 use darcy::Condition;
@@ -223,7 +224,7 @@ fn thicknesses(seepage: &Seepage, up: usize) -> Vec<f64> {
 }
 
 /// Returns the conductivity of each layer of cells along the vertical axis, in arbitrary units; none unless zones
-/// give it for all cells in layers.
+/// give it for all cells in layers. A box that reaches from end to end is a layer.
 fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
     let strength = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let conducts = seepage.written.density * strength / seepage.written.viscosity;
@@ -234,6 +235,9 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
             Some(ZonePermeability::HydraulicConductivity(k)) => k,
             _ => return None,
         };
+        if zone.polygon.is_some() {
+            return None;
+        }
         let (from, to) = match &zone.region {
             None => (None, None),
             Some(Region::Layer(layer)) => {
@@ -243,7 +247,18 @@ fn layers(scene: &Scene, seepage: &Seepage, up: usize) -> Option<Vec<f64>> {
                 }
                 (layer.from, layer.to)
             }
-            Some(Region::Box(_)) => return None,
+            Some(Region::Box(extent)) => {
+                let [low, high] = [&extent.from, &extent.to].map(Vector::to_array);
+                let spans = |axis: usize| {
+                    let cells = seepage.axis(axis);
+                    let last = cells.centre(cells.cells.saturating_sub(1));
+                    low[axis] <= cells.centre(0) && high[axis] > last
+                };
+                if !(0..up).all(spans) {
+                    return None;
+                }
+                (Some(low[up]), Some(high[up]))
+            }
         };
         for (k, known) in found.iter_mut().enumerate() {
             let middle = seepage.axis(up).centre(k);
@@ -308,6 +323,11 @@ mod tests {
 
     fn warnings(beyond: f64) -> Vec<Problem> {
         let length = 20.0 + 2.0 * beyond;
+        with_cover(beyond, &json!({"layer": {"from": 4}}), length)
+    }
+
+    /// Returns the warnings for a cover in a region of ground of this length \[m\].
+    fn with_cover(beyond: f64, cover: &serde_json::Value, length: f64) -> Vec<Problem> {
         let case = json!({
             "domain": {"size": [length, 6], "spacing": 1},
             "gravity": [0, -9.81],
@@ -315,7 +335,7 @@ mod tests {
                 "density": 1000, "viscosity": 1e-3,
                 "zones": [
                     {"name": "gravel", "permeability": {"hydraulic_conductivity": 1e-3}},
-                    {"name": "cover", "region": {"layer": {"from": 4}},
+                    {"name": "cover", "region": cover,
                         "permeability": {"hydraulic_conductivity": 4e-6}}
                 ],
                 "boundaries": [
@@ -341,5 +361,8 @@ mod tests {
         assert!(near[0].reason.contains("is 44.7"), "{}", near[0]);
         assert!(near[0].remedy.contains("134"), "{}", near[0]);
         assert_eq!(warnings(140.0), []);
+        // The same cover as a box over the whole length.
+        let cover = json!({"box": {"from": [0, 4], "to": [100, 6]}});
+        assert_eq!(with_cover(40.0, &cover, 100.0), near);
     }
 }

@@ -39,7 +39,8 @@ use darcy::drag::{BedConditions, GrainSize};
 use darcy::{Equations, Liquid};
 use dem::contact::{ContactModel, Depth, StaticContact};
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
 /// Overlap in radii above which a contact is no longer small.
@@ -62,6 +63,8 @@ struct Moving {
     at: [f64; 3],
     /// `true` if the body may fall from its initial position.
     may_fall: bool,
+    /// `true` if this is one body; `false` if it stands for several of a source.
+    single: bool,
 }
 
 impl Moving {
@@ -76,6 +79,7 @@ impl Moving {
             velocity: [0.0; 3],
             at: [0.0; 3],
             may_fall: false,
+            single: false,
         }
     }
 
@@ -85,7 +89,28 @@ impl Moving {
             velocity: grain.velocity,
             at: grain.position,
             may_fall: true,
+            single: true,
             ..Self::ball(scene, path, grain.material, grain.radius)
+        }
+    }
+}
+
+/// Body or wall that no impact moves.
+#[derive(Clone, Copy)]
+struct Immovable {
+    velocity: [f64; 3],
+    material: usize,
+    /// Radius of a disc or sphere \[m\]; none of another shape.
+    radius: Option<f64>,
+}
+
+impl Immovable {
+    /// Returns a stationary body of a material that is not round.
+    fn still(material: usize) -> Self {
+        Self {
+            velocity: [0.0; 3],
+            material,
+            radius: None,
         }
     }
 }
@@ -95,8 +120,8 @@ impl Moving {
 struct ImpactPartners {
     /// All bodies that move under forces.
     moving: Vec<Moving>,
-    /// Velocities of bodies that are stationary or driven.
-    fixed_velocities: Vec<[f64; 3]>,
+    /// Bodies and walls that are stationary or driven.
+    fixed: Vec<Immovable>,
     /// Balls around bodies that are stationary or driven.
     standing: Vec<Ball>,
 }
@@ -110,8 +135,10 @@ impl ImpactPartners {
             all.add_grains(scene, grains);
         }
         all.add_generated(scene);
-        all.fixed_velocities
-            .extend(scene.walls.iter().map(SceneWall::largest_velocity));
+        all.fixed.extend(scene.walls.iter().map(|wall| Immovable {
+            velocity: wall.largest_velocity(),
+            ..Immovable::still(wall.material)
+        }));
         all.drop_wrong(scene);
         all
     }
@@ -146,10 +173,15 @@ impl ImpactPartners {
                     velocity: body.velocity,
                     at: body.position,
                     may_fall: true,
+                    single: true,
                     ..ball
                 });
             } else {
-                self.fixed_velocities.push(body.largest_motion()[0]);
+                self.fixed.push(Immovable {
+                    velocity: body.largest_motion()[0],
+                    radius: body.solid.is_none().then_some(body.radius),
+                    ..Immovable::still(body.material)
+                });
                 self.standing.push(Ball {
                     at: body.position,
                     reach: (1.0 + SUPPORT_GAP) * body.radius,
@@ -162,7 +194,7 @@ impl ImpactPartners {
         for block in scene.blocks.iter().flat_map(|blocks| &blocks.list) {
             let solid = &block.solid;
             if block.fixed {
-                self.fixed_velocities.push([0.0; 3]);
+                self.fixed.push(Immovable::still(block.material));
             } else {
                 let faces = solid.shape.half_spaces().iter();
                 self.moving.push(Moving {
@@ -175,6 +207,7 @@ impl ImpactPartners {
                     at: solid.position.into(),
                     // A block of a rock mass is supported by others.
                     may_fall: false,
+                    single: true,
                 });
             }
         }
@@ -284,15 +317,16 @@ fn mark_supported_bodies(scene: &Scene, moving: &mut [Moving], standing: &[Ball]
     }
 }
 
-/// Returns the overlap \[m\] of an impact at `speed` of a body on a partner of another material, with this
-/// effective mass.
-fn overlap(law: &dyn ContactModel, one: &Moving, (other, mass): (u32, f64), speed: f64) -> f64 {
+/// Returns the overlap \[m\] of an impact at `speed` of a body on the heaviest and smallest partner of a class.
+fn overlap(law: &dyn ContactModel, one: &Moving, partner: &Class, speed: f64) -> f64 {
     let hardens = law.impact_speed().is_some();
     let known = 2e-4 * one.radius;
+    let mass = one.mass / (1.0 + one.mass / partner.mass);
     let springs = law.springs(&StaticContact {
-        materials: [to_u32(one.material), other],
-        diameter: 2.0 * one.radius,
-        radius: one.radius,
+        materials: [to_u32(one.material), to_u32(partner.material)],
+        diameter: one.radius + partner.radius.unwrap_or(one.radius),
+        radius: (partner.radius)
+            .map_or(one.radius, |other| one.radius / (1.0 + one.radius / other)),
         mass,
         overlap: hardens.then_some(known),
         depth: Depth::Start,
@@ -322,11 +356,18 @@ struct Impact<'a> {
     part: f64,
 }
 
-/// Class of impact partners: the largest mass of those whose velocities lie in a box.
+/// Class of impact partners of one material whose velocities lie in a box and whose radii differ by a factor of two
+/// at most.
 struct Class {
     low: [f64; 3],
     high: [f64; 3],
+    /// Largest mass \[kg\].
     mass: f64,
+    material: usize,
+    /// Smallest radius \[m\]; none of walls and of bodies that are not round.
+    radius: Option<f64>,
+    /// The only member, by its index among the moving bodies; none of a class of several or of immovable bodies.
+    only: Option<usize>,
 }
 
 impl Class {
@@ -341,30 +382,50 @@ impl Class {
     }
 }
 
+/// Returns a number that is the same for radii \[m\] between two powers of two.
+fn size_class(radius: f64) -> usize {
+    /// No positive number has a smaller logarithm to the base of two.
+    const LEAST: f64 = -1100.0;
+    whole(radius.log2().floor() - LEAST)
+}
+
 /// Number of divisions of the range of velocities along each axis into classes.
 const DIVISIONS: f64 = 8.0;
 
-/// Returns the velocity classes of all moving and stationary bodies; stationary or driven bodies have infinite
-/// mass.
+/// Returns the classes of all moving and stationary bodies; stationary or driven bodies have infinite mass.
 ///
 /// A light, fast grain and a stationary boulder are in two classes, so that no pair combines the speed of one with
 /// the mass of the other.
-fn classes(moving: &[Moving], fixed_velocities: &[[f64; 3]]) -> Vec<Class> {
-    let driven = fixed_velocities
+fn classes(moving: &[Moving], fixed: &[Immovable]) -> Vec<Class> {
+    let alone = |velocity, mass, material, radius, only| Class {
+        low: velocity,
+        high: velocity,
+        mass,
+        material,
+        radius,
+        only,
+    };
+    let driven = fixed
         .iter()
-        .map(|velocity| (*velocity, f64::INFINITY));
-    let free = moving.iter().map(|one| (one.velocity, one.mass));
-    let all: Vec<([f64; 3], f64)> = free.chain(driven).collect();
+        .map(|one| alone(one.velocity, f64::INFINITY, one.material, one.radius, None));
+    let free = moving.iter().enumerate().map(|(n, one)| {
+        let round = one.radius.to_bits() == one.reach.to_bits();
+        let radius = round.then_some(one.radius);
+        let only = one.single.then_some(n);
+        alone(one.velocity, one.mass, one.material, radius, only)
+    });
+    let all: Vec<Class> = free.chain(driven).collect();
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
-    for (velocity, _) in &all {
+    for one in &all {
         for a in 0..3 {
-            low[a] = low[a].min(velocity[a]);
-            high[a] = high[a].max(velocity[a]);
+            low[a] = low[a].min(one.low[a]);
+            high[a] = high[a].max(one.low[a]);
         }
     }
-    let mut classes: BTreeMap<[usize; 4], Class> = BTreeMap::new();
-    for (velocity, mass) in all {
+    let mut classes: BTreeMap<([usize; 5], Option<usize>), Class> = BTreeMap::new();
+    for one in all {
+        let velocity = one.low;
         let part = |a: usize| {
             let range = high[a] - low[a];
             let share = if range > 0.0 {
@@ -374,17 +435,24 @@ fn classes(moving: &[Moving], fixed_velocities: &[[f64; 3]]) -> Vec<Class> {
             };
             whole((share * DIVISIONS).floor().min(DIVISIONS - 1.0))
         };
-        let place = [part(0), part(1), part(2), usize::from(mass.is_finite())];
-        let class = classes.entry(place).or_insert(Class {
-            low: velocity,
-            high: velocity,
-            mass,
-        });
-        for a in 0..3 {
-            class.low[a] = class.low[a].min(velocity[a]);
-            class.high[a] = class.high[a].max(velocity[a]);
+        let finite = usize::from(one.mass.is_finite());
+        let place = [part(0), part(1), part(2), finite, one.material];
+        let size = one.radius.map(size_class);
+        match classes.entry((place, size)) {
+            Entry::Vacant(entry) => {
+                entry.insert(one);
+            }
+            Entry::Occupied(entry) => {
+                let class = entry.into_mut();
+                for a in 0..3 {
+                    class.low[a] = class.low[a].min(velocity[a]);
+                    class.high[a] = class.high[a].max(velocity[a]);
+                }
+                class.mass = class.mass.max(one.mass);
+                class.radius = class.radius.zip(one.radius).map(|(a, b)| a.min(b));
+                class.only = None;
+            }
         }
-        class.mass = class.mass.max(mass);
     }
     classes.into_values().collect()
 }
@@ -480,38 +548,30 @@ fn deepest<'a>(
     scene: &Scene,
     law: &dyn ContactModel,
     moving: &'a [Moving],
-    fixed_velocities: &[[f64; 3]],
+    fixed: &[Immovable],
 ) -> Option<Impact<'a>> {
     let settling = settling_speed(scene);
-    let classes = classes(moving, fixed_velocities);
-    let mut met: Vec<usize> = scene.walls.iter().map(|wall| wall.material).collect();
-    met.extend(scene.bodies.iter().map(|body| body.material));
-    met.extend(moving.iter().map(|one| one.material));
-    met.sort_unstable();
-    met.dedup();
+    let classes = classes(moving, fixed);
     let mut deepest: Option<Impact<'_>> = None;
-    for one in moving {
+    for (n, one) in moving.iter().enumerate() {
         let fall = if one.may_fall {
             fall_speed(scene, one, settling)
         } else {
             0.0
         };
-        for class in &classes {
+        for class in classes.iter().filter(|class| class.only != Some(n)) {
             let speed = (class.squared_speed(&one.velocity) + fall * fall).sqrt();
             if speed <= 0.0 {
                 continue;
             }
-            let mass = one.mass / (1.0 + one.mass / class.mass);
-            for &other in &met {
-                let part = overlap(law, one, (to_u32(other), mass), speed) / one.radius;
-                if part.is_finite() && deepest.as_ref().is_none_or(|known| part > known.part) {
-                    deepest = Some(Impact {
-                        one,
-                        speed,
-                        fall,
-                        part,
-                    });
-                }
+            let part = overlap(law, one, class, speed) / one.radius;
+            if part.is_finite() && deepest.as_ref().is_none_or(|known| part > known.part) {
+                deepest = Some(Impact {
+                    one,
+                    speed,
+                    fall,
+                    part,
+                });
             }
         }
     }
@@ -523,7 +583,15 @@ fn deepest<'a>(
 pub(super) fn of_loose_blocks(scene: &Scene) -> Option<(f64, f64)> {
     let law = scene.contact.as_ref()?.model();
     let blocks = ImpactPartners::loose_blocks(scene);
-    let impact = deepest(scene, law, &blocks.moving, &[[0.0; 3]])?;
+    // They may fall on walls, and on blocks that stay.
+    let walls = scene.walls.iter().map(|wall| wall.material);
+    let met: BTreeSet<usize> = (blocks.moving.iter().map(|block| block.material))
+        .chain(walls)
+        .collect();
+    let fixed: Vec<Immovable> = (blocks.fixed.into_iter())
+        .chain(met.into_iter().map(Immovable::still))
+        .collect();
+    let impact = deepest(scene, law, &blocks.moving, &fixed)?;
     Some((impact.speed, impact.part))
 }
 
@@ -534,11 +602,11 @@ pub(super) fn check(scene: &Scene, margins: &mut Vec<Margin>, findings: &mut Fin
     };
     let ImpactPartners {
         mut moving,
-        fixed_velocities,
+        fixed,
         standing,
     } = ImpactPartners::new(scene);
     mark_supported_bodies(scene, &mut moving, &standing);
-    let Some(impact) = deepest(scene, contact.model(), &moving, &fixed_velocities) else {
+    let Some(impact) = deepest(scene, contact.model(), &moving, &fixed) else {
         return;
     };
     margins.push(margin(
@@ -617,6 +685,44 @@ mod tests {
         found.next().map(|problem| problem.severity)
     }
 
+    /// Checks that a stiffness per diameter acts with the mean diameter of a grain and a boulder, in the overlap of their
+    /// impact and in the critical step, and that only pairs of materials which meet count.
+    #[test]
+    fn the_stiffness_of_an_impact_is_that_of_its_pair() {
+        let planned = |stiffness: serde_json::Value, pairs: serde_json::Value| {
+            let case = serde_json::json!({
+                "domain": {"size": [0.4, 0.4, 0.4], "spacing": 0.02},
+                "materials": {"g": {"density": 2600}, "h": {"density": 2600}},
+                "contact": {"linear": {"normal_stiffness": stiffness, "pairs": pairs}},
+                "grains": {"material": "g", "initial": {"list": [
+                    {"position": [0.149, 0.2, 0.2], "radius": 0.00025, "velocity": [0.05, 0, 0]}]}},
+                "bodies": [{"name": "boulder", "material": "h", "shape": {"sphere": {"radius": 0.05}},
+                    "position": [0.2, 0.2, 0.2], "motion": {"free": {}}}],
+                "time": {"end": 0.04},
+            });
+            let document = Document::read(&case.to_string(), &[], Path::new(".")).unwrap();
+            Plan::prepare(document).unwrap()
+        };
+        let none = serde_json::json!([]);
+        // The mean diameter of both is 0.05025 m.
+        let by_diameter = planned(serde_json::json!({"per_diameter": 1e5}), none.clone());
+        let absolute = planned(serde_json::json!({"absolute": 5025.0}), none);
+        let pair = serde_json::json!([{"materials": ["g", "h"], "normal_stiffness": {"absolute": 5025.0}}]);
+        let of_pair = planned(serde_json::json!({"absolute": 50.0}), pair);
+        for plan in [&by_diameter, &of_pair] {
+            approx::assert_relative_eq!(part(plan), part(&absolute), max_relative = 1e-9);
+        }
+        let critical = |plan: &Plan| {
+            let found = crate::critical_step::critical_solid_time_step(&plan.scene);
+            found.unwrap().time_step
+        };
+        approx::assert_relative_eq!(
+            critical(&by_diameter),
+            critical(&absolute),
+            max_relative = 1e-9
+        );
+    }
+
     /// Checks that a sphere in the still water of a seepage hits the floor with the settling speed of the drag law: by
     /// the formula of Dallavalle 0.0729 m/s for 0.5 mm and 2650 kg/m³, as computed apart; and with that of a dry fall
     /// where the water does not fill the domain.
@@ -690,12 +796,13 @@ mod tests {
             \"material\": \"glass\", \"velocity\": [200, 0]}]";
         assert_eq!(severity(&planned(&[still])), None);
         assert_eq!(severity(&planned(&[still, wall])), Some(Severity::Unstable));
-        let fall = planned(&[still, "gravity=[0, -9.81]"]);
+        let floor = "box_walls=[\"y_min\"]";
+        assert_eq!(part(&planned(&[still, "gravity=[0, -9.81]"])), 0.0);
+        let fall = planned(&[still, floor, "gravity=[0, -9.81]"]);
         let mass = 2500.0 * std::f64::consts::PI * 1e-4;
         let speed = (2.0 * 9.81 * 0.04_f64).sqrt();
         assert!(part(&fall) > 0.0 && part(&fall) < speed * (mass / 1e7_f64).sqrt() / 0.01);
         let lies = "grains.initial.list=[{\"position\": [0.08, 0.01], \"radius\": 0.01}]";
-        let floor = "box_walls=[\"y_min\"]";
         assert_eq!(part(&planned(&[lies, floor, "gravity=[0, -9.81]"])), 0.0);
     }
 

@@ -414,7 +414,7 @@ impl Choices<'_> {
                 Some(_) => "a plane between cells".to_owned(),
                 None => format!("{} cells", drain.cells.count()),
             };
-            let condition = format!("{:?}", drain.condition);
+            let condition = drain.condition.to_string();
             let (kind, reason) = match &drain.cells.only {
                 Some(_) => ("surface", "requested; a staircase of cells".to_owned()),
                 None => ("drain", format!("requested; {cells}")),

@@ -333,7 +333,7 @@ impl Scene {
         let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);
         let joint_methods = joint_methods::JointMethods::resolve(case, &grid, rock.0);
         let porous_zones = porous::zones(case, &grid, findings);
-        let regions = observe::regions(case, &grid, &names, findings);
+        let regions = observe::regions(case, &grid, (&names, structures), findings);
         let measured = observe::Measured {
             case,
             grid: &grid,

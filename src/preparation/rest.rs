@@ -11,6 +11,7 @@
 use super::supervision::{Request, Requests};
 use base::error::Error;
 use decomposition::Domain;
+use dem::contact::{Depth, StaticContact};
 use dem::particles::Particles;
 use dem::relax::unbalanced_text;
 use dem::space::{Components, Space};
@@ -79,6 +80,37 @@ fn hold_unsupported<S: Space>(
     dem.prepare(particles, domain)
 }
 
+/// Returns the force \[N\] by which the rounding of positions changes the stiffest contact of grains, with a margin.
+fn force_of_rounding(scene: &Scene) -> f64 {
+    /// Number of roundings of a position that add up in a force.
+    const ROUNDINGS: f64 = 16.0;
+    let (Some(contact), Some((_, radius))) = (
+        &scene.contact,
+        scene.grains.as_ref().and_then(|grains| grains.radii),
+    ) else {
+        return 0.0;
+    };
+    let law = contact.model();
+    let stiffness = |materials: [u32; 2]| {
+        let mass = scene.mass(materials[0] as usize, radius);
+        let springs = law.springs(&StaticContact {
+            materials,
+            diameter: 2.0 * radius,
+            radius: 0.5 * radius,
+            mass: 0.5 * mass,
+            overlap: None,
+            depth: Depth::Expected,
+            bonded: true,
+        });
+        springs.stiffness[0]
+    };
+    let count = law.materials();
+    let pairs = (0..count).flat_map(|a| (0..count).map(move |b| [a, b]));
+    let stiffest = pairs.map(stiffness).fold(0.0, f64::max);
+    let length = scene.grid.size.iter().copied().fold(0.0, f64::max);
+    ROUNDINGS * f64::EPSILON * length * stiffest
+}
+
 /// Returns the number of grains and bodies of this kind on all ranks. Collective.
 fn count_kind<S: Space>(particles: &Particles<S>, kind: Kind, domain: &Domain) -> u64 {
     let own = &particles.body[..particles.owned()];
@@ -93,6 +125,8 @@ pub struct SavedRest {
     broken: u64,
     broken_at_check: u64,
     steps: u64,
+    /// Bits of [`BondRelaxation::rounding`].
+    rounding: u64,
     /// Id, and the bits of the six components of velocity and spin.
     velocities: Vec<(u64, [u64; 6])>,
 }
@@ -107,6 +141,8 @@ pub struct BondRelaxation {
     broken_at_check: u64,
     /// Number of solid steps.
     steps: u64,
+    /// Force of a contact \[N\] below which it is due to the rounding of positions.
+    rounding: f64,
     /// Velocities of grains and bodies to be restored after the relaxation.
     velocities: Velocities,
 }
@@ -137,6 +173,7 @@ impl BondRelaxation {
             broken: 0,
             broken_at_check: 0,
             steps: 0,
+            rounding: force_of_rounding(scene),
             velocities,
         }))
     }
@@ -155,6 +192,7 @@ impl BondRelaxation {
             broken: self.broken,
             broken_at_check: self.broken_at_check,
             steps: self.steps,
+            rounding: self.rounding.to_bits(),
             velocities,
         }
     }
@@ -167,6 +205,7 @@ impl BondRelaxation {
             broken: state.broken,
             broken_at_check: state.broken_at_check,
             steps: state.steps,
+            rounding: f64::from_bits(state.rounding),
             velocities: state
                 .velocities
                 .into_iter()
@@ -211,7 +250,7 @@ impl BondRelaxation {
                     hold_unsupported(dem, particles, domain)?;
                 }
                 let now = dem.equilibrium_state(particles, domain);
-                if self.steps >= until.limit || now.unbalanced() <= until.tolerance {
+                if self.steps >= until.limit || self.at_rest(&now) {
                     break now;
                 }
             }
@@ -235,12 +274,18 @@ impl BondRelaxation {
             "bonds": self.bonds,
             "bonds_broken": self.broken,
             "held": held,
-            "at_rest": still.unbalanced() <= until.tolerance,
+            "at_rest": self.at_rest(&still),
             "solid_steps": self.steps,
             "unbalanced_force": still.unbalanced(),
             "largest_contact_force": still.contact,
         });
         Ok((self.line(held, &still), report))
+    }
+
+    /// Returns `true` if the resultants are small beside the forces of the contacts, or are those of rounding: in a sample
+    /// that nothing loads, both vanish.
+    fn at_rest(&self, now: &EquilibriumState) -> bool {
+        now.unbalanced() <= Relaxation::default().tolerance || now.resultant <= self.rounding
     }
 
     /// Returns the line to print. It does not claim equilibrium where the relaxation ended at its limit of steps.
@@ -259,7 +304,7 @@ impl BondRelaxation {
         if self.steps == 0 {
             return format!("{bonds} bonds{unsupported}");
         }
-        let state = if still.unbalanced() <= Relaxation::default().tolerance {
+        let state = if self.at_rest(still) {
             "at rest"
         } else {
             "not at rest"
@@ -279,6 +324,7 @@ mod tests {
     use super::*;
     use decomposition::Communicator;
     use dem::contact::Scaled;
+    use dem::contact::contact_bond::{ContactBond, ContactBondParameters};
     use dem::contact::linear::{self, Linear};
     use dem::particles::{Body, Motion};
     use dem::{DemSettings, GrainDomain, Law, PairTable, Volume, Wall, alone};
@@ -297,6 +343,84 @@ mod tests {
         }
     }
 
+    const SPRINGS: linear::LinearParameters = linear::LinearParameters {
+        normal_stiffness: Scaled::Absolute(1e3),
+        stiffness_ratio: 1.0,
+        friction: 0.5,
+        normal_damping_ratio: 0.3,
+        shear_damping_ratio: 0.3,
+        attraction: false,
+    };
+
+    fn springs() -> Law {
+        Law::Linear(Linear {
+            parameters: PairTable::uniform(1, SPRINGS),
+        })
+    }
+
+    /// Returns a law whose bonds bear more than any force of the tests.
+    fn bonds() -> Law {
+        let parameters = ContactBondParameters {
+            linear: SPRINGS,
+            tensile_strength: 1e3,
+            shear_strength: 1e3,
+            bonding_gap: 0.0,
+            unstressed: false,
+        };
+        Law::ContactBond(ContactBond {
+            parameters: PairTable::uniform(1, parameters),
+        })
+    }
+
+    /// Returns the relaxation of a sample with one bond.
+    fn relaxation() -> BondRelaxation {
+        BondRelaxation {
+            bonds: 1,
+            broken: 0,
+            broken_at_check: 0,
+            steps: 0,
+            rounding: 1e-11,
+            velocities: Velocities::new(),
+        }
+    }
+
+    fn keep(
+        _: &BondRelaxation,
+        _: &Particles<Volume>,
+        _: &Dem<Volume>,
+        _: &mut NoRequests,
+        _: Request,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Checks that two bonded grains without gravity whose forces vanish are at rest, and long before the limit of steps.
+    #[test]
+    fn a_free_pair_comes_to_rest() {
+        let corner = Vector3::repeat(0.01);
+        let region = GrainDomain::closed(Vector3::zeros(), corner, 1e-3);
+        let mut dem =
+            Dem::<Volume>::new(bonds(), DemSettings::new(region, 1e-5, 1e-4), Vec::new()).unwrap();
+        let domain = alone();
+        let mut particles = Particles::new();
+        for (id, x) in [(1, 0.004), (2, 0.005_999_99)] {
+            let motion = Motion {
+                position: Vector3::new(x, 0.005, 0.005),
+                ..Motion::default()
+            };
+            particles.insert(Body::uniform::<Volume>(id, 1e-3, 2600.0, 0), motion);
+        }
+        assert_eq!(
+            dem.bond_existing_contacts(&mut particles, &domain).unwrap(),
+            1
+        );
+        let (line, report) = relaxation()
+            .run(&mut dem, &mut particles, &domain, &mut NoRequests, keep)
+            .unwrap();
+        assert_eq!(report["at_rest"], true, "{line}");
+        assert!(report["solid_steps"].as_u64().unwrap() < 20_000, "{line}");
+    }
+
     /// Checks that a piston that moves in the run is stationary during the relaxation, and moves afterwards.
     #[test]
     fn walls_stand_still() {
@@ -306,23 +430,10 @@ mod tests {
             1e-5,
             1e-4,
         );
-        let law = Law::Linear(Linear {
-            parameters: PairTable::uniform(
-                1,
-                linear::LinearParameters {
-                    normal_stiffness: Scaled::Absolute(1e3),
-                    stiffness_ratio: 1.0,
-                    friction: 0.5,
-                    normal_damping_ratio: 0.3,
-                    shear_damping_ratio: 0.3,
-                    attraction: false,
-                },
-            ),
-        });
         let up = Vector3::new(0.0, 0.0, 0.3);
         let mut piston = Wall::new(Vector3::zeros(), Vector3::z(), 0);
         piston.velocity = up;
-        let mut dem = Dem::<Volume>::new(law, settings, vec![piston]).unwrap();
+        let mut dem = Dem::<Volume>::new(springs(), settings, vec![piston]).unwrap();
         let domain = alone();
         let mut particles = Particles::new();
         let motion = Motion {
@@ -330,19 +441,8 @@ mod tests {
             ..Motion::default()
         };
         particles.insert(Body::uniform::<Volume>(1, 1e-3, 2600.0, 0), motion);
-        let rest = BondRelaxation {
-            bonds: 1,
-            broken: 0,
-            broken_at_check: 0,
-            steps: 0,
-            velocities: Velocities::new(),
-        };
-        let keep = |_: &BondRelaxation,
-                    _: &Particles<Volume>,
-                    _: &Dem<Volume>,
-                    _: &mut NoRequests,
-                    _: Request| Ok(());
-        rest.run(&mut dem, &mut particles, &domain, &mut NoRequests, keep)
+        relaxation()
+            .run(&mut dem, &mut particles, &domain, &mut NoRequests, keep)
             .unwrap();
         assert_eq!(dem.walls()[0].point, Vector3::zeros());
         assert_eq!(dem.walls()[0].velocity, up);

@@ -407,10 +407,10 @@ impl ErosionRecorder {
         let (Some(hole), Some(start)) = (&self.law, &self.state.start) else {
             return Ok(None);
         };
-        let ramp = pressures(plan).fold(0.0, |end: f64, [_, _, ramp]| end.max(ramp));
+        let ramp = pressures(plan).fold(0.0, |end: f64, history| end.max(history.end()));
         let summary = ErosionSummary {
             cohesion: cohesion_per_diameter(plan, start.diameter),
-            pressure_difference: spread(pressures(plan).map(|[_, value, _]| value)),
+            pressure_difference: spread(pressures(plan).map(|history| history.value(f64::INFINITY))),
             ramp_end: (ramp - self.state.flow_age).max(0.0),
             initial_mass: start.mass,
             eroded_mass: self.state.eroded_mass,

@@ -476,7 +476,7 @@ fn draw_places(block: &AlignedBox, radius: f64, draw: &mut Stream) -> [[f64; 3];
     })
 }
 
-/// Returns the first of the positions that no grain, body or wall covers at this time \[s\], on any rank.
+/// Returns the first of the positions that no grain, body, wall or structure covers at this time \[s\], on any rank.
 fn first_free<S: Space>(
     places: &[[f64; 3]; BATCH],
     (radius, time): (f64, f64),
@@ -513,7 +513,10 @@ fn first_free<S: Space>(
                 squared < (radius + particles.body[k].radius).powi(2)
             })
         };
-        *covered = i64::from(at_wall || by_grain());
+        let structures = plan.scene.structures.iter();
+        let mut stopping = structures.filter(|structure| structure.stops.grains());
+        let in_structure = stopping.any(|structure| structure.solid.distance(*place) < radius);
+        *covered = i64::from(at_wall || in_structure || by_grain());
     }
     domain.communicator().all_reduce_sum_i64s(&mut covered);
     covered
@@ -688,6 +691,42 @@ mod tests {
                 .unwrap();
         }
         assert_eq!(present(&resumed), present(&straight));
+    }
+
+    /// Checks that no grain is generated in rock, and that a feed wholly in rock is refused.
+    #[test]
+    fn grains_are_generated_outside_structures() {
+        let case = |top: f64| {
+            let text = format!(
+                r#"{{"domain": {{"size": [0.01, 0.004], "spacing": 1e-4}},
+                "materials": {{"soil": {{"density": 2000}}}},
+                "grains": {{"material": "soil", "initial": {{"list": [
+                    {{"position": [0.009, 0.0035], "radius": 1e-4}}]}}}},
+                "structures": [{{"name": "rock", "material": "soil",
+                    "shape": {{"box": {{"from": [0, 0], "to": [0.01, {top}]}}}}}}],
+                "contact": {{"linear": {{"normal_stiffness": {{"absolute": 1e3}}}}}},
+                "regions": [{{"name": "spring", "box": {{"from": [0.002, 0.001], "to": [0.004, 0.002]}},
+                    "action": {{"generate": {{"rate": 1000, "radii": {{"uniform": {{"min": 1e-4, "max": 1e-4}}}},
+                    "seed": 4, "material": "soil"}}}}}}], "time": {{"end": 0.01}}}}"#
+            );
+            let document = Document::read(&text, &[], Path::new(".")).unwrap();
+            Plan::prepare(document)
+        };
+        let plan = case(0.0015).unwrap();
+        let mut particles = Particles::<PlaneSpace>::new();
+        let mut removal = Removal::new(&plan);
+        removal
+            .generate_grains(&mut particles, &plan, &serial(), 0.02)
+            .unwrap();
+        assert!(particles.owned() > 5);
+        for motion in &particles.motion[..particles.owned()] {
+            assert!(motion.position.y >= 0.0016, "{}", motion.position.y);
+        }
+        let problems = case(0.003).unwrap_err();
+        let refused = |p: &base::error::Problem| {
+            p.path == "regions[0].box" && p.reason.contains("structure `rock`")
+        };
+        assert!(problems.iter().any(refused), "{problems:?}");
     }
 
     #[test]

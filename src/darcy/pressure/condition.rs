@@ -4,6 +4,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
 
 /// Boundary condition of the seepage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -55,6 +56,26 @@ pub enum Condition {
     },
     /// Impermeable.
     NoFlow {},
+}
+
+impl Display for Condition {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Pressure { value } => write!(f, "pressure {value} Pa"),
+            Self::Head { value } => write!(f, "head {value} m"),
+            Self::Flux { value } => write!(f, "flux {value} m/s"),
+            Self::Rain { rate } => write!(f, "rain {rate} m/s"),
+            Self::SeepageFace { level: None } => write!(f, "seepage face"),
+            Self::SeepageFace { level: Some(level) } => {
+                write!(f, "seepage face, water up to {level} m")
+            }
+            Self::Discharge { value } => write!(f, "discharge {value} (volume per time)"),
+            Self::Evaporation { rate, suction } => {
+                write!(f, "evaporation {rate} m/s, suction at most {suction} m")
+            }
+            Self::NoFlow {} => write!(f, "impermeable"),
+        }
+    }
 }
 
 impl Condition {

@@ -320,8 +320,8 @@ impl<L: ContactModel> ContactModel for Bridged<L> {
     }
 
     /// The slope of the force of a bridge limits the step like a spring.
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
-        let own = self.law.time_limits(material, radius, mass);
+    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
+        let own = self.law.time_limits(material, radii, mass);
         let pairs = self.parameters.rows_of(material);
         let steepest = pairs.map(BridgeParameters::steepest).fold(0.0, f64::max);
         TimeLimits {

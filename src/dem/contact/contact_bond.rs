@@ -213,9 +213,9 @@ impl ContactModel for ContactBond {
         self.parameters.get(a, b).linear.springs(contact)
     }
 
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
         let pairs = self.parameters.rows_of(material);
-        let stiffest = pairs.map(|p| p.linear.stiffest(2.0 * radius));
+        let stiffest = pairs.map(|p| p.linear.stiffest(radii));
         TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))
     }
 

@@ -388,7 +388,7 @@ impl ContactModel for HertzMindlin {
         )
     }
 
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+    fn time_limits(&self, material: u32, [radius, _]: [f64; 2], mass: f64) -> TimeLimits {
         let root = radius.sqrt();
         let spring = |pair: &HertzMindlinParameters| {
             // At a wall the radius and mass of the grain itself count: no contact with a grain is stiffer.

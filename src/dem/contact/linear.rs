@@ -205,8 +205,10 @@ impl LinearParameters {
         )
     }
 
-    /// Returns the larger of both stiffnesses [N/m] at a mean diameter [m].
-    pub(super) fn stiffest(&self, diameter: f64) -> f64 {
+    /// Returns the larger of both stiffnesses [N/m] of a body with any other, for its radius and the largest radius of
+    /// the others [m].
+    pub(super) fn stiffest(&self, [radius, largest]: [f64; 2]) -> f64 {
+        let diameter = radius + largest.max(radius);
         self.normal_stiffness.for_diameter(diameter) * self.stiffness_ratio.max(1.0)
     }
 
@@ -255,9 +257,9 @@ impl ContactModel for Linear {
         self.parameters.get(a, b).springs(contact)
     }
 
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits {
+    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits {
         let pairs = self.parameters.rows_of(material);
-        let stiffest = pairs.map(|p| p.stiffest(2.0 * radius)).fold(0.0, f64::max);
+        let stiffest = pairs.map(|p| p.stiffest(radii)).fold(0.0, f64::max);
         TimeLimits::of_spring(mass, stiffest)
     }
 }

@@ -36,9 +36,9 @@ pub trait ContactModel {
     /// Returns springs and dashpots of a contact, for stability.
     fn springs(&self, contact: &StaticContact) -> Springs;
 
-    /// Returns the limits of the time step for a disc or sphere of this material, radius \[m\] and mass \[kg\] in
-    /// contact with any body.
-    fn time_limits(&self, material: u32, radius: f64, mass: f64) -> TimeLimits;
+    /// Returns the limits of the time step for a disc or sphere of this material and mass \[kg\] in contact with any
+    /// body. `radii` \[m\] are its own and the largest of the bodies that it can meet.
+    fn time_limits(&self, material: u32, radii: [f64; 2], mass: f64) -> TimeLimits;
 
     /// Returns the limits of the time step for a block of this material and mass \[kg\]; none if the law is not for
     /// blocks.

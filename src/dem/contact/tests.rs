@@ -93,7 +93,7 @@ fn a_toy_is_described_limited_and_stepped() {
         },
     );
     assert_relative_eq!(critical, (mass / 2e5).sqrt(), max_relative = 1e-12);
-    let limits = law.model().time_limits(0, 1e-3, mass);
+    let limits = law.model().time_limits(0, [1e-3; 2], mass);
     assert_relative_eq!(limits.shorter(), 2.0 * critical, max_relative = 1e-12);
 
     let region = GrainDomain::closed(Vector3::repeat(-0.1), Vector3::repeat(0.1), 1e-3);

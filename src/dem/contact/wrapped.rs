@@ -61,10 +61,10 @@ macro_rules! limits_of_law_below {
         fn time_limits(
             &self,
             material: u32,
-            radius: f64,
+            radii: [f64; 2],
             mass: f64,
         ) -> $crate::contact::TimeLimits {
-            self.law.time_limits(material, radius, mass)
+            self.law.time_limits(material, radii, mass)
         }
     };
 }

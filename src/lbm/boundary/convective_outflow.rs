@@ -27,12 +27,12 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Inflow, Place, Ramp, Rule, RuleStep,
-    quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Inflow, Place, Rule, RuleStep, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
 use base::error::Error;
+use base::history::TimeTable;
 use base::thread_pool;
 use base::units::LatticeUnits;
 use schemars::JsonSchema;
@@ -147,7 +147,7 @@ impl EnteringPopulation {
 struct Held {
     wave: PlaneWave,
     /// Imposed density deviation δρ = 3 p.
-    density: Ramp,
+    density: TimeTable,
     /// Predicted mean velocity out of the domain.
     forecast: Option<Forecast>,
 }
@@ -194,7 +194,7 @@ impl ConvectiveOutflowLinks {
         match mean_pressure.or(none_imposed.then_some(0.0)) {
             None => links,
             Some(pressure) => {
-                let density = Ramp::constant(units.pressure_to_density_deviation(pressure));
+                let density = TimeTable::constant(units.pressure_to_density_deviation(pressure));
                 let length = base::number::real(place.site.cells[face.axis()]);
                 let forecast = super::sound::forecast(place, units);
                 links.holding(PlaneWave::at_pressure(length), density, forecast)
@@ -207,7 +207,7 @@ impl ConvectiveOutflowLinks {
     pub(super) fn holding(
         mut self,
         wave: PlaneWave,
-        density: Ramp,
+        density: TimeTable,
         forecast: Option<Forecast>,
     ) -> Self {
         self.held = Some(Held {
@@ -248,7 +248,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
     }
 
     fn ramp_end(&self) -> f64 {
-        self.held.as_ref().map_or(0.0, |held| held.density.steps)
+        self.held.as_ref().map_or(0.0, |held| held.density.end())
     }
 
     fn remember(&mut self, populations: &Populations<S>, half_force: [f64; 3]) {
@@ -312,7 +312,7 @@ impl<S: Stored> Rule<S> for ConvectiveOutflowLinks {
         if let Some(held) = &mut self.held {
             let forecast = held.forecast.as_ref().map(|forecast| forecast(moment.step));
             held.wave
-                .update_outflow_excess(sums, held.density.value_at(moment.step), forecast);
+                .update_outflow_excess(sums, held.density.value(moment.step), forecast);
         }
     }
 
@@ -460,7 +460,7 @@ mod tests {
             let links = ConvectiveOutflowLinks::new((0, true), Carried::Local);
             let wave = super::PlaneWave::at_pressure(80.0);
             let rule: Box<dyn Rule<f64>> = if held {
-                Box::new(links.holding(wave, super::Ramp::constant(0.0), None))
+                Box::new(links.holding(wave, super::TimeTable::constant(0.0), None))
             } else {
                 Box::new(links)
             };

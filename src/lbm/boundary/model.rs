@@ -6,6 +6,7 @@ use super::rule::Rule;
 use super::site::{Place, Site};
 use crate::lanes::Stored;
 use base::error::{Error, Report};
+use base::history::TimeTable;
 use base::units::LatticeUnits;
 
 /// Speed that a boundary imposes.
@@ -19,30 +20,32 @@ pub struct ImposedSpeed {
     pub value: f64,
 }
 
-/// Pressure that a boundary imposes: it changes linearly from `start` to `end`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Pressure that a boundary imposes.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ImposedPressure {
     /// JSON path of the field that determines the pressure, below the parameters of the boundary.
     pub field: &'static str,
-    /// Pressure above the reference at the start \[Pa\].
-    pub start: f64,
-    /// Pressure above the reference at the end of the change \[Pa\].
-    pub end: f64,
-    /// Duration of the change \[s\]; 0 for an immediate change.
-    pub ramp_time: f64,
+    /// Pressures above the reference \[Pa\] at times after the first fluid step \[s\].
+    pub history: TimeTable,
 }
 
 impl ImposedPressure {
-    /// Returns the smaller and the larger of both pressures \[Pa\].
+    /// Returns the smallest and the largest pressure \[Pa\].
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
-        [self.end.min(self.start), self.end.max(self.start)]
+        self.history.range()
     }
 
-    /// Returns the larger absolute value of both pressures \[Pa\].
+    /// Returns the largest absolute value of the pressure \[Pa\].
     #[must_use]
     pub fn amplitude(&self) -> f64 {
-        self.end.abs().max(self.start.abs())
+        self.history.largest()
+    }
+
+    /// Returns the pressure at the first fluid step \[Pa\].
+    #[must_use]
+    pub fn start(&self) -> f64 {
+        self.history.value(0.0)
     }
 }
 

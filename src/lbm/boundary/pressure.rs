@@ -23,12 +23,13 @@ use super::profile::ReadTable;
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
     BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror,
-    Opening, Place, Ramp, Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, quanta,
+    Opening, Place, Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
 use base::error::{Error, Report};
 use base::geometry::Vector;
+use base::history::{self, TimeTable};
 use base::number::real;
 use base::thread_pool;
 use base::units::LatticeUnits;
@@ -46,6 +47,11 @@ pub struct Pressure {
     /// Linear change to `value`. Default: the pressure acts at once, which causes a pressure wave.
     #[serde(default)]
     pub ramp: Option<Change>,
+    /// Table of times [s], counted from the first fluid step, warm-up included, and pressures [Pa] that replace `value`
+    /// and `ramp`: linear between the rows, constant before and after; two pressures at one time are a jump. Default:
+    /// none.
+    #[serde(default)]
+    pub history: Option<Vec<[f64; 2]>>,
     /// Behaviour of the opening for sound. `absorb` lets plane waves out; `value` is then imposed as a mean over
     /// several transit times of sound through the domain, and exactly once the flow is steady. `reflect` keeps `value`
     /// at every step. Default: `absorb` if all other openings impose velocities, otherwise `reflect`.
@@ -125,11 +131,17 @@ impl Pressure {
     }
 
     fn imposed(&self) -> ImposedPressure {
+        let ramp = self.ramp.as_ref();
+        let ramp = ramp.map(|ramp| [[0.0, ramp.from], [ramp.duration, self.value]]);
+        let history = ramp.as_ref().map(|ramp| ramp.as_slice());
+        let history = self.history.as_deref().or(history);
         ImposedPressure {
-            field: "value",
-            start: self.ramp.as_ref().map_or(self.value, |r| r.from),
-            end: self.value,
-            ramp_time: self.ramp.as_ref().map_or(0.0, |r| r.duration),
+            field: if self.history.is_some() {
+                "history"
+            } else {
+                "value"
+            },
+            history: TimeTable::new(history, self.value),
         }
     }
 }
@@ -140,6 +152,17 @@ impl BoundaryModel for Pressure {
     }
 
     fn resolve(&mut self, site: &Site<'_>, _: ReadTable<'_>, report: &mut dyn Report) {
+        if let Some(table) = &self.history {
+            let path = format!("{}.history", site.path);
+            history::check(table, &path, report);
+            if self.ramp.is_some() {
+                report.error(
+                    &path,
+                    "the table replaces the ramp, and both are stated".into(),
+                    "remove the ramp, and begin the table with it".into(),
+                );
+            }
+        }
         let Some(gradient) = &self.gradient else {
             return;
         };
@@ -177,11 +200,10 @@ impl BoundaryModel for Pressure {
         units: &LatticeUnits,
     ) -> Result<Box<dyn Rule<S>>, Error> {
         let imposed = self.imposed();
-        let ramp = Ramp {
-            start: units.pressure_to_density_deviation(imposed.start),
-            end: units.pressure_to_density_deviation(imposed.end),
-            steps: units.time_to_lattice(imposed.ramp_time),
-        };
+        let density = imposed.history.scaled(
+            |time| units.time_to_lattice(time),
+            |pressure| units.pressure_to_density_deviation(pressure),
+        );
         let face = place.site.face;
         let axis = face.axis();
         let absorbs = self.sound(place.openings) == Sound::Absorb;
@@ -197,10 +219,10 @@ impl BoundaryModel for Pressure {
                 Carried::Local,
             );
             return Ok(Box::new(
-                links.with_kind(KIND).holding(wave, ramp, forecast),
+                links.with_kind(KIND).holding(wave, density, forecast),
             ));
         }
-        let mut links = PressureLinks::new(axis, ramp);
+        let mut links = PressureLinks::new(axis, density);
         if let Some(gradient) = &self.gradient {
             let per_cell = gradient
                 .to_array()
@@ -239,7 +261,7 @@ pub struct PressureLinks {
     /// Axis normal to the face.
     axis: usize,
     /// Density deviation δρ_w = 3 p, with p the pressure above the reference in lattice units.
-    density: Ramp,
+    density: TimeTable,
     /// Middle of the opening in cells, and gradient of the density deviation per cell.
     incline: [[f64; 3]; 2],
     cells: Vec<PressureCell>,
@@ -255,10 +277,10 @@ pub struct PressureLinks {
 impl PressureLinks {
     /// Returns the rule of a face normal to an axis with the density deviation δρ = 3 p.
     #[must_use]
-    pub fn new(axis: usize, density: Ramp) -> Self {
+    pub fn new(axis: usize, density: impl Into<TimeTable>) -> Self {
         Self {
             axis,
-            density,
+            density: density.into(),
             incline: [[0.0; 3]; 2],
             cells: Vec::new(),
             links: Vec::new(),
@@ -280,7 +302,7 @@ impl PressureLinks {
         (momentum[self.axis] - moment.half_force[self.axis]) / (1.0 + drho)
     }
 
-    /// Returns the rule with a density deviation that varies linearly over the face; the value of the ramp applies at
+    /// Returns the rule with a density deviation that varies linearly over the face; the imposed value applies at
     /// `middle`.
     #[must_use]
     pub(super) fn inclined(mut self, middle: [f64; 3], per_cell: [f64; 3]) -> Self {
@@ -325,7 +347,7 @@ impl<S: Stored> Rule<S> for PressureLinks {
     }
 
     fn ramp_end(&self) -> f64 {
-        self.density.steps
+        self.density.end()
     }
 
     fn sums(&self) -> bool {
@@ -352,7 +374,7 @@ impl<S: Stored> Rule<S> for PressureLinks {
     fn receive_sums(&mut self, sums: Sums, moment: &RuleStep) {
         if let Some((wave, forecast)) = &mut self.sound {
             let forecast = forecast.as_ref().map(|forecast| forecast(moment.step));
-            wave.update_pressure_excess(sums, self.density.value_at(moment.step), forecast);
+            wave.update_pressure_excess(sums, self.density.value(moment.step), forecast);
         }
     }
 
@@ -369,7 +391,7 @@ impl<S: Stored> Rule<S> for PressureLinks {
     fn apply(&mut self, populations: &mut Populations<S>, moment: &RuleStep) {
         let parity = populations.parity();
         let excess = self.sound.as_ref().map_or(0.0, |(wave, _)| wave.excess());
-        let wanted = self.density.value_at(moment.step) + excess;
+        let wanted = self.density.value(moment.step) + excess;
         // Leaving numbers are read and entering ones written; no number is both.
         let mut entering = std::mem::take(&mut self.entering);
         let (rule, water) = (&*self, &*populations);

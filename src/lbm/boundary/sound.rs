@@ -276,10 +276,11 @@ pub(super) fn forecast(place: &Place<'_>, units: &LatticeUnits) -> Option<Foreca
 mod tests {
     use super::{C, Forecast, PlaneWave};
     use crate::boundary::convective_outflow::{self, Carried};
-    use crate::boundary::{Patch, Ramp, Rule, pressure, velocity};
+    use crate::boundary::{Patch, Rule, pressure, velocity};
     use crate::collision::{Operator, trt};
     use crate::fluid::{Fluid, Force, Setup};
     use crate::lattice::VelocitySet;
+    use base::history::TimeTable;
     use base::number::{real, to_u32, whole};
     use decomposition::{Domain, SplitAxis};
 
@@ -299,7 +300,7 @@ mod tests {
     }
 
     fn outlet(absorbs: bool, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
-        let links = pressure::PressureLinks::new(0, Ramp::constant(0.0));
+        let links = pressure::PressureLinks::new(0, TimeTable::constant(0.0));
         Box::new(if absorbs {
             links.absorbing(PlaneWave::at_pressure(length()), forecast)
         } else {
@@ -411,7 +412,7 @@ mod tests {
     fn holding(carried: Carried, forecast: Option<Forecast>) -> Box<dyn Rule<f64>> {
         let links = convective_outflow::ConvectiveOutflowLinks::new((0, true), carried);
         let wave = PlaneWave::at_pressure(length());
-        Box::new(links.holding(wave, Ramp::constant(0.0), forecast))
+        Box::new(links.holding(wave, TimeTable::constant(0.0), forecast))
     }
 
     /// Checks that each outflow with an imposed mean pressure reflects less than 1 % of waves of at most a fifth of the
@@ -429,6 +430,40 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    /// Checks that water without friction between a pressure by table and a constant one has the momentum ∫ Δp dt per
+    /// area, after rises, rests and a jump.
+    #[test]
+    fn a_pressure_by_table_gives_the_impulse_of_its_table() {
+        const DEVIATION: f64 = 6e-5;
+        let rows = [
+            [1000.0, 0.0],
+            [4000.0, DEVIATION],
+            [8000.0, DEVIATION],
+            [8000.0, -0.5 * DEVIATION],
+            [11000.0, 0.0],
+        ];
+        let table = TimeTable::new(Some(&rows), 0.0);
+        let driven = pressure::PressureLinks::new(0, table.clone());
+        let mut fluid = duct(Box::new(driven), outlet(false, None), 0.51);
+        fluid.initialise(&|_| (0.0, [0.0; 3]));
+        for until in [4000, 8000, 12000_u32] {
+            while fluid.steps() < u64::from(until) {
+                fluid.advance();
+            }
+            let speed = |x: usize| {
+                let cell = fluid.populations().cell([x.cast_signed(), 0, 0]);
+                fluid.state(cell).1[0]
+            };
+            let mean = (0..LENGTH).map(speed).sum::<f64>() / length();
+            let time = f64::from(until);
+            let exact = table.mean(0.0, time) * time / 3.0 / length();
+            assert!(
+                (mean / exact - 1.0).abs() < 0.01,
+                "{until}: {mean}, {exact}"
+            );
         }
     }
 

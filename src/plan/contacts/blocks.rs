@@ -183,8 +183,8 @@ pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
         ),
         (_, Stiffness::PerContact { .. }) => findings.warn(
             "contact.blocks.normal_stiffness",
-            "a stiffness per contact does not conserve energy: in runs, the energy of free blocks without \
-             damping changed by half over a thousand impacts",
+            "a stiffness per contact does not conserve energy: in runs, free blocks without damping gained 15 % of \
+             their energy over 14 impacts, and more than doubled it over 150",
             Remedy::from(
                 "use a stiffness `per_area` with the model `pressure`, or a normal damping ratio of 0.05 or more",
             ),

@@ -118,7 +118,7 @@ pub(super) fn weight(
             0.0
         };
         // The pressure in the middle if this opening is in equilibrium.
-        Some(imposed.start - from_middle.pressure(at))
+        Some(imposed.start() - from_middle.pressure(at))
     });
     let stated: Vec<f64> = openings.collect();
     let (low, high) = stated

@@ -8,8 +8,10 @@ use super::aligned_box::AlignedBox;
 use super::findings::{Findings, at_least, number};
 use super::grains::{check_radii, fits_domain};
 use super::grid::Grid;
+use super::structures::Structure;
 use super::{material, unique};
 use base::error::Remedy;
+use base::number::real;
 pub use bed::ObservedBed;
 use case::Case;
 use case::fluid::Fluid;
@@ -176,10 +178,11 @@ pub struct ErosionLaw {
     pub end_at_eroded_fraction: Option<f64>,
 }
 
+/// Returns the regions; refuses feeds that lie in a structure. `names` are those of the materials.
 pub(crate) fn regions(
     case: &Case,
     grid: &Grid,
-    names: &[String],
+    (names, structures): (&[String], &[Structure]),
     findings: &mut Findings,
 ) -> Vec<ObservedRegion> {
     let mut known = Vec::new();
@@ -210,6 +213,17 @@ pub(crate) fn regions(
                 let name = name.as_ref().or(case.grains.as_ref().map(|g| &g.material));
                 let path = format!("{path}.material");
                 let index = generated(name, names, &path, findings);
+                let (smallest, _) = radii.bounds();
+                if let Some(rock) = covering(&block, smallest, structures) {
+                    findings.error(
+                        &format!("regions[{n}].box"),
+                        format!(
+                            "no grain of a radius of {} m has room in this region outside the structure `{rock}`",
+                            number(smallest)
+                        ),
+                        "move the region out of the structure",
+                    );
+                }
                 RegionAction::Generate {
                     rate: *rate,
                     radii: radii.clone(),
@@ -237,6 +251,46 @@ pub(crate) fn regions(
         );
     }
     regions
+}
+
+/// Number of positions along each axis that are tried for a grain of a feed.
+const TRIED: usize = 12;
+
+/// Returns the name of the structure that covers the middle of a region if grains of this radius \[m\] have no room
+/// outside the structures at any of [`TRIED`] positions along each axis.
+fn covering<'a>(block: &AlignedBox, radius: f64, structures: &'a [Structure]) -> Option<&'a str> {
+    let solid = |at: [f64; 3]| {
+        let mut stopping = structures.iter().filter(|one| one.stops.grains());
+        stopping.find(|one| one.solid.distance(at) < radius)
+    };
+    let at = |share: f64, axis: usize| {
+        let (from, to) = (block.from[axis] + radius, block.to[axis] - radius);
+        if from < to {
+            from + share * (to - from)
+        } else {
+            0.5 * (from + to)
+        }
+    };
+    let tried = |axis| if axis < block.dimension { TRIED } else { 1 };
+    for n in 0..tried(0) * tried(1) * tried(2) {
+        let number = [n % TRIED, n / TRIED % TRIED, n / TRIED / TRIED];
+        let point = std::array::from_fn(|axis| {
+            if axis < block.dimension {
+                at(real(number[axis]) / real(TRIED - 1), axis)
+            } else {
+                0.0
+            }
+        });
+        solid(point)?;
+    }
+    let middle = std::array::from_fn(|axis| {
+        if axis < block.dimension {
+            at(0.5, axis)
+        } else {
+            0.0
+        }
+    });
+    solid(middle).map(|rock| rock.name.as_str())
 }
 
 /// Returns the index of the material of generated grains.

@@ -4,8 +4,8 @@
 //! An overlap of more than a twentieth of the radius of the smaller solid is an error in the coordinates, which the
 //! springs would turn into an explosion. The sources differ only in the path of their findings: grains and blocks
 //! of a list or a file, blocks of a rock mass and bodies are compared by one function, also across periodic faces.
-//! A polyhedron overlaps a wall of facets if the wall cuts the largest sphere in the polyhedron around its
-//! centroid. Prepared grains have no positions before the run: they are checked by the box in which they start.
+//! The depth of a facet in a polyhedron is the largest distance of one of its points from the faces of the polyhedron
+//! inside it. Prepared grains have no positions before the run: they are checked by the box in which they start.
 
 use super::aligned_box::AlignedBox;
 use super::blocks::PlacedBlocks;
@@ -19,7 +19,10 @@ use super::walls::SceneWall;
 use base::number::real;
 use case::Case;
 use case::blocks::BlockSource;
-use dem::polyhedron::{BlockContactModel, BlockHistory, Narrow, Piece, Placed, PlacedPolyhedron};
+use dem::polyhedron::{
+    BlockContactModel, BlockHistory, HalfSpace, Narrow, Piece, Placed, PlacedPolyhedron,
+};
+use dem::surface::FacetSurface;
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -117,11 +120,7 @@ impl<'a> Standing<'a> {
     /// Returns the depth \[m\] by which the solid overlaps a wall, if it exceeds the allowed overlap.
     fn depth_in_wall(&self, wall: &SceneWall) -> Option<f64> {
         let depth = if let Some(surface) = &wall.surface {
-            let inner = self.around_centroid();
-            if !surface.is_within(&self.position, inner - ALLOWED * self.inner) {
-                return None;
-            }
-            inner - surface.clearance(&self.position)
+            self.depth_of_facets(surface)?
         } else {
             let normal = Vector3::from(wall.normal);
             let height = |v: &Vector3<f64>| normal.dot(&(v - Vector3::from(wall.point)));
@@ -136,8 +135,39 @@ impl<'a> Standing<'a> {
         self.counts(depth)
     }
 
-    /// Returns the depth \[m\] by which the solid overlaps a structure, if it exceeds the allowed overlap.
-    fn depth_in_structure(&self, structure: &Structure) -> Option<f64> {
+    /// Returns the depth \[m\] of the deepest facet in the solid, if it exceeds the allowed overlap.
+    fn depth_of_facets(&self, surface: &FacetSurface) -> Option<f64> {
+        let allowed = ALLOWED * self.inner;
+        let Some(solid) = self.solid else {
+            if !surface.is_within(&self.position, self.radius - allowed) {
+                return None;
+            }
+            return Some(self.radius - surface.clearance(&self.position));
+        };
+        if !surface.is_within(&self.position, self.radius) {
+            return None;
+        }
+        let faces = solid.half_spaces();
+        let near = (0..surface.len())
+            .filter(|facet| surface.distance(*facet, &self.position) < self.radius);
+        let mut deepest = allowed;
+        for facet in near {
+            let corners: Vec<_> = surface.corners(facet).collect();
+            // Most facets are not deeper than those before them.
+            if part_inside(&corners, &faces, deepest) {
+                deepest = depth_of_polygon(&corners, &faces, [deepest, self.radius]);
+            }
+        }
+        (deepest > allowed).then_some(deepest)
+    }
+
+    /// Returns the depth \[m\] by which the solid overlaps a structure with these facets, if it exceeds the allowed
+    /// overlap.
+    fn depth_in_structure(
+        &self,
+        structure: &Structure,
+        facets: Option<&FacetSurface>,
+    ) -> Option<f64> {
         if !structure.stops.grains() {
             return None;
         }
@@ -152,7 +182,11 @@ impl<'a> Standing<'a> {
                 .map(|at| -structure.solid.distance((*at).into()));
             depths.fold(f64::NEG_INFINITY, f64::max)
         });
-        self.counts((self.around_centroid() - distance).max(of_corners))
+        // A structure that is thinner than a block can pierce it without reaching its corners or its centroid.
+        let of_facets = self.solid.and(facets);
+        let of_facets = of_facets.and_then(|facets| self.depth_of_facets(facets));
+        let of_points = (self.around_centroid() - distance).max(of_corners);
+        self.counts(of_points.max(of_facets.unwrap_or(f64::NEG_INFINITY)))
     }
 
     fn counts(&self, depth: f64) -> Option<f64> {
@@ -176,6 +210,47 @@ impl<'a> Standing<'a> {
         };
         geometry.map_or(0.0, |touch| touch.depth)
     }
+}
+
+/// Returns `true` if a part of a polygon lies deeper than `depth` \[m\] in the convex solid of these faces.
+fn part_inside(corners: &[Vector3<f64>], faces: &[HalfSpace], depth: f64) -> bool {
+    let mut kept = corners.to_vec();
+    for face in faces {
+        let height = |point: &Vector3<f64>| face.height(point) + depth;
+        let mut next = Vec::with_capacity(kept.len() + 1);
+        for (n, one) in kept.iter().enumerate() {
+            let other = &kept[(n + 1) % kept.len()];
+            let [from, to] = [height(one), height(other)];
+            if from < 0.0 {
+                next.push(*one);
+            }
+            if from * to < 0.0 {
+                next.push(one + (other - one) * (from / (from - to)));
+            }
+        }
+        if next.is_empty() {
+            return false;
+        }
+        kept = next;
+    }
+    true
+}
+
+/// Returns the largest depth \[m\] of a point of a polygon in a convex solid; it lies between the two depths.
+fn depth_of_polygon(
+    corners: &[Vector3<f64>],
+    faces: &[HalfSpace],
+    [mut low, mut high]: [f64; 2],
+) -> f64 {
+    while high - low > 1e-6 * high {
+        let middle = 0.5 * (low + high);
+        if part_inside(corners, faces, middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 /// Overlapping pair of solids.
@@ -320,9 +395,12 @@ impl<'a> Start<'a> {
 
     /// Refuses solids that overlap structures.
     fn in_structures(&self, all: &[Standing<'_>], findings: &mut Findings) {
-        for structure in self.structures {
+        for (n, structure) in self.structures.iter().enumerate() {
+            let mut surfaces = self.walls.iter().filter(|wall| wall.structure == Some(n));
+            let facets = surfaces.find_map(|wall| wall.surface.as_deref());
             let free = all.iter().filter(|one| !one.fixed);
-            let reaching = free.filter_map(|one| Some((one, one.depth_in_structure(structure)?)));
+            let reaching =
+                free.filter_map(|one| Some((one, one.depth_in_structure(structure, facets)?)));
             let reaching: Vec<_> = reaching.collect();
             let other = format!("reach into the structure `{}`", structure.name);
             let remedy = "move it away from the structure";
@@ -752,6 +830,41 @@ mod tests {
         hidden["structures"] = serde_json::json!([{"name": "rock", "material": "glass",
             "shape": {"box": {"from": [0, 0, 0], "to": [0.1, 0.1, 0.09]}}}]);
         one(&hidden, "the structure `rock`");
+    }
+
+    /// Checks that a beam is compared with walls and structures that pierce it far from its centroid and its corners.
+    #[test]
+    fn a_beam_is_compared_with_what_pierces_it() {
+        let beam = |more: serde_json::Value| {
+            let mut parts = serde_json::json!({
+                "bodies": [{"name": "beam", "material": "glass", "position": [0.05, 0.05, 0.05],
+                    "shape": {"cuboid": {"edges": [0.08, 0.01, 0.01]}}, "motion": {"free": {}}}],
+                "contact": {"blocks": {"normal_stiffness": {"per_area": 1e9}}}
+            });
+            for (key, part) in more.as_object().expect("parts of a case") {
+                parts[key] = part.clone();
+            }
+            errors(&parts, Path::new("."))
+        };
+        let sheet = |x: f64| {
+            serde_json::json!({"walls": [{"name": "sheet", "material": "glass", "shape": {"polygon": [
+                [x, 0.0, 0.0], [x, 0.1, 0.0], [x, 0.1, 0.1], [x, 0.0, 0.1]]}}]})
+        };
+        let post = |x: f64| {
+            serde_json::json!({"structures": [{"name": "post", "material": "glass", "shape": {"box": {
+                "from": [x, 0.048, 0.0], "to": [x + 0.002, 0.052, 0.1]}}}]})
+        };
+        for (parts, words) in [
+            (sheet(0.08), "the wall `sheet` by 0.005 m"),
+            (post(0.08), "the structure `post` by 0.005 m"),
+        ] {
+            let problems = beam(parts);
+            assert_eq!(problems.len(), 1, "{words}: {problems:?}");
+            assert!(problems[0].reason.contains(words), "{}", problems[0]);
+        }
+        // The end face of the beam lies in the wall, and the post stands beside it.
+        assert_eq!(beam(sheet(0.09)), []);
+        assert_eq!(beam(post(0.09)), []);
     }
 
     #[test]

@@ -1,16 +1,14 @@
 //! Conditions that a piping case imposes: its pressures and the cohesion of its bonds.
 
+use base::history::TimeTable;
 use base::number::to_u32;
 use dem::contact::Scaled;
 use plan::Plan;
 
-/// Returns initial value \[Pa\], final value \[Pa\] and ramp time \[s\] of every imposed pressure.
-pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = [f64; 3]> {
+/// Returns every imposed pressure \[Pa\] as a function of the time after the first fluid step \[s\].
+pub(super) fn pressures(plan: &Plan) -> impl Iterator<Item = TimeTable> {
     let patches = plan.scene.flow.iter().flat_map(|flow| flow.patches());
-    patches.filter_map(|patch| {
-        let pressure = patch.condition.model().pressure()?;
-        Some([pressure.start, pressure.end, pressure.ramp_time])
-    })
+    patches.filter_map(|patch| Some(patch.condition.model().pressure()?.history))
 }
 
 /// Returns the largest value minus the smallest; NaN for fewer than two.
@@ -40,11 +38,5 @@ pub(super) fn cohesion_per_diameter(plan: &Plan, diameter: f64) -> f64 {
 /// Returns the difference of the imposed pressures \[Pa\] at a time after the start of the fluid, ramps
 /// included.
 pub(super) fn pressure_difference(plan: &Plan, time: f64) -> f64 {
-    spread(pressures(plan).map(|[from, value, ramp]| {
-        if time >= ramp {
-            value
-        } else {
-            from + (value - from) * (time / ramp)
-        }
-    }))
+    spread(pressures(plan).map(|history| history.value(time)))
 }

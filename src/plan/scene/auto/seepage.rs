@@ -260,7 +260,7 @@ fn softest(scene: &Scene) -> Option<f64> {
     let radius = grains.radii?.1;
     let mass = scene.mass(grains.material, radius);
     let material = to_u32(grains.material);
-    let time = contact.model().time_limits(material, radius, mass).spring;
+    let time = contact.model().time_limits(material, [radius; 2], mass).spring;
     Some(4.0 * mass / (time * time))
 }
 
