@@ -131,6 +131,28 @@ pub enum Style {
     OpenSquare,
 }
 
+/// Section of a band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BandPoint {
+    /// Position along the x axis.
+    pub x: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Text at a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlotLabel {
+    /// Position along the x axis.
+    pub x: f64,
+    /// Position along the y axis.
+    pub y: f64,
+    /// Text.
+    pub text: String,
+}
+
 /// Shape that a layer draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
@@ -143,8 +165,8 @@ pub enum Shape {
     },
     /// Area between two lines.
     Band {
-        /// Points `(x, low, high)`.
-        points: Vec<(f64, f64, f64)>,
+        /// Sections of the area.
+        points: Vec<BandPoint>,
     },
     /// Points with error bars.
     Marks {
@@ -153,10 +175,10 @@ pub enum Shape {
         /// Mark of the points.
         style: Style,
     },
-    /// Texts to the upper right of points `(x, y, text)`.
+    /// Texts to the upper right of points.
     Texts {
         /// Points with their texts.
-        words: Vec<(f64, f64, String)>,
+        words: Vec<PlotLabel>,
     },
     /// Lower bounds: a bar from which an arrow points up.
     LowerBounds {
@@ -661,8 +683,8 @@ impl<'a> Drawing<'a> {
                 }
             }
             Shape::Band { points } => {
-                let there = points.iter().map(|&(x, low, _)| (x, low));
-                let back = points.iter().rev().map(|&(x, _, high)| (x, high));
+                let there = points.iter().map(|point| (point.x, point.low));
+                let back = points.iter().rev().map(|point| (point.x, point.high));
                 let path = self.path(there.chain(back));
                 if !path.is_empty() {
                     pen.put(format_args!(
@@ -682,9 +704,9 @@ impl<'a> Drawing<'a> {
                 }
             }
             Shape::Texts { words } => {
-                for (x, y, text) in words {
-                    if let Some((x, y)) = self.position(*x, *y) {
-                        pen.words(x + 6.0, y - 7.0, "start", "", text);
+                for word in words {
+                    if let Some((x, y)) = self.position(word.x, word.y) {
+                        pen.words(x + 6.0, y - 7.0, "start", "", &word.text);
                     }
                 }
             }
@@ -838,8 +860,8 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
             ys.extend(points.iter().map(|p| p.1));
         }
         Shape::Texts { words } => {
-            xs.extend(words.iter().map(|w| w.0));
-            ys.extend(words.iter().map(|w| w.1));
+            xs.extend(words.iter().map(|word| word.x));
+            ys.extend(words.iter().map(|word| word.y));
         }
         Shape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));
@@ -847,8 +869,8 @@ fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
             ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
         Shape::Band { points } => {
-            xs.extend(points.iter().map(|p| p.0));
-            ys.extend(points.iter().flat_map(|p| [p.1, p.2]));
+            xs.extend(points.iter().map(|point| point.x));
+            ys.extend(points.iter().flat_map(|point| [point.low, point.high]));
         }
         Shape::Marks { marks, .. } => {
             for mark in marks {

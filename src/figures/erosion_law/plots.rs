@@ -2,7 +2,7 @@
 
 use super::{Published, digits};
 use crate::plot::{
-    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+    BandPoint, CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
 };
 use analysis::erosion_law::{ErosionRecord, FittedErosionLaw, Interval, LinearLaw};
 use analysis::study::{CohesionReport, measured, points};
@@ -93,7 +93,11 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             .iter()
             .map(|&shear| {
                 let Interval { low, high } = fit.rate_interval(shear);
-                (shear, low, high)
+                BandPoint {
+                    x: shear,
+                    low,
+                    high,
+                }
             })
             .collect();
         layers.push(Layer::new(
