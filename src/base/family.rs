@@ -16,8 +16,8 @@
 //! }
 //! ```
 //!
-//! - A line `module: Model(Parameters)` declares the module, in which the type `Parameters` is; `module: Model` is a model
-//!   without parameters, a unit struct of the same name. Lines without `module:` use types that are in scope.
+//! - A line `module: Model(Parameters)` declares the module, in which the type `Parameters` is; `module: Model` is a
+//!   model without parameters, a unit struct of the same name. Lines without `module:` use types that are in scope.
 //! - `enum Family: dyn Law` adds the function `model`, which returns the selected model as `&dyn Law`.
 //! - `, summary` before the lines takes the texts of the schema from the function `summary` of the models. Without it,
 //!   [`describe_choices`] takes them from the documentation of the parameters.
@@ -25,8 +25,9 @@
 //! - With modules, `name` returns the name in a case: that of the module, or the text of `module: Model(..) as "text"`.
 //!
 //! After the list, the macro `each!(choice, model => expression)` executes an expression with the selected model of
-//! concrete type; a second list in scope begins with `dispatch each_name;`, the name of its macro. The functions of a family are written with it. The expression is compiled for each model, so that loops
-//! over cells or grains, as provided functions of the trait of a family or in the expression, contain no selection.
+//! concrete type; a second list in scope begins with `dispatch each_name;`, the name of its macro. The functions of a
+//! family are written with it. The expression is compiled for each model, so that loops over cells or grains, as
+//! provided functions of the trait of a family or in the expression, contain no selection.
 //!
 //! The solid collision operators (`lbm::saturation`) have a list macro of their own: their file is a source of the GPU
 //! kernels, which are compiled without serde and schemars, from this package only `ball` and `number`, and which are

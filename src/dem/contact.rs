@@ -11,8 +11,8 @@
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
 //! To add a law, write the file and add one line to each of the two lists below: the enum of the case with its schema
-//! ([`Contact`]), and the resolved laws ([`Law`]), each with the dispatch to the engine, which is compiled for each law:
-//! no loop tests for the law. `tests/toy.rs` is the smallest example.
+//! ([`Contact`]), and the resolved laws ([`Law`]) with the dispatch to the engine, which is compiled for each law: no
+//! loop tests for the law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|

@@ -639,21 +639,12 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
     good && radii.bounds().1.is_finite()
 }
 
-/// Cloud as written: a deposition, or a layer of it.
-struct WrittenCloud<'a> {
-    grading: &'a Grading,
-    region: &'a Extent,
-    number: u32,
-}
-
 /// Returns a cloud of grains that fit its box and are not too dense; otherwise reports findings. The caller sets
 /// its name.
 fn cloud(
-    &WrittenCloud {
-        grading: written,
-        region,
-        number: number_of,
-    }: &WrittenCloud<'_>,
+    written: &Grading,
+    region: &Extent,
+    number_of: u32,
     path: &str,
     grid: &Grid,
     findings: &mut Findings,
@@ -748,15 +739,11 @@ fn resolve_deposition(
     findings: &mut Findings,
 ) -> Option<Source> {
     let path = "grains.initial.deposition";
-    let first = WrittenCloud {
-        grading: &written.grading,
-        region: &written.region,
-        number: written.number,
-    };
+    let (grading, number_of) = (&written.grading, written.number);
     let mut clouds = vec![Cloud {
         name: None,
         material: default,
-        ..cloud(&first, path, grid, findings)?
+        ..cloud(grading, &written.region, number_of, path, grid, findings)?
     }];
     let mut known = Vec::new();
     for (n, layer) in written.layers.iter().enumerate() {
@@ -766,15 +753,11 @@ fn resolve_deposition(
             needs_density(case, name, findings);
             material(names, name, &format!("{path}.material"), findings).unwrap_or(default)
         });
-        let written = WrittenCloud {
-            grading: &layer.grading,
-            region: &layer.region,
-            number: layer.number,
-        };
+        let (grading, number_of) = (&layer.grading, layer.number);
         clouds.push(Cloud {
             name: Some(layer.name.clone()),
             material: own.unwrap_or(default),
-            ..cloud(&written, &path, grid, findings)?
+            ..cloud(grading, &layer.region, number_of, &path, grid, findings)?
         });
     }
     let along = (0..grid.dimension)

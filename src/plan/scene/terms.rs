@@ -1,7 +1,7 @@
 //! Terms of the fluid step of a resolved flow ([`lbm::term`]): all that a scene, a plan and a run need of them.
 //!
-//! A new term is a file below this module with a type that implements [`FlowTerm`] and has a function `build`, a line of
-//! the list, and a line in [`resolve`].
+//! A new term is a file below this module with a type that implements [`FlowTerm`] and has a function `build`, a line
+//! of the list, and a line in [`resolve`].
 
 use super::findings::Findings;
 use super::flow::Flow;

@@ -9,7 +9,7 @@ use super::table::{MemberRow, SweepTable};
 use base::error::Verdict;
 use base::number::real;
 use figures::plot::{
-    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotLabel, Shape, Style, sequential,
+    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotLabel, PlotShape, Style, sequential,
 };
 use io::csv::push_line;
 use std::fmt::Write as _;
@@ -55,9 +55,13 @@ fn output_figures(study: &Study, members: &[Member], table: &SweepTable) -> Figu
                 .map(|(x, y)| Mark::without_bars(*x, *y))
                 .collect();
             let style = Style::Filled;
-            layers.push(Layer::new(Shape::Marks { marks, style }, colour, &label));
+            layers.push(Layer::new(
+                PlotShape::Marks { marks, style },
+                colour,
+                &label,
+            ));
             let dashed = true;
-            layers.push(Layer::new(Shape::Line { points, dashed }, colour, ""));
+            layers.push(Layer::new(PlotShape::Line { points, dashed }, colour, ""));
         }
         Panel {
             title: name.clone(),
@@ -130,7 +134,7 @@ impl Front<'_> {
             let marks: Vec<Mark> = marks.map(|(x, y)| Mark::without_bars(x, y)).collect();
             if !marks.is_empty() {
                 let style = Style::Filled;
-                let shape = Shape::Marks { marks, style };
+                let shape = PlotShape::Marks { marks, style };
                 layers.push(Layer::new(shape, &group.colour, &group.label));
             }
         }
@@ -141,7 +145,7 @@ impl Front<'_> {
             .collect();
         best.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let points: Vec<(f64, f64)> = best.iter().map(|(_, point)| *point).collect();
-        let line = Shape::Line {
+        let line = PlotShape::Line {
             points: points.clone(),
             dashed: true,
         };
@@ -151,7 +155,7 @@ impl Front<'_> {
             let style = Style::Ring;
             let label = format!("{} {name}", n + 1);
             layers.push(Layer::new(
-                Shape::Marks { marks, style },
+                PlotShape::Marks { marks, style },
                 CATEGORY[0],
                 &label,
             ));
@@ -164,7 +168,7 @@ impl Front<'_> {
                 text: (n + 1).to_string(),
             })
             .collect();
-        layers.push(Layer::new(Shape::Texts { words }, CATEGORY[0], ""));
+        layers.push(Layer::new(PlotShape::Texts { words }, CATEGORY[0], ""));
         let error = self.study.error.as_ref();
         Panel {
             title: title.to_owned(),
@@ -374,7 +378,7 @@ impl Map {
             let marks = here
                 .map(|place| Mark::without_bars(place.x, place.y))
                 .collect();
-            let shape = Shape::Marks {
+            let shape = PlotShape::Marks {
                 marks,
                 style: kind.style,
             };

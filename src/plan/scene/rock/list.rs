@@ -119,7 +119,7 @@ fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, ListError>>, Vec<Li
         } else {
             entry.listed()
         };
-        listed.map_err(|e| e.at(Origin::Block(id)))
+        listed.map_err(|e| e.with_origin(Origin::Block(id)))
     });
     Ok(made.collect())
 }
@@ -154,7 +154,7 @@ fn sliced(values: Vec<Value>) -> Vec<Result<Listed, ListError>> {
     let made = (0..).zip(blocks).map(|(n, value): (u64, Value)| {
         let slice = serde_path_to_error::deserialize(value).map_err(ListError::Field);
         let listed = slice.and_then(|slice: Slice| Ok(slice.listed()?));
-        listed.map_err(|e| e.at(Origin::Block(n)))
+        listed.map_err(|e| e.with_origin(Origin::Block(n)))
     });
     made.collect()
 }

@@ -1,9 +1,13 @@
 //! Reasons why blocks of a file cannot be used.
 
-use super::lmgc90::END;
-use super::vtk::{POLYHEDRON, TETRAHEDRON};
 use dem::polyhedron::ShapeError;
 use std::fmt;
+
+/// Line after the last word of a body of LMGC90.
+pub(super) const END: &str = "$$$$$$";
+/// Types of cells of VTK that may be blocks.
+pub(super) const TETRAHEDRON: usize = 10;
+pub(super) const POLYHEDRON: usize = 42;
 
 /// Place of a block in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,7 +152,7 @@ pub enum ListError {
 
 impl ListError {
     /// Returns the error with the place at which it occurred.
-    pub(super) fn at(self, origin: Origin) -> Self {
+    pub(super) fn with_origin(self, origin: Origin) -> Self {
         Self::Of(origin, Box::new(self))
     }
 }

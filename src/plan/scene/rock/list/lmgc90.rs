@@ -19,14 +19,13 @@
 //! Behaviour laws, colours and inertia are not used: materials and contact laws are in the case. Bodies that do not
 //! move are named in another file of LMGC90 (`DRV_DOF.DAT`), which is not read.
 
+use super::error::END;
 use super::{ListError, Listed, Origin, faces};
 use dem::polyhedron::Polyhedron;
 use nalgebra::Vector3;
 
 /// First word of each body.
 const BODY: &str = "$bdyty";
-/// Line after the last word of a body.
-pub(super) const END: &str = "$$$$$$";
 
 /// Returns `true` if a text begins with a body of LMGC90, or with the end of one, after comments.
 pub(super) fn is_bodies(text: &str) -> bool {
@@ -47,7 +46,7 @@ pub(super) fn read(text: &str) -> Vec<Result<Listed, ListError>> {
     bodies
         .map(|body| {
             let first = body.first().map_or(0, |(number, _)| *number);
-            block(body).map_err(|e| e.at(Origin::Body(first)))
+            block(body).map_err(|e| e.with_origin(Origin::Body(first)))
         })
         .collect()
 }
@@ -79,7 +78,7 @@ fn block(lines: &[(usize, &str)]) -> Result<Listed, ListError> {
 /// Returns the block of a plane, whose contactor is on the first of the lines.
 fn plane(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, ListError> {
     if let Some((number, line)) = lines.get(1).filter(|(_, line)| !line.starts_with(END)) {
-        return Err(ListError::OfPlane((*line).to_owned()).at(Origin::Line(*number)));
+        return Err(ListError::OfPlane((*line).to_owned()).with_origin(Origin::Line(*number)));
     }
     let axes = Vector3::from(values::<f64, 3>(lines[0])?);
     let signs = (0..8).map(|n| Vector3::from_fn(|a, _| if n >> a & 1 == 0 { -1.0 } else { 1.0 }));
@@ -111,7 +110,7 @@ fn polyhedron(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed,
         .map(|row| {
             let numbers = values::<usize, 3>(*row)?;
             match numbers.iter().find(|n| !(1..=vertices).contains(*n)) {
-                Some(wrong) => Err(ListError::NoCorner(*wrong).at(Origin::Line(row.0))),
+                Some(wrong) => Err(ListError::NoCorner(*wrong).with_origin(Origin::Line(row.0))),
                 None => Ok(numbers.map(|number| number - 1).to_vec()),
             }
         })
@@ -145,5 +144,5 @@ fn values<N: std::str::FromStr, const COUNT: usize>(
     };
     numbers
         .try_into()
-        .map_err(|_| short().at(Origin::Line(number)))
+        .map_err(|_| short().with_origin(Origin::Line(number)))
 }

@@ -11,15 +11,13 @@
 //! Fields of points and cells are not used. A block is the convex hull of its points. A polyhedron whose faces enclose
 //! another volume is refused, because it is not convex.
 
+use super::error::{POLYHEDRON, TETRAHEDRON};
 use super::faces::block;
 use super::{ListError, Listed, Origin};
 use nalgebra::Vector3;
 
 /// First words of a legacy VTK file.
 const FIRST: &str = "# vtk DataFile";
-/// Types of cells that may be blocks.
-pub(super) const TETRAHEDRON: usize = 10;
-pub(super) const POLYHEDRON: usize = 42;
 
 /// Returns `true` if a text is a legacy VTK file.
 pub(super) fn is_vtk(text: &str) -> bool {
@@ -70,7 +68,7 @@ pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, ListError>>, ListErr
     let mut blocks = Vec::new();
     for (n, cell) in cells.iter().enumerate() {
         let kind = words.number::<usize>("a cell type")?;
-        blocks.push(block_of_cell(&points, kind, cell).map_err(|e| e.at(Origin::Cell(n))));
+        blocks.push(block_of_cell(&points, kind, cell).map_err(|e| e.with_origin(Origin::Cell(n))));
     }
     Ok(blocks)
 }
