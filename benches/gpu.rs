@@ -9,6 +9,7 @@
 use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, Ramp, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
+use solver::lbm::error::FluidError;
 use solver::lbm::fluid::{Fluid, Force, Setup, kernel_exists_on_gpu};
 use solver::lbm::gpu::{Device, copy_bandwidth};
 use solver::lbm::lanes::Stored;
@@ -69,7 +70,7 @@ fn fluid<S: Stored>(
     cells: [usize; 3],
     periodic: [bool; 3],
     device: Device,
-) -> Result<Fluid<S>, String> {
+) -> Result<Fluid<S>, FluidError> {
     let setup = setup(row, cells, periodic, device);
     let domain = Domain::serial(SplitAxis::X, setup.cells[0], setup.periodic[0]);
     let mut fluid = Fluid::new(setup, &domain)?;
@@ -81,7 +82,7 @@ fn fluid<S: Stored>(
 }
 
 /// Compares the bits in the cells of the processor and the GPU after a thousand steps.
-fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
+fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, FluidError> {
     let cells = [70, 50, 45];
     let end = |device| {
         let mut fluid = fluid::<S>(row, cells, periodic, device)?;
@@ -94,7 +95,7 @@ fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
         let of_cell = |cell| (0..row.set.count()).map(move |i| populations.incoming(cell, i));
         let places = populations.interior().flat_map(|(_, cell)| of_cell(cell));
         let numbers = populations.numbers();
-        Ok::<_, String>(
+        Ok::<_, FluidError>(
             places
                 .map(|place| numbers[place].to_f64().to_bits())
                 .collect::<Vec<u64>>(),
@@ -108,7 +109,7 @@ fn same<S: Stored>(row: &Row, periodic: [bool; 3]) -> Result<bool, String> {
 }
 
 /// Returns the lattice updates per second, median of several stretches of steps.
-fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, String> {
+fn speed<S: Stored>(row: &Row, edge: usize) -> Result<f64, FluidError> {
     let cells = if row.set.dimension() == 2 {
         [edge * 18, edge * 18, 1]
     } else {
@@ -149,7 +150,7 @@ impl Wanted {
     }
 }
 
-fn report<S: Stored>(row: &Row, wanted: &Wanted, bandwidth: f64) -> Result<(), String> {
+fn report<S: Stored>(row: &Row, wanted: &Wanted, bandwidth: f64) -> Result<(), FluidError> {
     let name = format!("{} {}", row.name, S::NAME);
     if !wanted.words.iter().all(|word| name.contains(word)) {
         return Ok(());
@@ -178,7 +179,7 @@ fn report<S: Stored>(row: &Row, wanted: &Wanted, bandwidth: f64) -> Result<(), S
     Ok(())
 }
 
-fn main() -> Result<(), String> {
+fn main() -> Result<(), FluidError> {
     let wanted = Wanted::of_command_line();
     let edge = wanted.edge;
     let (name, bandwidth) = copy_bandwidth(4 << 30)?;

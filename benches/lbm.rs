@@ -9,6 +9,7 @@
 use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, cumulant, mrt, trt};
+use solver::lbm::error::FluidError;
 use solver::lbm::fluid::{Fluid, Force, Setup};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
@@ -53,7 +54,7 @@ fn fluid<S: Stored>(
     force: Force,
     cells: [usize; 3],
     single: bool,
-) -> Result<Fluid<S>, String> {
+) -> Result<Fluid<S>, FluidError> {
     let setup = Setup {
         set,
         operator,
@@ -100,7 +101,7 @@ fn precisions(
     operator: Operator,
     cells: [usize; 3],
     steps: usize,
-) -> Result<(), String> {
+) -> Result<(), FluidError> {
     let mut double = fluid::<f64>(set, operator, None, Force::None, cells, false)?;
     let mut stored = fluid::<f32>(set, operator, None, Force::None, cells, false)?;
     let mut single = fluid::<f32>(set, operator, None, Force::None, cells, true)?;

@@ -10,6 +10,7 @@
 use decomposition::{Domain, SplitAxis};
 use solver::lbm::boundary::{Patch, velocity};
 use solver::lbm::collision::{Operator, bgk, mrt, trt};
+use solver::lbm::error::FluidError;
 use solver::lbm::fluid::{Fluid, Force, Setup};
 use solver::lbm::lanes::Stored;
 use solver::lbm::lattice::VelocitySet;
@@ -108,7 +109,7 @@ impl Flow {
     }
 
     /// Returns the velocities of a plane of cells at the end.
-    fn velocities<S: Stored>(&self, single: bool) -> Result<Vec<f64>, String> {
+    fn velocities<S: Stored>(&self, single: bool) -> Result<Vec<f64>, FluidError> {
         let setup = self.setup::<S>(single);
         let [nx, ny, nz] = setup.cells;
         let domain = Domain::serial(SplitAxis::X, nx, setup.periodic[0]);
@@ -134,7 +135,7 @@ impl Flow {
     }
 
     /// Prints the row of the flow.
-    fn report(&self, operator: &str) -> Result<(), String> {
+    fn report(&self, operator: &str) -> Result<(), FluidError> {
         let exact = self.velocities::<f64>(false)?;
         let top = exact.iter().fold(0.0, |top: f64, u| top.max(u.abs()));
         let change = |found: &[f64]| {
@@ -156,7 +157,7 @@ impl Flow {
     }
 }
 
-fn main() -> Result<(), String> {
+fn main() -> Result<(), FluidError> {
     let most = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(64);
     if rayon::ThreadPoolBuilder::new()
         .num_threads(1)

@@ -5,11 +5,19 @@
 Production code is every Rust file that git tracks under src, without tests: files and folders of that name, and modules
 under #[cfg(test)]. The first table counts functions by their lines from `fn` to the closing brace, the second structs by
 their fields, the third lists pairs of places with at least six equal lines (spaces at the ends, blank lines, comments
-and `use` do not count).
+and `use` do not count). Pairs with a stated reason are counted by reason and not listed:
+
+- GPU: one of the files is a source of the GPU kernels, which are stored with the hash of their sources
+- signature: without heads of functions, which the implementations of a trait repeat, and without lines of brackets fewer
+  than six lines are equal
+- the reasons in REASONS, by the two files
+
+WIDE has the reasons of structs.
 """
 
 import argparse
 import collections
+import gzip
 import pathlib
 import re
 import subprocess
@@ -18,6 +26,24 @@ FUNCTION = re.compile(r"(\s*)(?:pub(?:\([^)]*\))? )?(?:const |unsafe |async |ext
 STRUCT = re.compile(r"(\s*)(?:pub(?:\([^)]*\))? )?struct (\w+)[^;(]*\{$")
 FIELD = re.compile(r"\s*(?:pub(?:\([^)]*\))? )?\w+: ")
 SHARED = 6
+HEAD = re.compile(r"(?:pub(?:\([^)]*\))? )?(?:const |unsafe |async |extern \"C\" )*fn \w+")
+BRACKETS = re.compile(r"[\])},;(\[{]*")
+
+# Pairs of files whose equal lines stay, and the reason.
+REASONS = {
+    ("src/dem/contact/", "src/dem/contact/"): "laws: each has a table of parameters of its own, with the same names",
+    ("src/lbm/kernel.rs", "src/lbm/kernel"): "passes: f64 and f32, with and without cover, are unrolled apart",
+    ("src/case/", "src/plan/scene/"): "case and scene: the written and the resolved form of one list of fields",
+}
+
+# Structs whose fields stay together, and the reason.
+WIDE = {
+    "Case": "sections of a case, which users write",
+    "Darcy": "fields of a case, which users write",
+    "LatticeBoltzmann": "fields of a case, which users write",
+    "ErosionRecord": "columns of a table, one field each",
+    "Particles": "list of the arrays of grains, one line each",
+}
 
 
 def production(root):
@@ -78,15 +104,47 @@ def shared(files):
                 ):
                     seen.add((a, i + length, b, j + length))
                     length += 1
-                pairs.append((length, f"{a}:{counted[a][i][0] + 1}", f"{b}:{counted[b][j][0] + 1}"))
+                lines = [line for _, line in counted[a][i : i + length]]
+                pairs.append((length, f"{a}:{counted[a][i][0] + 1}", f"{b}:{counted[b][j][0] + 1}", lines))
     return sorted((pair for pair in pairs if pair[0] >= SHARED), reverse=True)
+
+
+def gpu_sources(root):
+    """Returns the sources of the GPU kernels."""
+    text = gzip.decompress((root / "src/lbm/gpu/kernels.ptx.gz").read_bytes()).decode()
+    lines = re.findall(r"^// Sources in src/lbm: (.*)$", text, re.MULTILINE)
+    return {"src/lbm/" + name for line in lines for name in line.split()}
+
+
+def without_signatures(lines):
+    """Returns the number of lines that are neither in the head of a function nor brackets only."""
+    count, in_head = 0, False
+    for line in lines:
+        in_head = in_head or bool(HEAD.match(line))
+        count += not in_head and not BRACKETS.fullmatch(line)
+        in_head = in_head and not line.endswith(("{", ";"))
+    return count
+
+
+def reason(one, other, lines, gpu):
+    """Returns the stated reason for equal lines, or an empty text."""
+    files = sorted(place.rsplit(":", 1)[0] for place in (one, other))
+    if any(name in gpu for name in files):
+        return "GPU"
+    if without_signatures(lines) < SHARED:
+        return "signature"
+    for (first, second), text in REASONS.items():
+        if files[0].startswith(first) and files[1].startswith(second):
+            return text
+    return ""
 
 
 def main():
     words = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     words.add_argument("--most", type=int, default=12, help="rows of each table")
     most = words.parse_args().most
-    files = list(production(pathlib.Path(__file__).resolve().parent.parent))
+    root = pathlib.Path(__file__).resolve().parent.parent
+    files = list(production(root))
     functions, structs = [], []
     for name, lines in files:
         functions += [(last - first + 1, what, name) for what, first, last in blocks(lines, FUNCTION)]
@@ -98,11 +156,16 @@ def main():
         above = ", ".join(f"{sum(row[0] > limit for row in rows)} above {limit}" for limit in limits)
         print(f"\n{title}: {above}")
         for row in sorted(rows, reverse=True)[:most]:
-            print(f"{row[0]:6} {row[1]:32} {row[2]}")
-    pairs = shared(files)
-    print(f"\npairs of places that share at least {SHARED} lines: {len(pairs)}")
-    for length, one, other in pairs[:most]:
+            print(f"{row[0]:6} {row[1]:32} {row[2]}  {WIDE.get(row[1], '')}".rstrip())
+    pairs, gpu = shared(files), gpu_sources(root)
+    reasons = [reason(one, other, lines, gpu) for _, one, other, lines in pairs]
+    print(f"\npairs of places that share at least {SHARED} lines: {len(pairs)}, without a stated reason {reasons.count('')}")
+    open_pairs = [pair for pair, stated in zip(pairs, reasons) if not stated]
+    for length, one, other, _ in open_pairs[:most]:
         print(f"{length:6} {one}  {other}")
+    print("\npairs with a stated reason")
+    for stated, count in collections.Counter(filter(None, reasons)).most_common():
+        print(f"{count:6} {stated}")
 
 
 main()

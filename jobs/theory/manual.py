@@ -156,7 +156,7 @@ CHAPTERS = [
             "plan/added_mass.rs",
             "plan/coupling_interval.rs",
             "plan/explicit_drag.rs",
-            "plan/porous.rs",
+            "plan/scene/terms/*",
             "plan/free_surface.rs",
             "plan/levels.rs",
             "plan/servo.rs",

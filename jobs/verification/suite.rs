@@ -197,8 +197,8 @@ pub(crate) fn check(
                 if check.source.is_empty() || check.reason.is_empty() {
                     return Err(format!("{}: no source or reason", check.quantity));
                 }
-                let result = evaluate(&check.value, &lookup)?;
-                let reference = evaluate(&check.reference, &lookup)?;
+                let result = evaluate(&check.value, &lookup).map_err(|e| e.to_string())?;
+                let reference = evaluate(&check.reference, &lookup).map_err(|e| e.to_string())?;
                 let (error, tolerance) = match check.tolerance {
                     Tolerance::Relative(t) => ((result / reference - 1.0).abs(), t),
                     Tolerance::Absolute(t) => ((result - reference).abs(), t),
@@ -286,7 +286,7 @@ impl Reader<'_> {
     fn number(&self, value: &Value, known: &BTreeMap<String, f64>) -> Result<f64, String> {
         let lookup = |name: &str| known.get(name).copied();
         if let Some(formula) = &value.is {
-            return evaluate(formula, &lookup);
+            return evaluate(formula, &lookup).map_err(|e| e.to_string());
         }
         let run = match &value.run {
             Some(run) => run,
@@ -294,6 +294,7 @@ impl Reader<'_> {
             None => return Err("several runs, none named".into()),
         };
         let output = self.output.join(run);
-        value.measure.number(&output, self.folder, &lookup)
+        let number = value.measure.number(&output, self.folder, &lookup);
+        number.map_err(|e| e.to_string())
     }
 }

@@ -10,34 +10,72 @@ pub const LONGEST: usize = 10_000;
 /// Maximum nesting of brackets, signs and powers.
 pub const DEEPEST: usize = 100;
 
+/// Reason why an expression cannot be evaluated.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{excerpt}: {fault}")]
+pub struct ExpressionError {
+    /// Beginning of the expression, in quotes.
+    pub excerpt: String,
+    /// Fault of the expression.
+    pub fault: ExpressionFault,
+}
+
+/// Fault of an expression. Texts are excerpts in quotes.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExpressionFault {
+    /// Too many bytes.
+    #[error("the formula has {0} bytes; at most {LONGEST} are allowed")]
+    Long(usize),
+    /// Nesting that is too deep, before this text.
+    #[error("brackets, signs and powers nest more than {DEEPEST} deep before {0}")]
+    Deep(String),
+    /// Bracket that is not closed before this text.
+    #[error("a bracket is not closed before {0}")]
+    OpenBracket(String),
+    /// Number or name that is missing before this text.
+    #[error("a number or a name is missing before {0}")]
+    Missing(String),
+    /// Text that is not a number.
+    #[error("{0} is not a number")]
+    NotANumber(String),
+    /// Name without a value.
+    #[error("there is no value with the name {0}")]
+    NoValue(String),
+    /// Name of a function that does not exist with these arguments.
+    #[error("there is no function {0} with these arguments")]
+    NoFunction(String),
+    /// Text after the end of the expression.
+    #[error("unexpected {0}")]
+    Unexpected(String),
+}
+
+/// Value of a part of an expression.
+type Parsed = Result<f64, ExpressionFault>;
+
 /// Returns the value of an expression; `lookup` gives the values of names.
 ///
 /// # Errors
 /// If the expression cannot be evaluated; the message contains the expression.
-pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, String> {
+pub fn evaluate(text: &str, lookup: &dyn Fn(&str) -> Option<f64>) -> Result<f64, ExpressionError> {
+    let error = |fault: ExpressionFault| ExpressionError {
+        excerpt: excerpt(text),
+        fault,
+    };
     if text.len() > LONGEST {
-        return Err(format!(
-            "{}: the formula has {} bytes; at most {LONGEST} are allowed",
-            excerpt(text),
-            text.len()
-        ));
+        return Err(error(ExpressionFault::Long(text.len())));
     }
     let mut reader = Reader {
         remaining: text.trim_start(),
         lookup,
         depth: 0,
     };
-    let value = reader
-        .comparison()
-        .map_err(|e| format!("{}: {e}", excerpt(text)))?;
+    let value = reader.comparison().map_err(error)?;
     if reader.remaining.is_empty() {
         Ok(value)
     } else {
-        Err(format!(
-            "{}: unexpected {}",
-            excerpt(text),
-            excerpt(reader.remaining)
-        ))
+        Err(error(ExpressionFault::Unexpected(excerpt(
+            reader.remaining,
+        ))))
     }
 }
 
@@ -66,7 +104,7 @@ impl Reader<'_> {
         true
     }
 
-    fn comparison(&mut self) -> Result<f64, String> {
+    fn comparison(&mut self) -> Parsed {
         let left = self.sum()?;
         if self.skip_symbol('>') {
             return Ok(f64::from(u8::from(left > self.sum()?)));
@@ -77,7 +115,7 @@ impl Reader<'_> {
         Ok(left)
     }
 
-    fn sum(&mut self) -> Result<f64, String> {
+    fn sum(&mut self) -> Parsed {
         let mut value = self.product()?;
         loop {
             if self.skip_symbol('+') {
@@ -90,7 +128,7 @@ impl Reader<'_> {
         }
     }
 
-    fn product(&mut self) -> Result<f64, String> {
+    fn product(&mut self) -> Parsed {
         let mut value = self.signed()?;
         loop {
             if self.skip_symbol('*') {
@@ -104,12 +142,9 @@ impl Reader<'_> {
     }
 
     /// Parses a number with its sign. Every recursion of the parser passes through this function.
-    fn signed(&mut self) -> Result<f64, String> {
+    fn signed(&mut self) -> Parsed {
         if self.depth > DEEPEST {
-            return Err(format!(
-                "brackets, signs and powers nest more than {DEEPEST} deep before {}",
-                excerpt(self.remaining)
-            ));
+            return Err(ExpressionFault::Deep(excerpt(self.remaining)));
         }
         self.depth += 1;
         let value = self.unbounded();
@@ -117,7 +152,7 @@ impl Reader<'_> {
         value
     }
 
-    fn unbounded(&mut self) -> Result<f64, String> {
+    fn unbounded(&mut self) -> Parsed {
         if self.skip_symbol('-') {
             return Ok(-self.signed()?);
         }
@@ -128,31 +163,25 @@ impl Reader<'_> {
         Ok(base)
     }
 
-    fn atom(&mut self) -> Result<f64, String> {
+    fn atom(&mut self) -> Parsed {
         if self.skip_symbol('(') {
             let value = self.comparison()?;
             return if self.skip_symbol(')') {
                 Ok(value)
             } else {
-                Err(format!(
-                    "a bracket is not closed before {}",
-                    excerpt(self.remaining)
-                ))
+                Err(ExpressionFault::OpenBracket(excerpt(self.remaining)))
             };
         }
         let length = self.word_length();
         if length == 0 {
-            return Err(format!(
-                "a number or a name is missing before {}",
-                excerpt(self.remaining)
-            ));
+            return Err(ExpressionFault::Missing(excerpt(self.remaining)));
         }
         let (word, remaining) = self.remaining.split_at(length);
         self.remaining = remaining.trim_start();
         if word.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
             return word
                 .parse()
-                .map_err(|_| format!("{} is not a number", excerpt(word)));
+                .map_err(|_| ExpressionFault::NotANumber(excerpt(word)));
         }
         if self.skip_symbol('(') {
             let argument = self.comparison()?;
@@ -161,17 +190,13 @@ impl Reader<'_> {
                 second = Some(self.comparison()?);
             }
             if !self.skip_symbol(')') {
-                return Err(format!(
-                    "a bracket is not closed before {}",
-                    excerpt(self.remaining)
-                ));
+                return Err(ExpressionFault::OpenBracket(excerpt(self.remaining)));
             }
             return function(word, argument, second);
         }
         match word {
             "pi" => Ok(std::f64::consts::PI),
-            _ => (self.lookup)(word)
-                .ok_or_else(|| format!("there is no value with the name {}", excerpt(word))),
+            _ => (self.lookup)(word).ok_or_else(|| ExpressionFault::NoValue(excerpt(word))),
         }
     }
 
@@ -196,7 +221,7 @@ impl Reader<'_> {
     }
 }
 
-fn function(name: &str, x: f64, second: Option<f64>) -> Result<f64, String> {
+fn function(name: &str, x: f64, second: Option<f64>) -> Parsed {
     Ok(match (name, second) {
         ("sin", None) => x.sin(),
         ("cos", None) => x.cos(),
@@ -211,9 +236,7 @@ fn function(name: &str, x: f64, second: Option<f64>) -> Result<f64, String> {
         ("min", Some(y)) => x.min(y),
         ("max", Some(y)) => x.max(y),
         _ => {
-            return Err(format!(
-                "there is no function {name:?} with these arguments"
-            ));
+            return Err(ExpressionFault::NoFunction(format!("{name:?}")));
         }
     })
 }
@@ -272,7 +295,7 @@ mod tests {
             (format!("{}1", "sqrt(".repeat(1500)), "nest more than"),
             ("-".repeat(100_000), "the formula has 100000 bytes"),
         ] {
-            let error = value(&bad).unwrap_err();
+            let error = value(&bad).unwrap_err().to_string();
             assert!(error.contains(says) && error.len() < 300, "{error}");
         }
     }

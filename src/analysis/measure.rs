@@ -9,12 +9,12 @@
     reason = "comments are texts of the schema, with units in brackets"
 )]
 
-use super::expression::evaluate;
+use super::expression::{ExpressionError, evaluate};
 use base::number::real;
 use io::csv::Reader;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A number from the files of a run: from the `summary`, or from the rows of a `file`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
@@ -99,6 +99,49 @@ impl Norm {
     }
 }
 
+/// Reason why a number cannot be computed from the files of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// File that cannot be read.
+    #[error("{0}")]
+    File(io::Error),
+    /// Table without a line.
+    #[error("{} is empty", .0.display())]
+    Empty(PathBuf),
+    /// Cell of a reference table that is not a number.
+    #[error("{}: {text:?} is not a number", .table.display())]
+    NotANumber {
+        /// Path of the table.
+        table: PathBuf,
+        /// Text of the cell.
+        text: String,
+    },
+    /// Text of `summary.json` that is not JSON.
+    #[error("{0}")]
+    Json(serde_json::Error),
+    /// Path without a number in `summary.json`.
+    #[error("summary.json has no number {0}")]
+    NoNumber(String),
+    /// Formula that cannot be evaluated.
+    #[error(transparent)]
+    Formula(#[from] ExpressionError),
+    /// Measure without the formula of the values.
+    #[error("the formula `of` of the columns is missing")]
+    NoFormula,
+    /// Measure without a formula and a file.
+    #[error("the value has neither a formula nor a file")]
+    NoSource,
+    /// Table without a selected row.
+    #[error("no row")]
+    NoRow,
+    /// Profile that cannot be interpolated.
+    #[error("a profile needs at least four points in increasing order")]
+    ShortProfile,
+    /// Values without a period.
+    #[error("the values cross their mean upwards fewer than two times")]
+    NoPeriod,
+}
+
 /// Values as a function of a coordinate, in ascending order of the coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
@@ -113,13 +156,15 @@ impl Profile {
     ///
     /// # Errors
     /// If a file or value cannot be read.
-    pub fn read(path: &Path) -> Result<Self, String> {
+    pub fn read(path: &Path) -> Result<Self, MeasureError> {
         let table = Table::read(path)?;
-        let column = |column: usize| -> Result<Vec<f64>, String> {
+        let column = |column: usize| -> Result<Vec<f64>, MeasureError> {
             let cell = |row: &Vec<String>| {
                 let text = row.get(column).map_or("", String::as_str);
-                text.parse()
-                    .map_err(|_| format!("{}: {text:?} is not a number", path.display()))
+                text.parse().map_err(|_| MeasureError::NotANumber {
+                    table: path.to_owned(),
+                    text: text.to_owned(),
+                })
             };
             table.rows.iter().map(cell).collect()
         };
@@ -133,8 +178,8 @@ impl Profile {
     ///
     /// # Errors
     /// If there are fewer than four points, or the coordinates do not increase.
-    pub fn error(&self, reference: &Self, norm: Norm) -> Result<f64, String> {
-        let there: Result<Vec<f64>, String> = reference
+    pub fn error(&self, reference: &Self, norm: Norm) -> Result<f64, MeasureError> {
+        let there: Result<Vec<f64>, MeasureError> = reference
             .x
             .iter()
             .map(|&at| cubic(&self.x, &self.y, at))
@@ -154,7 +199,7 @@ impl Measure {
         output: &Path,
         reference_folder: &Path,
         known: &dyn Fn(&str) -> Option<f64>,
-    ) -> Result<f64, String> {
+    ) -> Result<f64, MeasureError> {
         if let Some(path) = &self.summary {
             return summary(output, path);
         }
@@ -162,12 +207,9 @@ impl Measure {
         if let Take::Count = self.take {
             return Ok(real(rows.kept.len()));
         }
-        let of = self
-            .of
-            .as_ref()
-            .ok_or("the formula `of` of the columns is missing")?;
+        let of = self.of.as_ref().ok_or(MeasureError::NoFormula)?;
         let values = rows.numbers(of)?;
-        let last = *values.last().ok_or("no row")?;
+        let last = *values.last().ok_or(MeasureError::NoRow)?;
         match &self.take {
             Take::Last => Ok(last),
             Take::Max => Ok(values.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
@@ -204,12 +246,9 @@ impl Measure {
         output: &Path,
         over: &str,
         known: &dyn Fn(&str) -> Option<f64>,
-    ) -> Result<Profile, String> {
+    ) -> Result<Profile, MeasureError> {
         let rows = self.rows(output, known)?.of_last_time()?;
-        let of = self
-            .of
-            .as_ref()
-            .ok_or("the formula `of` of the columns is missing")?;
+        let of = self.of.as_ref().ok_or(MeasureError::NoFormula)?;
         Ok(Profile {
             x: rows.numbers(over)?,
             y: rows.numbers(of)?,
@@ -220,11 +259,8 @@ impl Measure {
         &self,
         output: &Path,
         known: &'a dyn Fn(&str) -> Option<f64>,
-    ) -> Result<Rows<'a>, String> {
-        let file = self
-            .file
-            .as_ref()
-            .ok_or("the value has neither a formula nor a file")?;
+    ) -> Result<Rows<'a>, MeasureError> {
+        let file = self.file.as_ref().ok_or(MeasureError::NoSource)?;
         let table = Table::read(&output.join(file))?;
         let mut rows = Rows {
             kept: (0..table.rows.len()).collect(),
@@ -241,17 +277,17 @@ impl Measure {
 }
 
 /// Returns a number of `summary.json`.
-fn summary(output: &Path, path: &str) -> Result<f64, String> {
+fn summary(output: &Path, path: &str) -> Result<f64, MeasureError> {
     let text = read(&output.join("summary.json"))?;
-    let tree: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
+    let tree: serde_json::Value = serde_json::from_str(&text).map_err(MeasureError::Json)?;
     path.split('.')
         .try_fold(&tree, |node, key| node.get(key))
         .and_then(serde_json::Value::as_f64)
-        .ok_or_else(|| format!("summary.json has no number {path}"))
+        .ok_or_else(|| MeasureError::NoNumber(path.to_owned()))
 }
 
-fn read(path: &Path) -> Result<String, String> {
-    io::plain::text(path, io::plain::LONGEST_TABLE).map_err(|e| e.to_string())
+fn read(path: &Path) -> Result<String, MeasureError> {
+    io::plain::text(path, io::plain::LONGEST_TABLE).map_err(MeasureError::File)
 }
 
 /// Text in rows and columns.
@@ -261,10 +297,9 @@ struct Table {
 }
 
 impl Table {
-    fn read(path: &Path) -> Result<Self, String> {
+    fn read(path: &Path) -> Result<Self, MeasureError> {
         let text = read(path)?;
-        let mut reader =
-            Reader::new(&text).ok_or_else(|| format!("{} is empty", path.display()))?;
+        let mut reader = Reader::new(&text).ok_or_else(|| MeasureError::Empty(path.to_owned()))?;
         // A unit may follow a name: `time [s]`.
         let names = reader.names().into_iter();
         let columns = names
@@ -291,36 +326,38 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    fn numbers(&self, formula: &str) -> Result<Vec<f64>, String> {
+    fn numbers(&self, formula: &str) -> Result<Vec<f64>, MeasureError> {
         let at = |&row: &usize| {
-            evaluate(formula, &|name| {
+            let value = evaluate(formula, &|name| {
                 self.table.cell(row, name).or_else(|| (self.known)(name))
-            })
+            });
+            value.map_err(MeasureError::from)
         };
         self.kept.iter().map(at).collect()
     }
 
-    fn phases(&self, period: &str) -> Result<Vec<f64>, String> {
+    fn phases(&self, period: &str) -> Result<Vec<f64>, MeasureError> {
         self.numbers(&format!("2*pi*time/({period})"))
     }
 
-    fn of_last_time(mut self) -> Result<Self, String> {
+    fn of_last_time(mut self) -> Result<Self, MeasureError> {
         let times = self.numbers("time")?;
-        let end = *times.last().ok_or("no row")?;
+        let end = *times.last().ok_or(MeasureError::NoRow)?;
         let kept = self.kept.iter().zip(times);
         self.kept = kept.filter(|(_, t)| *t >= end).map(|(n, _)| *n).collect();
         Ok(self)
     }
 }
+
 fn wave(values: &[f64], phases: &[f64], shape: fn(f64) -> f64) -> f64 {
     let sum: f64 = values.iter().zip(phases).map(|(v, p)| v * shape(*p)).sum();
     2.0 * sum / real(values.len())
 }
 
 /// Returns the cubic interpolation through the four points nearest to `at`; `x` is ascending.
-fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
+fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, MeasureError> {
     if x.len() < 4 || x.windows(2).any(|w| w[1] <= w[0]) {
-        return Err("a profile needs at least four points in increasing order".into());
+        return Err(MeasureError::ShortProfile);
     }
     let above = x.partition_point(|&v| v < at);
     let first = above.saturating_sub(2).min(x.len() - 4);
@@ -335,7 +372,7 @@ fn cubic(x: &[f64], y: &[f64], at: f64) -> Result<f64, String> {
 }
 
 /// Returns the mean time between upward crossings of the mean.
-fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
+fn period(time: &[f64], values: &[f64]) -> Result<f64, MeasureError> {
     let mean = values.iter().sum::<f64>() / real(values.len());
     let crossings: Vec<f64> = time
         .windows(2)
@@ -345,7 +382,7 @@ fn period(time: &[f64], values: &[f64]) -> Result<f64, String> {
         .collect();
     match crossings[..] {
         [first, .., last] => Ok((last - first) / real(crossings.len() - 1)),
-        _ => Err("the values cross their mean upwards fewer than two times".into()),
+        _ => Err(MeasureError::NoPeriod),
     }
 }
 

@@ -45,6 +45,25 @@ pub struct Problem {
     pub severity: Severity,
 }
 
+impl Problem {
+    /// Returns a problem that refuses the case.
+    #[must_use]
+    pub fn error(
+        path: impl Into<String>,
+        value: impl Into<String>,
+        reason: impl Into<String>,
+        remedy: impl Into<Remedy>,
+    ) -> Self {
+        Self {
+            path: path.into(),
+            value: value.into(),
+            reason: reason.into(),
+            remedy: remedy.into(),
+            severity: Severity::Error,
+        }
+    }
+}
+
 /// Finding of a model about its parameters, before the value in the case is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {

@@ -1,28 +1,37 @@
-//! Families of models: common parts, and the list macro of the families of the seepage.
+//! Families of models: the list macro that every family uses, and what descriptions of models have in common.
 //!
-//! One list of a family generates the enum of the case, its schema, and the dispatch to the model. Drag laws,
-//! permeabilities and porosity methods use the macro of this file. Contact laws, collision operators, eddy viscosities,
-//! boundaries, solid operators and shapes of structures have list macros of their own, next to the lists.
-//! [`Description`] and `describe_choices` are shared by the families of the lattice and of structures.
-//!
-//! A model in the macro of this file is a type that implements the trait of its family, such as
-//! `darcy::drag::DragFormula`. A model without parameters is a unit struct and appears in a case as its name; a
-//! model with parameters is a struct of the same name, whose fields appear in the case below the name.
+//! One list generates the modules of the models, the enum from which a case or the program chooses, the names in a
+//! case, and the dispatch to the model:
 //!
 //! ```text
 //! family! {
-//!     /// The drag law.
-//!     pub enum DragLaw: DragFormula {
-//!         #[default]
-//!         DiFelice,               "drag": "di_felice"
-//!         Toy(Toy),               "drag": {"toy": {"viscosity": 1e-3}}
+//!     /// Eddy viscosity.
+//!     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+//!     #[serde(rename_all = "snake_case")]
+//!     #[schemars(transform = family::describe_choices)]
+//!     pub enum EddyViscosity {
+//!         wale: Wale(Wale),                 "turbulence": {"wale": {"constant": 0.5}}
+//!         smagorinsky: Smagorinsky(Smagorinsky),
 //!     }
 //! }
 //! ```
 //!
-//! The trait has a function `summary`: the line of the model in the schema. `DragLaw::model` gives the model as a trait
-//! object. Loops over cells or grains are provided methods of the trait: they are compiled for each model, and the
-//! model is selected once, outside of the loop.
+//! - A line `module: Model(Parameters)` declares the module, in which the type `Parameters` is; `module: Model` is a
+//!   model without parameters, a unit struct of the same name. Lines without `module:` use types that are in scope.
+//! - `enum Family: dyn Law` adds the function `model`, which returns the selected model as `&dyn Law`.
+//! - `, summary` before the lines takes the texts of the schema from the function `summary` of the models. Without it,
+//!   [`describe_choices`] takes them from the documentation of the parameters.
+//! - `, from` before the lines makes the enum from each of its models, for models that a function selects.
+//! - With modules, `name` returns the name in a case: that of the module, or the text of `module: Model(..) as "text"`.
+//!
+//! After the list, the macro `each!(choice, model => expression)` executes an expression with the selected model of
+//! concrete type; a second list in scope begins with `dispatch each_name;`, the name of its macro. The functions of a
+//! family are written with it. The expression is compiled for each model, so that loops over cells or grains, as
+//! provided functions of the trait of a family or in the expression, contain no selection.
+//!
+//! The solid collision operators (`lbm::saturation`) have a list macro of their own: their file is a source of the GPU
+//! kernels, which are compiled without serde and schemars, from this package only `ball` and `number`, and which are
+//! stored with the hash of their sources.
 
 use schemars::Schema;
 use serde_json::Value;
@@ -46,43 +55,123 @@ impl Description {
     }
 }
 
-/// Defines the enum of a family of models from its list; see the module.
+/// Defines a family of models from its list; see the module.
 #[macro_export]
 macro_rules! model_family {
-    (
+    (@family $each:ident
         $(#[$attribute:meta])*
-        $visibility:vis enum $family:ident: $law:path {
-            $( $(#[$mark:meta])* $model:ident $(($parameters:ident))? ),+ $(,)?
+        $visibility:vis enum $family:ident $(: $law:ty)? $(, $option:ident)? {
+            $(
+                $(#[$mark:meta])*
+                $module:ident: $model:ident $(($parameters:ident))? $(as $name:literal)?
+            ),+ $(,)?
         }
     ) => {
-        $(#[$attribute])*
-        #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-        #[serde(rename_all = "snake_case", deny_unknown_fields)]
-        #[schemars(inline)]
-        $visibility enum $family {
-            $(
-                $(#[$mark])*
-                #[doc = concat!("The model [`struct@", stringify!($model), "`].")]
-                #[schemars(description = <$model as $law>::summary())]
-                $model $(($parameters))?
-            ),+
+        $($visibility mod $module;)+
+
+        $crate::model_family! { @with [$($option)?] $each
+            [$(#[$attribute])*] $visibility $family [$($law)?]
+            $( [$(#[$mark])* $(#[serde(rename = $name)])?] $model [$($module::$parameters)?] [$module::$model] )+
         }
 
+        #[allow(dead_code, reason = "not every family needs its names")]
         impl $family {
-            /// Returns the selected model.
+            /// Returns the name in a case.
             #[must_use]
-            $visibility fn model(&self) -> &dyn $law {
+            $visibility fn name(&self) -> &'static str {
                 match self {
-                    $( $crate::model_family!(@pattern $model $($parameters)? => model)
-                        => $crate::model_family!(@value $model $($parameters)? => model) ),+
+                    $( Self::$model { .. } => $crate::model_family!(@name $module $($name)?), )+
                 }
             }
         }
     };
-    (@pattern $model:ident => $bound:ident) => { Self::$model };
-    (@pattern $model:ident $parameters:ident => $bound:ident) => { Self::$model($bound) };
-    (@value $model:ident => $bound:ident) => { &$model };
-    (@value $model:ident $parameters:ident => $bound:ident) => { $bound };
+    (@family $each:ident
+        $(#[$attribute:meta])*
+        $visibility:vis enum $family:ident $(: $law:ty)? $(, $option:ident)? {
+            $( $(#[$mark:meta])* $model:ident $(($parameters:ty))? ),+ $(,)?
+        }
+    ) => {
+        $crate::model_family! { @with [$($option)?] $each
+            [$(#[$attribute])*] $visibility $family [$($law)?]
+            $( [$(#[$mark])*] $model [$($parameters)?] [$model] )+
+        }
+    };
+
+    // Texts of the schema from the models.
+    (@with [summary] $each:ident $attributes:tt $visibility:vis $family:ident $law:tt
+        $( [$($mark:tt)*] $model:ident $parameters:tt [$($path:tt)+] )+
+    ) => {
+        $crate::model_family! { @with [] $each $attributes $visibility $family $law
+            $(
+                [$($mark)* #[schemars(description = <$($path)+>::summary())]] $model $parameters [$($path)+]
+            )+
+        }
+    };
+    // The enum from its models.
+    (@with [from] $each:ident $attributes:tt $visibility:vis $family:ident $law:tt
+        $( $mark:tt $model:ident [$parameters:ty] $path:tt )+
+    ) => {
+        $crate::model_family! { @with [] $each $attributes $visibility $family $law
+            $( $mark $model [$parameters] $path )+
+        }
+
+        $(
+            impl From<$parameters> for $family {
+                fn from(model: $parameters) -> Self {
+                    Self::$model(model)
+                }
+            }
+        )+
+    };
+    (@with [] $each:ident [$($attribute:tt)*] $visibility:vis $family:ident [$($law:ty)?]
+        $( [$($mark:tt)*] $model:ident [$($parameters:ty)?] [$($path:tt)+] )+
+    ) => {
+        $($attribute)*
+        $visibility enum $family {
+            $(
+                #[allow(missing_docs, reason = "the documentation of a model is in its file")]
+                $($mark)*
+                $model $(($parameters))?
+            ),+
+        }
+
+        #[allow(unused_macros, reason = "not every family has functions of its own")]
+        macro_rules! $each {
+            ($choice:expr, $bound:ident => $run:expr) => {
+                match $choice {
+                    $(
+                        $crate::model_family!(@pattern $family $model [$($parameters)?] $bound) =>
+                            $crate::model_family!(@value [$($parameters)?] [$($path)+] $bound $run),
+                    )+
+                }
+            };
+        }
+
+        $(
+            #[allow(dead_code, reason = "not every list of a test needs its models")]
+            impl $family {
+                /// Returns the selected model.
+                #[must_use]
+                $visibility fn model(&self) -> &$law {
+                    $each!(self, model => model)
+                }
+            }
+        )?
+    };
+
+    (@name $module:ident) => { stringify!($module) };
+    (@name $module:ident $name:literal) => { $name };
+    (@pattern $family:ident $model:ident [] $bound:ident) => { $family::$model };
+    (@pattern $family:ident $model:ident [$parameters:ty] $bound:ident) => { $family::$model($bound) };
+    (@value [] [$($path:tt)+] $bound:ident $run:expr) => {{
+        let $bound = &$($path)+;
+        $run
+    }};
+    (@value [$parameters:ty] [$($path:tt)+] $bound:ident $run:expr) => { $run };
+
+    (@$($other:tt)+) => { compile_error!("the list of this family has another form than those of `base::family`"); };
+    (dispatch $each:ident; $($family:tt)+) => { $crate::model_family! { @family $each $($family)+ } };
+    ($($family:tt)+) => { $crate::model_family! { @family each $($family)+ } };
 }
 
 pub use model_family as family;

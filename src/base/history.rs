@@ -26,20 +26,17 @@ impl TimeTable {
     /// Returns the value at a time; at the time of a jump, the value before the jump.
     #[must_use]
     pub fn value(&self, time: f64) -> f64 {
-        let after = self.0.partition_point(|[t, _]| *t < time);
-        let last = self.0.len().saturating_sub(1);
-        let [t1, v1] = self.0[after.min(last)];
-        if after == 0 || after > last {
-            return v1;
-        }
-        let [t0, v0] = self.0[after - 1];
-        v0 + (v1 - v0) * (time - t0) / (t1 - t0)
+        self.value_before(self.0.partition_point(|[t, _]| *t < time), time)
     }
 
     /// Returns the value just after a time: at the time of a jump, the value after the jump.
     #[must_use]
     pub fn value_after(&self, time: f64) -> f64 {
-        let after = self.0.partition_point(|[t, _]| *t <= time);
+        self.value_before(self.0.partition_point(|[t, _]| *t <= time), time)
+    }
+
+    /// Returns the value at a time on the line that ends in the row `after`; constant outside the rows.
+    fn value_before(&self, after: usize, time: f64) -> f64 {
         let last = self.0.len().saturating_sub(1);
         let [t1, v1] = self.0[after.min(last)];
         if after == 0 || after > last {

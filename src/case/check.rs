@@ -257,13 +257,12 @@ impl<'a> Walk<'a> {
             if !map.contains_key(key) && !self.only_counted() {
                 let property = properties.and_then(|p| p.get(key));
                 let help = property.map(summary_in_brackets).unwrap_or_default();
-                self.problems.push(Problem {
-                    path: join(path, key),
-                    value: "missing".into(),
-                    reason: "this field is required".into(),
-                    remedy: format!("add `{key}`{help}").into(),
-                    severity: Severity::Error,
-                });
+                self.problems.push(Problem::error(
+                    join(path, key),
+                    "missing",
+                    "this field is required",
+                    format!("add `{key}`{help}"),
+                ));
             }
         }
     }

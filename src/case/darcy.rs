@@ -2,7 +2,9 @@
 
 use super::backward_erosion::BackwardErosion;
 use super::geometry::{Extent, Face, Region, Vector};
-use darcy::{Condition, DragLaw, Equations, MeanDiameter, PorosityMethod, Resistance, Retention};
+use darcy::{
+    Condition, DragLaw, Equations, Liquid, MeanDiameter, PorosityMethod, Resistance, Retention,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -112,6 +114,15 @@ impl Darcy {
             Equations::Corrected => Resistance::Gidaspow,
             Equations::Paper => Resistance::KozenyCarman,
         })
+    }
+
+    /// Returns the properties of the water.
+    #[must_use]
+    pub fn liquid(&self) -> Liquid {
+        Liquid {
+            density: self.density,
+            viscosity: self.viscosity,
+        }
     }
 
     /// Returns the drag law.

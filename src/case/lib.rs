@@ -47,7 +47,7 @@ pub mod time;
 pub use base::geometry;
 
 use annotation::Source;
-use base::error::{Problem, Severity};
+use base::error::Problem;
 use geometry::{Face, Vector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -204,13 +204,12 @@ impl Document {
             }
             Err(error) => {
                 if problems.is_empty() {
-                    problems.push(Problem {
-                        path: "the case".into(),
-                        value: "not readable".into(),
-                        reason: error.to_string(),
-                        remedy: "compare with `solver schema`".into(),
-                        severity: Severity::Error,
-                    });
+                    problems.push(Problem::error(
+                        "the case",
+                        "not readable",
+                        error.to_string(),
+                        "compare with `solver schema`",
+                    ));
                 }
                 Err(problems)
             }

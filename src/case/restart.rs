@@ -220,14 +220,16 @@ const FIXED_FIELDS: [(&str, &str); 12] = [
     ("analysis", "its records start with the run"),
 ];
 
-/// Finds the differences of two trees: path and both values. Lists of different lengths differ as a whole; numbers
-/// are compared by value.
-fn differences<'a>(
+/// Difference of two trees.
+struct Difference<'a> {
+    path: String,
     old: &'a Value,
     new: &'a Value,
-    path: &str,
-    found: &mut Vec<(String, &'a Value, &'a Value)>,
-) {
+}
+
+/// Finds the differences of two trees. Lists of different lengths differ as a whole; numbers
+/// are compared by value.
+fn differences<'a>(old: &'a Value, new: &'a Value, path: &str, found: &mut Vec<Difference<'a>>) {
     static NOTHING: Value = Value::Null;
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
@@ -245,7 +247,11 @@ fn differences<'a>(
         }
         (Value::Number(a), Value::Number(b)) if a.as_f64() == b.as_f64() => {}
         _ if old == new => {}
-        _ => found.push((path.to_owned(), old, new)),
+        _ => found.push(Difference {
+            path: path.to_owned(),
+            old,
+            new,
+        }),
     }
 }
 
@@ -278,7 +284,7 @@ pub fn compare(old: &Value, new: &Value) -> (Vec<String>, Vec<Problem>) {
     let mut found = Vec::new();
     differences(old, new, "", &mut found);
     let (mut changed, mut refused) = (Vec::new(), Vec::new());
-    for (path, old, new) in found {
+    for Difference { path, old, new } in found {
         if let Some(reason) = refusal_of(&path, new) {
             refused.push(problem(path, old, new, reason));
         } else if CHANGEABLE

@@ -4,7 +4,7 @@
 //! objects on the path are created. An index one past the end of a list appends.
 
 use super::text::brief;
-use base::error::{Problem, Severity};
+use base::error::Problem;
 use serde_json::{Map, Value};
 
 /// Step of a path.
@@ -20,13 +20,7 @@ enum Step {
 /// If the assignment cannot be parsed or the path leads through a value without fields; the problem names the path.
 pub fn apply(tree: &mut Value, assignment: &str) -> Result<String, Box<Problem>> {
     let problem = |path: &str, value: &str, reason: &str, remedy: &str| {
-        Box::new(Problem {
-            path: path.into(),
-            value: value.into(),
-            reason: reason.into(),
-            remedy: remedy.into(),
-            severity: Severity::Error,
-        })
+        Box::new(Problem::error(path, value, reason, remedy))
     };
     let Some((path, text)) = assignment.split_once('=') else {
         return Err(problem(

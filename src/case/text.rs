@@ -53,12 +53,13 @@ pub const MAX_PROBLEMS: usize = 50;
 /// Returns the message about problems that are not listed.
 #[must_use]
 pub fn unlisted(more: usize) -> Option<Problem> {
-    (more > 0).then(|| Problem {
-        path: "the text".into(),
-        value: format!("{more} more problems"),
-        reason: format!("only the first {MAX_PROBLEMS} are listed"),
-        remedy: "correct those first".into(),
-        severity: Severity::Error,
+    (more > 0).then(|| {
+        Problem::error(
+            "the text",
+            format!("{more} more problems"),
+            format!("only the first {MAX_PROBLEMS} are listed"),
+            "correct those first",
+        )
     })
 }
 
@@ -88,13 +89,12 @@ pub fn parse(text: &str) -> (Option<Value>, Vec<Problem>) {
     match tree {
         Ok(tree) => (Some(tree), problems),
         Err(error) => {
-            problems.push(Problem {
-                path: format!("line {} column {}", error.line(), error.column()),
-                value: "not JSON".into(),
-                reason: format!("the text is not valid JSON ({error})"),
-                remedy: "correct the text at this position".into(),
-                severity: Severity::Error,
-            });
+            problems.push(Problem::error(
+                format!("line {} column {}", error.line(), error.column()),
+                "not JSON",
+                format!("the text is not valid JSON ({error})"),
+                "correct the text at this position",
+            ));
             (None, problems)
         }
     }

@@ -22,6 +22,7 @@ use dem::particles::{Motion, Particles};
 use dem::space::{Components, Space};
 use joint_cells::JointCells;
 pub use joint_cells::{CellChange, JointLink};
+use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
 use lbm::links::{BODIES_PER_THREAD as PER_THREAD, BodyLink, CellPlane, Load, Rigid, add_force};
 use lbm::populations::Populations;
@@ -59,6 +60,17 @@ pub struct MapGrid {
 }
 
 impl MapGrid {
+    /// Returns the grid of a fluid whose domain begins at `origin` \[m\], with cells of this edge \[m\].
+    pub(super) fn new<S: Stored>(fluid: &Fluid<S>, origin: [f64; 3], spacing: f64) -> Self {
+        Self {
+            cells: fluid.domain_cells(),
+            start: fluid.start(),
+            periodic: fluid.periodic(),
+            origin,
+            spacing,
+        }
+    }
+
     /// Returns the offset in cells from the raw frame of a body to the local cells of the slab, for one of its
     /// images.
     pub(super) fn frame(&self, dimension: usize, shift: [i32; 3]) -> [i32; 3] {

@@ -10,7 +10,7 @@
 //! of cells covered since then (6 … 11).
 
 use super::body_map::{BodyMap, MapGrid, Rules};
-use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
+use super::lattice::{Balanced, LatticeFlow, advance_fluid, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::structure_map::StructureMap;
 use super::{BandStates, Flow, FluidView};
@@ -67,13 +67,7 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
         origin: [f64; 3],
         settings: BounceBackSettings,
     ) -> Self {
-        let grid = MapGrid {
-            cells: fluid.domain_cells(),
-            start: fluid.start(),
-            periodic: fluid.periodic(),
-            origin,
-            spacing: units.spacing,
-        };
+        let grid = MapGrid::new(&fluid, origin, units.spacing);
         let map = BodyMap::new(fluid.populations(), grid, settings.rules);
         log::info!("coupling by moving bounce-back: {settings:?}");
         Self {
@@ -213,41 +207,23 @@ impl<Sp: Space, S: Stored> BounceBack<Sp, S> {
 
 impl<Sp: Space, S: Stored> Flow<Sp> for BounceBack<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
-        self.fluid.advance_many(1).map_err(Error::Internal)?;
-        if let Some(structures) = &mut self.structures {
-            self.fluid.fetch().map_err(Error::Internal)?;
-            structures.bounce(self.fluid.populations_mut());
-        }
-        self.fluid.move_surface();
-        if particles.is_empty() && domain.communicator().size() == 1 {
+        let structures = self.structures.as_deref_mut();
+        if advance_fluid(&mut self.fluid, structures, particles, domain)? {
             return Ok(());
         }
         // Reflection at links runs on this processor.
-        self.fluid.fetch().map_err(Error::Internal)?;
+        self.fluid.fetch()?;
         let map = &self.map;
         self.fluid.close_openings(|cell| map.is_closed(cell));
         self.loads.resize(particles.len(), [0; 6]);
         let (links, motion) = (self.map.links(), self.map.motion());
         let faces = |k| self.map.faces(k);
         let populations = self.fluid.populations_mut();
+        let (scheme, loads) = (self.settings.scheme, &mut self.loads);
         if Sp::DIMENSION == 2 {
-            bounce::<S, 2>(
-                populations,
-                self.settings.scheme,
-                links,
-                motion,
-                faces,
-                &mut self.loads,
-            );
+            bounce::<S, 2>(populations, scheme, links, motion, faces, loads);
         } else {
-            bounce::<S, 3>(
-                populations,
-                self.settings.scheme,
-                links,
-                motion,
-                faces,
-                &mut self.loads,
-            );
+            bounce::<S, 3>(populations, scheme, links, motion, faces, loads);
         }
         let at_joints = self.map.bounce_at_joints(self.fluid.populations_mut());
         particles.reduce_to_owners(&mut self.loads, domain)?;

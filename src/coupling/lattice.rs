@@ -5,7 +5,8 @@ use super::structure_map::StructureMap;
 use super::{Flow, FluidView};
 use base::error::Error;
 use base::thread_pool;
-use decomposition::Communicator;
+use decomposition::{Communicator, Domain};
+use dem::particles::Particles;
 use dem::space::Space;
 use lbm::fluid::Fluid;
 use lbm::lanes::Stored;
@@ -57,6 +58,22 @@ impl Balanced<'_> {
     }
 }
 
+/// Makes the step of the fluid before its loads are collected. Returns `true` if the domain contains no solid.
+pub(super) fn advance_fluid<Sp: Space, S: Stored>(
+    fluid: &mut Fluid<S>,
+    structures: Option<&mut StructureMap>,
+    particles: &Particles<Sp>,
+    domain: &Domain,
+) -> Result<bool, Error> {
+    fluid.advance_many(1)?;
+    if let Some(structures) = structures {
+        fluid.fetch()?;
+        structures.bounce(fluid.populations_mut());
+    }
+    fluid.move_surface();
+    Ok(particles.is_empty() && domain.communicator().size() == 1)
+}
+
 /// Fluid on a lattice with its coupling.
 pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     /// Returns the fluid.
@@ -71,7 +88,7 @@ pub trait LatticeFlow<Sp: Space, S: Stored>: Flow<Sp> + FluidView {
     ///
     /// If the GPU fails.
     fn fetch(&mut self) -> Result<(), Error> {
-        self.fluid_mut().fetch().map_err(Error::Internal)
+        Ok(self.fluid_mut().fetch()?)
     }
 
     /// Continues from restored populations and grains: bodies are mapped without loads at the next

@@ -19,7 +19,7 @@
 
 use super::body_map::MapGrid;
 use super::cover_map::{CoverMap, rigid};
-use super::lattice::{Balanced, LatticeFlow, view_of_lattice};
+use super::lattice::{Balanced, LatticeFlow, advance_fluid, view_of_lattice};
 use super::loads::{about_centre, to_grain};
 use super::solid_fraction;
 use super::structure_map::StructureMap;
@@ -77,13 +77,7 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
         origin: [f64; 3],
         settings: PartiallySaturatedSettings,
     ) -> Self {
-        let grid = MapGrid {
-            cells: fluid.domain_cells(),
-            start: fluid.start(),
-            periodic: fluid.periodic(),
-            origin,
-            spacing: units.spacing,
-        };
+        let grid = MapGrid::new(&fluid, origin, units.spacing);
         log::info!("coupling by partially saturated cells: {settings:?}");
         Self {
             map: CoverMap::new(fluid.populations(), grid.clone(), settings.fractions),
@@ -271,13 +265,8 @@ impl<Sp: Space, S: Stored> PartiallySaturated<Sp, S> {
 
 impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
     fn advance(&mut self, particles: &mut Particles<Sp>, domain: &Domain) -> Result<(), Error> {
-        self.fluid.advance_many(1).map_err(Error::Internal)?;
-        if let Some(structures) = &mut self.structures {
-            self.fluid.fetch().map_err(Error::Internal)?;
-            structures.bounce(self.fluid.populations_mut());
-        }
-        self.fluid.move_surface();
-        if particles.is_empty() && domain.communicator().size() == 1 {
+        let structures = self.structures.as_deref_mut();
+        if advance_fluid(&mut self.fluid, structures, particles, domain)? {
             return Ok(());
         }
         self.loads.clear();
@@ -330,7 +319,7 @@ impl<Sp: Space, S: Stored> Flow<Sp> for PartiallySaturated<Sp, S> {
             let filled = self.map.filled_cells();
             self.fluid.meet_bodies(filled);
         }
-        self.fluid.send_cover().map_err(Error::Internal)?;
+        self.fluid.send_cover()?;
         let changed = self.fluid.cover_mut().is_some_and(Cover::take_changed);
         if changed && self.fluid.velocities().is_some() {
             let map = &self.map;
@@ -389,7 +378,7 @@ impl<Sp: Space, S: Stored> LatticeFlow<Sp, S> for PartiallySaturated<Sp, S> {
     /// Copies the cells of the bodies from a GPU, if they were computed there.
     fn fetch(&mut self) -> Result<(), Error> {
         self.cover_cells();
-        self.fluid.fetch().map_err(Error::Internal)
+        Ok(self.fluid.fetch()?)
     }
 
     fn last_loads(&self) -> &[Load] {

@@ -147,6 +147,22 @@ impl SeepageSettings {
     }
 }
 
+/// Porosity of the cells in the previous coupling.
+struct EarlierPorosity {
+    porosity: Vec<f64>,
+    /// `true` if there was a previous coupling.
+    known: bool,
+}
+
+/// State for a coupling that may be interrupted.
+#[derive(Default)]
+struct InterruptedCoupling {
+    /// `true` if a coupling may be interrupted ([`Seepage::interrupt_when`]).
+    may_stop: bool,
+    /// State before the present coupling, if it may be interrupted.
+    kept: Vec<f64>,
+}
+
 /// Seepage with grains in it.
 pub struct Seepage<Sp: Space> {
     settings: SeepageSettings,
@@ -157,9 +173,7 @@ pub struct Seepage<Sp: Space> {
     permeability: Vec<f64>,
     limited: Vec<f64>,
     source: Vec<f64>,
-    before: Vec<f64>,
-    /// `true` if the porosity of the previous coupling is known.
-    has_before: bool,
+    earlier: EarlierPorosity,
     /// Permeabilities by zone.
     zones: Option<(Arc<Zones>, ZonePermeability)>,
     report: SolutionReport,
@@ -169,10 +183,7 @@ pub struct Seepage<Sp: Space> {
     sums: Sums,
     water: Water,
     moist: Moist,
-    /// `true` if a coupling may be interrupted ([`Self::interrupt_when`]).
-    may_stop: bool,
-    /// State before the present coupling, if it may be interrupted.
-    kept: Vec<f64>,
+    interruption: InterruptedCoupling,
     space: PhantomData<Sp>,
 }
 
@@ -199,8 +210,10 @@ impl<Sp: Space> Seepage<Sp> {
             permeability: vec![0.0; n],
             limited: vec![0.0; n],
             source: vec![0.0; n],
-            before: vec![0.0; n],
-            has_before: false,
+            earlier: EarlierPorosity {
+                porosity: vec![0.0; n],
+                known: false,
+            },
             zones: None,
             report: SolutionReport::default(),
             balance: Balance::default(),
@@ -208,8 +221,7 @@ impl<Sp: Space> Seepage<Sp> {
             parts: Parts::default(),
             sums: Sums::default(),
             moist: Moist::default(),
-            may_stop: false,
-            kept: Vec::new(),
+            interruption: InterruptedCoupling::default(),
             space: PhantomData,
         }
     }
@@ -248,7 +260,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// Returns `true` if the pressure has been computed.
     #[must_use]
     pub fn is_known(&self) -> bool {
-        self.has_before
+        self.earlier.known
     }
 
     /// Returns the pores.
@@ -294,12 +306,12 @@ impl<Sp: Space> Seepage<Sp> {
     /// Replaces the values of `state` by those of [`Self::state`].
     fn save(&self, state: &mut Vec<f64>) {
         state.clear();
-        if !self.has_before {
+        if !self.earlier.known {
             return;
         }
         let water = &self.water;
         state.extend(self.pressure.saved());
-        state.extend_from_slice(&self.before);
+        state.extend_from_slice(&self.earlier.porosity);
         state.extend_from_slice(water.gradient.as_flattened());
         state.extend_from_slice(water.flux.as_flattened());
         state.extend_from_slice(&water.speed);
@@ -310,7 +322,7 @@ impl<Sp: Space> Seepage<Sp> {
     /// then that of the previous coupling.
     pub fn interrupt_when(&mut self, requested: Box<dyn Fn() -> bool + Send + Sync>) {
         self.pressure.interrupt_when(requested);
-        self.may_stop = true;
+        self.interruption.may_stop = true;
     }
 
     /// Restores the state from [`Self::state`].
@@ -334,7 +346,7 @@ impl<Sp: Space> Seepage<Sp> {
         self.pressure
             .restore_water(&state[pressure::numbers(n, false)..])
             .map_err(failed)?;
-        self.before.copy_from_slice(&state[n..2 * n]);
+        self.earlier.porosity.copy_from_slice(&state[n..2 * n]);
         let water = &mut self.water;
         water
             .gradient
@@ -346,7 +358,7 @@ impl<Sp: Space> Seepage<Sp> {
             .copy_from_slice(&state[5 * n..8 * n]);
         water.speed.copy_from_slice(&state[8 * n..9 * n]);
         water.update_gradient_magnitudes();
-        self.has_before = true;
+        self.earlier.known = true;
         Ok(())
     }
 
@@ -409,15 +421,15 @@ fn failed(error: darcy::SeepageError) -> Error {
 
 impl<Sp: Space> Flow<Sp> for Seepage<Sp> {
     fn advance(&mut self, particles: &mut Particles<Sp>, _: &Domain) -> Result<(), Error> {
-        let mut kept = std::mem::take(&mut self.kept);
-        if self.may_stop {
+        let mut kept = std::mem::take(&mut self.interruption.kept);
+        if self.interruption.may_stop {
             self.save(&mut kept);
         }
         let advanced = self.load(particles);
         if matches!(advanced, Err(Error::Stopped(_))) {
             self.restore(&kept)?;
         }
-        self.kept = kept;
+        self.interruption.kept = kept;
         advanced
     }
 

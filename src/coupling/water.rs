@@ -77,10 +77,7 @@ impl<Sp: Space, S: Stored> Water<Sp, S> {
     #[inline(never)]
     pub fn advance_many(&mut self, steps: u64) -> Result<(), Error> {
         match self.lattice_mut() {
-            Some(flow) => flow
-                .fluid_mut()
-                .advance_many(steps)
-                .map_err(Error::Internal),
+            Some(flow) => Ok(flow.fluid_mut().advance_many(steps)?),
             None => Ok(()),
         }
     }

@@ -12,27 +12,22 @@
 //!
 //! A drag law is one file below this module and one line of the list.
 
-pub mod dallavalle;
-pub mod di_felice;
-pub mod gidaspow;
-pub mod reaction;
-
 use super::Liquid;
 use base::family::family;
-use dallavalle::Dallavalle;
-use di_felice::DiFelice;
-use gidaspow::Gidaspow;
-use reaction::Reaction;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 family! {
     /// Drag laws. A new line makes a law available to cases, to their schema, to `plan` and to runs.
-    #[derive(Default)]
-    pub enum DragLaw: DragFormula {
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case", deny_unknown_fields)]
+    #[schemars(inline)]
+    pub enum DragLaw: dyn DragFormula, summary {
         #[default]
-        Reaction,
-        DiFelice,
-        Gidaspow,
-        Dallavalle,
+        reaction: Reaction,
+        di_felice: DiFelice,
+        gidaspow: Gidaspow,
+        dallavalle: Dallavalle,
     }
 }
 
@@ -236,11 +231,15 @@ mod tests {
             }
         }
     }
+    use di_felice::DiFelice;
     use stokes::Stokes;
 
     family! {
+        dispatch each_law;
         /// The actual list with one more line.
-        enum Longer: DragFormula {
+        #[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+        #[serde(rename_all = "snake_case")]
+        enum Longer: dyn DragFormula, summary {
             DiFelice,
             Stokes(Stokes),
         }

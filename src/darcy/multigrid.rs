@@ -43,8 +43,15 @@ pub(super) struct Matrix<T> {
     pub(super) leak: Vec<T>,
 }
 
-/// Face with an imposed pressure: position of its cell, axis, conductance.
-pub(super) type Ground = (usize, usize, f64);
+/// Face with an imposed pressure.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ground {
+    /// Position of its cell.
+    pub(super) at: usize,
+    /// Axis, or [`STORED`].
+    pub(super) axis: usize,
+    pub(super) conductance: f64,
+}
 
 /// Axis index for a conductance that represents water stored in a cell, which is in series with nothing.
 pub(super) const STORED: usize = 3;
@@ -246,7 +253,10 @@ impl Multigrid {
                 }
             }
             level.ground.clear();
-            let scaled = ground.iter().map(|&(at, axis, g)| (at, axis, g * scale));
+            let scaled = ground.iter().map(|one| Ground {
+                conductance: one.conductance * scale,
+                ..*one
+            });
             level.ground.extend(scaled);
             level.diagonal();
         }
@@ -387,9 +397,9 @@ impl Level {
             }
         }
         leak.fill(0.0);
-        for &(at, _, g) in &self.ground {
-            diagonal[at] += single(g);
-            leak[at] += single(g);
+        for one in &self.ground {
+            diagonal[one.at] += single(one.conductance);
+            leak[one.at] += single(one.conductance);
         }
         for row in layout.rows(&layout.whole()) {
             for i in row {
@@ -449,15 +459,23 @@ impl Level {
             }
         }
         self.ground.clear();
-        for &(at, axis, g) in &fine.ground {
+        for &Ground {
+            at,
+            axis,
+            conductance,
+        } in &fine.ground
+        {
             let cell = from.cell(at);
             let lane = if axis == STORED {
-                g
+                conductance
             } else {
-                fine.in_series(g, axis, at, cell[axis])
+                fine.in_series(conductance, axis, at, cell[axis])
             };
-            let coarse = to.position(fine.merging.coarse(cell));
-            self.ground.push((coarse, axis, lane));
+            self.ground.push(Ground {
+                at: to.position(fine.merging.coarse(cell)),
+                axis,
+                conductance: lane,
+            });
         }
     }
 

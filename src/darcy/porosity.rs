@@ -9,29 +9,26 @@
 //!
 //! Sums are integers (steps of 2^-62 of a cell): they do not depend on the order of grains or ranks.
 
-pub mod centroid;
-pub mod divided;
-pub mod exact;
-
 use super::enclosure::Openness;
 use super::grid::SeepageGrid;
 use super::mean_diameter::MeanDiameter;
 use base::family::family;
 use base::number::real;
-use centroid::Centroid;
 use decomposition::{Communicator, quantise};
-use divided::Divided;
-use exact::Exact;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 family! {
     /// Porosity methods. A new line makes a method available to cases, to their schema, to `plan` and to runs.
-    #[derive(Default)]
-    pub enum PorosityMethod: PorosityFormula {
-        Centroid,
-        Divided,
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case", deny_unknown_fields)]
+    #[schemars(inline)]
+    pub enum PorosityMethod: dyn PorosityFormula, summary {
+        centroid: Centroid,
+        divided: Divided,
         #[default]
-        Exact,
+        exact: Exact,
     }
 }
 

@@ -410,13 +410,18 @@ impl Pressure {
             gather.fill(&mut self.phi);
         }
         self.take_tensor_flows();
+        Ok(self.report(iterations, residual))
+    }
+
+    /// Returns the report of a solution with the flow through the boundary.
+    fn report(&mut self, iterations: u32, residual: f64) -> SolutionReport {
         let (inflow, outflow) = self.fluxes();
-        Ok(SolutionReport {
+        SolutionReport {
             iterations,
             residual,
             inflow,
             outflow,
-        })
+        }
     }
 
     fn assemble(&mut self, medium: Medium<'_>) -> Result<(), SeepageError> {
@@ -542,12 +547,12 @@ impl Pressure {
             face.conductance = 2.0 * k * face.area / self.slab.grid.spacing[face.axis];
             match self.patches[face.patch].condition {
                 Condition::Pressure { value: p } => {
-                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.ground.push(face.ground(face.conductance));
                     self.system.right[face.at] += face.conductance * (p + face.lift - level);
                 }
                 Condition::Head { value: h } => {
                     let phi = head_pressure(&self.liquid, &self.settings, h);
-                    self.ground.push((face.at, face.axis, face.conductance));
+                    self.ground.push(face.ground(face.conductance));
                     self.system.right[face.at] += face.conductance * (phi - level);
                 }
                 Condition::Flux { value: q } => self.system.right[face.at] += q * face.area,
@@ -591,9 +596,9 @@ impl Pressure {
             }
         }
         self.system.matrix.leak.fill(0.0);
-        for &(at, _, g) in &self.ground {
-            self.system.matrix.diagonal[at] += g;
-            self.system.matrix.leak[at] += g;
+        for one in &self.ground {
+            self.system.matrix.diagonal[one.at] += one.conductance;
+            self.system.matrix.leak[one.at] += one.conductance;
         }
     }
 

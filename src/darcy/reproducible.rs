@@ -59,8 +59,7 @@ pub(super) fn dot<B: Copy + Into<f64>>(
 fn largest_term<B: Copy + Into<f64>>(a: &[f64], b: &[B]) -> (f64, bool) {
     let mut lanes = [0.0_f64; LANES];
     let mut bad = [0.0_f64; LANES];
-    let (a_all, b_all) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-    let mut take = |lane: usize, x: f64| {
+    each_product(a, b, |lane, x| {
         let size = x.abs();
         lanes[lane] = if size > lanes[lane] {
             size
@@ -69,15 +68,7 @@ fn largest_term<B: Copy + Into<f64>>(a: &[f64], b: &[B]) -> (f64, bool) {
         };
         // NaN and infinity times zero give NaN.
         bad[lane] += x * 0.0;
-    };
-    for (a, b) in a_all.0.iter().zip(b_all.0) {
-        for lane in 0..LANES {
-            take(lane, a[lane] * b[lane].into());
-        }
-    }
-    for (a, b) in a_all.1.iter().zip(b_all.1) {
-        take(0, a * (*b).into());
-    }
+    });
     let largest = lanes.iter().fold(0.0, |m: f64, &x| m.max(x));
     (largest, bad.iter().any(|x| x.is_nan()))
 }
@@ -90,13 +81,18 @@ fn split_sum<B: Copy + Into<f64>>(
     t: f64,
     sums: &mut [[f64; LANES]; 2],
 ) {
-    let (a_all, b_all) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
-    let mut take = |lane: usize, x: f64| {
+    each_product(a, b, |lane, x| {
         let high = (x + s) - s;
         let low = ((x - high) + t) - t;
         sums[0][lane] += high;
         sums[1][lane] += low;
-    };
+    });
+}
+
+/// Passes each product of two lists to `take`, with its lane.
+#[inline(always)]
+fn each_product<B: Copy + Into<f64>>(a: &[f64], b: &[B], mut take: impl FnMut(usize, f64)) {
+    let (a_all, b_all) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     for (a, b) in a_all.0.iter().zip(b_all.0) {
         for lane in 0..LANES {
             take(lane, a[lane] * b[lane].into());

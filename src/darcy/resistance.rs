@@ -18,11 +18,15 @@ use super::{Equations, Liquid};
 use base::family::family;
 use ergun::Ergun;
 use kozeny_carman::KozenyCarman;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 family! {
     /// Resistance laws. A new line makes a law available to cases, to their schema, to `plan` and to runs.
-    #[derive(Default)]
-    pub enum Resistance: ResistanceFormula {
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case", deny_unknown_fields)]
+    #[schemars(inline)]
+    pub enum Resistance: dyn ResistanceFormula, summary {
         #[default]
         Gidaspow,
         KozenyCarman,

@@ -22,24 +22,20 @@
 //!
 //! Each model has its own file below this module and one line in the list.
 
-pub mod gardner;
-pub mod haverkamp;
-pub mod saturated_only;
-pub mod van_genuchten;
-
 use base::family::family;
-use gardner::Gardner;
-use haverkamp::Haverkamp;
-use saturated_only::SaturatedOnly;
-use van_genuchten::VanGenuchten;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 family! {
     /// Retention models. A new line makes a model available to cases, to their schema and to runs.
-    pub enum Retention: RetentionLaw {
-        VanGenuchten(VanGenuchten),
-        Gardner(Gardner),
-        Haverkamp(Haverkamp),
-        SaturatedOnly(SaturatedOnly),
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case", deny_unknown_fields)]
+    #[schemars(inline)]
+    pub enum Retention: dyn RetentionLaw, summary {
+        van_genuchten: VanGenuchten(VanGenuchten),
+        gardner: Gardner(Gardner),
+        haverkamp: Haverkamp(Haverkamp),
+        saturated_only: SaturatedOnly(SaturatedOnly),
     }
 }
 
@@ -214,6 +210,10 @@ pub fn mean(first: Side, second: Side, rise: f64) -> Mean {
 
 #[cfg(test)]
 mod tests {
+    use super::gardner::Gardner;
+    use super::haverkamp::Haverkamp;
+    use super::saturated_only::SaturatedOnly;
+    use super::van_genuchten::VanGenuchten;
     use super::*;
 
     fn side(law: &dyn RetentionLaw, head: f64) -> Side {

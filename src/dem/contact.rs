@@ -10,9 +10,9 @@
 //! 4. the constants of a pair, the history of a contact, and the force ([`ContactLaw`]);
 //! 5. the bodies: `impl Bodies`, whose defaults are those of spheres.
 //!
-//! To add a law, write the file, declare the module, and add one line to the list below. The list generates the enum of
-//! the case with its schema ([`Contact`]), the resolved laws ([`Law`]), and the dispatch to the engine, which is
-//! compiled for each law: no loop tests for the law. `tests/toy.rs` is the smallest example.
+//! To add a law, write the file and add one line to each of the two lists below: the enum of the case with its schema
+//! ([`Contact`]), and the resolved laws ([`Law`]) with the dispatch to the engine, which is compiled for each law: no
+//! loop tests for the law. `tests/toy.rs` is the smallest example.
 //!
 //! | file | holds |
 //! |---|---|
@@ -24,19 +24,14 @@
 //! | `input` | what the parameters of all laws share: [`Scaled`], [`Pair`], [`SceneFacts`] |
 //! | `pairs` | [`PairTable`], parameters for every pair of materials |
 //! | `model` | [`ContactModel`], the interface between plan and law |
-//! | `family` | the list as types |
+//! | `family` | functions of the engine for a law of a list |
 //!
 //! Forces are those on the second partner, normals point from the first to the second. Both act at the contact point in
 //! the middle of the overlap, so that angular momentum is conserved (lever arms `r - overlap / 2`).
 
-pub mod blocks;
 pub mod bridges;
-pub mod cohesive_frictional;
-pub mod contact_bond;
 pub(crate) mod family;
-pub mod hertz_mindlin;
 mod input;
-pub mod linear;
 mod model;
 mod pairs;
 pub mod rolling;
@@ -51,9 +46,12 @@ pub use pairs::PairTable;
 
 use std::fmt::Debug;
 
+use base::family::family;
 use bridges::Bridged;
-use family::{CriticalTimeStep, Family, contact_laws};
+use family::{CriticalTimeStep, Family, Visitor};
 use rolling::Rolling;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use softened::Softened;
 
 use super::particles::Body;
@@ -209,30 +207,57 @@ pub trait ContactLaw<S: Space>: Clone + Debug + Send + Sync {
     }
 }
 
-contact_laws! {
+family! {
     /// The law of all contacts; pairs of materials may have their own parameters.
-    pub Contact,
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Contact: dyn ContactParameters<Law> {
+        /// Linear springs with friction, no tension.
+        linear: Linear(LinearInput),
+        /// Linear springs with friction and brittle cohesion.
+        cohesive_frictional: CohesiveFrictional(CohesiveFrictionalInput),
+        /// The linear law with bonds of given tensile and shear strength.
+        contact_bond: ContactBond(ContactBondInput),
+        /// Elastic spheres: normal force of Hertz, tangential force of Mindlin without slip, friction (3-D only).
+        hertz_mindlin: HertzMindlin(HertzMindlinInput),
+        /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
+        blocks: Blocks(BlockInput),
+    }
+}
+
+family! {
+    dispatch each_law;
     /// Contact law with its parameters for every pair of materials.
-    Law:
-    /// Linear springs with friction, no tension.
-    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>),
-        BridgedLinear(Bridged<linear::Linear>), BridgedRollingLinear(Bridged<Rolling<linear::Linear>>);
-    /// Linear springs with friction and brittle cohesion.
-    CohesiveFrictional(cohesive_frictional::CohesiveFrictionalInput) =>
-        CohesiveFrictional(cohesive_frictional::CohesiveFrictional);
-    /// The linear law with bonds of given tensile and shear strength.
-    ContactBond(contact_bond::ContactBondInput) => ContactBond(contact_bond::ContactBond),
+    #[derive(Clone, Debug, PartialEq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Law: dyn ContactModel, from {
+        Linear(linear::Linear),
+        RollingLinear(Rolling<linear::Linear>),
+        BridgedLinear(Bridged<linear::Linear>),
+        BridgedRollingLinear(Bridged<Rolling<linear::Linear>>),
+        CohesiveFrictional(cohesive_frictional::CohesiveFrictional),
+        ContactBond(contact_bond::ContactBond),
         RollingContactBond(Rolling<contact_bond::ContactBond>),
         SoftenedContactBond(Softened<contact_bond::ContactBond>),
-        RollingSoftenedContactBond(Rolling<Softened<contact_bond::ContactBond>>);
-    /// Elastic spheres: normal force of Hertz, tangential force of Mindlin without slip, friction (3-D only).
-    HertzMindlin(hertz_mindlin::HertzMindlinInput) => HertzMindlin(hertz_mindlin::HertzMindlin),
-        BridgedHertzMindlin(Bridged<hertz_mindlin::HertzMindlin>);
-    /// Blocks, and spheres among them: springs over the area of contact or at a point, friction (3-D only).
-    Blocks(blocks::BlockInput) => Blocks(blocks::BlockLaw);
+        RollingSoftenedContactBond(Rolling<Softened<contact_bond::ContactBond>>),
+        HertzMindlin(hertz_mindlin::HertzMindlin),
+        BridgedHertzMindlin(Bridged<hertz_mindlin::HertzMindlin>),
+        Blocks(blocks::BlockLaw),
+    }
+}
+
+impl Family for Law {
+    fn visit<S: Space, V: Visitor<S>>(&self, visitor: V) -> V::Output {
+        each_law!(self, law => visitor.visit(law))
+    }
 }
 
 impl Law {
+    /// Returns the model for changes.
+    pub fn model_mut(&mut self) -> &mut dyn ContactModel {
+        each_law!(self, law => law)
+    }
+
     /// Returns a law without forces, for scenes in which nothing can touch.
     #[must_use]
     pub fn without_forces(materials: u32) -> Self {

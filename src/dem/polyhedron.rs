@@ -27,7 +27,7 @@
 
 mod analytic_centre;
 pub mod contact;
-mod cut;
+pub(crate) mod cut;
 pub mod force;
 mod hull;
 mod linear_program;

@@ -7,7 +7,7 @@
 use super::Dem;
 use super::contact::ContactLaw;
 use super::engine::bodies::Bodies;
-use super::engine::{Engine, Key};
+use super::engine::{Engine, Key, WallKey};
 use super::space::Space;
 use super::table::{AXES, Columns, small, unsigned};
 pub use super::table::{NamedColumns, Values};
@@ -109,7 +109,8 @@ pub(super) fn each_contact<S: Space, L: Bodies<S>>(
         |key, history| {
             at_wall.clear();
             L::save(history, &mut at_wall);
-            walls([key.0, u64::from(key.1), u64::from(key.2)], &at_wall);
+            let key = [key.grain, u64::from(key.wall), u64::from(key.facet)];
+            walls(key, &at_wall);
         },
     );
 }
@@ -154,9 +155,12 @@ pub(super) fn save<S: Space, L: Bodies<S>>(engine: &Engine<S, L>) -> Contacts {
         history_columns::<S, L>(table, &histories);
     });
     let walls = NamedColumns::collect(|table| {
-        table.whole("grain", at_walls.iter().map(|(key, _)| key.0));
-        table.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.1)));
-        table.whole("facet", at_walls.iter().map(|(key, _)| u64::from(key.2)));
+        table.whole("grain", at_walls.iter().map(|(key, _)| key.grain));
+        table.whole("wall", at_walls.iter().map(|(key, _)| u64::from(key.wall)));
+        table.whole(
+            "facet",
+            at_walls.iter().map(|(key, _)| u64::from(key.facet)),
+        );
         let histories: Vec<_> = at_walls.iter().map(|(_, history)| *history).collect();
         history_columns::<S, L>(table, &histories);
     });
@@ -225,7 +229,14 @@ pub(super) fn restore<S: Space, L: Bodies<S>>(
     let at_walls = read_histories::<S, L>(walls)?
         .into_iter()
         .enumerate()
-        .map(|(k, history)| Ok(((grain[k], small(wall[k])?, small(facet[k])?), history)))
+        .map(|(k, history)| {
+            let key = WallKey {
+                grain: grain[k],
+                wall: small(wall[k])?,
+                facet: small(facet[k])?,
+            };
+            Ok((key, history))
+        })
         .collect::<Result<_, Error>>()?;
     engine.restore(pairs, at_walls, contacts.steps);
     Ok(())

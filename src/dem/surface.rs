@@ -26,6 +26,7 @@ mod repeated;
 use nalgebra::{Matrix3, Vector3};
 
 use super::ghosts::index;
+use super::polyhedron::cut::CUBE_FACES;
 use base::error::Error;
 use base::number::whole;
 pub(super) use faces::Faces;
@@ -241,15 +242,7 @@ impl FacetSurface {
                 })
             })
             .collect();
-        let faces = [
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-        ];
-        Self::new(vertices, &faces.map(|face| face.to_vec()))
+        Self::new(vertices, &CUBE_FACES.map(|face| face.to_vec()))
     }
 
     /// Returns the number of facets, including the images in a periodic domain.

@@ -1,6 +1,6 @@
 //! The figures of a run: the collapse against time with its stages, and the long section of the settlement.
 
-use super::plot::{CATEGORY, Figure, Layer, Legend, Panel, PlotAxis, Shape, sequential};
+use super::plot::{CATEGORY, Figure, Layer, Legend, Panel, PlotAxis, PlotShape, sequential};
 use analysis::ground_collapse::record::{CollapseRecord, StageTimes, SurfaceRecord};
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
                 .map(|point| point.1)
                 .filter(|y| y.is_finite())
                 .fold(top, f64::max);
-            let shape = Shape::Line {
+            let shape = PlotShape::Line {
                 points,
                 dashed: false,
             };
@@ -36,7 +36,7 @@ pub fn collapse(rows: &[CollapseRecord], stages: &StageTimes) -> Figure {
         ];
         for (n, time) in times.into_iter().enumerate() {
             let Some(time) = time else { continue };
-            let shape = Shape::Line {
+            let shape = PlotShape::Line {
                 points: vec![(time, 0.0), (time, if top > 0.0 { top } else { 1.0 })],
                 dashed: true,
             };
@@ -112,7 +112,7 @@ pub fn settlement(rows: &[SurfaceRecord]) -> Figure {
         .filter_map(|n| {
             let (time, section) = all.get(n * last / (shown - 1).max(1))?;
             let points = section.values().map(|&(place, sum, n)| (place, sum / n));
-            let shape = Shape::Line {
+            let shape = PlotShape::Line {
                 points: points.collect(),
                 dashed: false,
             };
@@ -162,7 +162,7 @@ mod tests {
         let figure = settlement(&rows);
         let layers = &figure.panels[0].layers;
         assert_eq!(layers.len(), 2);
-        let Shape::Line { points, .. } = &layers[1].shape else {
+        let PlotShape::Line { points, .. } = &layers[1].shape else {
             panic!("no line");
         };
         assert!((points[0].1 + 0.3).abs() < 1e-15 && (points[1].1 + 0.1).abs() < 1e-15);

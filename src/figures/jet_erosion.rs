@@ -9,7 +9,7 @@
 //! | `jet_erosion.json` | the report |
 
 use crate::erosion_law::{digits, with_interval};
-use crate::plot::{CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style};
+use crate::plot::{CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotShape, Style};
 pub use analysis::erosion_law::jet::JetApparatus;
 use analysis::erosion_law::jet::{
     JetFit, JetLaw, JetMeans, JetOutcome, JetReading, fit_jet, jet_means,
@@ -218,7 +218,7 @@ fn figure(report: &JetReport) -> Figure {
                     (time, 1e3 * distance)
                 })
                 .collect();
-            let shape = Shape::Line {
+            let shape = PlotShape::Line {
                 points,
                 dashed: false,
             };
@@ -228,7 +228,7 @@ fn figure(report: &JetReport) -> Figure {
         let marks = marks
             .map(|reading| Mark::without_bars(reading.time, 1e3 * reading.distance))
             .collect();
-        let shape = Shape::Marks {
+        let shape = PlotShape::Marks {
             marks,
             style: Style::Filled,
         };

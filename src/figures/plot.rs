@@ -131,9 +131,31 @@ pub enum Style {
     OpenSquare,
 }
 
-/// Shape that a layer draws.
+/// Section of a band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BandPoint {
+    /// Position along the x axis.
+    pub x: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Text at a point.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
+pub struct PlotLabel {
+    /// Position along the x axis.
+    pub x: f64,
+    /// Position along the y axis.
+    pub y: f64,
+    /// Text.
+    pub text: String,
+}
+
+/// PlotShape that a layer draws.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlotShape {
     /// Line through points.
     Line {
         /// Points `(x, y)`; the line breaks where one is not finite.
@@ -143,8 +165,8 @@ pub enum Shape {
     },
     /// Area between two lines.
     Band {
-        /// Points `(x, low, high)`.
-        points: Vec<(f64, f64, f64)>,
+        /// Sections of the area.
+        points: Vec<BandPoint>,
     },
     /// Points with error bars.
     Marks {
@@ -153,10 +175,10 @@ pub enum Shape {
         /// Mark of the points.
         style: Style,
     },
-    /// Texts to the upper right of points `(x, y, text)`.
+    /// Texts to the upper right of points.
     Texts {
         /// Points with their texts.
-        words: Vec<(f64, f64, String)>,
+        words: Vec<PlotLabel>,
     },
     /// Lower bounds: a bar from which an arrow points up.
     LowerBounds {
@@ -165,11 +187,11 @@ pub enum Shape {
     },
 }
 
-/// Shape with its colour and its entry in the legend (none if empty).
+/// PlotShape with its colour and its entry in the legend (none if empty).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Shape to draw.
-    pub shape: Shape,
+    /// PlotShape to draw.
+    pub shape: PlotShape,
     /// Any SVG colour.
     pub colour: String,
     /// Entry in the legend.
@@ -179,7 +201,7 @@ pub struct Layer {
 impl Layer {
     /// Returns a layer.
     #[must_use]
-    pub fn new(shape: Shape, colour: &str, label: &str) -> Self {
+    pub fn new(shape: PlotShape, colour: &str, label: &str) -> Self {
         Self {
             shape,
             colour: colour.to_owned(),
@@ -646,7 +668,7 @@ impl<'a> Drawing<'a> {
     fn layer(&self, pen: &mut Pen, layer: &Layer) {
         let colour = &layer.colour;
         match &layer.shape {
-            Shape::Line { points, dashed } => {
+            PlotShape::Line { points, dashed } => {
                 let dash = if *dashed {
                     " stroke-dasharray=\"6 4\""
                 } else {
@@ -660,9 +682,9 @@ impl<'a> Drawing<'a> {
                     ));
                 }
             }
-            Shape::Band { points } => {
-                let there = points.iter().map(|&(x, low, _)| (x, low));
-                let back = points.iter().rev().map(|&(x, _, high)| (x, high));
+            PlotShape::Band { points } => {
+                let there = points.iter().map(|point| (point.x, point.low));
+                let back = points.iter().rev().map(|point| (point.x, point.high));
                 let path = self.path(there.chain(back));
                 if !path.is_empty() {
                     pen.put(format_args!(
@@ -670,7 +692,7 @@ impl<'a> Drawing<'a> {
                     ));
                 }
             }
-            Shape::Marks { marks, style } => {
+            PlotShape::Marks { marks, style } => {
                 for mark in marks {
                     self.bars(pen, mark, colour);
                 }
@@ -681,14 +703,14 @@ impl<'a> Drawing<'a> {
                     dot(pen, place, colour, *style);
                 }
             }
-            Shape::Texts { words } => {
-                for (x, y, text) in words {
-                    if let Some((x, y)) = self.position(*x, *y) {
-                        pen.words(x + 6.0, y - 7.0, "start", "", text);
+            PlotShape::Texts { words } => {
+                for word in words {
+                    if let Some((x, y)) = self.position(word.x, word.y) {
+                        pen.words(x + 6.0, y - 7.0, "start", "", &word.text);
                     }
                 }
             }
-            Shape::LowerBounds { points } => {
+            PlotShape::LowerBounds { points } => {
                 for place in points.iter().filter_map(|&(x, y)| self.position(x, y)) {
                     arrow(pen, place, colour);
                 }
@@ -769,22 +791,22 @@ impl<'a> Drawing<'a> {
             let (from, to) = (left + 6.0, left + 30.0);
             let colour = &layer.colour;
             match &layer.shape {
-                Shape::Line { dashed, .. } => {
+                PlotShape::Line { dashed, .. } => {
                     let dash = if *dashed { " stroke-dasharray=\"6 4\"" } else { "" };
                     pen.put(format_args!(
                         "<path d=\"M{from:.2} {y:.2}H{to:.2}\" stroke=\"{colour}\" stroke-width=\"2.2\"{dash}/>"
                     ));
                 }
-                Shape::Band { .. } => pen.put(format_args!(
+                PlotShape::Band { .. } => pen.put(format_args!(
                     "<rect x=\"{from:.2}\" y=\"{:.2}\" width=\"24\" height=\"10\" fill=\"{colour}\" \
                      fill-opacity=\"0.18\"/>",
                     y - 5.0
                 )),
-                Shape::Marks { style, .. } => {
+                PlotShape::Marks { style, .. } => {
                     dot(pen, (0.5 * (from + to), y), colour, *style);
                 }
-                Shape::Texts { .. } => {}
-                Shape::LowerBounds { .. } => arrow(pen, (0.5 * (from + to), y + 7.0), colour),
+                PlotShape::Texts { .. } => {}
+                PlotShape::LowerBounds { .. } => arrow(pen, (0.5 * (from + to), y + 7.0), colour),
             }
             pen.words(to + 8.0, y + 4.5, "start", "", &layer.label);
             y += LINE;
@@ -831,26 +853,26 @@ fn arrow(pen: &mut Pen, (x, y): (f64, f64), colour: &str) {
 }
 
 /// Collects the values of a shape along both axes.
-fn collect(shape: &Shape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
+fn collect(shape: &PlotShape, xs: &mut Vec<f64>, ys: &mut Vec<f64>) {
     match shape {
-        Shape::Line { points, .. } => {
+        PlotShape::Line { points, .. } => {
             xs.extend(points.iter().map(|p| p.0));
             ys.extend(points.iter().map(|p| p.1));
         }
-        Shape::Texts { words } => {
-            xs.extend(words.iter().map(|w| w.0));
-            ys.extend(words.iter().map(|w| w.1));
+        PlotShape::Texts { words } => {
+            xs.extend(words.iter().map(|word| word.x));
+            ys.extend(words.iter().map(|word| word.y));
         }
-        Shape::LowerBounds { points } => {
+        PlotShape::LowerBounds { points } => {
             xs.extend(points.iter().map(|p| p.0));
             // The range includes space for the arrow and for the legend above it.
             ys.extend(points.iter().flat_map(|p| [p.1, 2.0 * p.1]));
         }
-        Shape::Band { points } => {
-            xs.extend(points.iter().map(|p| p.0));
-            ys.extend(points.iter().flat_map(|p| [p.1, p.2]));
+        PlotShape::Band { points } => {
+            xs.extend(points.iter().map(|point| point.x));
+            ys.extend(points.iter().flat_map(|point| [point.low, point.high]));
         }
-        Shape::Marks { marks, .. } => {
+        PlotShape::Marks { marks, .. } => {
             for mark in marks {
                 xs.push(mark.x);
                 ys.push(mark.y);
@@ -936,7 +958,7 @@ mod tests {
             legend_title: String::new(),
         };
         let odd = Layer::new(
-            Shape::Line {
+            PlotShape::Line {
                 points: vec![
                     (f64::NAN, 1.0),
                     (-1.0, 2.0),

@@ -58,7 +58,7 @@ use super::lanes::Stored;
 use super::populations::{Link, Parity, Populations};
 use super::surface::Outside;
 use base::error::{Error, Report};
-use base::family;
+use base::family::{describe_choices, family};
 use base::history::TimeTable;
 use base::number::{real, to_u32};
 use base::units::LatticeUnits;
@@ -68,88 +68,51 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Defines a list of boundaries: their modules, and the enum of a case. The name of a boundary in a case is that of
-/// its module.
-macro_rules! boundaries {
-    ($(#[$attribute:meta])* $list:ident: $($module:ident $boundary:ident,)*) => {
-        $(pub mod $module;)*
-
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        $(#[$attribute])*
-        #[serde(rename_all = "snake_case")]
-        #[schemars(transform = family::describe_choices)]
-        pub enum $list {
-            $(
-                #[allow(missing_docs, reason = "the documentation of a boundary is in its module")]
-                $boundary($module::$boundary),
-            )*
-        }
-
-        impl $list {
-            /// Returns the model of the boundary.
-            #[must_use]
-            pub fn model(&self) -> &dyn BoundaryModel {
-                match self {
-                    $(Self::$boundary(parameters) => parameters,)*
-                }
-            }
-
-            /// Returns the name in a case.
-            #[must_use]
-            pub fn name(&self) -> &'static str {
-                match self {
-                    $(Self::$boundary(_) => stringify!($module),)*
-                }
-            }
-
-            /// Returns the boundary with checked parameters and its tables read; findings go to the report. The
-            /// path of the site is that of the condition.
-            #[must_use]
-            pub fn resolved(
-                &self,
-                site: &Site<'_>,
-                read: ReadTable<'_>,
-                report: &mut dyn Report,
-            ) -> Self {
-                let path = format!("{}.{}", site.path, self.name());
-                let site = Site { path: &path, ..*site };
-                let mut resolved = self.clone();
-                match &mut resolved {
-                    $(Self::$boundary(parameters) => parameters.resolve(&site, read, report),)*
-                }
-                resolved
-            }
-
-            /// Returns the rule on the lattice.
-            ///
-            /// # Errors
-            /// If the cells of the patch show that the parameters cannot hold.
-            pub fn rule<S: Stored>(
-                &self,
-                place: &Place<'_>,
-                units: &LatticeUnits,
-            ) -> Result<Box<dyn Rule<S>>, Error> {
-                match self {
-                    $(Self::$boundary(parameters) => parameters.rule(place, units),)*
-                }
-            }
-        }
-    };
+family! {
+    /// Boundary condition of the fluid at a face.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(transform = describe_choices)]
+    pub enum Condition: dyn BoundaryModel {
+        no_slip: NoSlip(NoSlip),
+        moving_wall: MovingWall(MovingWall),
+        free_slip: FreeSlip(FreeSlip),
+        velocity: Velocity(Velocity),
+        pressure: Pressure(Pressure),
+        outflow: Outflow(Outflow),
+        convective_outflow: ConvectiveOutflow(ConvectiveOutflow),
+        discharge: Discharge(Discharge),
+        level: Level(Level),
+        outfall: Outfall(Outfall),
+    }
 }
 
-boundaries! {
-    /// Boundary condition of the fluid at a face.
-    Condition:
-    no_slip NoSlip,
-    moving_wall MovingWall,
-    free_slip FreeSlip,
-    velocity Velocity,
-    pressure Pressure,
-    outflow Outflow,
-    convective_outflow ConvectiveOutflow,
-    discharge Discharge,
-    level Level,
-    outfall Outfall,
+impl Condition {
+    /// Returns the boundary with checked parameters and its tables read; findings go to the report. The path of the
+    /// site is that of the condition.
+    #[must_use]
+    pub fn resolved(&self, site: &Site<'_>, read: ReadTable<'_>, report: &mut dyn Report) -> Self {
+        let path = format!("{}.{}", site.path, self.name());
+        let site = Site {
+            path: &path,
+            ..*site
+        };
+        let mut resolved = self.clone();
+        each!(&mut resolved, boundary => boundary.resolve(&site, read, report));
+        resolved
+    }
+
+    /// Returns the rule on the lattice.
+    ///
+    /// # Errors
+    /// If the cells of the patch show that the parameters cannot hold.
+    pub fn rule<S: Stored>(
+        &self,
+        place: &Place<'_>,
+        units: &LatticeUnits,
+    ) -> Result<Box<dyn Rule<S>>, Error> {
+        each!(self, boundary => boundary.rule(place, units))
+    }
 }
 
 /// Value that changes linearly from `start` to `end` during `steps`, and is constant afterwards.
@@ -351,15 +314,32 @@ fn crossed<S: Stored>(
     })
 }
 
+/// Link through an edge or a corner of the domain.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct EdgeLink {
+    cell: u32,
+    direction: usize,
+    /// Patch of the face normal to each axis that the link crosses, and the patch of the link for the other axes.
+    patches: [usize; 3],
+}
+
+/// Opening of water with a free surface, as a patch.
+pub(crate) struct OutsideOfPatch {
+    pub(crate) patch: usize,
+    /// Axis of the face, and `true` for the upper end.
+    pub(crate) face: (usize, bool),
+    /// State outside.
+    pub(crate) outside: Outside,
+}
+
 /// Boundary links of one slab, sorted so that loops over them contain no branches: links at walls together, the
 /// others by patch.
 pub struct Boundaries<S: Stored> {
     patches: Vec<Patch<S>>,
     /// Numbers of the patches from the strongest to the weakest.
     order: Vec<usize>,
-    /// Links through an edge or a corner of the domain, by cell and direction: the patch of the face normal to each
-    /// axis that the link crosses, and the patch of the link for the other axes.
-    edges: Vec<(u32, usize, [usize; 3])>,
+    /// Links through an edge or a corner of the domain, by cell and direction.
+    edges: Vec<EdgeLink>,
     walls: wall::Walls,
     open: covered::OpenCells,
     /// Patches whose rules need sums over all ranks, and a buffer for the sums.
@@ -422,7 +402,11 @@ impl<S: Stored> Boundaries<S> {
                     .unwrap_or((patches.len() - FACES, 1.0));
                 if found.iter().flatten().count() > 1 {
                     let of_axes = found.map(|found| found.map_or(patch, |(p, _)| p));
-                    edges.push((to_u32(cell), i, of_axes));
+                    edges.push(EdgeLink {
+                        cell: to_u32(cell),
+                        direction: i,
+                        patches: of_axes,
+                    });
                 }
                 let link = populations.link(cell, i);
                 if coverable && patches[patch].lets_through(middle) {
@@ -493,13 +477,16 @@ impl<S: Stored> Boundaries<S> {
         self.walls.copies(parity, plane)
     }
 
-    /// Returns the openings of water with a free surface: the number of the patch, the axis of its face, `true` for
-    /// the upper end, and the state outside.
-    pub(crate) fn outsides(&self) -> impl Iterator<Item = (usize, (usize, bool), Outside)> + '_ {
+    /// Returns the openings of water with a free surface.
+    pub(crate) fn outsides(&self) -> impl Iterator<Item = OutsideOfPatch> + '_ {
         let patches = self.patches.iter().enumerate();
         patches.filter_map(|(n, patch)| {
             let outside = patch.rule.outside()?;
-            Some((n, (patch.axis, patch.upper), outside))
+            Some(OutsideOfPatch {
+                patch: n,
+                face: (patch.axis, patch.upper),
+                outside,
+            })
         })
     }
 

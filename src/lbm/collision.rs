@@ -23,73 +23,37 @@ pub use kernel::{Collision, Site};
 
 use super::lattice::VelocitySet;
 use base::error::Finding;
-use base::family::{self, Description};
+use base::family::{Description, describe_choices, family};
 use border::{Border, MovingBody, Situation};
 use linear_stability::Wave;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trt::AntisymmetricRate;
 
-/// Defines a list of operators: their modules, and the enum of a case. The name of an operator in a case is that of
-/// its module.
-macro_rules! operators {
-    ($(#[$attribute:meta])* $list:ident: $($module:ident $operator:ident $parameters:ident,)*) => {
-        $(pub mod $module;)*
-
-        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        $(#[$attribute])*
-        #[serde(rename_all = "snake_case")]
-        #[schemars(transform = family::describe_choices)]
-        pub enum $list {
-            $(
-                #[allow(missing_docs, reason = "the documentation of an operator is in its module")]
-                $operator($module::$parameters),
-            )*
-        }
-
-        impl $list {
-            /// Returns the description of the operator.
-            #[must_use]
-            pub fn model(&self) -> &dyn CollisionModel {
-                match self {
-                    $(Self::$operator(parameters) => parameters,)*
-                }
-            }
-
-            /// Returns the name in a case.
-            #[must_use]
-            pub fn name(&self) -> &'static str {
-                match self {
-                    $(Self::$operator(_) => stringify!($module),)*
-                }
-            }
-
-            /// Passes the kernels of the operator to a receiver.
-            pub fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
-                match self {
-                    $(Self::$operator(parameters) => parameters.dispatch(to),)*
-                }
-            }
-
-            /// Passes the kernels of the operator to a receiver if they also compute in f32.
-            pub fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
-                match self {
-                    $(Self::$operator(parameters) => parameters.dispatch_single(to),)*
-                }
-            }
-        }
-    };
+family! {
+    /// Collision operator.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(rename = "Collision", transform = describe_choices)]
+    pub enum Operator: dyn CollisionModel {
+        bgk: Bgk(BgkParameters),
+        trt: Trt(TrtParameters),
+        mrt: Mrt(MrtParameters),
+        suga: Suga(SugaParameters),
+        cumulant: Cumulant(CumulantParameters),
+    }
 }
 
-operators! {
-    /// Collision operator.
-    #[schemars(rename = "Collision")]
-    Operator:
-    bgk Bgk BgkParameters,
-    trt Trt TrtParameters,
-    mrt Mrt MrtParameters,
-    suga Suga SugaParameters,
-    cumulant Cumulant CumulantParameters,
+impl Operator {
+    /// Passes the kernels of the operator to a receiver.
+    pub fn dispatch<D: Dispatch>(&self, to: D) -> D::Output {
+        each!(self, operator => operator.dispatch(to))
+    }
+
+    /// Passes the kernels of the operator to a receiver if they also compute in f32.
+    pub fn dispatch_single<D: Dispatch>(&self, to: D) -> Option<D::Output> {
+        each!(self, operator => operator.dispatch_single(to))
+    }
 }
 
 impl Default for Operator {

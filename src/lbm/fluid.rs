@@ -17,6 +17,7 @@ use super::block::RowBlock;
 use super::boundary::{Boundaries, Frame, Patch};
 use super::collision::Operator;
 use super::collision::trt::AntisymmetricRate;
+use super::error::FluidError;
 use super::gpu::{Device, Gpu};
 use super::halo::{Halo, wrap};
 use super::initial::{self, Field};
@@ -167,6 +168,17 @@ fn between(planes: usize) -> Range<usize> {
     1..planes.max(2) - 1
 }
 
+/// Domain of a fluid and the position of the slab in it.
+struct SlabExtent {
+    /// Cells of the whole domain.
+    cells: [usize; 3],
+    /// First cell of the slab.
+    start: [usize; 3],
+    periodic: [bool; 3],
+    /// Axes along which the slab itself is periodic.
+    periodic_within: [bool; 3],
+}
+
 /// One slab of fluid.
 pub struct Fluid<S: Stored> {
     /// GPU that computes the steps, if there is one. It uses the memory of the populations and is therefore dropped
@@ -191,10 +203,7 @@ pub struct Fluid<S: Stored> {
     pass: Box<dyn Step<S>>,
     relaxation_time: f64,
     force: Force,
-    cells: [usize; 3],
-    start: [usize; 3],
-    periodic: [bool; 3],
-    periodic_within: [bool; 3],
+    extent: SlabExtent,
     communicator: Communicator,
     threads: usize,
     step: u64,
@@ -209,7 +218,7 @@ impl<S: Stored> Fluid<S> {
     /// If the memory cannot be allocated, collisions in f32 are requested that this fluid does not have, or a GPU that
     /// does not exist or cannot run this fluid.
     #[inline(never)]
-    pub fn new(mut setup: Setup<S>, domain: &Domain) -> Result<Self, String> {
+    pub fn new(mut setup: Setup<S>, domain: &Domain) -> Result<Self, FluidError> {
         let split = domain.axis().index();
         let planes = domain.range();
         let mut cells = setup.cells;
@@ -219,7 +228,7 @@ impl<S: Stored> Fluid<S> {
         let choice = Choice::from_setup(&setup, Level::best());
         let pass = if setup.single {
             let pass = choice.in_single(setup.set);
-            pass.ok_or("this fluid has no collision in f32")?
+            pass.ok_or(FluidError::NoSingle)?
         } else {
             choice.on(setup.set)
         };
@@ -294,10 +303,12 @@ impl<S: Stored> Fluid<S> {
             pass,
             relaxation_time: setup.relaxation_time,
             force: setup.force,
-            cells: setup.cells,
-            start,
-            periodic: setup.periodic,
-            periodic_within,
+            extent: SlabExtent {
+                cells: setup.cells,
+                start,
+                periodic: setup.periodic,
+                periodic_within,
+            },
             communicator: domain.communicator().clone(),
             threads,
             step: 0,
@@ -313,7 +324,7 @@ impl<S: Stored> Fluid<S> {
         self.shared_with_gpu = false;
         initial::fill(
             &mut self.populations,
-            self.start,
+            self.extent.start,
             self.relaxation_time,
             half,
             field,
@@ -387,7 +398,7 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn advance_many(&mut self, steps: u64) -> Result<(), String> {
+    pub fn advance_many(&mut self, steps: u64) -> Result<(), FluidError> {
         if self.gpu.is_some() {
             return self.advance_on_gpu(steps);
         }
@@ -438,7 +449,8 @@ impl<S: Stored> Fluid<S> {
             .as_mut()
             .map_or(CoverView::NONE, CoverView::from_cover);
         let [_, middle, fast] = self.populations.order();
-        let [round_middle, round_rows] = [middle, fast].map(|axis| self.periodic_within[axis]);
+        let [round_middle, round_rows] =
+            [middle, fast].map(|axis| self.extent.periodic_within[axis]);
         let mut shared = (self.describe)(&mut self.populations, velocity, cover, round_rows);
         if let Some(surface) = &self.surface {
             shared = shared.only_wet(surface.planes());
@@ -713,19 +725,19 @@ impl<S: Stored> Fluid<S> {
     /// Returns the number of cells of the whole domain.
     #[must_use]
     pub fn domain_cells(&self) -> [usize; 3] {
-        self.cells
+        self.extent.cells
     }
 
     /// Returns the first cell of the slab.
     #[must_use]
     pub fn start(&self) -> [usize; 3] {
-        self.start
+        self.extent.start
     }
 
     /// Returns the periodic axes.
     #[must_use]
     pub fn periodic(&self) -> [bool; 3] {
-        self.periodic
+        self.extent.periodic
     }
 
     /// Returns the relaxation time τ.

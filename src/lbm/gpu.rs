@@ -45,6 +45,7 @@ pub mod moments;
 pub mod program;
 
 use super::collision::Collision;
+use super::error::FluidError;
 use super::lanes::Stored;
 use super::populations::Parity;
 use super::saturation::Cover;
@@ -204,18 +205,13 @@ struct Argument<T>(T);
 // SAFETY: arguments are made here from types with `repr(C)` and from numbers only.
 unsafe impl<T> DeviceRepr for Argument<T> {}
 
-/// Returns the error of the driver as a sentence.
-fn failed(error: DriverError) -> String {
-    format!("the GPU reports: {error}")
-}
-
 /// Returns the first GPU, if there is a driver and a GPU.
-fn context() -> Result<Arc<CudaContext>, String> {
+fn context() -> Result<Arc<CudaContext>, FluidError> {
     // SAFETY: the call only searches for a library.
     if !unsafe { sys::is_culib_present() } {
-        return Err("there is no CUDA driver (libcuda.so.1) on this machine".into());
+        return Err(FluidError::NoDriver);
     }
-    CudaContext::new(0).map_err(failed)
+    Ok(CudaContext::new(0)?)
 }
 
 /// Returns the name of the first GPU, and the rate in bytes per second, read and written, of a copy within its
@@ -223,10 +219,10 @@ fn context() -> Result<Arc<CudaContext>, String> {
 ///
 /// # Errors
 /// If there is no GPU, or it fails.
-pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
+pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), FluidError> {
     const TURNS: u32 = 10;
     let context = context()?;
-    let name = context.name().map_err(failed)?;
+    let name = context.name()?;
     let measure = || {
         let stream = context.default_stream();
         let from = stream.alloc_zeros::<u8>(bytes)?;
@@ -243,7 +239,19 @@ pub fn copy_bandwidth(bytes: usize) -> Result<(String, f64), String> {
         }
         Ok(f64::from(2 * TURNS) * base::number::real(bytes) / best)
     };
-    Ok((name, measure().map_err(failed)?))
+    let measured: Result<f64, DriverError> = measure();
+    Ok((name, measured?))
+}
+
+/// Extreme values of a row of cells.
+#[derive(Clone, Copy, Debug)]
+pub struct ExtremesOfRow {
+    /// Largest squared speed.
+    pub squared_speed: f64,
+    /// Largest absolute density deviation.
+    pub compression: f64,
+    /// `true` if every number is finite.
+    pub finite: bool,
 }
 
 impl Gpu {
@@ -261,20 +269,20 @@ impl Gpu {
         numbers: usize,
         cover: Option<&Cover>,
         factors: usize,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, FluidError> {
         let context = context()?;
-        let name = context.name().map_err(failed)?;
-        let (free, _) = context.mem_get_info().map_err(failed)?;
+        let name = context.name()?;
+        let (free, _) = context.mem_get_info()?;
         let (stored, bytes) = (S::NAME, numbers * size_of::<S>());
         let beside = cover.as_ref().map_or(0, |cover| {
             cover.cells().1.len() * (Cover::BYTES + EXTRA_BYTES)
         });
         if bytes + beside > free {
-            return Err(format!(
-                "the lattice needs {:.1} GB and {name} has {:.1} GB free",
-                giga(bytes + beside),
-                giga(free)
-            ));
+            return Err(FluidError::GpuMemory {
+                name,
+                needed: giga(bytes + beside),
+                free: giga(free),
+            });
         }
         let function = |name: &str| {
             let text = ptx_of(name).unwrap_or_default();
@@ -283,21 +291,21 @@ impl Gpu {
         };
         let set = kernel.set;
         let pass = function(&kernel.name(if cover.is_some() { "open_" } else { "" }, stored));
-        let pass = pass.map_err(failed)?;
-        let copy = function(&format!("copies_{stored}")).map_err(failed)?;
-        let extremes = function(&format!("extremes_{set}_{stored}")).map_err(failed)?;
-        let moments = function(&format!("moments_{set}_{stored}")).map_err(failed)?;
+        let pass = pass?;
+        let copy = function(&format!("copies_{stored}"))?;
+        let extremes = function(&format!("extremes_{set}_{stored}"))?;
+        let moments = function(&format!("moments_{set}_{stored}"))?;
         // SAFETY: all work is on streams that wait for each other by the events below, and is complete before any
         // memory is released.
         unsafe { context.disable_event_tracking() };
-        let stream = context.new_stream().map_err(failed)?;
+        let stream = context.new_stream()?;
         let cover = cover.map(|cover| {
             let names = ["deep_", "mixed_"].map(|kind| kernel.name(kind, stored));
             let kernels = Kernels::new(names, function)?;
             // SAFETY: promised by the caller.
             unsafe { OnGpu::new(&context, kernels, cover, &program) }
         });
-        let cover = cover.transpose().map_err(failed)?;
+        let cover = cover.transpose()?;
         let list = |copies: &Vec<Copies>| {
             let pieces: Vec<Copies> = copies.iter().flat_map(|all| all.pieces(BLOCK)).collect();
             Ok(List {
@@ -311,7 +319,7 @@ impl Gpu {
         let [even, odd] = lists;
         let held = vec![f64::NAN; factors.max(1)];
         // SAFETY: the memory is written by `give` before it is read.
-        let room = unsafe { stream.alloc::<u8>(bytes) }.map_err(failed)?;
+        let room = unsafe { stream.alloc::<u8>(bytes) }?;
         log::info!("the fluid runs on the GPU {name}: {kernel:?}, {bytes} bytes");
         Ok(Self {
             name,
@@ -322,8 +330,8 @@ impl Gpu {
             pinned: None,
             cover,
             numbers: room,
-            lists: [even.map_err(failed)?, odd.map_err(failed)?],
-            factors: stream.clone_htod(&held).map_err(failed)?,
+            lists: [even?, odd?],
+            factors: stream.clone_htod(&held)?,
             stream,
             program,
             held,
@@ -337,31 +345,29 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub unsafe fn give<S: Stored>(&mut self, numbers: &[S]) -> Result<(), String> {
+    pub unsafe fn give<S: Stored>(&mut self, numbers: &[S]) -> Result<(), FluidError> {
         let bytes: &[u8] = bytemuck::cast_slice(numbers);
         if self.pinned.is_none() {
             // SAFETY: promised by the caller.
             self.pinned = unsafe { Pinned::new(bytes) };
             log::debug!("transfers to the GPU by itself: {}", self.pinned.is_some());
         }
-        self.stream
-            .memcpy_htod(bytes, &mut self.numbers)
-            .map_err(failed)?;
-        self.record(|there| &there.ready)
+        self.stream.memcpy_htod(bytes, &mut self.numbers)?;
+        self.record(|there| &there.events.ready)
     }
 
     /// Records on the stream of the bodies that the fluid has reached an event.
-    fn record(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+    fn record(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), FluidError> {
         match &self.cover {
-            Some(there) => so_far(there).record(&self.stream).map_err(failed),
+            Some(there) => so_far(there).record(&self.stream).map_err(FluidError::from),
             None => Ok(()),
         }
     }
 
     /// Makes further work of the fluid wait until the stream of the bodies has reached an event.
-    fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), String> {
+    fn wait_for(&self, so_far: impl Fn(&OnGpu) -> &CudaEvent) -> Result<(), FluidError> {
         match &self.cover {
-            Some(there) => self.stream.wait(so_far(there)).map_err(failed),
+            Some(there) => self.stream.wait(so_far(there)).map_err(FluidError::from),
             None => Ok(()),
         }
     }
@@ -370,16 +376,15 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails, also in a step before.
-    pub fn take<S: Stored>(&self, numbers: &mut [S]) -> Result<(), String> {
+    pub fn take<S: Stored>(&self, numbers: &mut [S]) -> Result<(), FluidError> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(numbers);
         self.stream
             .memcpy_dtoh(&self.numbers, bytes)
             .and_then(|()| self.stream.synchronize())
-            .map_err(failed)
+            .map_err(FluidError::from)
     }
 
-    /// Returns the extreme values of the rows of populations of a parity, in the order of the rows: the largest
-    /// squared speed, the largest absolute density deviation, and `true` if every number is finite. `half` is F/2.
+    /// Returns the extreme values of the rows of populations of a parity, in the order of the rows. `half` is F/2.
     ///
     /// # Errors
     /// If the GPU fails.
@@ -387,15 +392,15 @@ impl Gpu {
         &self,
         parity: Parity,
         half: [f64; 3],
-    ) -> Result<Vec<(f64, f64, bool)>, String> {
+    ) -> Result<Vec<ExtremesOfRow>, FluidError> {
         let [planes, rows, _] = self.program.cells;
         let slab = Argument(self.program.after(parity).slab);
         let half = Argument(HalfForce(half));
         let count = (planes * rows) as usize;
         let words = size_of::<RowExtremes>() / size_of::<u64>();
         let found = self.stream.alloc_zeros::<u64>(count * words);
-        let found = found.map_err(failed)?;
-        self.wait_for(|there| &there.made)?;
+        let found = found?;
+        self.wait_for(|there| &there.events.made)?;
         let fraction = self.cover.as_ref().map_or(0, OnGpu::address_of_fractions);
         let mut launch = self.stream.launch_builder(&self.extremes);
         launch
@@ -405,12 +410,16 @@ impl Gpu {
             .arg(&fraction)
             .arg(&found);
         // SAFETY: the kernel takes these arguments and writes one element for each row.
-        unsafe { launch.launch(self.program.launch()) }.map_err(failed)?;
-        let found = self.stream.clone_dtoh(&found).map_err(failed)?;
-        self.stream.synchronize().map_err(failed)?;
+        unsafe { launch.launch(self.program.launch()) }?;
+        let found = self.stream.clone_dtoh(&found)?;
+        self.stream.synchronize()?;
         let rows = found.chunks_exact(words);
         Ok(rows
-            .map(|row| (f64::from_bits(row[0]), f64::from_bits(row[1]), row[2] == 0))
+            .map(|row| ExtremesOfRow {
+                squared_speed: f64::from_bits(row[0]),
+                compression: f64::from_bits(row[1]),
+                finite: row[2] == 0,
+            })
             .collect())
     }
 
@@ -423,11 +432,11 @@ impl Gpu {
         parity: Parity,
         [plane, row]: [u32; 2],
         moments: &mut [Vec<f64>; 4],
-    ) -> Result<(), String> {
+    ) -> Result<(), FluidError> {
         let slab = Argument(self.program.after(parity).slab);
         let length = slab.0.cells as usize;
         let found = self.stream.alloc_zeros::<f64>(4 * length);
-        let found = found.map_err(failed)?;
+        let found = found?;
         let mut shape = self.program.launch();
         (shape.grid_dim.1, shape.grid_dim.2) = (1, 1);
         let mut launch = self.stream.launch_builder(&self.moments);
@@ -438,9 +447,9 @@ impl Gpu {
             .arg(&row)
             .arg(&found);
         // SAFETY: the kernel takes these arguments and writes four numbers for each cell of the row.
-        unsafe { launch.launch(shape) }.map_err(failed)?;
-        let found = self.stream.clone_dtoh(&found).map_err(failed)?;
-        self.stream.synchronize().map_err(failed)?;
+        unsafe { launch.launch(shape) }?;
+        let found = self.stream.clone_dtoh(&found)?;
+        self.stream.synchronize()?;
         for (moments, found) in moments.iter_mut().zip(found.chunks_exact(length)) {
             moments.clear();
             moments.extend_from_slice(found);
@@ -452,8 +461,8 @@ impl Gpu {
     ///
     /// # Errors
     /// If it failed.
-    pub fn wait(&self) -> Result<(), String> {
-        self.stream.synchronize().map_err(failed)
+    pub fn wait(&self) -> Result<(), FluidError> {
+        self.stream.synchronize().map_err(FluidError::from)
     }
 
     /// Starts the pass over all cells after populations of a parity; `viscosity` is that of the fluid in lattice
@@ -466,7 +475,7 @@ impl Gpu {
         before: Parity,
         operator: C,
         viscosity: f64,
-    ) -> Result<(), String> {
+    ) -> Result<(), FluidError> {
         let slab = Argument(self.program.after(before).slab);
         let rates = Argument(operator.uniform::<f64>());
         let operator = Argument(operator);
@@ -477,11 +486,13 @@ impl Gpu {
             launch.arg(&numbers).arg(&slab).arg(&operator).arg(&rates);
             // SAFETY: the kernel takes these arguments; the program is that of the slab for which the memory was
             // allocated.
-            return unsafe { launch.launch(shape) }.map(|_| ()).map_err(failed);
+            return unsafe { launch.launch(shape) }
+                .map(|_| ())
+                .map_err(FluidError::from);
         };
         // The covered cells come first.
         let beside = &cover.stream;
-        beside.wait(&cover.ready).map_err(failed)?;
+        beside.wait(&cover.events.ready)?;
         let view = Argument(cover.view);
         let omega = 1.0 / 3.0_f64.mul_add(viscosity, 0.5);
         let (cells, loads) = (Argument(cover.covered), cover.loads.address(beside));
@@ -501,7 +512,7 @@ impl Gpu {
             .arg(&loads)
             .arg(&bodies);
         // SAFETY: as above.
-        unsafe { launch.launch(of_all) }.map_err(failed)?;
+        unsafe { launch.launch(of_all) }?;
         let mut launch = beside.launch_builder(&cover.kernels.deep);
         launch
             .arg(&numbers)
@@ -511,9 +522,9 @@ impl Gpu {
             .arg(&loads)
             .arg(&bodies);
         // SAFETY: as above.
-        unsafe { launch.launch(of_all) }.map_err(failed)?;
-        cover.passed.record(beside).map_err(failed)?;
-        self.wait_for(|there| &there.made)?;
+        unsafe { launch.launch(of_all) }?;
+        cover.events.passed.record(beside)?;
+        self.wait_for(|there| &there.events.made)?;
         let mut launch = self.stream.launch_builder(&self.pass);
         launch
             .arg(&numbers)
@@ -522,19 +533,19 @@ impl Gpu {
             .arg(&rates)
             .arg(&view);
         // SAFETY: as above.
-        unsafe { launch.launch(shape) }.map_err(failed)?;
-        cover.done(&self.stream).map_err(failed)
+        unsafe { launch.launch(shape) }?;
+        cover.done(&self.stream).map_err(FluidError::from)
     }
 
     /// Sends the cover of the cells to the GPU, before a pass or a check of the cells.
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn send_cover(&mut self, cover: &mut Cover) -> Result<(), String> {
+    pub fn send_cover(&mut self, cover: &mut Cover) -> Result<(), FluidError> {
         match &mut self.cover {
             Some(there) => {
                 let done = there.update(cover, &self.program);
-                done.map_err(failed)
+                done.map_err(FluidError::from)
             }
             None => Ok(()),
         }
@@ -544,11 +555,11 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), String> {
+    pub fn clear_loads(&mut self, cover: &Cover) -> Result<(), FluidError> {
         match &mut self.cover {
             Some(there) => {
                 let cleared = there.clear_loads(cover.solids().len());
-                cleared.map_err(failed)
+                cleared.map_err(FluidError::from)
             }
             None => Ok(()),
         }
@@ -558,9 +569,9 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), String> {
+    pub fn fractions(&self, first: usize, fractions: &mut [f32]) -> Result<(), FluidError> {
         match &self.cover {
-            Some(there) => there.fractions(first, fractions).map_err(failed),
+            Some(there) => there.fractions(first, fractions).map_err(FluidError::from),
             None => Ok(()),
         }
     }
@@ -569,9 +580,9 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), String> {
+    pub fn take_loads(&mut self, cover: &mut Cover) -> Result<(), FluidError> {
         match &mut self.cover {
-            Some(there) => there.take_loads(cover).map_err(failed),
+            Some(there) => there.take_loads(cover).map_err(FluidError::from),
             None => Ok(()),
         }
     }
@@ -581,7 +592,11 @@ impl Gpu {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn copy(&mut self, before: Parity, factor: impl Fn(usize) -> f64) -> Result<(), String> {
+    pub fn copy(
+        &mut self,
+        before: Parity,
+        factor: impl Fn(usize) -> f64,
+    ) -> Result<(), FluidError> {
         let mut same = true;
         for (patch, held) in self.held.iter_mut().enumerate() {
             let now = factor(patch);
@@ -589,11 +604,9 @@ impl Gpu {
             *held = now;
         }
         if !same {
-            self.stream
-                .memcpy_htod(&self.held, &mut self.factors)
-                .map_err(failed)?;
+            self.stream.memcpy_htod(&self.held, &mut self.factors)?;
         }
-        self.wait_for(|there| &there.passed)?;
+        self.wait_for(|there| &there.events.passed)?;
         for list in &self.lists[usize::from(before == Parity::Reversed)] {
             let shape = LaunchConfig {
                 grid_dim: (list.count, 1, 1),
@@ -606,9 +619,9 @@ impl Gpu {
                 .arg(&list.rectangles)
                 .arg(&self.factors);
             // SAFETY: as above; the rectangles are within the slab.
-            unsafe { launch.launch(shape) }.map_err(failed)?;
+            unsafe { launch.launch(shape) }?;
         }
-        self.record(|there| &there.ready)
+        self.record(|there| &there.events.ready)
     }
 }
 
@@ -621,7 +634,7 @@ impl Drop for Gpu {
         ];
         for stream in streams.into_iter().flatten() {
             if let Err(error) = stream.synchronize() {
-                log::debug!("at the end of the fluid {}", failed(error));
+                log::debug!("at the end of the fluid {}", FluidError::Gpu(error));
             }
         }
     }

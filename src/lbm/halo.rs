@@ -3,6 +3,7 @@
 //! Only the populations that cross a face are sent: 3 of D2Q9, 9 of D3Q27 per cell of the face. After an even pass
 //! a ghost plane receives the slots that point away from the slab; after an odd pass it returns them.
 
+use super::error::FluidError;
 use super::lanes::Stored;
 use super::populations::{Parity, Populations};
 use decomposition::{Domain, HaloBytes, HaloExchange};
@@ -26,7 +27,10 @@ impl Halo {
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
-    pub fn new<S: Stored>(populations: &Populations<S>, domain: &Domain) -> Result<Self, String> {
+    pub fn new<S: Stored>(
+        populations: &Populations<S>,
+        domain: &Domain,
+    ) -> Result<Self, FluidError> {
         let [slow, middle, fast] = populations.order();
         let velocities = populations.velocities();
         let cells = populations.cells();
@@ -52,8 +56,7 @@ impl Halo {
         let (down, up) = (leaving(-1), leaving(1));
         let planes = cells[slow].cast_signed();
         let bytes = plane.len() * down.len() * size_of::<S>();
-        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
-            .map_err(|e| e.to_string())?;
+        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))?;
         log::debug!(
             "rank {}: {} of {} populations cross a cut each way, {} cells a plane, {bytes} bytes a message",
             domain.rank(),

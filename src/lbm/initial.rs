@@ -79,7 +79,10 @@ pub fn fill<S: Stored>(
                     // Most cells have the same state as the previous one.
                     let of_cell = match &last {
                         Some((before, of_cell)) if same(before, &given) => of_cell,
-                        _ => &last.insert((given, state.populations(&given))).1,
+                        _ => {
+                            let of_cell = state.populations(&given);
+                            &last.insert((given, of_cell)).1
+                        }
                     };
                     for (i, number) in of_cell.iter().enumerate().take(state.velocities.q()) {
                         let slot = populations.slot(cell, i);
@@ -93,15 +96,22 @@ pub fn fill<S: Stored>(
     });
 }
 
-/// Density deviation, velocity and its gradient ∂_a u_b.
-type Given = (f64, [f64; 3], [[f64; 3]; 3]);
+/// State of a cell from which its populations follow.
+struct Given {
+    /// Density deviation.
+    drho: f64,
+    velocity: [f64; 3],
+    /// Gradient ∂_a u_b of the velocity.
+    gradient: [[f64; 3]; 3],
+}
 
 /// Returns `true` if two cells start with the same bits.
 fn same(a: &Given, b: &Given) -> bool {
     let same = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| a[k].to_bits() == b[k].to_bits());
-    a.0.to_bits() == b.0.to_bits()
-        && same(&a.1, &b.1)
-        && a.2.iter().zip(&b.2).all(|(a, b)| same(a, b))
+    let rows = a.gradient.iter().zip(&b.gradient);
+    a.drho.to_bits() == b.drho.to_bits()
+        && same(&a.velocity, &b.velocity)
+        && rows.into_iter().all(|(a, b)| same(a, b))
 }
 
 /// Data for the initial populations of all cells in addition to the field.
@@ -113,7 +123,7 @@ struct State<'a> {
 
 impl State<'_> {
     fn given(&self, field: &dyn Field, position: [f64; 3]) -> Given {
-        let (drho, u) = field.state_at(position);
+        let (drho, velocity) = field.state_at(position);
         let mut gradient = [[0.0; 3]; 3];
         for (a, row) in gradient
             .iter_mut()
@@ -130,10 +140,21 @@ impl State<'_> {
                 row[b] = high[b] - low[b];
             }
         }
-        (drho, u, gradient)
+        Given {
+            drho,
+            velocity,
+            gradient,
+        }
     }
 
-    fn populations(&self, &(drho, u, gradient): &Given) -> [f64; MAX_POPULATIONS] {
+    fn populations(
+        &self,
+        &Given {
+            drho,
+            velocity: u,
+            gradient,
+        }: &Given,
+    ) -> [f64; MAX_POPULATIONS] {
         let half_force = self.half_force;
         let divergence = gradient[0][0] + gradient[1][1] + gradient[2][2];
         let uf: f64 = (0..3).map(|a| u[a] * half_force[a]).sum();

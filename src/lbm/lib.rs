@@ -25,6 +25,7 @@
 //! | `rigid` | the motion of a body |
 //! | `saturation` | partially saturated cells, solid collision operators |
 //! | `term` | all terms that act on the populations in a step; porous zones |
+//! | `error` | reasons why a fluid cannot be made or continued |
 //! | `extremes` | largest speed and compression of each row |
 //! | `quanta` | sums that are independent of the order |
 
@@ -33,6 +34,7 @@
 pub mod block;
 pub mod boundary;
 pub mod collision;
+pub mod error;
 pub mod extremes;
 pub mod fluid;
 pub mod gpu;

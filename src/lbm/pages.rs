@@ -4,6 +4,7 @@
 //! A pass reads and writes dozens of rows at the same time. With pages of 4 KiB each row lies in a page of its own, and
 //! the processor spends its time on address translation.
 
+use super::error::FluidError;
 use super::lanes::Stored;
 use base::allocator;
 use std::marker::PhantomData;
@@ -26,14 +27,14 @@ impl<S: Stored> Pages<S> {
     ///
     /// # Errors
     /// If the memory cannot be allocated.
-    pub(super) fn new(len: usize) -> Result<Self, String> {
+    pub(super) fn new(len: usize) -> Result<Self, FluidError> {
         let bytes = len * size_of::<S>();
         let start = allocator::map(bytes);
         if start.is_null() {
-            return Err(format!(
-                "the memory for a lattice of {bytes} bytes is not available: {}",
-                std::io::Error::last_os_error()
-            ));
+            return Err(FluidError::Memory {
+                bytes,
+                error: std::io::Error::last_os_error(),
+            });
         }
         Ok(Self {
             start: start.cast(),

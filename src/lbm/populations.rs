@@ -28,6 +28,7 @@
 //! registers of the processor; 27 addresses do not. D3Q19 does not use four of these arrays; they are never
 //! accessed and take no physical memory.
 
+use super::error::FluidError;
 #[cfg(target_arch = "x86_64")]
 use super::lanes::{Avx2, Avx512};
 use super::lanes::{Lanes, Level, Memory, Stored, WIDEST, prefetch};
@@ -180,7 +181,11 @@ impl<S: Stored> Populations<S> {
     ///
     /// # Errors
     /// If the memory cannot be allocated, or the slab needs more than 2³² numbers.
-    pub fn new(velocities: Velocities, cells: [usize; 3], split: usize) -> Result<Self, String> {
+    pub fn new(
+        velocities: Velocities,
+        cells: [usize; 3],
+        split: usize,
+    ) -> Result<Self, FluidError> {
         let layout = Layout::for_slab::<S>(&velocities, cells, split);
         let Layout {
             order,
@@ -201,9 +206,7 @@ impl<S: Stored> Populations<S> {
         let total = array
             .checked_mul(arrays)
             .filter(|&n| u32::try_from(n).is_ok())
-            .ok_or_else(|| {
-                format!("a slab of {cells:?} cells needs more than 2^32 numbers; use more ranks")
-            })?;
+            .ok_or(FluidError::TooLarge(cells))?;
         let begins: Vec<usize> = ranks.iter().map(|rank| rank * array).collect();
         let distance = |c: &[i8; 3]| -> isize {
             (0..3)

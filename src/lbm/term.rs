@@ -16,8 +16,7 @@
 //! | porous zones | before the collision, through [`Term::act`] | `term/porous.rs` |
 //!
 //! A new term that acts on the incoming populations of its cells is a file with a type that implements [`Term`],
-//! and a line in the set-up of the lattice of a plan (`simulation::setup`). The data that a plan needs are a
-//! [`scene term`](crate::term) in the scene.
+//! and a file in `plan::scene::terms`, which has all that a scene, a plan and a run need of it.
 
 pub mod porous;
 

@@ -11,69 +11,45 @@ pub mod field;
 
 use super::lanes::Lanes;
 use base::error::Finding;
-use base::family::{self, Description};
+use base::family::{Description, describe_choices, family};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Defines the list of models: their modules, and the enum of a case. The name of a model in a case is that of its
-/// module.
-macro_rules! eddy_viscosities {
-    ($(#[$attribute:meta])* $list:ident: $($module:ident $model:ident,)*) => {
-        $(pub mod $module;)*
-
-        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        $(#[$attribute])*
-        #[serde(rename_all = "snake_case")]
-        #[schemars(transform = family::describe_choices)]
-        pub enum $list {
-            $(
-                #[allow(missing_docs, reason = "the documentation of a model is in its module")]
-                $model($module::$model),
-            )*
-        }
-
-        impl $list {
-            /// Returns the description of the model for `plan`.
-            #[must_use]
-            pub fn describe(&self) -> Description {
-                match self {
-                    $(Self::$model(model) => model.describe(),)*
-                }
-            }
-
-            /// Returns a finding if the model is invalid in a domain of `dimension` axes. `path` is the JSON path
-            /// of the model in the case.
-            #[must_use]
-            pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
-                match self {
-                    $(Self::$model(model) => model.check(path, dimension),)*
-                }
-            }
-
-            /// Returns the eddy viscosity ν_t of a cell in lattice units.
-            #[must_use]
-            pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
-                match self {
-                    $(Self::$model(model) => model.viscosity(gradient),)*
-                }
-            }
-
-            #[inline(always)]
-            fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
-                match self {
-                    $(Self::$model(model) => model.fraction(gradient),)*
-                }
-            }
-        }
-    };
+family! {
+    /// Eddy viscosity.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(rename = "Turbulence", transform = describe_choices)]
+    pub enum EddyViscosity {
+        wale: Wale(Wale),
+        smagorinsky: Smagorinsky(Smagorinsky),
+    }
 }
 
-eddy_viscosities! {
-    /// Eddy viscosity.
-    #[schemars(rename = "Turbulence")]
-    EddyViscosity:
-    wale Wale,
-    smagorinsky Smagorinsky,
+impl EddyViscosity {
+    /// Returns the description of the model for `plan`.
+    #[must_use]
+    pub fn describe(&self) -> Description {
+        each!(self, model => model.describe())
+    }
+
+    /// Returns a finding if the model is invalid in a domain of `dimension` axes. `path` is the JSON path of the
+    /// model in the case.
+    #[must_use]
+    pub fn check(&self, path: &str, dimension: usize) -> Option<Finding> {
+        each!(self, model => model.check(path, dimension))
+    }
+
+    /// Returns the eddy viscosity ν_t of a cell in lattice units.
+    #[must_use]
+    pub fn viscosity(&self, gradient: &[[f64; 3]; 3]) -> f64 {
+        each!(self, model => model.viscosity(gradient))
+    }
+
+    #[inline(always)]
+    fn fraction<N: Lanes>(&self, gradient: &[[N; 3]; 3]) -> (N, N) {
+        each!(self, model => model.fraction(gradient))
+    }
 }
 
 /// Model of an eddy viscosity with its parameters in a case.

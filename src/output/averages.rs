@@ -14,6 +14,7 @@
 //! Each cell has its own sums, so that they do not depend on ranks and threads. Sums over planes are exact. The
 //! sums are part of a checkpoint and of the hash of the state.
 
+use super::fluid::lattice_image;
 use base::error::Error;
 use base::number::real;
 use base::units::LatticeUnits;
@@ -160,8 +161,16 @@ impl Averages {
     }
 }
 
-/// Returns the means of the summed quantities in SI: velocity, pressure, products; NaN without samples.
-fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
+/// Means of the summed quantities in SI.
+struct MeanState {
+    velocity: [f64; 3],
+    pressure: f64,
+    /// Mean products of the fluctuations of two components of the velocity.
+    products: [f64; 6],
+}
+
+/// Returns the means of the summed quantities; NaN without samples.
+fn means(sums: &[f64], units: &LatticeUnits) -> MeanState {
     let n = sums[0];
     let u: [f64; 3] = std::array::from_fn(|a| sums[2 + a] / n);
     let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
@@ -170,8 +179,11 @@ fn means(sums: &[f64], units: &LatticeUnits) -> ([f64; 3], f64, [f64; 6]) {
         let (a, b) = pairs[k];
         scale * (sums[5 + k] / n - u[a] * u[b])
     });
-    let pressure = units.density_deviation_to_pressure(sums[1] / n);
-    (u.map(|u| units.velocity_to_si(u)), pressure, products)
+    MeanState {
+        velocity: u.map(|u| units.velocity_to_si(u)),
+        pressure: units.density_deviation_to_pressure(sums[1] / n),
+        products,
+    }
 }
 
 /// Output fields of the averages, in buffers that are reused. The table of the profile is on rank 0.
@@ -203,10 +215,10 @@ impl AverageFields {
         self.stress.clear();
         self.samples.clear();
         for sums in averages.sums.chunks_exact(SUMS) {
-            let (velocity, pressure, products) = means(sums, units);
-            self.velocity.extend(velocity);
-            self.pressure.push(pressure);
-            self.stress.extend(TENSOR.map(|k| products[k]));
+            let means = means(sums, units);
+            self.velocity.extend(means.velocity);
+            self.pressure.push(means.pressure);
+            self.stress.extend(TENSOR.map(|k| means.products[k]));
             self.samples.push(sums[0]);
         }
     }
@@ -218,20 +230,13 @@ impl AverageFields {
             components,
             data: data.into(),
         };
-        Image {
-            origin: [0.0; 3],
-            spacing: [grid.spacing; 3],
-            faces: None,
-            cells: grid.cells,
-            start: fluid.start(),
-            count: fluid.cells(),
-            fields: vec![
-                column("mean_velocity", "m/s", 3, &self.velocity),
-                column("mean_pressure", "Pa", 1, &self.pressure),
-                column("reynolds_stress", "m2/s2", 9, &self.stress),
-                column("samples", "-", 1, &self.samples),
-            ],
-        }
+        let fields = vec![
+            column("mean_velocity", "m/s", 3, &self.velocity),
+            column("mean_pressure", "Pa", 1, &self.pressure),
+            column("reynolds_stress", "m2/s2", 9, &self.stress),
+            column("samples", "-", 1, &self.samples),
+        ];
+        lattice_image(fluid, grid, fields)
     }
 }
 
@@ -266,11 +271,11 @@ pub(super) fn profile(
                 sum.all_reduce(communicator);
                 sum.value()
             });
-            let (velocity, pressure, products) = means(&sums, fluid.units());
+            let means = means(&sums, fluid.units());
             let mut row = vec![(real(plane) + 0.5) * grid.spacing, sums[0]];
-            row.extend(velocity);
-            row.push(pressure);
-            row.extend(products);
+            row.extend(means.velocity);
+            row.push(means.pressure);
+            row.extend(means.products);
             row
         })
         .collect()

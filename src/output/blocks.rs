@@ -215,7 +215,7 @@ mod tests {
             .and_then(Plan::prepare)
             .expect("a good case");
         let scene = &plan.scene;
-        let shapes = scene.polyhedra().map(|(solid, ..)| solid.shape.clone());
+        let shapes = scene.polyhedra().map(|one| one.solid.shape.clone());
         let mut particles = Particles::<Volume>::new();
         particles.set_shapes(shapes.collect()).expect("space");
         particles.insert(

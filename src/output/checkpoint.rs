@@ -6,7 +6,7 @@
 
 mod check;
 
-pub use check::{Expected, StateLimits};
+pub use check::{Expected, ExpectedPopulations, StateLimits};
 
 use crate::averages::{Averages, SUMS};
 use crate::group::RankGroup;

@@ -64,18 +64,28 @@ impl Fields {
 
     /// Returns the box of this rank in the image.
     pub(crate) fn image<'a>(&'a self, fluid: &dyn FluidView, grid: &Grid) -> Image<'a> {
-        Image {
-            origin: [0.0; 3],
-            spacing: [grid.spacing; 3],
-            faces: None,
-            cells: grid.cells,
-            start: fluid.start(),
-            count: fluid.cells(),
-            fields: match self {
-                Self::Single(buffers) => buffers.columns(grid.dimension),
-                Self::Double(buffers) => buffers.columns(grid.dimension),
-            },
-        }
+        let fields = match self {
+            Self::Single(buffers) => buffers.columns(grid.dimension),
+            Self::Double(buffers) => buffers.columns(grid.dimension),
+        };
+        lattice_image(fluid, grid, fields)
+    }
+}
+
+/// Returns the box of this rank in the image of a lattice.
+pub(super) fn lattice_image<'a>(
+    fluid: &dyn FluidView,
+    grid: &Grid,
+    fields: Vec<Column<'a>>,
+) -> Image<'a> {
+    Image {
+        origin: [0.0; 3],
+        spacing: [grid.spacing; 3],
+        faces: None,
+        cells: grid.cells,
+        start: fluid.start(),
+        count: fluid.cells(),
+        fields,
     }
 }
 

@@ -143,7 +143,7 @@ impl Outputs {
             let fields = AverageFields::new(output.profile.map(Axis::index));
             let mut averages = place.open("averages", output.every, fields)?;
             averages.open_profile(folder, &place.group, resumed_at)?;
-            Ok(averages)
+            Ok::<_, Error>(averages)
         });
         let averages = averages.transpose()?;
         let probes = Probe::all(plan, folder, domain, resumed_at)?;

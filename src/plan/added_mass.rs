@@ -35,10 +35,10 @@
 //! stable without it.
 
 use super::margin::{Margin, margin};
-use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, at_least, number};
 use crate::scene::packed::{in_a_bed, lie_packed};
+use crate::scene::{Scene, ScenePolyhedron};
 use base::error::Remedy;
 use case::coupling::{Coupling, SolidOperator};
 use dem::polyhedron::PlacedPolyhedron;
@@ -177,7 +177,10 @@ fn body_kinds(scene: &Scene, coupling: &Coupling) -> Vec<Kind> {
             packed,
         }));
     }
-    for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
+    for ScenePolyhedron {
+        solid, material, ..
+    } in scene.polyhedra().filter(|one| one.free)
+    {
         kinds.push(Kind {
             material,
             radius: hydraulic_radius(scene, solid) / h,

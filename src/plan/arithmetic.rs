@@ -8,6 +8,7 @@ use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::rounding;
+use crate::scene::terms::SceneTerm;
 use base::error::Remedy;
 use case::coupling::Coupling;
 use case::fluid::{Device, Precision};
@@ -31,9 +32,9 @@ fn obstacles(scene: &Scene, flow: &Flow) -> Vec<String> {
     if matches!(scene.coupling, Some(Coupling::PartiallySaturated(_))) {
         all.push("partially saturated cells".into());
     }
-    if !scene.porous_zones.is_empty() {
-        all.push("porous zones".into());
-    }
+    let terms = scene.terms.iter().map(SceneTerm::model);
+    let terms = terms.filter(|term| !term.runs_in_single());
+    all.extend(terms.map(|term| term.name().to_owned()));
     if scene.surface.is_some() {
         all.push("a free surface".into());
     }

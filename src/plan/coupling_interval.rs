@@ -29,7 +29,6 @@ use crate::scene::findings::{Findings, number};
 use crate::scene::grains::GrainSource;
 use base::error::Remedy;
 use base::number::to_u32;
-use darcy::Liquid;
 use darcy::drag::GrainSize;
 use dem::contact::{Depth, StaticContact};
 use std::f64::consts::PI;
@@ -98,10 +97,7 @@ pub(crate) fn limits(scene: &Scene) -> Option<Limits> {
     let eps = packed
         .max(written.least_porosity)
         .min(written.porosity_cap());
-    let liquid = Liquid {
-        density: written.density,
-        viscosity: written.viscosity,
-    };
+    let liquid = written.liquid();
     let height = seepage.height(scene.gravity, dimension);
     let mut all: Option<Limits> = None;
     let largest = largest_radius(scene);

@@ -61,8 +61,17 @@ pub(crate) fn largest_radius(scene: &Scene) -> f64 {
     grains.chain(fed).chain(bodies).fold(0.0, f64::max)
 }
 
-/// Returns material, radius \[m\] and mass [kg; in 2-D kg/m] of the sphere or disc with the shortest limit.
-pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
+/// Sphere or disc whose contacts limit the solid time step.
+pub(crate) struct DecisiveGrain {
+    pub(crate) material: usize,
+    /// Radius \[m\].
+    pub(crate) radius: f64,
+    /// Mass [kg; in 2-D kg/m].
+    pub(crate) mass: f64,
+}
+
+/// Returns the sphere or disc with the shortest limit.
+pub(crate) fn decisive(scene: &Scene) -> Option<DecisiveGrain> {
     let law = scene.contact.as_ref()?.model();
     let largest = largest_radius(scene);
     let known = moving(scene).into_iter();
@@ -70,7 +79,12 @@ pub(crate) fn decisive(scene: &Scene) -> Option<(usize, f64, f64)> {
     let limits = known.map(|(material, radius)| {
         let mass = scene.mass(material, radius);
         let limits = law.time_limits(to_u32(material), [radius, largest], mass);
-        (limits.shorter(), (material, radius, mass))
+        let grain = DecisiveGrain {
+            material,
+            radius,
+            mass,
+        };
+        (limits.shorter(), grain)
     });
     limits
         .min_by(|a, b| a.0.total_cmp(&b.0))
@@ -89,14 +103,10 @@ pub(crate) fn critical_solid_time_step(scene: &Scene) -> Option<Critical> {
             let mass = scene.mass(material, radius);
             law.time_limits(to_u32(material), [radius, largest], mass)
         });
-    let of_blocks =
-        scene
-            .polyhedra()
-            .filter(|(_, _, free)| *free)
-            .filter_map(|(solid, material, _)| {
-                let mass = scene.density(material) * solid.shape.volume();
-                law.time_limits_of_block(to_u32(material), &solid.shape, mass)
-            });
+    let of_blocks = scene.polyhedra().filter(|one| one.free).filter_map(|one| {
+        let mass = scene.density(one.material) * one.solid.shape.volume();
+        law.time_limits_of_block(to_u32(one.material), &one.solid.shape, mass)
+    });
     let mut shortest: Option<TimeLimits> = None;
     for limits in of_spheres.chain(of_blocks) {
         if !(limits.shorter().is_finite() && limits.shorter() > 0.0) {

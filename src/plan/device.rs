@@ -6,6 +6,7 @@
 use crate::scene::Scene;
 use crate::scene::findings::Findings;
 use crate::scene::flow::{BodyForce, PATH};
+use crate::scene::terms::SceneTerm;
 use base::error::Remedy;
 use case::coupling::Coupling;
 use case::fluid::{Device, Precision};
@@ -51,9 +52,9 @@ fn obstacles(scene: &Scene) -> Vec<String> {
             patch.name
         ));
     }
-    if !scene.porous_zones.is_empty() {
-        all.push("porous zones".into());
-    }
+    let terms = scene.terms.iter().map(SceneTerm::model);
+    let terms = terms.filter(|term| !term.runs_on_gpu());
+    all.extend(terms.map(|term| term.name().to_owned()));
     if scene.joints.is_some() {
         all.push("water in joints".into());
     }

@@ -12,7 +12,7 @@ use crate::scene::contact::ContactTable;
 use crate::scene::findings::{Findings, at_most, number};
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
-use crate::scene::speed::{SETTLING, passage, pressure_difference, speeds};
+use crate::scene::speed::{SpeedCause, passage, pressure_difference, speeds};
 use base::error::Remedy;
 use base::number::real;
 /// Relative density change by an imposed pressure above which the plan warns.
@@ -41,7 +41,7 @@ pub(crate) fn margins(scene: &Scene, clock: &Clock, findings: &mut Findings) -> 
         compression(scene, flow, &mut margins, findings);
         needed_pressure(scene, flow, &mut margins, findings);
         super::bodies::check(scene, &mut margins, findings);
-        super::porous::check(scene, flow, &mut margins, findings);
+        super::terms::check(scene, flow, &mut margins, findings);
     }
     if let Some(seepage) = &scene.seepage
         && let Some((_, largest)) = scene.grains.as_ref().and_then(|g| g.radii)
@@ -112,7 +112,7 @@ fn lattice_velocity(
                 number(lattice_velocity)
             );
             let remedy = remedy(flow, h, nu, speed.value);
-            if speed.what == SETTLING {
+            if speed.what == SpeedCause::Settling {
                 // This is an upper estimate, because neighbours and walls slow settling bodies.
                 findings.unstable(&speed.path, reason, remedy);
             } else {
@@ -162,37 +162,55 @@ fn remedy(flow: &Flow, h: f64, nu: f64, velocity: f64) -> Remedy {
     slower_clock(flow, h, dt / flow.time_step, text)
 }
 
+/// Pressure that changes the density of the lattice fluid.
+struct PressureSource {
+    /// JSON path of the field that determines the pressure.
+    path: String,
+    what: &'static str,
+    /// Largest pressure \[Pa\].
+    pressure: f64,
+}
+
 /// Checks dp/(rho c_s²), which must be small because pressure on the lattice is density.
 fn compression(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findings: &mut Findings) {
     let units = flow.units(&scene.grid);
     let most = scene.guards.max_compression;
-    let mut sources: Vec<(String, &str, f64)> = Vec::new();
+    let mut sources = Vec::new();
     for patch in flow.patches() {
         if let Some(pressure) = patch.condition.model().pressure()
             && let Some(path) = patch.path(pressure.field)
         {
-            sources.push((path, "the imposed pressure", pressure.amplitude()));
+            sources.push(PressureSource {
+                path,
+                what: "the imposed pressure",
+                pressure: pressure.amplitude(),
+            });
         }
     }
     if let Initial::Uniform { pressure, .. } = &flow.initial {
-        sources.push((
-            format!("{PATH}.initial.uniform.pressure"),
-            "the initial pressure",
-            pressure.abs(),
-        ));
+        sources.push(PressureSource {
+            path: format!("{PATH}.initial.uniform.pressure"),
+            what: "the initial pressure",
+            pressure: pressure.abs(),
+        });
     }
     if flow.gravity_acts.contains(&true) {
         let head: f64 = (0..scene.grid.dimension)
             .filter(|a| flow.gravity_acts[*a] && !scene.grid.periodic[*a])
             .map(|a| flow.density * scene.gravity[a].abs() * scene.grid.size[a])
             .sum();
-        sources.push((
-            format!("{PATH}.gravity_acts_on_fluid"),
-            "the hydrostatic pressure",
-            head,
-        ));
+        sources.push(PressureSource {
+            path: format!("{PATH}.gravity_acts_on_fluid"),
+            what: "the hydrostatic pressure",
+            pressure: head,
+        });
     }
-    for (path, what, pressure) in sources.into_iter().filter(|s| s.2 > 0.0) {
+    for source in sources.into_iter().filter(|one| one.pressure > 0.0) {
+        let PressureSource {
+            path,
+            what,
+            pressure,
+        } = source;
         let change = units.pressure_to_density_deviation(pressure);
         let reason = format!(
             "{what} changes the density of the lattice fluid by {} %",
@@ -259,8 +277,12 @@ fn needed_pressure(scene: &Scene, flow: &Flow, margins: &mut Vec<Margin>, findin
     if density::smallest_change(causes, dt, h, flow.density) <= most {
         return;
     }
-    let bound = (0.5 * most, h, flow.density);
-    let part = density::longest_step(causes, bound).map_or(0.5, |(_, step)| 0.99 * step / dt);
+    let bound = density::DensityBound {
+        bound: 0.5 * most,
+        spacing: h,
+        density: flow.density,
+    };
+    let part = density::longest_step(causes, &bound).map_or(0.5, |(_, step)| 0.99 * step / dt);
     let ramp = if cause.sound > 0.0 && cause.path.starts_with(PATH) && cause.pressure == 0.0 {
         ", increase the velocity gradually (`ramp_time`)"
     } else {

@@ -11,9 +11,10 @@ pub mod memory;
 pub mod time;
 
 use super::Clock;
-use crate::scene::Scene;
+use crate::scene::auto::Subject;
 use crate::scene::bodies::Mobility;
 use crate::scene::findings::{Findings, number};
+use crate::scene::{Scene, ScenePolyhedron};
 use base::error::Remedy;
 use base::number::{common_divisor, real, whole};
 use serde::Serialize;
@@ -171,7 +172,7 @@ impl CostQuantities {
         for body in scene.bodies.iter().filter(|body| body.solid.is_none()) {
             add(ball(body.radius), 1.0, body.mobility == Mobility::Free);
         }
-        for (solid, _, free) in scene.polyhedra() {
+        for ScenePolyhedron { solid, free, .. } in scene.polyhedra() {
             let shape = &solid.shape;
             add([shape.volume(), shape.area()], 1.0, free);
         }
@@ -295,7 +296,7 @@ impl Estimate {
                 number(grid.spacing),
                 size(available)
             );
-            if let Some(why) = scene.chosen.reason_of("spacing") {
+            if let Some(why) = scene.chosen.reason_of(Subject::Spacing) {
                 reason.push_str("; the spacing was chosen for ");
                 reason.push_str(why);
             }

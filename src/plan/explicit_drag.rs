@@ -99,26 +99,43 @@ pub(super) fn stopping_times(
     let porosity = porosity
         .max(written.least_porosity)
         .min(written.porosity_cap());
-    let liquid = Liquid {
-        density: written.density,
-        viscosity: written.viscosity,
-    };
-    let beds = bed_properties(seepage, (porosity, grain.diameter), liquid, 0.0);
-    beds.into_iter().map(move |(bed_porosity, permeability)| {
-        let bed = BedConditions {
-            density: written.density,
-            viscosity: written.viscosity,
-            porosity: bed_porosity,
-            solid: 1.0 - porosity,
-            permeability,
-        };
-        let measure = match written.equations {
-            Equations::Paper => 1.0,
-            Equations::Corrected => bed_porosity,
-        };
-        let law = written.drag();
-        law.model().stopping_time(&bed, grain, mass, measure)
+    let law = written.drag();
+    grain_beds(seepage, porosity, grain).map(move |one| {
+        law.model()
+            .stopping_time(&one.bed, grain, mass, one.measure)
     })
+}
+
+/// Bed around a grain.
+pub(super) struct GrainBed {
+    pub(super) bed: BedConditions,
+    /// Factor of the grain's velocity relative to the flux.
+    pub(super) measure: f64,
+}
+
+/// Returns the bed of this porosity around a grain in stationary water, in each medium of the zones, and outside the
+/// zones.
+pub(super) fn grain_beds(
+    seepage: &Seepage,
+    porosity: f64,
+    grain: &GrainSize,
+) -> impl Iterator<Item = GrainBed> {
+    let written = &seepage.written;
+    let beds = bed_properties(seepage, (porosity, grain.diameter), written.liquid(), 0.0);
+    beds.into_iter()
+        .map(move |(bed_porosity, permeability)| GrainBed {
+            bed: BedConditions {
+                density: written.density,
+                viscosity: written.viscosity,
+                porosity: bed_porosity,
+                solid: 1.0 - porosity,
+                permeability,
+            },
+            measure: match written.equations {
+                Equations::Paper => 1.0,
+                Equations::Corrected => bed_porosity,
+            },
+        })
 }
 
 /// Returns the porosity and permeability \[m²\] of a bed of this porosity and mean diameter \[m\] under a gradient

@@ -22,7 +22,7 @@
 //! Blocks of a rock mass are supported by others at the start. Which of them come loose and how far they fall is not
 //! known before the run: their impacts are not judged, and the plan states that after a fall to the end of the domain.
 
-use super::explicit_drag::bed_properties;
+use super::explicit_drag::{GrainBed, grain_beds};
 use super::margin::{Margin, margin};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
@@ -32,11 +32,9 @@ use crate::scene::observe::RegionAction;
 use crate::scene::pairs::{self, Ball};
 use crate::scene::sample::ListedGrain;
 use crate::scene::speed::settling;
-use crate::scene::walls::SceneWall;
 use base::error::Remedy;
 use base::number::{real, to_u32, whole};
-use darcy::drag::{BedConditions, GrainSize};
-use darcy::{Equations, Liquid};
+use darcy::drag::GrainSize;
 use dem::contact::{ContactModel, Depth, StaticContact};
 use nalgebra::Vector3;
 use std::collections::btree_map::Entry;
@@ -498,41 +496,22 @@ fn seepage_settling(scene: &Scene, one: &Moving) -> Option<f64> {
     let grain = GrainSize::new(dimension, one.radius);
     let gravity = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let weight = (one.mass - written.density * grain.volume).max(0.0) * gravity;
-    let (porosity, liquid) = (
-        written.porosity_cap(),
-        Liquid {
-            density: written.density,
-            viscosity: written.viscosity,
-        },
-    );
     let law = written.drag();
-    let speeds = bed_properties(seepage, (porosity, grain.diameter), liquid, 0.0)
-        .into_iter()
-        .map(|(bed_porosity, permeability)| {
-            let bed = BedConditions {
-                density: written.density,
-                viscosity: written.viscosity,
-                porosity: bed_porosity,
-                solid: 1.0 - porosity,
-                permeability,
-            };
-            let measure = match written.equations {
-                Equations::Paper => 1.0,
-                Equations::Corrected => bed_porosity,
-            };
-            // The drag grows with the speed: bisect its logarithm.
-            let (mut low, mut high) = (1e-12_f64, 1e6_f64);
-            for _ in 0..60 {
-                let middle = (low * high).sqrt();
-                let flux = measure * middle;
-                if law.model().coefficient(&bed, &grain, flux) * flux < weight {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
+    let beds = grain_beds(seepage, written.porosity_cap(), &grain);
+    let speeds = beds.map(|GrainBed { bed, measure }| {
+        // The drag grows with the speed: bisect its logarithm.
+        let (mut low, mut high) = (1e-12_f64, 1e6_f64);
+        for _ in 0..60 {
+            let middle = (low * high).sqrt();
+            let flux = measure * middle;
+            if law.model().coefficient(&bed, &grain, flux) * flux < weight {
+                low = middle;
+            } else {
+                high = middle;
             }
-            high
-        });
+        }
+        high
+    });
     speeds.reduce(f64::max)
 }
 

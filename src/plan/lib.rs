@@ -25,12 +25,12 @@ mod linear_stability;
 pub mod margin;
 pub mod models;
 pub mod pore_flow;
-mod porous;
 pub mod report;
 pub mod scene;
 mod seepage;
 mod servo;
 mod stability;
+mod terms;
 
 use crate::scene::Scene;
 use crate::scene::auto::step::divided;
@@ -198,13 +198,12 @@ impl Plan {
             }
             _ => {
                 if !refused(&all) {
-                    all.push(Problem {
-                        path: "the case".into(),
-                        value: "unresolved".into(),
-                        reason: "the case could not be resolved".into(),
-                        remedy: "correct the warnings first".into(),
-                        severity: Severity::Error,
-                    });
+                    all.push(Problem::error(
+                        "the case",
+                        "unresolved",
+                        "the case could not be resolved",
+                        "correct the warnings first",
+                    ));
                 }
                 Err(all)
             }
@@ -425,13 +424,13 @@ fn solid_steps_in_flow(
     let needed = allowed.map_or(1.0, |a| (flow.time_step / a).ceil().max(1.0));
     let path = "time.solid_steps_per_fluid_step";
     if needed > 100_000.0 {
-        let cause = critical_step::decisive(scene).map_or(String::new(), |(k, radius, mass)| {
+        let cause = critical_step::decisive(scene).map_or(String::new(), |grain| {
             format!(
                 ": the lightest grain, of radius {} m and {} kg/m3 (`{}`), has a mass of {} kg",
-                number(radius),
-                number(scene.density(k)),
-                scene.materials[k].name,
-                number(mass)
+                number(grain.radius),
+                number(scene.density(grain.material)),
+                scene.materials[grain.material].name,
+                number(grain.mass)
             )
         });
         findings.error(

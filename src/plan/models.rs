@@ -6,6 +6,7 @@ use super::device::device;
 use super::free_surface;
 use super::impacts;
 use crate::scene::Scene;
+use crate::scene::auto::Subject;
 use crate::scene::findings::number;
 use crate::scene::flow::Flow;
 use crate::scene::gravity;
@@ -59,13 +60,17 @@ pub(crate) fn choices(scene: &Scene, clock: &Clock) -> Vec<Choice> {
     }
     match (&scene.coupling, &scene.flow) {
         (Some(coupling), Some(flow)) => {
-            choices.add(
-                "coupling",
+            choices.add_chosen(
+                Subject::Coupling,
                 name(coupling, flow),
                 "there are solids in the fluid",
             );
         }
-        (None, Some(_)) => choices.add("coupling", "none", "there are no solids in the fluid"),
+        (None, Some(_)) => choices.add_chosen(
+            Subject::Coupling,
+            "none",
+            "there are no solids in the fluid",
+        ),
         _ => {}
     }
     choices.contacts();
@@ -89,14 +94,21 @@ struct Choices<'a> {
 }
 
 impl Choices<'_> {
-    /// Adds a choice; an automatic choice has its own reason instead of `reason`.
+    /// Adds a choice that only the case makes.
     fn add(&mut self, what: &str, model: impl Into<String>, reason: impl Into<String>) {
-        let own = self.scene.chosen.reason_of(what);
         self.list.push(Choice {
             what: what.into(),
             model: model.into(),
-            reason: own.map_or_else(|| reason.into(), str::to_owned),
+            reason: reason.into(),
         });
+    }
+
+    /// Adds a choice that may be automatic: it then has its own reason instead of `reason`.
+    fn add_chosen(&mut self, what: Subject, model: impl Into<String>, reason: impl Into<String>) {
+        match self.scene.chosen.reason_of(what) {
+            Some(own) => self.add(what.name(), model, own),
+            None => self.add(what.name(), model, reason),
+        }
     }
 
     /// Adds the accuracy and the sizes that it fixes.
@@ -114,8 +126,8 @@ impl Choices<'_> {
             } else {
                 "answers"
             };
-            self.add(
-                "accuracy",
+            self.add_chosen(
+                Subject::Accuracy,
                 format!("{level}: {target} % of {of}, {promised}"),
                 "no measured row covers these cells",
             );
@@ -127,16 +139,16 @@ impl Choices<'_> {
                 || String::from("nothing promised"),
                 |error| format!("answers within {} % promised", number(100.0 * error)),
             );
-            self.add("accuracy", model, "");
+            self.add_chosen(Subject::Accuracy, model, "");
         }
-        if chosen.reason_of("spacing").is_some() {
+        if chosen.reason_of(Subject::Spacing).is_some() {
             let cells = grid.cell_count();
             let spacing = format!("{} m, {cells} cells", number(grid.spacing));
-            self.add("spacing", spacing, "");
+            self.add_chosen(Subject::Spacing, spacing, "");
         }
-        if chosen.reason_of("time step").is_some() {
-            self.add(
-                "time step",
+        if chosen.reason_of(Subject::TimeStep).is_some() {
+            self.add_chosen(
+                Subject::TimeStep,
                 format!("{} s", number(self.clock.time_step)),
                 "",
             );
@@ -546,7 +558,7 @@ impl Choices<'_> {
         };
         self.add("lattice", name, reason);
         let Description { model, reason } = operator.describe(flow.relaxation_time);
-        self.add("collision", model, reason);
+        self.add_chosen(Subject::Collision, model, reason);
         let Description { model, reason } = flow.turbulence.map_or_else(
             || {
                 Description::new(
@@ -556,10 +568,11 @@ impl Choices<'_> {
             },
             |model| model.describe(),
         );
-        self.add("turbulence", model, reason);
-        for zone in &self.scene.porous_zones {
-            let [what, model, reason] = zone.describe();
-            self.add(&what, model, reason);
+        self.add_chosen(Subject::Turbulence, model, reason);
+        for term in &self.scene.terms {
+            for [what, model, reason] in term.model().describe() {
+                self.add(&what, model, reason);
+            }
         }
         if let Some(surface) = &self.scene.surface {
             let spacing = self.scene.grid.spacing;
@@ -599,8 +612,8 @@ impl Choices<'_> {
             Precision::F64 => "f64, deviations from rest",
             Precision::F32 => "f32, deviations from rest",
         };
-        self.add(
-            "populations",
+        self.add_chosen(
+            Subject::Populations,
             storage,
             arithmetic::describe(self.scene, flow),
         );
@@ -627,7 +640,7 @@ impl Choices<'_> {
     fn contacts(&mut self) {
         let scene = self.scene;
         let Some(table) = scene.contact.as_ref().filter(|_| scene.has_solids()) else {
-            self.add("contact law", "none", "nothing moves freely");
+            self.add_chosen(Subject::ContactLaw, "none", "nothing moves freely");
             return;
         };
         let polyhedra = scene.polyhedra().count();
@@ -638,7 +651,7 @@ impl Choices<'_> {
             let kind = if flat { "discs" } else { "spheres" };
             format!("requested; {kind}, without orientation")
         };
-        self.add("contact law", table.model().describe(), reason);
+        self.add_chosen(Subject::ContactLaw, table.model().describe(), reason);
         if let Some((speed, part)) = impacts::of_loose_blocks(scene) {
             self.add(
                 "impact of a loose block",

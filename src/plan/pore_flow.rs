@@ -14,7 +14,7 @@ use super::explicit_drag;
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use base::error::Remedy;
-use darcy::{Equations, Liquid};
+use darcy::Equations;
 use serde_json::json;
 
 /// Reynolds number above which inertial losses matter.
@@ -29,10 +29,7 @@ pub fn reynolds(scene: &Scene) -> Option<f64> {
     let seepage = scene.seepage.as_ref()?;
     let (_, radius) = scene.grains.as_ref()?.radii?;
     let (written, diameter) = (&seepage.written, 2.0 * radius);
-    let liquid = Liquid {
-        density: written.density,
-        viscosity: written.viscosity,
-    };
+    let liquid = written.liquid();
     let height = seepage.height(scene.gravity, scene.grid.dimension);
     let gradient = seepage.pressure_drop(scene.gravity) / height;
     // The permeability does not cover looser ground than its maximum porosity.

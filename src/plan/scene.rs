@@ -28,7 +28,6 @@ pub mod observe;
 mod overlaps;
 pub(crate) mod packed;
 pub(crate) mod pairs;
-pub mod porous;
 pub mod profile;
 mod region;
 pub mod rock;
@@ -39,6 +38,7 @@ pub mod seepage;
 pub(crate) mod speed;
 pub(crate) mod stl;
 pub mod structures;
+pub mod terms;
 pub mod walls;
 
 use base::error::{Problem, Remedy, Report};
@@ -82,8 +82,8 @@ pub struct Scene {
     pub contact: Option<contact::ContactTable>,
     /// Structures, in the order of the case.
     pub structures: Vec<structures::Structure>,
-    /// Porous zones of a fluid on a lattice, in the order of the case.
-    pub porous_zones: Vec<porous::PorousZone>,
+    /// Terms of the step of a fluid on a lattice, such as porous zones.
+    pub terms: Vec<terms::SceneTerm>,
     /// Walls of grains: those of the case, of the structures, and on faces of the domain.
     pub walls: Vec<walls::SceneWall>,
     /// Named bodies.
@@ -194,6 +194,17 @@ impl Solids {
         };
         overlaps::overlaps(&start, findings);
     }
+}
+
+/// Polyhedron of a scene, a body or a block.
+#[derive(Clone, Copy, Debug)]
+pub struct ScenePolyhedron<'a> {
+    /// Shape in its initial position.
+    pub solid: &'a PlacedPolyhedron,
+    /// Index of the material.
+    pub material: usize,
+    /// `true` if it moves under forces.
+    pub free: bool,
 }
 
 impl Scene {
@@ -332,7 +343,7 @@ impl Scene {
         let rock = (solids.blocks.as_ref(), solids.contact.as_ref());
         let joints = joints::JointScene::resolve(case, &grid, rock, flow.as_ref(), findings);
         let joint_methods = joint_methods::JointMethods::resolve(case, &grid, rock.0);
-        let porous_zones = porous::zones(case, &grid, findings);
+        let terms = terms::resolve(case, &grid, surface.is_some(), findings);
         let regions = observe::regions(case, &grid, (&names, structures), findings);
         let measured = observe::Measured {
             case,
@@ -372,7 +383,7 @@ impl Scene {
             blocks: solids.blocks,
             contact: solids.contact,
             structures: solids.structures,
-            porous_zones,
+            terms,
             walls: solids.walls,
             bodies: solids.bodies,
             coupling: case.coupling.clone().filter(|_| solid),
@@ -412,17 +423,21 @@ impl Scene {
         (self.bodies.len() + self.blocks.as_ref().map_or(0, |blocks| blocks.number)) as u64
     }
 
-    /// Returns all polyhedra in the order of their ids, bodies before blocks, each with its material and `true` if
-    /// it moves under forces.
-    pub fn polyhedra(&self) -> impl Iterator<Item = (&PlacedPolyhedron, usize, bool)> {
+    /// Returns all polyhedra in the order of their ids, bodies before blocks.
+    pub fn polyhedra(&self) -> impl Iterator<Item = ScenePolyhedron<'_>> {
         let bodies = self.bodies.iter().filter_map(|body| {
-            let free = body.mobility == bodies::Mobility::Free;
-            body.solid
-                .as_ref()
-                .map(|solid| (solid, body.material, free))
+            Some(ScenePolyhedron {
+                solid: body.solid.as_ref()?,
+                material: body.material,
+                free: body.mobility == bodies::Mobility::Free,
+            })
         });
         let blocks = self.blocks.iter().flat_map(|blocks| &blocks.list);
-        bodies.chain(blocks.map(|block| (&block.solid, block.material, !block.fixed)))
+        bodies.chain(blocks.map(|block| ScenePolyhedron {
+            solid: &block.solid,
+            material: block.material,
+            free: !block.fixed,
+        }))
     }
 
     /// Returns the polyhedron of this id in its initial position.
@@ -630,7 +645,11 @@ fn check_polyhedra(case: &Case, findings: &mut Findings) {
             "use lattice_boltzmann, or remove the blocks and polyhedra",
         );
     }
-    if case.contact.as_ref().is_some_and(|law| !law.of_polyhedra()) {
+    if case
+        .contact
+        .as_ref()
+        .is_some_and(|law| !law.model().of_polyhedra())
+    {
         findings.error(
             "contact",
             "this law is for discs and spheres, but there are polyhedra",

@@ -73,8 +73,16 @@ pub struct Deposition<S: Space> {
     pub step_ratio: f64,
 }
 
-/// Centre (m), radius (m) and row in the table of contact parameters.
-pub type Placed<S> = (<S as Space>::Vector, f64, u32);
+/// Grain of a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlacedGrain<S: Space> {
+    /// Centre (m).
+    pub position: S::Vector,
+    /// Radius (m).
+    pub radius: f64,
+    /// Row in the table of contact parameters.
+    pub material: u32,
+}
 
 /// One check of the settling of the grains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -124,7 +132,7 @@ impl<S: Space> Deposition<S> {
     pub fn run(
         &self,
         supervision: &Supervision<'_, S>,
-    ) -> Result<(Vec<Placed<S>>, DepositionReport), Error> {
+    ) -> Result<(Vec<PlacedGrain<S>>, DepositionReport), Error> {
         let (axis, up) = self.height_axis()?;
         let mut falling = match supervision.take_saved() {
             Some(saved) => Falling::resume(self, supervision, saved)?,
@@ -141,7 +149,7 @@ impl<S: Space> Deposition<S> {
             {
                 progress.trimmed = true;
                 let before = grains.len();
-                grains.retain(|(at, ..)| at.get(axis) * up <= level * up);
+                grains.retain(|grain| grain.position.get(axis) * up <= level * up);
                 if grains.is_empty() {
                     return Err(Error::Numerical(format!(
                         "all {before} grains settled above the trimming level of {level} m and would be removed \
@@ -161,12 +169,12 @@ impl<S: Space> Deposition<S> {
     /// Returns the grains in the order of the curve, and the report.
     fn finished_sample(
         &self,
-        grains: &[Placed<S>],
+        grains: &[PlacedGrain<S>],
         mut report: DepositionReport,
         axis: usize,
         up: f64,
-    ) -> (Vec<Placed<S>>, DepositionReport) {
-        let places: Vec<S::Vector> = grains.iter().map(|grain| grain.0).collect();
+    ) -> (Vec<PlacedGrain<S>>, DepositionReport) {
+        let places: Vec<S::Vector> = grains.iter().map(|grain| grain.position).collect();
         let grains: Vec<_> = curve_order::<S>(&places)
             .iter()
             .map(|&k| grains[k])
@@ -175,7 +183,7 @@ impl<S: Space> Deposition<S> {
         report.top = up
             * grains
                 .iter()
-                .map(|(at, radius, _)| at.get(axis) * up + radius)
+                .map(|grain| grain.position.get(axis) * up + grain.radius)
                 .fold(f64::NEG_INFINITY, f64::max);
         (grains, report)
     }
@@ -187,10 +195,15 @@ impl<S: Space> Deposition<S> {
     }
 
     /// Returns stationary grains at these positions.
-    fn particles(&self, grains: Vec<Placed<S>>) -> (Particles<S>, Vec<Body>) {
+    fn particles(&self, grains: Vec<PlacedGrain<S>>) -> (Particles<S>, Vec<Body>) {
         let mut particles = Particles::new();
         let mut bodies = Vec::with_capacity(grains.len());
-        for (id, (position, radius, material)) in (0..).zip(grains) {
+        for (id, grain) in (0..).zip(grains) {
+            let PlacedGrain {
+                position,
+                radius,
+                material,
+            } = grain;
             let cloud = self.clouds.iter().find(|cloud| cloud.material == material);
             let density = cloud.map_or(1.0, |cloud| cloud.density);
             let body = Body::uniform::<S>(id, radius, density, material);
@@ -383,7 +396,7 @@ impl<'a, S: Space> Falling<'a, S> {
             let from = (deposition.seed, radii.len());
             let more = cloud.grading.radii(cloud.number, S::DIMENSION, from);
             first.push(radii.len());
-            radii.extend(more.map_err(Error::Numerical)?);
+            radii.extend(more.map_err(|e| Error::Numerical(e.to_string()))?);
             materials.resize(radii.len(), cloud.material);
         }
         let progress = Progress {
@@ -399,9 +412,13 @@ impl<'a, S: Space> Falling<'a, S> {
             },
         };
         let places = deposition.cloud(&radii, &first)?;
-        let grains: Vec<Placed<S>> = curve_order::<S>(&places)
+        let grains: Vec<PlacedGrain<S>> = curve_order::<S>(&places)
             .into_iter()
-            .map(|k| (places[k], radii[k], materials[k]))
+            .map(|k| PlacedGrain {
+                position: places[k],
+                radius: radii[k],
+                material: materials[k],
+            })
             .collect();
         let (particles, bodies) = deposition.particles(grains);
         let mut falling = Self {
@@ -438,7 +455,7 @@ impl<'a, S: Space> Falling<'a, S> {
     }
 
     /// Starts a new relaxation of these grains under the contact law of the present stage.
-    fn start(&mut self, grains: Vec<Placed<S>>) -> Result<(), Error> {
+    fn start(&mut self, grains: Vec<PlacedGrain<S>>) -> Result<(), Error> {
         let convergence = &self.progress.report.convergence;
         self.progress.began = convergence.last().map_or(0, |look| look.steps);
         self.progress.landed = !convergence.is_empty();
@@ -451,7 +468,7 @@ impl<'a, S: Space> Falling<'a, S> {
     }
 
     /// Runs until the grains have settled or the limit of steps is reached.
-    fn settle(&mut self) -> Result<Vec<Placed<S>>, Error> {
+    fn settle(&mut self) -> Result<Vec<PlacedGrain<S>>, Error> {
         let deposition = self.deposition;
         loop {
             while self.progress.left > 0 {
@@ -493,7 +510,11 @@ impl<'a, S: Space> Falling<'a, S> {
                 return Ok((0..particles.owned())
                     .map(|k| {
                         let body = &particles.body[k];
-                        (particles.location(k), body.radius, body.material)
+                        PlacedGrain {
+                            position: particles.location(k),
+                            radius: body.radius,
+                            material: body.material,
+                        }
                     })
                     .collect());
             }
@@ -634,8 +655,10 @@ mod tests {
         let (grains, report) = deposition.run(&Supervision::without_requests()).unwrap();
         assert_eq!((report.fallen, grains.len()), (350, 350));
         let heights = |material: u32| {
-            let own = grains.iter().filter(move |grain| grain.2 == material);
-            own.map(|grain| grain.0[2]).collect::<Vec<_>>()
+            let own = grains
+                .iter()
+                .filter(move |grain| grain.material == material);
+            own.map(|grain| grain.position[2]).collect::<Vec<_>>()
         };
         let mean =
             |heights: &[f64]| heights.iter().sum::<f64>() / base::number::real(heights.len());
@@ -647,7 +670,7 @@ mod tests {
         assert!(risen < 5, "{risen}");
         let sizes = grains
             .iter()
-            .all(|(_, radius, material)| (*radius < 0.75e-3) == (*material == 1));
+            .all(|grain| (grain.radius < 0.75e-3) == (grain.material == 1));
         assert!(sizes);
     }
 
@@ -664,7 +687,7 @@ mod tests {
         assert!(
             grains
                 .iter()
-                .all(|(at, ..)| at[2] <= 8.05e-3 && at[2] > 0.0)
+                .all(|grain| grain.position[2] <= 8.05e-3 && grain.position[2] > 0.0)
         );
         assert!((3.5..7.0).contains(&report.coordination), "{report:?}");
         assert!(report.largest_overlap < 0.02, "{report:?}");
@@ -677,11 +700,11 @@ mod tests {
         );
         let mut particles = Particles::<Volume>::new();
         let mut weight = 0.0;
-        for (id, (position, radius, _)) in (0..).zip(&grains) {
-            let body = Body::uniform::<Volume>(id, *radius, 2600.0, 0);
+        for (id, grain) in (0..).zip(&grains) {
+            let body = Body::uniform::<Volume>(id, grain.radius, 2600.0, 0);
             weight += body.mass * 9.81;
             let motion = Motion {
-                position: *position,
+                position: grain.position,
                 ..Motion::default()
             };
             particles.insert(body, motion);

@@ -190,7 +190,7 @@ impl Prepared {
         }
         let fallen = grains.iter();
         Ok(fallen
-            .map(|(position, radius, material)| at_rest(position, *radius, *material as usize))
+            .map(|grain| at_rest(&grain.position, grain.radius, grain.material as usize))
             .collect())
     }
 
@@ -248,9 +248,10 @@ fn at_rest<C: Components>(position: &C, radius: f64, material: usize) -> ListedG
 /// Saves the blocks if the case requests this; returns a line about them.
 fn save_blocks(plan: &Plan, blocks: &PlacedBlocks, folder: &Path) -> Result<String, Error> {
     if let Some(path) = &blocks.save {
-        let text = list::write(blocks.list.iter().map(|block| {
-            let name = plan.scene.materials[block.material].name.as_str();
-            (&block.solid, name, block.fixed)
+        let text = list::write(blocks.list.iter().map(|block| list::SavedBlock {
+            solid: &block.solid,
+            material: &plan.scene.materials[block.material].name,
+            fixed: block.fixed,
         }));
         io::atomic::write(&folder.join(path), text.as_bytes())
             .map_err(|e| Error::Io(e.to_string()))?;

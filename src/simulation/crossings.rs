@@ -48,11 +48,20 @@ type Sighting = [u64; 8];
 /// Region in the scene and id of a grain.
 type Inside = (u64, u64);
 
+/// Region that records entries and exits.
+#[derive(Debug)]
+struct RecordingRegion {
+    /// Index in the scene.
+    number: u64,
+    name: String,
+    block: AlignedBox,
+}
+
 /// Recorder of entries and exits: see the module. Methods with particles are collective.
 #[derive(Debug)]
 pub struct Crossings {
     first_grain: u64,
-    regions: Vec<(u64, String, AlignedBox)>,
+    regions: Vec<RecordingRegion>,
     /// Grains of this rank in the regions after the last step; none before the first.
     inside: Option<BTreeMap<Inside, Sighting>>,
     /// Counts of each region of the scene.
@@ -72,9 +81,13 @@ impl Crossings {
         resumed_at: Option<u64>,
     ) -> Result<Self, Error> {
         let all = (0..).zip(&plan.scene.regions);
-        let regions: Vec<(u64, String, AlignedBox)> = all
+        let regions: Vec<RecordingRegion> = all
             .filter(|(_, region)| matches!(region.action, RegionAction::Record))
-            .map(|(n, region)| (n, region.name.clone(), region.block))
+            .map(|(number, region)| RecordingRegion {
+                number,
+                name: region.name.clone(),
+                block: region.block,
+            })
             .collect();
         let opened = (!regions.is_empty() && domain.rank() == 0)
             .then(|| Table::open(folder.join(TABLE), HEADER, resumed_at))
@@ -101,9 +114,9 @@ impl Crossings {
                 continue;
             }
             let at = boxed(&particles.motion[k].position, &plan.scene.grid);
-            for (region, _, block) in &self.regions {
-                if block.contains(at) {
-                    found.insert((*region, id), sighting(particles, k, at));
+            for region in &self.regions {
+                if region.block.contains(at) {
+                    found.insert((region.number, id), sighting(particles, k, at));
                 }
             }
         }
@@ -187,7 +200,7 @@ impl Crossings {
         (step, time): (u64, f64),
     ) -> String {
         let mut lines = String::new();
-        for (number, name, _) in &self.regions {
+        for RecordingRegion { number, name, .. } in &self.regions {
             for (event, seen) in [("in", came), ("out", went)] {
                 for ((_, id), seen) in seen.range((*number, 0)..=(*number, u64::MAX)) {
                     let values = seen.map(f64::from_bits);
@@ -236,10 +249,13 @@ impl Crossings {
     /// Returns the counts of each region that records, by name; `None` without such a region.
     #[must_use]
     pub fn summary(&self) -> Option<Value> {
-        let counts = self.regions.iter().filter_map(|(number, name, _)| {
-            let count = self.counts.get(usize::try_from(*number).ok()?)?;
-            Some((name.clone(), json!(count)))
-        });
+        let counts = self
+            .regions
+            .iter()
+            .filter_map(|RecordingRegion { number, name, .. }| {
+                let count = self.counts.get(usize::try_from(*number).ok()?)?;
+                Some((name.clone(), json!(count)))
+            });
         (!self.regions.is_empty()).then(|| Value::Object(counts.collect()))
     }
 }

@@ -79,6 +79,7 @@ pub use output::view;
 use phases::{Phase, Phases};
 use plan::Plan;
 use removal::{DepartedGrain, Removal};
+pub use resume::TABLES;
 use schedule::Schedule;
 use servos::Servos;
 use view::StateView;

@@ -76,13 +76,22 @@ pub struct RemovalState {
     made: Vec<GeneratorProgress>,
 }
 
+/// Region that removes grains.
+#[derive(Clone, Copy, Debug)]
+struct RemovingRegion {
+    /// Index in the scene.
+    number: usize,
+    block: AlignedBox,
+    when: When,
+}
+
 /// Regions that remove and generate grains, with their counts: see the module. Every method with a domain is
 /// collective.
 #[derive(Clone, Debug)]
 pub struct Removal {
     /// Ids below this are named bodies and blocks.
     first_grain: u64,
-    removes: Vec<(usize, AlignedBox, When)>,
+    removes: Vec<RemovingRegion>,
     generates: bool,
     /// Time of the last step in which the region generated grains \[s\].
     last: Option<f64>,
@@ -105,7 +114,11 @@ impl Removal {
                 .iter()
                 .enumerate()
                 .filter_map(|(n, region)| match region.action {
-                    RegionAction::Remove { when } => Some((n, region.block, when)),
+                    RegionAction::Remove { when } => Some(RemovingRegion {
+                        number: n,
+                        block: region.block,
+                        when,
+                    }),
                     _ => None,
                 })
                 .collect(),
@@ -179,8 +192,8 @@ impl Removal {
             let radius = particles.body[k].radius;
             self.removes
                 .iter()
-                .find(|(_, block, when)| holds(block, *when, at, radius, grid))
-                .map(|(region, ..)| *region)
+                .find(|one| holds(&one.block, one.when, at, radius, grid))
+                .map(|one| one.number)
         };
         let mut regions = Vec::new();
         let gone = particles.remove(|particles, k| match holder(particles, k) {

@@ -187,7 +187,11 @@ fn expected(plan: &Plan, changed: bool, stage: &Stage) -> checkpoint::Expected {
             Precision::F32 => 4,
             Precision::F64 => 8,
         };
-        (scene.grid.cells, flow.lattice.count(), bytes)
+        checkpoint::ExpectedPopulations {
+            cells: scene.grid.cells,
+            velocities: flow.lattice.count(),
+            bytes,
+        }
     });
     let of_blocks = scene.blocks.iter().flat_map(|blocks| &blocks.list);
     let radii = (scene.bodies.iter().map(|body| body.radius))
@@ -290,22 +294,24 @@ pub(super) fn bounds(plan: &Plan, changed: bool) -> checkpoint::StateLimits {
     }
 }
 
+/// Tables that a run may write, other than those of probes.
+pub const TABLES: [&str; 9] = [
+    "averages_profile.csv",
+    "bonds.csv",
+    "clusters.csv",
+    "collapse.csv",
+    "collapse_points.csv",
+    "crossings.csv",
+    "erosion.csv",
+    "removed.csv",
+    "surface.csv",
+];
+
 /// Returns the tables that the run of a plan may write, by name.
 pub(super) fn tables(plan: &Plan) -> Vec<String> {
     let probes = plan.scene.probes.iter();
     let probes = probes.map(|probe| format!("probe_{}.csv", probe.name));
-    let others = [
-        "averages_profile.csv",
-        "bonds.csv",
-        "clusters.csv",
-        "collapse.csv",
-        "collapse_points.csv",
-        "crossings.csv",
-        "erosion.csv",
-        "removed.csv",
-        "surface.csv",
-    ];
-    probes.chain(others.map(str::to_owned)).collect()
+    probes.chain(TABLES.map(str::to_owned)).collect()
 }
 
 /// Cuts the tables of a run back to a checkpoint, after checking that none of them was changed before that point. A
@@ -621,7 +627,9 @@ pub(super) fn drive_walls<S: Space>(plan: &Plan, dem: &mut Dem<S>) {
 /// Checks that no grain overlaps a wall that a restart adds. Collective.
 pub(super) fn check_new_walls<S: Space>(
     plan: &Plan,
-    (origins, gates, step): (&[Option<usize>], &Gates, u64),
+    origins: &[Option<usize>],
+    gates: &Gates,
+    step: u64,
     particles: &Particles<S>,
     domain: &Domain,
 ) -> Result<(), Error> {

@@ -77,19 +77,8 @@ pub fn run(
             overwrite: options.overwrite,
             case: options.case.clone(),
         };
-        let start = Start {
-            folder: RunFolder::enter(path, &entry, communicator)?,
-            parent: None,
-            resumed: None,
-            slabs: None,
-            limit: options.max_walltime,
-            begun: options.begun,
-            threads,
-            json: options.json,
-            quiet: false,
-            final_checkpoint: options.final_checkpoint,
-        };
-        start_on(communicator, plan, start)
+        let folder = RunFolder::enter(path, &entry, communicator)?;
+        start_on(communicator, plan, Start::new(folder, &options, threads))
     })
 }
 
@@ -110,16 +99,8 @@ pub fn restart(folder: &Path, set: &[String], options: RunOptions) -> Result<(),
         let found = resume::find(&entered, communicator)?;
         let (plan, resumed) = resume::plan(&text, set, folder, found, options.allow_unstable)?;
         let start = Start {
-            folder: entered,
-            parent: None,
             resumed: Some(resumed),
-            slabs: None,
-            limit: options.max_walltime,
-            begun: options.begun,
-            threads,
-            json: options.json,
-            quiet: false,
-            final_checkpoint: options.final_checkpoint,
+            ..Start::new(entered, &options, threads)
         };
         start_on(communicator, plan, start)
     })
@@ -388,4 +369,22 @@ struct Start {
     json: bool,
     quiet: bool,
     final_checkpoint: bool,
+}
+
+impl Start {
+    /// Returns the start of a run in its folder.
+    fn new(folder: RunFolder, options: &RunOptions, threads: usize) -> Self {
+        Self {
+            folder,
+            parent: None,
+            resumed: None,
+            slabs: None,
+            limit: options.max_walltime,
+            begun: options.begun,
+            threads,
+            json: options.json,
+            quiet: false,
+            final_checkpoint: options.final_checkpoint,
+        }
+    }
 }

@@ -57,8 +57,21 @@ pub(super) struct End {
     pub(super) unknown: Vec<String>,
 }
 
-/// Quantity of a probe: its name, its columns, and the size of one lattice unit.
-type Quantity = (&'static str, &'static [&'static str], f64);
+/// Quantity of a probe.
+#[derive(Clone, Copy)]
+struct Quantity {
+    name: &'static str,
+    columns: &'static [&'static str],
+    /// Size of one lattice unit.
+    unit: f64,
+}
+
+/// Quantity of a probe with its statistics.
+struct Observed {
+    probe: String,
+    quantity: Quantity,
+    statistics: EndStatistics,
+}
 
 /// Returns the quantities of a probe that should become steady.
 fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
@@ -69,12 +82,17 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
         units.spacing
     };
     let discharge = units.velocity_scale() * units.spacing * depth;
+    let one = |name, columns, unit| Quantity {
+        name,
+        columns,
+        unit,
+    };
     match at {
-        ProbeAt::Point(_) => vec![("pressure", &["pressure"], pressure)],
+        ProbeAt::Point(_) => vec![one("pressure", &["pressure"], pressure)],
         ProbeAt::Line { .. } | ProbeAt::Gauge(_) => Vec::new(),
         ProbeAt::Plane { .. } => vec![
-            ("discharge", &["discharge"], discharge),
-            ("mean_pressure", &["mean_pressure"], pressure),
+            one("discharge", &["discharge"], discharge),
+            one("mean_pressure", &["mean_pressure"], pressure),
         ],
         // Seepage is in equilibrium at every step.
         ProbeAt::Section { .. }
@@ -87,14 +105,14 @@ fn quantities(at: &ProbeAt, units: &LatticeUnits) -> Vec<Quantity> {
         ProbeAt::Joint(_) | ProbeAt::Mouth(_) | ProbeAt::Block(_) => Vec::new(),
         // Grains fluctuate; means over the window of their probes are in the summary.
         ProbeAt::Bed(_) | ProbeAt::Grains { .. } | ProbeAt::WallLoad { .. } => Vec::new(),
-        ProbeAt::Body(_) | ProbeAt::Structure { .. } => vec![(
+        ProbeAt::Body(_) | ProbeAt::Structure { .. } => vec![one(
             "fluid_force",
             &["fluid_force_x", "fluid_force_y", "fluid_force_z"],
             force,
         )],
         ProbeAt::Wall(_) => vec![
-            ("force", &["force_x", "force_y", "force_z"], force),
-            ("mass_flux", &["mass_flux"], units.density * discharge),
+            one("force", &["force_x", "force_y", "force_z"], force),
+            one("mass_flux", &["mass_flux"], units.density * discharge),
         ],
     }
 }
@@ -116,7 +134,11 @@ pub(super) fn read(plan: &Plan, folder: &Path, time: f64) -> End {
                 let known = all.len();
                 let seen = quantities.iter().filter_map(|quantity| {
                     let seen = last_windows(&rows, quantity, time)?;
-                    Some((probe.name.clone(), *quantity, seen))
+                    Some(Observed {
+                        probe: probe.name.clone(),
+                        quantity: *quantity,
+                        statistics: seen,
+                    })
                 });
                 all.extend(seen);
                 if all.len() == known {
@@ -157,7 +179,7 @@ fn last_windows(rows: &Rows, quantity: &Quantity, end: f64) -> Option<EndStatist
 
 fn window_statistics(
     rows: &Rows,
-    (_, names, _): &Quantity,
+    quantity: &Quantity,
     end: f64,
     window: f64,
 ) -> Option<EndStatistics> {
@@ -171,7 +193,7 @@ fn window_statistics(
         period: None,
     };
     let mut drifts = Vec::new();
-    for name in *names {
+    for name in quantity.columns {
         let column = rows.column(name)?;
         let between = |from: f64, to: f64| -> Vec<(f64, f64)> {
             let within = times.iter().zip(&column);
@@ -201,7 +223,7 @@ fn window_statistics(
         drifts.push(mean(&last) - mean(&before));
     }
     seen.drift = size(drifts.into_iter());
-    let at = rows.columns.iter().position(|c| c == names[0]);
+    let at = rows.columns.iter().position(|c| c == quantity.columns[0]);
     seen.unit = at
         .and_then(|n| rows.units.get(n).cloned())
         .unwrap_or_default();
@@ -222,7 +244,7 @@ fn period(samples: &[(f64, f64)], mean: f64) -> Option<f64> {
 }
 
 /// Divides drifts and amplitudes by the magnitudes of the values.
-fn normalise(all: Vec<(String, Quantity, EndStatistics)>) -> Vec<Settled> {
+fn normalise(all: Vec<Observed>) -> Vec<Settled> {
     let kind = |columns: &[&str]| {
         (
             columns[0].contains("force"),
@@ -230,18 +252,22 @@ fn normalise(all: Vec<(String, Quantity, EndStatistics)>) -> Vec<Settled> {
         )
     };
     let sizes: Vec<_> = (all.iter())
-        .map(|(_, (_, columns, _), seen)| (kind(columns), size(seen.value.iter().copied())))
+        .map(|one| {
+            let value = one.statistics.value.iter().copied();
+            (kind(one.quantity.columns), size(value))
+        })
         .collect();
     let judged = all.into_iter().enumerate();
-    let judged = judged.map(|(n, (probe, (quantity, _, scale), seen))| {
+    let judged = judged.map(|(n, one)| {
+        let seen = one.statistics;
         let alike = sizes.iter().filter(|(kind, _)| *kind == sizes[n].0);
         let largest = alike.map(|(_, size)| *size).fold(0.0, f64::max);
         let scale = (sizes[n].1)
             .max(MIN_MAGNITUDE * largest)
-            .max(ROUNDING * scale);
+            .max(ROUNDING * one.quantity.unit);
         Settled {
-            probe,
-            quantity,
+            probe: one.probe,
+            quantity: one.quantity.name,
             unit: seen.unit,
             window: seen.window,
             value: seen.value,
@@ -331,7 +357,19 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    const FORCE: Quantity = ("fluid_force", &["x", "y"], 1.0);
+    const FORCE: Quantity = Quantity {
+        name: "fluid_force",
+        columns: &["x", "y"],
+        unit: 1.0,
+    };
+
+    fn observed(quantity: Quantity, statistics: EndStatistics) -> Observed {
+        Observed {
+            probe: "p".into(),
+            quantity,
+            statistics,
+        }
+    }
 
     fn rows(of: impl Fn(f64) -> [f64; 2]) -> Rows {
         let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
@@ -350,7 +388,7 @@ mod tests {
 
     fn settled(of: impl Fn(f64) -> [f64; 2]) -> Settled {
         let seen = last_windows(&rows(of), &FORCE, 10.0).unwrap();
-        normalise(vec![("p".into(), FORCE, seen)]).remove(0)
+        normalise(vec![observed(FORCE, seen)]).remove(0)
     }
 
     /// Checks an exponential decay exp(-t/T), for which the means of two windows W differ by the factor exp(-W/T).
@@ -384,7 +422,7 @@ mod tests {
             few.steps = few.steps.into_iter().step_by(every).collect();
             let seen = last_windows(&few, &FORCE, 10.0).unwrap();
             approx::assert_relative_eq!(seen.window, window);
-            let one = normalise(vec![("p".into(), FORCE, seen)]).remove(0);
+            let one = normalise(vec![observed(FORCE, seen)]).remove(0);
             assert!(one.swing.max(one.drift) > SETTLED, "{every}: {one:?}");
         }
         let mut two = rows(|_| [5.0, 0.0]);
@@ -398,7 +436,7 @@ mod tests {
         assert!(last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 1e-3).is_none());
         let small = last_windows(&rows(|t| [1e-9 * t, 0.0]), &FORCE, 10.0).unwrap();
         let large = last_windows(&rows(|_| [1.0, 0.0]), &FORCE, 10.0).unwrap();
-        let all = vec![("s".into(), FORCE, small), ("l".into(), FORCE, large)];
+        let all = vec![observed(FORCE, small), observed(FORCE, large)];
         assert!(normalise(all).iter().all(|one| one.drift < 1e-4));
     }
 }

@@ -24,12 +24,9 @@ use lbm::boundary::{Opening, Patch};
 use lbm::fluid::{Force, Setup};
 use lbm::lanes::Stored;
 use lbm::surface::SurfaceTension;
-use lbm::term::TermBuilder;
-use lbm::term::porous::Porous;
 use plan::scene::bodies::Mobility;
 use plan::scene::boundaries;
 use plan::scene::flow::{BodyForce, Flow};
-use plan::scene::porous;
 use plan::scene::sample::ListedGrain;
 use plan::scene::seepage::{Seepage as SeepageScene, SeepagePatch};
 use plan::{self, Plan};
@@ -68,22 +65,10 @@ pub fn fluid<S: Stored>(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Resul
         saturation: coupled::saturation(plan),
         single: flow.arithmetic == Precision::F32,
         device: plan::device::device(&plan.scene),
-        terms: terms(plan, flow),
+        terms: (plan.scene.terms.iter())
+            .map(|term| term.build(&plan.scene.grid, flow))
+            .collect(),
     })
-}
-
-/// Returns the terms of the fluid step other than those of the fluid itself, one line for each.
-fn terms<S: Stored>(plan: &Plan, flow: &Flow) -> Vec<TermBuilder<S>> {
-    let mut terms: Vec<TermBuilder<S>> = Vec::new();
-    if !plan.scene.porous_zones.is_empty() {
-        let (zones, grid) = (plan.scene.porous_zones.clone(), plan.scene.grid.clone());
-        let time_step = flow.time_step;
-        terms.push(Box::new(move |populations, start| {
-            let cells = porous::cells(&zones, (&grid, time_step), start, populations.cells());
-            Box::new(Porous::new(populations, start, &cells))
-        }));
-    }
-    terms
 }
 
 fn force(plan: &Plan, flow: &Flow, units: &LatticeUnits) -> Force {

@@ -35,7 +35,7 @@ pub use images::Images;
 pub use solid::{Frame, ReadMesh, Solid};
 
 use base::error::Report;
-use base::family::describe_choices;
+use base::family::{describe_choices, family};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use solid::Scope;
@@ -44,54 +44,35 @@ use std::sync::Arc;
 /// Point or direction; in 2-D the third component has no effect.
 pub type Point = [f64; 3];
 
-/// Generates the list of shapes: the modules that contain them, and the enum from which a case chooses.
-macro_rules! shapes {
-    ($(#[$attribute:meta])* $list:ident: $($module:ident $shape:ident $name:literal,)*) => {
-        $(pub mod $module;)*
-
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        $(#[$attribute])*
-        #[schemars(transform = describe_choices)]
-        pub enum $list {
-            $(
-                #[allow(missing_docs, reason = "the documentation of a shape is in its module")]
-                #[serde(rename = $name)]
-                $shape($module::$shape),
-            )*
-        }
-
-        impl $list {
-            /// Returns the solid; reports errors in its parameters.
-            #[must_use]
-            pub fn solid(
-                &self,
-                frame: &Frame,
-                path: &str,
-                read: ReadMesh<'_>,
-                report: &mut dyn Report,
-            ) -> Option<Arc<dyn Solid>> {
-                match self {
-                    $(Self::$shape(parameters) => {
-                        let path = &format!("{path}.{}", $name);
-                        parameters.solid(Scope { frame, path, read }, report)
-                    })*
-                }
-            }
-        }
-    };
+family! {
+    /// Shape of a structure.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(rename = "StructureShape", transform = describe_choices)]
+    pub enum Shape {
+        plane: Plane(Plane),
+        cuboid: Cuboid(Cuboid) as "box",
+        polygon: Polygon(Polygon),
+        disc: Disc(Disc),
+        cylinder: Cylinder(Cylinder),
+        sphere: Sphere(Sphere),
+        surface: Surface(Surface),
+    }
 }
 
-shapes! {
-    /// Shape of a structure.
-    #[schemars(rename = "StructureShape")]
-    Shape:
-    plane Plane "plane",
-    cuboid Cuboid "box",
-    polygon Polygon "polygon",
-    disc Disc "disc",
-    cylinder Cylinder "cylinder",
-    sphere Sphere "sphere",
-    surface Surface "surface",
+impl Shape {
+    /// Returns the solid; reports errors in its parameters.
+    #[must_use]
+    pub fn solid(
+        &self,
+        frame: &Frame,
+        path: &str,
+        read: ReadMesh<'_>,
+        report: &mut dyn Report,
+    ) -> Option<Arc<dyn Solid>> {
+        let path = &format!("{path}.{}", self.name());
+        each!(self, shape => shape.solid(Scope { frame, path, read }, report))
+    }
 }
 
 /// Returns `true` if a shape fits the dimension of the problem; otherwise reports a finding.

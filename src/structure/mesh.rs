@@ -56,14 +56,28 @@ impl Node {
     }
 }
 
-/// Returns the nearest point of a triangle: its squared distance, and the index of the normal there.
-fn nearest(at: Point, [a, b, c]: [Point; 3]) -> (f64, Point, usize) {
+/// Point of a triangle.
+#[derive(Clone, Copy)]
+struct Foot {
+    /// Squared distance.
+    squared: f64,
+    point: Point,
+    /// Index of the normal there.
+    feature: usize,
+}
+
+/// Returns the nearest point of a triangle.
+fn nearest(at: Point, [a, b, c]: [Point; 3]) -> Foot {
     // Voronoi regions as in C. Ericson, Real-Time Collision Detection (2005), 5.1.5.
     let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(at, a));
     let (d1, d2) = (dot(ab, ap), dot(ac, ap));
-    let result = |foot: Point, feature: usize| {
-        let gap = minus(at, foot);
-        (dot(gap, gap), foot, feature)
+    let result = |point: Point, feature: usize| {
+        let gap = minus(at, point);
+        Foot {
+            squared: dot(gap, gap),
+            point,
+            feature,
+        }
     };
     if d1 <= 0.0 && d2 <= 0.0 {
         return result(a, 4);
@@ -166,11 +180,15 @@ impl TriangleMesh {
     /// Returns the distance of a point; negative inside a closed surface.
     #[must_use]
     pub fn distance(&self, at: Point) -> f64 {
-        let mut best = (f64::INFINITY, [0.0; 3], 0);
+        let mut best = Foot {
+            squared: f64::INFINITY,
+            point: [0.0; 3],
+            feature: 0,
+        };
         let mut holder = 0;
         let mut stack = vec![(0, self.nodes[0].squared(at))];
         while let Some((place, squared)) = stack.pop() {
-            if squared >= best.0 {
+            if squared >= best.squared {
                 continue;
             }
             let node = self.nodes[place];
@@ -186,16 +204,17 @@ impl TriangleMesh {
             }
             for k in node.first..node.first + node.count {
                 let found = nearest(at, self.corners(k));
-                if found.0 < best.0 {
+                if found.squared < best.squared {
                     (best, holder) = (found, k);
                 }
             }
         }
-        let distance = best.0.sqrt();
+        let distance = best.squared.sqrt();
         let inside = if self.crossed {
             self.winding(at) > 0
         } else {
-            self.open_edges == 0 && dot(minus(at, best.1), self.normals[holder][best.2]) < 0.0
+            self.open_edges == 0
+                && dot(minus(at, best.point), self.normals[holder][best.feature]) < 0.0
         };
         if inside { -distance } else { distance }
     }

@@ -12,7 +12,7 @@
 
 use crate::section::{Bracket, Round, Section, Tolerance};
 use analysis::erosion_law::{RemovedGrain, read_rows};
-use base::error::{Error, Problem, Severity, Verdict};
+use base::error::{Error, Problem, Verdict};
 use case::Document;
 use darcy::Condition;
 use decomposition::Communicator;
@@ -158,13 +158,7 @@ struct Inlet {
 
 /// Returns the error of an unsuitable case.
 fn refusal(path: &str, value: String, reason: &str, remedy: &str) -> Error {
-    Error::Case(vec![Problem {
-        path: path.into(),
-        value,
-        reason: reason.into(),
-        remedy: remedy.into(),
-        severity: Severity::Error,
-    }])
+    Error::Case(vec![Problem::error(path, value, reason, remedy)])
 }
 
 /// Hydraulic heads at the boundaries.
@@ -439,7 +433,7 @@ impl Searching<'_> {
             self.sample = Some(std::path::absolute(&sample).unwrap_or(sample));
         }
         let found = agreement::on_first(self.communicator, || read(&folder, half))?;
-        let words = [found.0, found.1, found.2.to_bits()];
+        let words = [found.early, found.late, found.porosity.to_bits()];
         let mut bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         self.communicator.broadcast_bytes(0, &mut bytes);
         let (words, _) = bytes.as_chunks::<8>();
@@ -469,8 +463,19 @@ impl Searching<'_> {
     }
 }
 
+/// Result of a trial.
+#[derive(Default)]
+struct TrialRecord {
+    /// Grains that left in the first half.
+    early: u64,
+    /// Grains that left after it.
+    late: u64,
+    /// Mean porosity at the end.
+    porosity: f64,
+}
+
 /// Returns the numbers of grains that left up to step `half` and after it, and the mean porosity at the end.
-fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
+fn read(folder: &Path, half: u64) -> Result<TrialRecord, Error> {
     let removed = folder.join("removed.csv");
     let (mut early, mut late) = (0, 0);
     if removed.exists() {
@@ -488,5 +493,9 @@ fn read(folder: &Path, half: u64) -> Result<(u64, u64, f64), Error> {
         io::plain::text(&path, io::plain::LONGEST_CASE).map_err(|e| Error::Io(e.to_string()))?;
     let summary: Value = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     let porosity = summary["seepage"]["mean_porosity"].as_f64();
-    Ok((early, late, porosity.unwrap_or(f64::NAN)))
+    Ok(TrialRecord {
+        early,
+        late,
+        porosity: porosity.unwrap_or(f64::NAN),
+    })
 }

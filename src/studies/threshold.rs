@@ -88,7 +88,11 @@ struct Trial {
 /// If the study is invalid, with all problems before any member runs; if a signal ended the search,
 /// [`Error::Stopped`]; if members failed, [`Error::Io`]; if no result follows from the members, [`Error::Numerical`].
 pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<SearchOutcome, Error> {
-    let (study, study_folder, output) = read(options)?;
+    let ReadStudy {
+        study,
+        folder: study_folder,
+        output,
+    } = read(options)?;
     ends(&study, study_folder).map_err(Error::Case)?;
     enough_cores(&study.run)?;
     let allowed = study.refused == Refused::Run;
@@ -122,15 +126,26 @@ pub fn command(options: &Threshold, report: LineReport<'_>) -> Result<SearchOutc
     Ok(found)
 }
 
-/// Returns the study, its folder and the output folder.
-fn read(options: &Threshold) -> Result<(ThresholdStudy, &Path, PathBuf), Error> {
+/// Study as read from its file.
+struct ReadStudy<'a> {
+    study: ThresholdStudy,
+    /// Folder of the study.
+    folder: &'a Path,
+    /// Folder of the results.
+    output: PathBuf,
+}
+
+/// Reads a study.
+fn read(options: &Threshold) -> Result<ReadStudy<'_>, Error> {
     let file = &options.study;
     let text = io::plain::text(file, io::plain::LONGEST_CASE)
         .map_err(|e| Error::Io(format!("the study: {e}")))?;
     let study = ThresholdStudy::read(&text).map_err(Error::Case)?;
-    let study_folder = file.parent().unwrap_or(Path::new(""));
-    let output = (options.output.clone()).unwrap_or_else(|| file.with_extension(""));
-    Ok((study, study_folder, output))
+    Ok(ReadStudy {
+        study,
+        folder: file.parent().unwrap_or(Path::new("")),
+        output: (options.output.clone()).unwrap_or_else(|| file.with_extension("")),
+    })
 }
 
 /// Returns the members at both ends of the interval, without running them; relative paths in the study start at
@@ -160,8 +175,8 @@ pub fn ends(study: &ThresholdStudy, study_folder: &Path) -> Result<Vec<Member>, 
 /// # Errors
 /// If the study is invalid, with all problems.
 pub fn list(options: &Threshold, report: LineReport<'_>) -> Result<(), Error> {
-    let (study, study_folder, _) = read(options)?;
-    for member in ends(&study, study_folder).map_err(Error::Case)? {
+    let ReadStudy { study, folder, .. } = read(options)?;
+    for member in ends(&study, folder).map_err(Error::Case)? {
         let cost = member.prepared.as_ref().map_or_else(
             || "not run".to_owned(),
             |prepared| {

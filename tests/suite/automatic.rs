@@ -8,6 +8,7 @@ use crate::ranks::{Cores, Study, beside_others};
 use serde_json::json;
 use solver::case::Document;
 use solver::plan::Plan;
+use solver::scene::auto::Subject;
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -50,13 +51,23 @@ fn every_choice_has_a_reason_and_keeps_all_limits() {
         }
         let plan = plan(&folder, &[]);
         let choices = if text.contains("darcy") {
-            ["spacing", "accuracy", "contact law", "coupling interval"]
+            [
+                Subject::Spacing,
+                Subject::Accuracy,
+                Subject::ContactLaw,
+                Subject::CouplingInterval,
+            ]
         } else {
-            ["spacing", "time step", "collision", "turbulence"]
+            [
+                Subject::Spacing,
+                Subject::TimeStep,
+                Subject::Collision,
+                Subject::Turbulence,
+            ]
         };
         for what in choices {
             let why = plan.scene.chosen.reason_of(what);
-            assert!(why.is_some(), "{}: {what}", folder.display());
+            assert!(why.is_some(), "{}: {what:?}", folder.display());
         }
         for margin in &plan.margins {
             assert!(
@@ -94,7 +105,10 @@ fn examples_without_their_numerics_still_plan() {
         }
         let document = Document::read(text, &set, Path::new("")).unwrap();
         let plan = Plan::prepare(document).unwrap_or_else(|p| panic!("{name}: {p:#?}"));
-        assert!(plan.scene.chosen.reason_of("spacing").is_some(), "{name}");
+        assert!(
+            plan.scene.chosen.reason_of(Subject::Spacing).is_some(),
+            "{name}"
+        );
     }
     // The hole-erosion test of the paper has cells of 20 micrometres: eight per small grain.
     let text = solver::case::examples::find("piping").unwrap().text;
@@ -181,10 +195,10 @@ fn a_linear_law_needs_no_stiffness() {
     let assumed =
         |plan: &Plan| format!("{:?}", plan.warnings).contains("the case has no contact law");
     assert!(assumed(&none) && !assumed(&open));
-    assert!(open.scene.chosen.reason_of("contact law").is_some());
+    assert!(open.scene.chosen.reason_of(Subject::ContactLaw).is_some());
     let stated = case(r#""contact": {"linear": {"normal_stiffness": {"absolute": 12345}}},"#);
     assert!((stiffness(&stated, 0.002) - 12345.0).abs() < 1e-9);
-    assert!(stated.scene.chosen.reason_of("contact law").is_none());
+    assert!(stated.scene.chosen.reason_of(Subject::ContactLaw).is_none());
     // A missing friction is reported once; a stated friction is not reported, even if it is zero.
     let silent = |law: &str| {
         let plan = case(&format!(r#""contact": {{{law}}},"#));
@@ -258,13 +272,13 @@ fn what_is_stated_is_taken() {
         solver::case::fluid::Collision::Bgk(_)
     ));
     for what in [
-        "spacing",
-        "time step",
-        "collision",
-        "turbulence",
-        "coupling",
+        Subject::Spacing,
+        Subject::TimeStep,
+        Subject::Collision,
+        Subject::Turbulence,
+        Subject::Coupling,
     ] {
-        assert_eq!(stated.scene.chosen.reason_of(what), None, "{what}");
+        assert_eq!(stated.scene.chosen.reason_of(what), None, "{what:?}");
     }
 }
 

@@ -4,6 +4,7 @@ use dem::particles::{Body, Motion};
 use dem::polyhedron::Polyhedron;
 use dem::{PlaneSpace, Volume};
 use lbm::collision::trt::AntisymmetricRate;
+use lbm::gpu::host::{CoveredPositions, SlabPositions};
 use lbm::lattice::{D2Q9, D3Q19, Velocities};
 use lbm::saturation::{SaturationMethod as Action, SolidOperator, Weighting};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -291,12 +292,12 @@ fn a_gpu_finds_the_same_cells() {
             at[axis] = 1;
             to_i32(populations.cell(at) - origin)
         };
-        let slab = (
-            to_u32(origin),
-            [stride(0), stride(1), stride(2)],
-            CELLS.map(to_i32),
-            populations.order().map(to_u32),
-        );
+        let slab = SlabPositions {
+            origin: to_u32(origin),
+            strides: [stride(0), stride(1), stride(2)],
+            cells: CELLS.map(to_i32),
+            order: populations.order().map(to_u32),
+        };
         // A wall at rest on one side.
         let mut walled = Vec::new();
         for j in 0..CELLS[1] {
@@ -322,9 +323,17 @@ fn a_gpu_finds_the_same_cells() {
             map.place_bodies(&particles, &mut cover, 1.0, 1.0);
             assert!(cover.balls().is_some());
             let (before, _) = cover.cells();
-            let before = (before.to_vec(), vec![-1.0; before.len()]);
+            let before = CoveredPositions {
+                owner: before.to_vec(),
+                fraction: vec![-1.0; before.len()],
+                shared: Vec::new(),
+            };
             map.cover_cells(&mut cover);
-            let (owner, fraction, shared) = lbm::gpu::host::cover(cover.solids(), before, slab);
+            let CoveredPositions {
+                owner,
+                fraction,
+                shared,
+            } = lbm::gpu::host::cover(cover.solids(), before, &slab);
             let here: Vec<Vec<_>> = cover.shared().map(<[_]>::to_vec).collect();
             let (owners, fractions) = cover.cells();
             for (position, held) in fractions.iter().enumerate() {

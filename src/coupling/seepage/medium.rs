@@ -73,7 +73,8 @@ impl<Sp: Space> Seepage<Sp> {
         let porosity = self.pores.porosity();
         for cell in 0..porosity.len() {
             self.limited[cell] = permeability.limited(porosity[cell]);
-            self.source[cell] = (self.before[cell] - porosity[cell]) * self.openness.inside[cell]
+            self.source[cell] = (self.earlier.porosity[cell] - porosity[cell])
+                * self.openness.inside[cell]
                 / self.settings.interval;
         }
         if let Some((zones, permeability_of_zones)) = &mut self.zones {
@@ -83,8 +84,8 @@ impl<Sp: Space> Seepage<Sp> {
         self.compute_porosities();
         self.measure_open_water();
         self.report.iterations = self.iterate_until_converged(particles)?;
-        self.before.copy_from_slice(self.pores.porosity());
-        self.has_before = true;
+        self.earlier.porosity.copy_from_slice(self.pores.porosity());
+        self.earlier.known = true;
         Ok(())
     }
 
@@ -369,10 +370,10 @@ impl<Sp: Space> Seepage<Sp> {
     /// Computes laws and pressure alternately until both converge; returns the number of iterations. Collective.
     fn iterate_until_converged(&mut self, particles: &ParticlesView<'_, Sp>) -> Result<u32, Error> {
         let moves = self.settings.moves();
-        let source = self.settings.transient_porosity && !moves && self.has_before;
+        let source = self.settings.transient_porosity && !moves && self.earlier.known;
         let mut settled = (SETTLED * self.pressure.tolerance()).max(MIN_SETTLED);
         let grains = self.communicator.all_reduce_sum_u64(particles.owned as u64);
-        if moves && self.has_before && grains > 0 {
+        if moves && self.earlier.known && grains > 0 {
             settled = settled.max(CONTINUED_CHANGE);
         }
         let law = self.settings.resistance.law.model();

@@ -4,7 +4,7 @@ use super::{Condition, Equations, Liquid, PressurePatch, PressureSettings};
 use crate::enclosure::Openness;
 use crate::grid::SeepageGrid;
 use crate::layout::Layout;
-use crate::multigrid::cuts;
+use crate::multigrid::{Ground, cuts};
 use decomposition::{ExactSum, Slabs, SplitAxis};
 
 /// Boundary face of the grid, or of a drain in it, that may be crossed.
@@ -38,6 +38,17 @@ pub(super) struct Boundary {
     pub(super) rate: f64,
     /// Derivative of the inflow beyond the two-point flux with respect to minus the reduced pressure of the cell.
     pub(super) response: f64,
+}
+
+impl Boundary {
+    /// Returns the face with an imposed pressure and this conductance.
+    pub(super) fn ground(&self, conductance: f64) -> Ground {
+        Ground {
+            at: self.at,
+            axis: self.axis,
+            conductance,
+        }
+    }
 }
 
 /// Returns the reduced pressure of a head: rho g h \[Pa\].

@@ -162,7 +162,7 @@ impl Pressure {
     }
 
     fn is_ground(&self, at: usize) -> bool {
-        self.ground.binary_search_by_key(&at, |g| g.0).is_ok()
+        self.ground.binary_search_by_key(&at, |one| one.at).is_ok()
     }
 
     /// Computes `residual = right - A phi`, and returns its largest magnitude on any rank.

@@ -66,6 +66,9 @@ struct Corner {
 /// Signs of the position of each cell at a corner: 1 if the cell is below the corner along an axis, -1 if above.
 const SIDES: [[f64; 2]; 4] = [[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
 
+/// Cells on both sides of the two half faces normal to an axis at a corner.
+const HALF_FACES: [[(usize, usize); 2]; 2] = [[(0, 1), (2, 3)], [(0, 2), (1, 3)]];
+
 impl Corner {
     /// Adds the energy of each quarter of a cell; with the cross term if `shear`.
     fn assemble(&mut self, shear: bool) {
@@ -275,13 +278,7 @@ impl Pressure {
         };
         let mut parts = [[1.0; 2]; 4];
         for axis in 0..2 {
-            // Cells on both sides of the half faces at the corner.
-            let pairs = if axis == 0 {
-                [(0, 1), (2, 3)]
-            } else {
-                [(0, 2), (1, 3)]
-            };
-            for (lower, upper) in pairs {
+            for (lower, upper) in HALF_FACES[axis] {
                 let between = cells[lower].zip(cells[upper]).map(|(_, upper)| upper);
                 let factor = between.map_or(0.0, |at| self.conduction.factor[axis][at]);
                 if factor > 0.0 {
@@ -353,20 +350,32 @@ impl Pressure {
             coupling.fill(0.0);
         }
         own.leak.fill(0.0);
+        self.each_corner(&mut own, |this, own, corner, (_, sign)| {
+            this.add_corner(own, corner, sign);
+        });
+        self.tensor = Some(own);
+    }
+
+    /// Eliminates the unknowns of each corner, with and without the shear, and passes it to `act` with `true` for the
+    /// shear and the sign of its contribution.
+    fn each_corner(
+        &mut self,
+        own: &mut Tensor,
+        mut act: impl FnMut(&mut Self, &mut Tensor, &Corner, (bool, f64)),
+    ) {
         let [nx, ny, _] = self.slab.grid.cells;
         for j in 0..=ny {
             for i in 0..=nx {
-                let Some(mut corner) = self.corner(&own, [i, j]) else {
+                let Some(mut corner) = self.corner(own, [i, j]) else {
                     continue;
                 };
                 for (shear, sign) in [(true, 1.0), (false, -1.0)] {
                     corner.assemble(shear);
                     corner.eliminate();
-                    self.add_corner(&mut own, &corner, sign);
+                    act(self, own, &corner, (shear, sign));
                 }
             }
         }
-        self.tensor = Some(own);
     }
 
     /// Adds or subtracts the couplings of a corner.
@@ -421,20 +430,10 @@ impl Pressure {
         for face in &mut self.boundary {
             face.extra = 0.0;
         }
-        let [nx, ny, _] = self.slab.grid.cells;
-        for j in 0..=ny {
-            for i in 0..=nx {
-                let Some(mut corner) = self.corner(&own, [i, j]) else {
-                    continue;
-                };
-                for (shear, sign) in [(true, 1.0), (false, -1.0)] {
-                    corner.assemble(shear);
-                    corner.eliminate();
-                    let values = corner.values(&self.phi);
-                    self.add_flows(&mut own, &corner, &values, (shear, sign));
-                }
-            }
-        }
+        self.each_corner(&mut own, |this, own, corner, part| {
+            let values = corner.values(&this.phi);
+            this.add_flows(own, corner, &values, part);
+        });
         self.tensor = Some(own);
     }
 
@@ -447,12 +446,7 @@ impl Pressure {
         (shear, sign): (bool, f64),
     ) {
         for axis in 0..2 {
-            let pairs = if axis == 0 {
-                [(0, 1), (2, 3)]
-            } else {
-                [(0, 2), (1, 3)]
-            };
-            for (lower, upper) in pairs {
+            for (lower, upper) in HALF_FACES[axis] {
                 let shared = corner.nodes[lower][axis] == corner.nodes[upper][axis];
                 if let (Some(_), Some(at), true) =
                     (corner.cells[lower], corner.cells[upper], shared)

@@ -291,13 +291,7 @@ impl Pressure {
         // From here on the boundary inflow is that of unsaturated ground.
         self.unsaturated = Some(own);
         let (iterations, residual) = solved?;
-        let (inflow, outflow) = self.fluxes();
-        Ok(SolutionReport {
-            iterations,
-            residual,
-            inflow,
-            outflow,
-        })
+        Ok(self.report(iterations, residual))
     }
 
     /// Checks that no well takes so much that its water would boil.
@@ -603,7 +597,7 @@ impl Pressure {
         for face in &self.boundary {
             if face.response > 0.0 {
                 let response = face.response * own.scale[face.at];
-                self.ground.push((face.at, face.axis, response));
+                self.ground.push(face.ground(response));
             }
         }
         if let Some(transient) = own
@@ -615,7 +609,11 @@ impl Pressure {
                 for at in row {
                     let stored = transient.capacity[at] * own.scale[at];
                     if stored > 0.0 {
-                        self.ground.push((at, multigrid::STORED, stored));
+                        self.ground.push(multigrid::Ground {
+                            at,
+                            axis: multigrid::STORED,
+                            conductance: stored,
+                        });
                     }
                 }
             }

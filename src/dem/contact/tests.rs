@@ -8,22 +8,40 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use super::bridges::Bridged;
-use super::family::{CriticalTimeStep, Family, contact_laws};
+use super::family::{CriticalTimeStep, Family, Visitor};
 use super::rolling::Rolling;
 use super::*;
 use crate::{Body, Dem, DemSettings, GrainDomain, Motion, Particles, Volume, alone};
 use base::error::{Remedy, Report};
 
-contact_laws! {
+family! {
+    dispatch each_input;
     /// Contact laws of this test: the linear law and a law that exists only here.
-    Contact,
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    enum Contact: dyn ContactParameters<Law> {
+        Linear(linear::LinearInput),
+        Toy(toy::Input),
+    }
+}
+
+family! {
+    dispatch each_resolved;
     /// Laws that the choices resolve to.
-    Law:
-    /// Linear springs with friction, no tension.
-    Linear(linear::LinearInput) => Linear(linear::Linear), RollingLinear(Rolling<linear::Linear>),
-        BridgedLinear(Bridged<linear::Linear>), BridgedRollingLinear(Bridged<Rolling<linear::Linear>>);
-    /// A spring whose force is the square of the overlap.
-    Toy(toy::Input) => Toy(toy::Toy);
+    #[derive(Clone, Debug, PartialEq)]
+    enum Law: dyn ContactModel, from {
+        Linear(linear::Linear),
+        RollingLinear(Rolling<linear::Linear>),
+        BridgedLinear(Bridged<linear::Linear>),
+        BridgedRollingLinear(Bridged<Rolling<linear::Linear>>),
+        Toy(toy::Toy),
+    }
+}
+
+impl Family for Law {
+    fn visit<S: Space, V: Visitor<S>>(&self, visitor: V) -> V::Output {
+        each_resolved!(self, law => visitor.visit(law))
+    }
 }
 
 /// Collector of the paths of all findings.
@@ -61,9 +79,10 @@ fn facts(materials: &[MaterialFacts], bond_at_start: bool) -> SceneFacts<'_> {
 fn resolved(contact: serde_json::Value) -> Law {
     let contact: Contact = serde_json::from_value(contact).unwrap();
     let mut report = Paths::default();
-    let law = contact.resolve(&facts(&glass(), false), &mut report);
+    let input = contact.model();
+    let law = input.resolve(&facts(&glass(), false), &mut report);
     assert_eq!(report.0, Vec::<String>::new());
-    assert!(contact.local_damping() <= 0.0 && !contact.of_polyhedra() && contact.states_friction());
+    assert!(input.local_damping() <= 0.0 && !input.of_polyhedra() && input.states_friction());
     law.unwrap()
 }
 
@@ -73,7 +92,7 @@ fn the_schema_and_the_findings_know_a_law_by_its_line() {
     assert!(schema.contains("\"toy\"") && schema.contains("exclusiveMinimum"));
     let contact: Contact = serde_json::from_value(json!({"toy": {"stiffness": 1e9}})).unwrap();
     let mut report = Paths::default();
-    let _ = contact.resolve(&facts(&glass(), true), &mut report);
+    let _ = contact.model().resolve(&facts(&glass(), true), &mut report);
     assert_eq!(report.0, ["grains.bond_at_start"]);
 }
 
@@ -82,7 +101,7 @@ fn a_toy_is_described_limited_and_stepped() {
     let mut law = resolved(json!({"toy": {"stiffness": 1e9}}));
     assert_eq!(law.model().describe(), "a toy");
     assert!(!law.model().bonds());
-    law.model_mut().prepare(None, Some(0.5));
+    each_resolved!(&mut law, law => law.prepare(None, Some(0.5)));
     let bodies = [1, 2].map(|id| Body::uniform::<Volume>(id, 1e-3, 2500.0, 0));
     let mass = bodies[0].mass;
     let critical = Family::visit::<Volume, _>(
@@ -136,7 +155,9 @@ fn overrides_of_pairs_are_checked() {
     let wrong = json!({"materials": ["glass", "brass"], "cohesion": {"absolute": 1}});
     let contact: Contact = serde_json::from_value(law(vec![pair.clone(), wrong, pair])).unwrap();
     let mut report = Paths::default();
-    let _ = contact.resolve(&facts(&glass(), false), &mut report);
+    let _ = contact
+        .model()
+        .resolve(&facts(&glass(), false), &mut report);
     assert_eq!(
         report.0,
         [

@@ -127,12 +127,14 @@ impl<C: Copy, M: Copy + Default + PartialEq> Facets<C, M> {
             );
             let failure = act_at_wall::<S, L>(
                 (&pair.constants, &mut history),
-                (pair.radius, one.distance, &normal),
-                (
+                &WallTouch {
+                    radius: pair.radius,
+                    distance: one.distance,
+                    normal: &normal,
                     grain,
-                    &wall.velocity,
-                    grains.moisture::<L>(pair.grain, pair.grain),
-                ),
+                    moves: &wall.velocity,
+                    moisture: grains.moisture::<L>(pair.grain, pair.grain),
+                },
                 &mut contact[pair.grain as usize - first],
                 dt,
             );
@@ -419,18 +421,19 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             let near = ghosts::index(facets.near.len());
             facets.near.extend(group.iter().map(|[_, _, facet]| *facet));
             let held = ghosts::index(facets.held.len());
-            let from = self
-                .wall_histories
-                .partition_point(|(key, _)| *key < (body.id, w, 0));
+            let first = WallKey {
+                grain: body.id,
+                wall: w,
+                facet: 0,
+            };
+            let from = self.wall_histories.partition_point(|(key, _)| *key < first);
             let remembered = self.wall_histories[from..]
                 .iter()
-                .take_while(|(key, _)| (key.0, key.1) == (body.id, w));
-            facets
-                .held
-                .extend(remembered.map(|((_, _, facet), history)| Held {
-                    facet: *facet,
-                    history: *history,
-                }));
+                .take_while(|(key, _)| (key.grain, key.wall) == (body.id, w));
+            facets.held.extend(remembered.map(|(key, history)| Held {
+                facet: key.facet,
+                history: *history,
+            }));
             let diameter = 2.0 * body.radius;
             let position = &particles.motion[grain as usize].position;
             facets.pairs.push(SurfacePair {

@@ -7,8 +7,15 @@ use super::*;
 use crate::neighbors::threads_for;
 use std::ops::Range;
 
-/// Key of a contact at a wall: id of the grain, wall, facet (0 for a plane).
-pub(crate) type WallKey = (u64, u32, u32);
+/// Key of a contact at a wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct WallKey {
+    /// Id of the grain.
+    pub(crate) grain: u64,
+    pub(crate) wall: u32,
+    /// Facet of the wall; 0 for a plane.
+    pub(crate) facet: u32,
+}
 
 /// Key of a contact: ids, and the offset in periods of the second raw position from the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -78,17 +85,25 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
         );
         for pair in &self.solids.wall_pairs {
             if pair.history != L::History::default() {
-                let id = self.lists.names[pair.grain as usize].0;
-                self.wall_histories.push(((id, pair.wall, 0), pair.history));
+                let key = WallKey {
+                    grain: self.lists.names[pair.grain as usize].0,
+                    wall: pair.wall,
+                    facet: 0,
+                };
+                self.wall_histories.push((key, pair.history));
             }
         }
         for facets in &mut self.solids.facets {
             for pair in &facets.pairs {
-                let id = self.lists.names[pair.grain as usize].0;
+                let grain = self.lists.names[pair.grain as usize].0;
                 for held in facets.held(pair) {
                     if held.history != L::History::default() {
-                        self.wall_histories
-                            .push(((id, pair.wall, held.facet), held.history));
+                        let key = WallKey {
+                            grain,
+                            wall: pair.wall,
+                            facet: held.facet,
+                        };
+                        self.wall_histories.push((key, held.history));
                     }
                 }
             }
@@ -139,15 +154,24 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
             .iter()
             .filter(|pair| pair.history != fresh)
         {
-            let id = self.lists.names[pair.grain as usize].0;
-            walls((id, pair.wall, 0), &pair.history);
+            let key = WallKey {
+                grain: self.lists.names[pair.grain as usize].0,
+                wall: pair.wall,
+                facet: 0,
+            };
+            walls(key, &pair.history);
         }
         for facets in &self.solids.facets {
             for pair in &facets.pairs {
-                let id = self.lists.names[pair.grain as usize].0;
+                let grain = self.lists.names[pair.grain as usize].0;
                 let held = facets.held(pair).iter();
                 for held in held.filter(|held| held.history != fresh) {
-                    walls((id, pair.wall, held.facet), &held.history);
+                    let key = WallKey {
+                        grain,
+                        wall: pair.wall,
+                        facet: held.facet,
+                    };
+                    walls(key, &held.history);
                 }
             }
         }

@@ -138,9 +138,14 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                         continue;
                     }
                     let wall_index = ghosts::index(w);
+                    let key = WallKey {
+                        grain: body.id,
+                        wall: wall_index,
+                        facet: 0,
+                    };
                     let held = self
                         .wall_histories
-                        .binary_search_by_key(&(body.id, wall_index, 0), |(key, _)| *key)
+                        .binary_search_by_key(&key, |(key, _)| *key)
                         .map_or(L::History::default(), |at| self.wall_histories[at].1);
                     let lives = distance < body.radius || L::bonded(&held);
                     let partners = at_wall(wall.material, body);

@@ -29,7 +29,11 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                     .iter()
                     .filter(|(key, _)| leaves(key.first) || leaves(key.second))
             };
-            let walls = || self.wall_histories.iter().filter(|(key, _)| leaves(key.0));
+            let walls = || {
+                self.wall_histories
+                    .iter()
+                    .filter(|(key, _)| leaves(key.grain))
+            };
             writer.integer(grains().count() as u64);
             for (key, history) in grains() {
                 writer.integer(key.first);
@@ -40,10 +44,10 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 pack_history::<S, L>(history, &mut numbers, &mut writer);
             }
             writer.integer(walls().count() as u64);
-            for ((id, wall, facet), history) in walls() {
-                writer.integer(*id);
-                writer.integer(u64::from(*wall));
-                writer.integer(u64::from(*facet));
+            for (key, history) in walls() {
+                writer.integer(key.grain);
+                writer.integer(u64::from(key.wall));
+                writer.integer(u64::from(key.facet));
                 pack_history::<S, L>(history, &mut numbers, &mut writer);
             }
             messages.push((target, writer.0));
@@ -66,14 +70,15 @@ impl<S: Space, L: Bodies<S>> Engine<S, L> {
                 ));
             }
             for _ in 0..reader.integer()? {
-                let id = reader.integer()?;
+                let grain = reader.integer()?;
                 let mut small = || {
                     u32::try_from(reader.integer()?)
                         .map_err(|_| Error::Internal("the index of a wall exceeds 32 bits".into()))
                 };
                 let (wall, facet) = (small()?, small()?);
                 let history = unpack_history::<S, L>(&mut numbers, &mut reader)?;
-                self.wall_histories.push(((id, wall, facet), history));
+                self.wall_histories
+                    .push((WallKey { grain, wall, facet }, history));
             }
         }
         self.put_histories_in_order();

@@ -82,16 +82,36 @@ pub(super) fn dry<S: Space>(motion: &[Motion<S>]) -> Grains<'_, S> {
     }
 }
 
-/// Computes the contact of a grain with a wall at `distance` \[m\] along `normal` and adds it to the load of the
-/// grain.
+/// Grain next to a wall.
+pub(super) struct WallTouch<'a, S: Space> {
+    /// Radius of the grain \[m\].
+    pub(super) radius: f64,
+    /// Distance of its centre from the wall \[m\], along `normal`.
+    pub(super) distance: f64,
+    pub(super) normal: &'a S::Vector,
+    pub(super) grain: &'a Motion<S>,
+    /// Velocity of the wall [m/s].
+    pub(super) moves: &'a S::Vector,
+    /// Moisture of the contact.
+    pub(super) moisture: [f64; 2],
+}
+
+/// Computes the contact of a grain with a wall and adds it to the load of the grain.
 #[inline(always)]
 pub(super) fn act_at_wall<S: Space, L: ContactLaw<S>>(
     (constants, history): (&L::Constants, &mut L::History),
-    (radius, distance, normal): (f64, f64, &S::Vector),
-    (grain, moves, moisture): (&Motion<S>, &S::Vector, [f64; 2]),
+    touch: &WallTouch<'_, S>,
     load: &mut Load<S>,
     dt: f64,
 ) -> Option<Failure> {
+    let WallTouch {
+        radius,
+        distance,
+        normal,
+        grain,
+        moves,
+        moisture,
+    } = *touch;
     let overlap = radius - distance;
     let arm = radius - 0.5 * overlap;
     let velocity = grain.velocity - *moves;
@@ -137,12 +157,14 @@ pub(super) fn act_at_plane<S: Space, L: ContactLaw<S>>(
     );
     let mode = act_at_wall::<S, L>(
         (&pair.constants, &mut pair.history),
-        (pair.radius, distance, &wall.normal),
-        (
+        &WallTouch {
+            radius: pair.radius,
+            distance,
+            normal: &wall.normal,
             grain,
-            &wall.velocity,
-            grains.moisture::<L>(pair.grain, pair.grain),
-        ),
+            moves: &wall.velocity,
+            moisture: grains.moisture::<L>(pair.grain, pair.grain),
+        },
         load,
         dt,
     )?;
@@ -172,6 +194,16 @@ pub(super) fn separation<S: Space>(
 
 /// Number of pairs measured at once: enough to hide the latency of roots and divisions.
 pub(super) const BLOCK: usize = 16;
+
+/// Separation of a pair.
+pub(super) struct PairSpan<'a, S: Space> {
+    /// Vector from the first centre to the second \[m\].
+    pub(super) between: &'a S::Vector,
+    /// Its squared length, its length, and the inverse of it.
+    pub(super) squared: f64,
+    pub(super) distance: f64,
+    pub(super) inverse: f64,
+}
 
 /// Separations of a block of pairs: vector, squared length, length and inverse length.
 #[derive(Debug)]
@@ -219,10 +251,15 @@ impl<S: Space> Spans<S> {
     }
 
     #[inline(always)]
-    pub(super) fn iter(&self) -> impl Iterator<Item = (&S::Vector, f64, f64, f64)> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = PairSpan<'_, S>> {
         let lengths = self.distance.iter().zip(&self.inverse);
         self.between.iter().zip(&self.squared).zip(lengths).map(
-            |((between, squared), (distance, inverse))| (between, *squared, *distance, *inverse),
+            |((between, squared), (distance, inverse))| PairSpan {
+                between,
+                squared: *squared,
+                distance: *distance,
+                inverse: *inverse,
+            },
         )
     }
 }
@@ -233,7 +270,12 @@ pub(super) fn act<S: Space, L: ContactLaw<S>>(
     rows: &PairTable<L::Row>,
     pair: &mut Pair<L::Scale, L::History>,
     grains: Grains<'_, S>,
-    (between, squared, distance, inverse): (&S::Vector, f64, f64, f64),
+    PairSpan {
+        between,
+        squared,
+        distance,
+        inverse,
+    }: PairSpan<'_, S>,
     record: &mut Record,
     dt: f64,
 ) -> Option<Action<S>> {

@@ -166,8 +166,14 @@ struct StepInput<'a, S: Space, L: ContactLaw<S>> {
     deepest: f64,
 }
 
-/// Pairs, indices of those to compute, and the index of the first pair.
-type Active<'a, C, M> = (&'a mut [Pair<C, M>], &'a [u32], usize);
+/// Pairs that a part computes.
+struct Active<'a, C, M> {
+    pairs: &'a mut [Pair<C, M>],
+    /// Indices of those to compute.
+    places: &'a [u32],
+    /// Index of the first pair.
+    base: usize,
+}
 
 /// Data written by one part: its listed pairs, copies of pairs listed by earlier parts, pairs with planes and with
 /// facets, and the loads of its grains.
@@ -185,11 +191,16 @@ impl<S: Space, L: ContactLaw<S>> StepInput<'_, S, L> {
     #[inline(always)]
     fn act_on<const PERIODIC: bool>(
         &self,
-        (pairs, places, base): Active<'_, L::Scale, L::History>,
+        active: Active<'_, L::Scale, L::History>,
         (loads, first): (&mut [Load<S>], usize),
         record: &mut Record,
         mut fails: impl FnMut(u32, Failure),
     ) {
+        let Active {
+            pairs,
+            places,
+            base,
+        } = active;
         let place_of = |grain: u32| (grain as usize).wrapping_sub(first);
         let mut spans = Spans::default();
         for block in places.chunks(BLOCK) {
@@ -233,13 +244,21 @@ impl<S: Space, L: ContactLaw<S>> StepInput<'_, S, L> {
         let mut record = Record::beyond(self.deepest);
         if !coming.is_empty() {
             // The part of the first grain reports failures.
-            let all = (coming, &part.places[..], 0);
+            let all = Active {
+                pairs: coming,
+                places: &part.places[..],
+                base: 0,
+            };
             let to = (&mut *loads, from.grains);
             self.act_on::<PERIODIC>(all, to, &mut record, |_, _| {});
         }
         let active = &self.active[part.active.clone()];
         self.act_on::<PERIODIC>(
-            (pairs, active, from.pairs),
+            Active {
+                pairs,
+                places: active,
+                base: from.pairs,
+            },
             (&mut *loads, from.grains),
             &mut record,
             |k, failure| part.pairs.push((k, failure)),

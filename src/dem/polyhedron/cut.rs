@@ -21,23 +21,25 @@ pub(super) struct Cut {
     pub(super) faces: Vec<(usize, Vec<u32>)>,
 }
 
+/// Corners of the faces of a cube, anticlockwise from outside; bit `a` of a corner is set at the upper end of axis `a`.
+pub(crate) const CUBE_FACES: [[u32; 4]; 6] = [
+    [0, 4, 6, 2],
+    [1, 3, 7, 5],
+    [0, 1, 5, 4],
+    [2, 6, 7, 3],
+    [0, 2, 3, 1],
+    [4, 5, 7, 6],
+];
+
 impl Cut {
     /// Returns a cube of half-width `half` \[m\] around the origin; its faces belong to no half-space.
     fn cube(half: f64) -> Self {
         let vertices = (0..8_u32)
             .map(|k| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
             .collect();
-        let faces = [
-            [0, 4, 6, 2],
-            [1, 3, 7, 5],
-            [0, 1, 5, 4],
-            [2, 6, 7, 3],
-            [0, 2, 3, 1],
-            [4, 5, 7, 6],
-        ];
         Self {
             vertices,
-            faces: faces
+            faces: CUBE_FACES
                 .iter()
                 .map(|corners| (usize::MAX, corners.to_vec()))
                 .collect(),

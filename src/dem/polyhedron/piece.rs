@@ -100,7 +100,7 @@ impl Piece {
     /// Returns the volume \[m³\].
     #[must_use]
     pub fn volume(&self) -> f64 {
-        moments(&self.cut, &self.middle()).0
+        moments(&self.cut, &self.middle()).volume
     }
 
     /// Returns the diameter \[m\] of the inscribed sphere.

@@ -89,7 +89,12 @@ impl Polyhedron {
     /// # Errors
     /// If there are fewer than four or more than a thousand points, one is not finite, or they lie in a plane.
     pub fn from_vertices(points: &[Vector3<f64>]) -> Result<PlacedPolyhedron, ShapeError> {
-        let (local, middle, width, noise) = centred("vertices", "vertex", points)?;
+        let Centred {
+            local,
+            middle,
+            width,
+            noise,
+        } = centred("vertices", "vertex", points)?;
         if points.len() > hull::MAX_POINTS {
             return Err(ShapeError::Many {
                 what: "vertices",
@@ -210,7 +215,12 @@ impl Polyhedron {
     /// If the surface is not convex, not closed or flat.
     pub fn from_triangles(triangles: &[[Vector3<f64>; 3]]) -> Result<PlacedPolyhedron, ShapeError> {
         let corners: Vec<Vector3<f64>> = triangles.iter().flatten().copied().collect();
-        let (local, middle, width, _) = centred("corners of triangles", "corner", &corners)?;
+        let Centred {
+            local,
+            middle,
+            width,
+            ..
+        } = centred("corners of triangles", "corner", &corners)?;
         let tolerance = STL_PLANE * width;
         let enclosed = local
             .chunks_exact(3)
@@ -268,8 +278,8 @@ impl Polyhedron {
     fn between(planes: &[HalfSpace], reach: f64) -> Result<PlacedPolyhedron, ShapeError> {
         let flat = |thickness, width| ShapeError::Flat { thickness, width };
         let cut = Cut::from_planes(planes, reach).ok_or(flat(0.0, reach))?;
-        let (_, first, _) = moments(&cut, &Vector3::zeros());
-        let (volume, _, second) = moments(&cut, &first);
+        let first = moments(&cut, &Vector3::zeros()).centroid;
+        let VolumeMoments { volume, second, .. } = moments(&cut, &first);
         let width = cut
             .vertices
             .iter()
@@ -428,14 +438,22 @@ impl PlacedPolyhedron {
     }
 }
 
-/// Returns points relative to their middle, the middle, their width, and their rounding error \[m\]; refuses
-/// coplanar points.
-#[expect(clippy::type_complexity, reason = "named at the two calls")]
+/// Points relative to their middle \[m\].
+struct Centred {
+    local: Vec<Vector3<f64>>,
+    middle: Vector3<f64>,
+    /// Width of the points.
+    width: f64,
+    /// Rounding error of the points.
+    noise: f64,
+}
+
+/// Returns points relative to their middle; refuses coplanar points.
 fn centred(
     what: &'static str,
     one: &'static str,
     points: &[Vector3<f64>],
-) -> Result<(Vec<Vector3<f64>>, Vector3<f64>, f64, f64), ShapeError> {
+) -> Result<Centred, ShapeError> {
     if points.len() < 4 {
         return Err(ShapeError::Few {
             what,
@@ -478,7 +496,12 @@ fn centred(
     if thickness <= (FLAT * width).max(16.0 * noise) {
         return Err(ShapeError::Flat { thickness, width });
     }
-    Ok((local, middle + inside, width, noise))
+    Ok(Centred {
+        local,
+        middle: middle + inside,
+        width,
+        noise,
+    })
 }
 
 /// Returns the common normal of a plane that contains all of `normals`, on the side on which the solid is
@@ -507,8 +530,17 @@ fn common_normal(normals: &[Vector3<f64>]) -> Vector3<f64> {
     }
 }
 
+/// Moments of a solid.
+pub(super) struct VolumeMoments {
+    /// Volume \[m³\].
+    pub(super) volume: f64,
+    pub(super) centroid: Vector3<f64>,
+    /// Integral of the products of the coordinates about an origin.
+    pub(super) second: Matrix3<f64>,
+}
+
 /// Returns the volume, centroid, and second moments of the coordinates about `origin`.
-pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
+pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> VolumeMoments {
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (_, corners) in &cut.faces {
         let at = |k: usize| cut.vertices[corners[k] as usize] - origin;
@@ -523,7 +555,11 @@ pub(super) fn moments(cut: &Cut, origin: &Vector3<f64>) -> (f64, Vector3<f64>, M
                     * (part / 120.0);
         }
     }
-    (volume, origin + first / volume, second)
+    VolumeMoments {
+        volume,
+        centroid: origin + first / volume,
+        second,
+    }
 }
 
 /// Returns the principal moments in ascending order and a right-handed frame of their axes; the given frame if it

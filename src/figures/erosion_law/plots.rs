@@ -2,7 +2,7 @@
 
 use super::{Published, digits};
 use crate::plot::{
-    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+    BandPoint, CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotShape, Style, sequential,
 };
 use analysis::erosion_law::{ErosionRecord, FittedErosionLaw, Interval, LinearLaw};
 use analysis::study::{CohesionReport, measured, points};
@@ -42,7 +42,7 @@ pub(super) fn eroded_mass(cohesion: &CohesionReport) -> Figure {
                 .map(|record| (record.time, record.eroded_fraction))
                 .collect();
             Layer::new(
-                Shape::Line {
+                PlotShape::Line {
                     points,
                     dashed: false,
                 },
@@ -93,11 +93,15 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             .iter()
             .map(|&shear| {
                 let Interval { low, high } = fit.rate_interval(shear);
-                (shear, low, high)
+                BandPoint {
+                    x: shear,
+                    low,
+                    high,
+                }
             })
             .collect();
         layers.push(Layer::new(
-            Shape::Band { points: band },
+            PlotShape::Band { points: band },
             CATEGORY[1],
             "95 % band",
         ));
@@ -111,7 +115,7 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             digits_in_figure(fit.critical_shear)
         );
         layers.push(Layer::new(
-            Shape::Line {
+            PlotShape::Line {
                 points: line,
                 dashed: false,
             },
@@ -144,7 +148,7 @@ pub(super) fn rate(cohesion: &CohesionReport) -> Figure {
             .collect();
         if !marks.is_empty() {
             layers.push(Layer::new(
-                Shape::Marks {
+                PlotShape::Marks {
                     marks,
                     style: if eroding {
                         Style::Filled
@@ -243,7 +247,7 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
     let mark_published = |value: fn(Published) -> f64| {
         published.map(|p| {
             Layer::new(
-                Shape::Marks {
+                PlotShape::Marks {
                     marks: vec![Mark::without_bars(p.cohesion, value(p))],
                     style: Style::Ring,
                 },
@@ -253,14 +257,14 @@ pub(super) fn law(cohesions: &[CohesionReport], published: Option<Published>) ->
         })
     };
     let marks = |marks: Vec<Mark>, style, label: &str| {
-        Layer::new(Shape::Marks { marks, style }, CATEGORY[1], label)
+        Layer::new(PlotShape::Marks { marks, style }, CATEGORY[1], label)
     };
     let mut first = Vec::new();
     if !brackets.is_empty() {
         first.push(marks(brackets, Style::Hollow, "bracket"));
     }
     if !lower.is_empty() {
-        let points = Shape::LowerBounds { points: lower };
+        let points = PlotShape::LowerBounds { points: lower };
         first.push(Layer::new(points, CATEGORY[1], "no erosion: lower bound"));
     }
     first.push(marks(thresholds, Style::Filled, "fit, 95 % interval"));

@@ -33,11 +33,21 @@ pub(super) struct FlowNet {
     free: Vec<bool>,
 }
 
+/// Layer or box of the ground.
+#[derive(Clone, Debug, PartialEq)]
+struct ZoneBox {
+    name: String,
+    /// Lower corner \[m\].
+    from: Point,
+    /// Upper corner \[m\].
+    to: Point,
+}
+
 /// Names and outlines of the ground, from the case of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Ground {
-    /// Layers and boxes: name, lower and upper corner \[m\].
-    zones: Vec<(String, Point, Point)>,
+    /// Layers and boxes.
+    zones: Vec<ZoneBox>,
     /// Polygons: name and corners \[m\].
     polygons: Vec<(String, Vec<Point>)>,
     /// Points of the surface of the ground \[m\].
@@ -59,7 +69,11 @@ impl Ground {
         let zone = |zone: &Value| {
             let region = serde_json::from_value(zone["region"].clone()).ok();
             let [from, to] = extent(region?);
-            Some((name(zone), from, to))
+            Some(ZoneBox {
+                name: name(zone),
+                from,
+                to,
+            })
         };
         let polygon = |zone: &Value| {
             let points = serde_json::from_value(zone["polygon"]["points"].clone()).ok();
@@ -360,7 +374,7 @@ impl FlowNet {
             [nodes[0], nodes[nodes.len() - 1]]
         };
         let ends = [end(0), end(1)];
-        for (name, from, to) in &ground.zones {
+        for ZoneBox { name, from, to } in &ground.zones {
             let low = [0, 1].map(|a: usize| from[a].max(ends[a][0]));
             let high = [0, 1].map(|a: usize| to[a].min(ends[a][1]));
             let ([x0, y1], [x1, y0]) = (place(low), place(high));

@@ -27,7 +27,7 @@
 use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::sound::{Forecast, PlaneWave, Sums};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Inflow, Place, Rule, RuleStep, quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, Place, Rule, RuleStep, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::{Parity, Populations};
@@ -60,10 +60,6 @@ impl BoundaryModel for ConvectiveOutflow {
 
     fn pressure_floats(&self) -> bool {
         true
-    }
-
-    fn inflow(&self, _: &Place<'_>) -> Inflow {
-        Inflow::Any
     }
 
     fn rule<S: Stored>(

@@ -8,9 +8,7 @@
 
 use super::outfall::Links;
 use super::profile::ReadTable;
-use super::{
-    BoundaryKind, BoundaryModel, Inflow, Place, Rule, Site, Strength, SurfaceKind, WithSurface,
-};
+use super::{BoundaryKind, BoundaryModel, Place, Rule, Site, Strength, SurfaceKind, WithSurface};
 use crate::lanes::Stored;
 use crate::surface::Outside;
 use base::error::{Error, Report};
@@ -73,10 +71,6 @@ impl BoundaryModel for Discharge {
     fn discharge(&self) -> Option<f64> {
         let [_, most] = self.discharges().range();
         Some(most)
-    }
-
-    fn inflow(&self, _: &Place<'_>) -> Inflow {
-        Inflow::Any
     }
 
     fn rule<S: Stored>(

@@ -1,6 +1,6 @@
 //! Flow through the faces of a slab: mass and momentum of each patch, summed as integers.
 
-use super::{Boundaries, links};
+use super::{Boundaries, EdgeLink, links};
 use crate::lanes::Stored;
 use crate::populations::{Link, Populations};
 use crate::quanta::quanta;
@@ -65,8 +65,9 @@ impl<S: Stored> Boundaries<S> {
                 i128::from(quanta(a + velocities.w[i])),
                 i128::from(quanta(b + velocities.w[j])),
             );
-            let edge = (self.edges).binary_search_by_key(&(cells[0], i), |edge| (edge.0, edge.1));
-            let of_axes = edge.map_or([patch; 3], |n| self.edges[n].2);
+            let of_link = |edge: &EdgeLink| (edge.cell, edge.direction);
+            let edge = self.edges.binary_search_by_key(&(cells[0], i), of_link);
+            let of_axes = edge.map_or([patch; 3], |n| self.edges[n].patches);
             for axis in 0..3 {
                 fluxes[of_axes[axis]].force[axis] += i128::from(velocities.c[i][axis]) * leaves
                     - i128::from(velocities.c[j][axis]) * enters;

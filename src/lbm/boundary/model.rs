@@ -80,10 +80,13 @@ pub trait BoundaryModel {
         false
     }
 
-    /// Returns the inflow into the domain.
+    /// Returns the inflow into the domain; that through an opening follows from the flow unless it is imposed.
     fn inflow(&self, place: &Place<'_>) -> Inflow {
         let _ = place;
-        Inflow::None
+        match self.kind().surface {
+            SurfaceKind::Opening => Inflow::Any,
+            SurfaceKind::Wall | SurfaceKind::MovingWall | SurfaceKind::Symmetry => Inflow::None,
+        }
     }
 
     /// Returns the largest inflow into the domain at any time.

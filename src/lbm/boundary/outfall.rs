@@ -1,8 +1,7 @@
 //! Free outfall of water with a free surface: beyond the face is air ([`crate::surface::Outside::Air`]).
 
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, Giver, Inflow, Place, Rule, Strength, SurfaceKind,
-    WithSurface,
+    BoundaryKind, BoundaryModel, Crossing, Giver, Place, Rule, Strength, SurfaceKind, WithSurface,
 };
 use crate::lanes::Stored;
 use crate::surface::Outside;
@@ -26,10 +25,6 @@ impl BoundaryModel for Outfall {
 
     fn with_surface(&self) -> WithSurface {
         WithSurface::Only
-    }
-
-    fn inflow(&self, _: &Place<'_>) -> Inflow {
-        Inflow::Any
     }
 
     fn rule<S: Stored>(&self, _: &Place<'_>, _: &LatticeUnits) -> Result<Box<dyn Rule<S>>, Error> {

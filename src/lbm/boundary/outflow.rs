@@ -9,7 +9,7 @@
 )]
 
 use super::convective_outflow::{Carried, ConvectiveOutflowLinks};
-use super::{BoundaryKind, BoundaryModel, Inflow, Place, Rule};
+use super::{BoundaryKind, BoundaryModel, Place, Rule};
 use crate::lanes::Stored;
 use base::error::Error;
 use base::units::LatticeUnits;
@@ -34,10 +34,6 @@ impl BoundaryModel for Outflow {
 
     fn pressure_floats(&self) -> bool {
         true
-    }
-
-    fn inflow(&self, _: &Place<'_>) -> Inflow {
-        Inflow::Any
     }
 
     fn rule<S: Stored>(

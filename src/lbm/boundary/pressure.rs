@@ -22,8 +22,8 @@ use super::links::{LINKS_PER_THREAD, each_part, sums};
 use super::profile::ReadTable;
 use super::sound::{Forecast, PlaneWave, forecast};
 use super::{
-    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, ImposedPressure, Inflow, Mirror,
-    Opening, Place, Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, quanta,
+    BoundaryKind, BoundaryModel, Crossing, FaceLink, Giver, ImposedPressure, Mirror, Opening,
+    Place, Rule, RuleStep, Site, Sound, Strength, Sums, SurfaceKind, quanta,
 };
 use crate::lanes::Stored;
 use crate::populations::Populations;
@@ -188,10 +188,6 @@ impl BoundaryModel for Pressure {
 
     fn pressure(&self) -> Option<ImposedPressure> {
         Some(self.imposed())
-    }
-
-    fn inflow(&self, _: &Place<'_>) -> Inflow {
-        Inflow::Any
     }
 
     fn rule<S: Stored>(

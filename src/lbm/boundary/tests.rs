@@ -10,10 +10,15 @@ use base::error::Remedy;
 use base::geometry::Face;
 use decomposition::{Domain, SplitAxis};
 
-boundaries! {
+family! {
+    dispatch each_toy;
     /// Boundaries of this test.
-    Toys:
-    toy Toy,
+    #[derive(Debug, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(transform = describe_choices)]
+    enum Toys: dyn BoundaryModel {
+        toy: Toy(Toy),
+    }
 }
 
 const CELLS: [usize; 3] = [6, 5, 1];
@@ -52,9 +57,9 @@ impl Report for Paths {
 fn resolved(text: &str) -> (Toys, Vec<String>) {
     let no_table = |_: &std::path::Path| Err("there is no table".to_owned());
     let mut paths = Paths::default();
-    let toy = read(text)
-        .unwrap()
-        .resolved(&site("boundaries[0].condition"), &no_table, &mut paths);
+    let mut toy = read(text).unwrap();
+    let site = site("boundaries[0].condition.toy");
+    each_toy!(&mut toy, toy => toy.resolve(&site, &no_table, &mut paths));
     (toy, paths.0)
 }
 
@@ -119,7 +124,7 @@ fn leak<S: Stored>(returned: f64, tolerance: f64) -> f64 {
             axis: 0,
             upper: true,
             range: [everywhere, [1.0, 4.0], everywhere],
-            rule: toy.rule(&place, &units).unwrap(),
+            rule: each_toy!(&toy, toy => toy.rule(&place, &units)).unwrap(),
         }],
         saturation: None,
         single: false,

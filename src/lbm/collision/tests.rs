@@ -5,10 +5,15 @@
 use super::*;
 use crate::lattice::D2Q9;
 
-operators! {
+family! {
+    dispatch each_toy;
     /// Collision operators of this test.
-    Operators:
-    toy Toy Parameters,
+    #[derive(Debug, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(transform = describe_choices)]
+    enum Operators: dyn CollisionModel {
+        toy: Toy(Parameters),
+    }
 }
 
 /// Collides a cell of D2Q9 with the kernel of a pass without force and eddies.
@@ -41,9 +46,9 @@ fn an_operator_is_one_file_and_one_line() {
     assert_eq!(toy.model().describe(0.8).model, "a toy of strength 0.5");
     assert!(toy.model().check("collision", 0.8).is_none());
     let cell = [0.1, 0.3, 0.0, -0.1, 0.2, 0.0, 0.05, 0.0, -0.02];
-    let after = toy.dispatch(Collide(cell)).unwrap();
+    let after = each_toy!(&toy, toy => toy.dispatch(Collide(cell))).unwrap();
     assert_eq!(after, cell.map(|g| 0.5 * g));
-    assert!(toy.dispatch_single(Collide(cell)).is_none());
+    assert!(each_toy!(&toy, toy => toy.dispatch_single(Collide(cell))).is_none());
 }
 
 /// Checks that the schema names each operator and describes it by the documentation of its parameters.

@@ -8,6 +8,7 @@ pub use single::collides_in_single;
 use super::Setup;
 use crate::block::RowBlock;
 use crate::collision::{Collision, Dispatch, Kernels, Operator};
+use crate::error::FluidError;
 use crate::fluid::force::Force;
 #[cfg(test)]
 use crate::gpu::program::Program;
@@ -37,7 +38,8 @@ pub(super) trait Step<S: Stored>: Send + Sync {
     ///
     /// # Errors
     /// If the GPU fails.
-    fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String>;
+    fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3])
+    -> Result<(), FluidError>;
 
     /// Computes the pass of a GPU on the host, cell by cell.
     ///
@@ -146,7 +148,12 @@ where
         })
     }
 
-    fn pass_on_gpu(&self, gpu: &mut Gpu, before: Parity, force: [f64; 3]) -> Result<(), String> {
+    fn pass_on_gpu(
+        &self,
+        gpu: &mut Gpu,
+        before: Parity,
+        force: [f64; 3],
+    ) -> Result<(), FluidError> {
         gpu.pass(before, (self.operator)(force), self.viscosity)
     }
 

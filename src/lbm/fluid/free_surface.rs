@@ -1,9 +1,11 @@
 //! Free surface of a fluid ([`crate::surface`]).
 
 use super::Fluid;
+use crate::boundary::OutsideOfPatch;
+use crate::error::FluidError;
 use crate::lanes::Stored;
 use crate::populations::Populations;
-use crate::surface::{Ends, Opening, Outside, SlabSurface, SurfaceTension, UpAxis};
+use crate::surface::{Ends, Opening, SlabSurface, SurfaceTension, UpAxis};
 use decomposition::Domain;
 
 impl<S: Stored> Fluid<S> {
@@ -11,8 +13,9 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the slabs of two neighbours do not fit each other.
-    pub fn open_surface(&mut self, domain: &Domain) -> Result<(), String> {
-        let mut surface = SlabSurface::new(&self.populations, self.ends(domain), domain)?;
+    pub fn open_surface(&mut self, domain: &Domain) -> Result<(), FluidError> {
+        let mut surface = SlabSurface::new(&self.populations, self.ends(domain), domain)
+            .map_err(FluidError::Surface)?;
         surface.open(self.openings());
         self.surface = Some(Box::new(surface));
         Ok(())
@@ -26,10 +29,12 @@ impl<S: Stored> Fluid<S> {
         &mut self,
         tension: SurfaceTension,
         domain: &Domain,
-    ) -> Result<(), String> {
+    ) -> Result<(), FluidError> {
         let ends = self.ends(domain);
         match &mut self.surface {
-            Some(surface) => surface.add_tension(&self.populations, ends, domain, tension),
+            Some(surface) => surface
+                .add_tension(&self.populations, ends, domain, tension)
+                .map_err(FluidError::Surface),
             None => Ok(()),
         }
     }
@@ -40,13 +45,17 @@ impl<S: Stored> Fluid<S> {
         let mut mirrored = self.boundaries.mirrored();
         let local = self.populations.cells();
         for axis in 0..3 {
-            let start = if axis == split { self.start[axis] } else { 0 };
+            let start = if axis == split {
+                self.extent.start[axis]
+            } else {
+                0
+            };
             let end = start + local[axis];
-            mirrored[axis][0] &= start == 0 && !self.periodic[axis];
-            mirrored[axis][1] &= end == self.cells[axis] && !self.periodic[axis];
+            mirrored[axis][0] &= start == 0 && !self.extent.periodic[axis];
+            mirrored[axis][1] &= end == self.extent.cells[axis] && !self.extent.periodic[axis];
         }
         Ends {
-            periodic: self.periodic_within,
+            periodic: self.extent.periodic_within,
             mirrored,
         }
     }
@@ -62,14 +71,14 @@ impl<S: Stored> Fluid<S> {
             axis,
             rises: force[axis] <= 0.0,
             gravity: force[axis].abs(),
-            cells: self.cells[axis],
+            cells: self.extent.cells[axis],
         };
         let patches = self.boundaries.outsides();
-        let opening = |(patch, face, outside): (usize, (usize, bool), Outside)| {
-            let links = self.boundaries.links_of(patch, &self.populations);
-            let mut opening = Opening::new(patch, outside, face, up);
-            let imposed = |middle| self.boundaries.imposed(patch, middle);
-            opening.cross(&self.populations, self.start, &links, imposed);
+        let opening = |open: OutsideOfPatch| {
+            let links = (self.boundaries).links_of(open.patch, &self.populations);
+            let mut opening = Opening::new(open.patch, open.outside, open.face, up);
+            let imposed = |middle| self.boundaries.imposed(open.patch, middle);
+            opening.cross(&self.populations, self.extent.start, &links, imposed);
             opening
         };
         patches.map(opening).collect()
@@ -105,7 +114,7 @@ impl<S: Stored> Fluid<S> {
         let Some(surface) = &mut self.surface else {
             return;
         };
-        let start = self.start;
+        let start = self.extent.start;
         surface.begin(&mut self.populations, |at| {
             level(std::array::from_fn(|a| at[a] + start[a]))
         });

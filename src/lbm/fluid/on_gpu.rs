@@ -4,6 +4,7 @@ use super::dispatch::{Choice, Step};
 use super::{Fluid, Setup};
 use crate::boundary::Boundaries;
 use crate::collision::Operator;
+use crate::error::FluidError;
 use crate::extremes::Extremes;
 use crate::gpu::Gpu;
 use crate::gpu::program::Program;
@@ -43,8 +44,8 @@ pub(super) fn start<'a, S: Stored>(
     step: &dyn Step<S>,
     (cover, mut terms): (Option<&Cover>, impl Iterator<Item = &'a dyn Term<S>>),
     domain: &Domain,
-) -> Result<Gpu, String> {
-    let refuse = |what: &str| Err(format!("a GPU does not run {what} yet"));
+) -> Result<Gpu, FluidError> {
+    let refuse = |what: &str| Err(FluidError::NotOnGpu(what.to_owned()));
     if domain.communicator().size() > 1 {
         return refuse("a fluid on several ranks");
     }
@@ -63,7 +64,7 @@ pub(super) fn start<'a, S: Stored>(
 
 impl<S: Stored> Fluid<S> {
     /// Makes steps on the GPU, where the populations remain until [`Self::fetch`].
-    pub(super) fn advance_on_gpu(&mut self, steps: u64) -> Result<(), String> {
+    pub(super) fn advance_on_gpu(&mut self, steps: u64) -> Result<(), FluidError> {
         let Some(gpu) = &mut self.gpu else {
             return Ok(());
         };
@@ -114,7 +115,7 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn send_cover(&mut self) -> Result<(), String> {
+    pub fn send_cover(&mut self) -> Result<(), FluidError> {
         match (&mut self.gpu, &mut self.cover) {
             (Some(gpu), Some(cover)) if self.populations.are_on_device() => gpu.send_cover(cover),
             _ => Ok(()),
@@ -154,7 +155,7 @@ impl<S: Stored> Fluid<S> {
     ///
     /// # Errors
     /// If the GPU fails.
-    pub fn fetch(&mut self) -> Result<(), String> {
+    pub fn fetch(&mut self) -> Result<(), FluidError> {
         if let Some(gpu) = &self.gpu
             && self.populations.are_on_device()
         {
@@ -178,10 +179,10 @@ impl<S: Stored> Fluid<S> {
         });
         let rows = found.into_iter();
         Some(
-            rows.map(|(squared_speed, compression, finite)| Extremes {
-                squared_speed,
-                compression,
-                finite,
+            rows.map(|row| Extremes {
+                squared_speed: row.squared_speed,
+                compression: row.compression,
+                finite: row.finite,
             })
             .collect(),
         )

@@ -541,7 +541,7 @@ fn two_steps_in_one_sweep_are_two_steps() {
 
 /// Advances the fluid as a GPU does, on the host, with the functions of the kernels.
 fn step_as_gpu(fluid: &mut Fluid<f64>) {
-    let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic);
+    let program = Program::new(&fluid.populations, &fluid.boundaries, fluid.periodic());
     let before = fluid.populations.parity();
     let force = fluid.force.force_at(fluid.step as f64);
     let numbers = fluid.populations.base();
@@ -732,7 +732,8 @@ fn a_gpu_refuses_what_it_does_not_run() {
     let reason = |mut setup: Setup| {
         setup.device = Device::Gpu;
         let domain = Domain::serial(decomposition::SplitAxis::X, cells[0], false);
-        Fluid::new(setup, &domain).err().unwrap_or_default()
+        let refused = Fluid::new(setup, &domain).err();
+        refused.map_or(String::new(), |error| error.to_string())
     };
     let mut eddies = plain();
     eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));

@@ -68,7 +68,7 @@ impl<S: Stored> Fluid<S> {
     pub fn may_advance_two(&self) -> bool {
         let [_, middle, _] = self.populations.order();
         self.populations.parity() == Parity::Home
-            && !self.periodic_within[middle]
+            && !self.extent.periodic_within[middle]
             && self.left_out.is_none()
             && self.terms().all(Term::allows_two_steps)
     }
@@ -171,7 +171,7 @@ impl<S: Stored> Fluid<S> {
     /// Returns the data of the next pass.
     fn describe_pass(&mut self) -> Shared<S> {
         let [.., fast] = self.populations.order();
-        let round_rows = self.periodic_within[fast];
+        let round_rows = self.extent.periodic_within[fast];
         let velocity = self.field.as_mut().map_or(View::NONE, |field| field.view());
         (self.describe)(&mut self.populations, velocity, CoverView::NONE, round_rows)
     }

@@ -62,13 +62,7 @@ pub(super) const EXTRA_BYTES: usize = 2 * size_of::<u32>() + size_of::<f32>();
 pub(super) struct OnGpu {
     /// Stream of the work on bodies.
     pub(super) stream: Arc<CudaStream>,
-    /// Events on this stream: the cover is complete; the covered cells have collided.
-    pub(super) made: CudaEvent,
-    pub(super) passed: CudaEvent,
-    /// Events on the stream of the fluid: the populations are ready for a pass; the pass over the open cells no longer
-    /// reads the fractions with this index.
-    pub(super) ready: CudaEvent,
-    done: [CudaEvent; 2],
+    pub(super) events: CoverEvents,
     pub(super) kernels: Kernels,
     /// Pinned memory of the cells on the host, for transfers.
     _pinned: [Option<Pinned>; 2],
@@ -101,6 +95,29 @@ pub(super) struct OnGpu {
     pub(super) covered: CoveredCells,
     /// Reusable buffers on the host.
     work: Work,
+}
+
+/// Events by which the streams of the bodies and of the fluid wait for each other.
+pub(super) struct CoverEvents {
+    /// Event on the stream of the bodies: the cover is complete.
+    pub(super) made: CudaEvent,
+    /// Event on the stream of the bodies: the covered cells have collided.
+    pub(super) passed: CudaEvent,
+    /// Event on the stream of the fluid: the populations are ready for a pass.
+    pub(super) ready: CudaEvent,
+    /// Events on the stream of the fluid: the pass over the open cells no longer reads the fractions with this index.
+    done: [CudaEvent; 2],
+}
+
+impl CoverEvents {
+    fn new(context: &Arc<CudaContext>) -> Result<Self, DriverError> {
+        Ok(Self {
+            made: context.new_event(None)?,
+            passed: context.new_event(None)?,
+            ready: context.new_event(None)?,
+            done: [context.new_event(None)?, context.new_event(None)?],
+        })
+    }
 }
 
 /// Origin of the fractions on the GPU.
@@ -266,10 +283,7 @@ impl OnGpu {
             cells,
         };
         Ok(Self {
-            made: context.new_event(None)?,
-            passed: context.new_event(None)?,
-            ready: context.new_event(None)?,
-            done: [context.new_event(None)?, context.new_event(None)?],
+            events: CoverEvents::new(context)?,
             kernels,
             _pinned: pinned,
             made_from: MadeFrom::Nothing,
@@ -321,7 +335,7 @@ impl OnGpu {
         self.view.move_solids(solids);
         if self.made_from != wanted {
             self.now = 1 - self.now;
-            stream.wait(&self.done[self.now])?;
+            stream.wait(&self.events.done[self.now])?;
             stream.memset_zeros(&mut self.counters)?;
             let shares = if balls.is_some() {
                 self.map_balls(stream, cover, program, solids)?
@@ -344,7 +358,7 @@ impl OnGpu {
             // SAFETY: the kernel takes these arguments, and its buffer has an element for each cell.
             unsafe { launch.launch(shape) }?;
             self.made_from = wanted;
-            self.made.record(stream)?;
+            self.events.made.record(stream)?;
         }
         Ok(())
     }
@@ -487,7 +501,7 @@ impl OnGpu {
 
     /// Records on a stream that the pass over the open cells no longer reads the current fractions.
     pub(super) fn done(&self, stream: &Arc<CudaStream>) -> Result<(), DriverError> {
-        self.done[self.now].record(stream)
+        self.events.done[self.now].record(stream)
     }
 
     /// Returns the address of the current fractions.

@@ -8,18 +8,50 @@ use crate::saturation::solid::{CoveringBody, NONE, Share, Shares};
 use base::number::to_u32;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Returns the owner and the fraction of each position, and the bodies with their fractions in each cell that several
-/// bodies cover, as a GPU computes them.
+/// Cells that bodies cover.
+#[derive(Clone, Debug, Default)]
+pub struct CoveredPositions {
+    /// Owner of each position.
+    pub owner: Vec<u32>,
+    /// Solid fraction of each position.
+    pub fraction: Vec<f32>,
+    /// Bodies with their fractions in each cell that several bodies cover.
+    pub shared: Vec<Vec<Share>>,
+}
+
+/// Positions of the cells of a slab.
+#[derive(Clone, Copy, Debug)]
+pub struct SlabPositions {
+    /// Position of the first cell.
+    pub origin: u32,
+    /// Distances in positions between neighbours along each axis.
+    pub strides: [i32; 3],
+    /// Number of cells along each axis.
+    pub cells: [i32; 3],
+    /// Axes from slowest to fastest.
+    pub order: [u32; 3],
+}
+
+/// Returns the covered cells as a GPU computes them.
 ///
-/// On entry, `owner` marks the cells behind walls. The last arguments are the position of the first cell, the distances
-/// in positions between neighbours along each axis, the numbers of cells of the slab, and the axes from slowest to
-/// fastest.
+/// On entry, the owners of `before` mark the cells behind walls.
 #[must_use]
 pub fn cover(
     solids: &[CoveringBody],
-    (mut owner, mut fraction): (Vec<u32>, Vec<f32>),
-    (origin, strides, cells, order): (u32, [i32; 3], [i32; 3], [u32; 3]),
-) -> (Vec<u32>, Vec<f32>, Vec<Vec<Share>>) {
+    before: CoveredPositions,
+    slab: &SlabPositions,
+) -> CoveredPositions {
+    let CoveredPositions {
+        mut owner,
+        mut fraction,
+        ..
+    } = before;
+    let SlabPositions {
+        origin,
+        strides,
+        cells,
+        order,
+    } = *slab;
     let (mut boxes, mut of_blocks) = (Vec::new(), Vec::new());
     let count_of_edges = BallBox::list_all(solids, cells, &mut boxes, &mut of_blocks);
     let most = of_blocks.len() * BLOCK as usize;
@@ -69,5 +101,9 @@ pub fn cover(
     // SAFETY: `settle` set these lists to fractions in `shares`.
     let shared = shared.map(|list| unsafe { list.parts() }.to_vec());
     let shared = shared.collect();
-    (owner, fraction, shared)
+    CoveredPositions {
+        owner,
+        fraction,
+        shared,
+    }
 }

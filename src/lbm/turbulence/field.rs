@@ -20,6 +20,7 @@
 
 use crate::block::{Line, RowBlock};
 use crate::boundary::{Frame, Patch, SurfaceKind, patch_at};
+use crate::error::FluidError;
 use crate::lanes::{Lanes, Memory, Stored, WIDEST, prefetch};
 use crate::lattice::unroll;
 use crate::pages::Pages;
@@ -619,7 +620,7 @@ impl Field {
         frame: &Frame,
         patches: &[Patch<S>],
         domain: &Domain,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, FluidError> {
         let [slow, middle, _] = populations.order();
         let cells = populations.cells();
         let zero = populations.cell([0; 3]);
@@ -642,8 +643,7 @@ impl Field {
         };
         let last = cells[slow].cast_signed() - 1;
         let bytes = 3 * plane.len() * size_of::<f32>();
-        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))
-            .map_err(|e| e.to_string())?;
+        let exchange = HaloExchange::new(domain, TAG, HaloBytes::symmetric(bytes))?;
         Ok(Self {
             numbers: [Pages::new(3 * array)?, Pages::new(3 * array)?],
             old: 0,

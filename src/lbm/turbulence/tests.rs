@@ -4,22 +4,31 @@
 
 use super::*;
 
-eddy_viscosities! {
+family! {
+    dispatch each_toy;
     /// Eddy viscosities of this test.
-    Models:
-    toy Toy,
+    #[derive(Debug, Serialize, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    #[schemars(transform = describe_choices)]
+    enum Models {
+        toy: Toy(Toy),
+    }
 }
 
 #[test]
 fn an_eddy_viscosity_is_one_file_and_one_line() {
     let toy: Models = serde_json::from_str(r#"{"toy": {"factor": 2}}"#).unwrap();
     assert!(serde_json::from_str::<Models>(r#"{"toy": {}}"#).is_err());
-    assert_eq!(toy.describe().model, "toy, factor 2");
-    assert!(toy.check("turbulence", 2).is_none());
+    assert_eq!(toy.name(), "toy");
+    assert_eq!(
+        each_toy!(&toy, toy => toy.describe()).model,
+        "toy, factor 2"
+    );
+    assert!(each_toy!(&toy, toy => toy.check("turbulence", 2)).is_none());
     let mut gradient = [[0.0; 3]; 3];
     gradient[0][1] = 0.01;
-    assert_eq!(toy.viscosity(&gradient), 0.02);
-    assert_eq!(toy.fraction(&gradient), (0.02, 1.0));
+    assert_eq!(each_toy!(&toy, toy => toy.viscosity(&gradient)), 0.02);
+    assert_eq!(each_toy!(&toy, toy => toy.fraction(&gradient)), (0.02, 1.0));
     let schema = schemars::schema_for!(Models).to_value();
     assert_eq!(schema["oneOf"][0]["description"], "Toy eddy viscosity.");
 }

@@ -15,8 +15,8 @@ use serde_json::{Value, json};
 pub struct Expected {
     /// `true` if the preparation is complete: earlier checkpoints contain less.
     pub prepared: bool,
-    /// Cells along each axis, number of velocities and bytes per number; none without a lattice.
-    pub lattice: Option<([usize; 3], usize, usize)>,
+    /// Populations; none without a lattice.
+    pub lattice: Option<ExpectedPopulations>,
     /// Length of the state of the seepage or of the water in joints; none without these.
     pub seepage: Option<usize>,
     /// `true` if the number of these values may be smaller.
@@ -31,6 +31,33 @@ pub struct Expected {
     pub length: f64,
 }
 
+/// Populations that a checkpoint of a case has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExpectedPopulations {
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Number of velocities.
+    pub velocities: usize,
+    /// Bytes per number.
+    pub bytes: usize,
+}
+
+/// Array that a checkpoint may have.
+struct KnownArray {
+    name: String,
+    kind: Kind,
+    shape: Vec<usize>,
+}
+
+/// Returns an array.
+fn known_array(name: impl Into<String>, kind: Kind, shape: Vec<usize>) -> KnownArray {
+    KnownArray {
+        name: name.into(),
+        kind,
+        shape,
+    }
+}
+
 /// Maximum mean number of contacts per grain.
 const MAX_CONTACTS: u64 = 1000;
 
@@ -41,7 +68,7 @@ impl Expected {
     /// If it cannot; the text names the mismatch.
     pub fn fits(&self, manifest: &Manifest) -> Result<(), String> {
         let attributes = &manifest.attributes;
-        let mut known: Vec<(String, Kind, Vec<usize>)> = Vec::new();
+        let mut known = Vec::new();
         let count = |name: &str| {
             let value = &attributes[name];
             let number = if value.is_null() {
@@ -58,23 +85,28 @@ impl Expected {
                 manifest.step, self.steps
             ));
         }
-        if let Some(([nx, ny, nz], q, bytes)) = self.lattice {
+        if let Some(lattice) = &self.lattice {
+            let [nx, ny, nz] = lattice.cells;
             let cells = |numbers: usize| vec![nz, ny, nx, numbers];
-            let kind = if bytes == 4 { Kind::F32 } else { Kind::F64 };
-            known.push(("populations".to_owned(), kind, cells(q)));
+            let kind = if lattice.bytes == 4 {
+                Kind::F32
+            } else {
+                Kind::F64
+            };
+            known.push(known_array("populations", kind, cells(lattice.velocities)));
             if attributes["velocities"] == json!(true) {
-                known.push(("velocities".to_owned(), Kind::F32, cells(3)));
+                known.push(known_array("velocities", Kind::F32, cells(3)));
             }
             if attributes[super::SURFACE_LOSS].is_string() {
                 let numbers = cells(super::SURFACE_NUMBERS);
-                known.push((super::SURFACE.to_owned(), Kind::F64, numbers));
+                known.push(known_array(super::SURFACE, Kind::F64, numbers));
             }
             if count("averages")? > manifest.step.saturating_add(1) {
                 return Err("it holds more averages than steps".to_owned());
             }
-            known.push((EARLIER.to_owned(), Kind::F64, cells(3)));
+            known.push(known_array(EARLIER, Kind::F64, cells(3)));
             if count("averages")? > 0 || manifest.arrays.iter().any(|a| a.name == "averages") {
-                known.push(("averages".to_owned(), Kind::F64, cells(SUMS)));
+                known.push(known_array("averages", Kind::F64, cells(SUMS)));
             }
             let steps = count("fluid_steps")?;
             if self.prepared && steps < manifest.step
@@ -95,11 +127,13 @@ impl Expected {
                     "it holds {seepage} numbers of the seepage or of joints; the case needs {expected}"
                 ));
             }
-            known.push(("seepage".to_owned(), Kind::F64, vec![to_usize(seepage)]));
+            known.push(known_array("seepage", Kind::F64, vec![to_usize(seepage)]));
         }
         self.tables(attributes, &mut known)?;
         for array in &manifest.arrays {
-            let Some((_, kind, shape)) = known.iter().find(|(name, ..)| *name == array.name) else {
+            let Some(KnownArray { kind, shape, .. }) =
+                known.iter().find(|known| known.name == array.name)
+            else {
                 return Err(format!(
                     "it holds an array {} that the case does not have",
                     array.name
@@ -114,18 +148,14 @@ impl Expected {
         }
         // The arrays of an unfinished preparation depend on its progress; reading them reports missing ones.
         let lacks = |name: &str| name != EARLIER && manifest.arrays.iter().all(|a| a.name != name);
-        match known.iter().find(|(name, ..)| lacks(name)) {
-            Some((name, ..)) if self.prepared => Err(format!("it lacks the array {name}")),
+        match known.iter().find(|known| lacks(&known.name)) {
+            Some(known) if self.prepared => Err(format!("it lacks the array {}", known.name)),
             _ => Ok(()),
         }
     }
 
     /// Checks the sizes of the tables of grains and contacts.
-    fn tables(
-        &self,
-        attributes: &Value,
-        known: &mut Vec<(String, Kind, Vec<usize>)>,
-    ) -> Result<(), String> {
+    fn tables(&self, attributes: &Value, known: &mut Vec<KnownArray>) -> Result<(), String> {
         let most = self.grains.unwrap_or(0);
         for (n, kind) in TABLES.iter().enumerate() {
             let rows = attributes["rows"][n].as_u64();
@@ -155,7 +185,8 @@ impl Expected {
                     }
                 };
                 if rows > 0 {
-                    known.push((format!("{kind}_{name}"), values, vec![to_usize(rows)]));
+                    let name = format!("{kind}_{name}");
+                    known.push(known_array(name, values, vec![to_usize(rows)]));
                 }
                 if known.len() > MAX_ARRAYS {
                     return Err(format!("it has more than {MAX_ARRAYS} columns"));

@@ -28,9 +28,9 @@ impl Quantity for Point {
     }
 
     fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
-        for (row, (_, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
-            row.extend(velocity);
-            row.push(pressure);
+        for (row, state) in rows.iter_mut().zip(self.0.sample(view)?) {
+            row.extend(state.velocity);
+            row.push(state.pressure);
         }
         Ok(true)
     }
@@ -65,11 +65,11 @@ impl Quantity for Line {
 
     fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
         let first = self.0.positions.first().copied().unwrap_or_default();
-        for (row, (at, velocity, pressure)) in rows.iter_mut().zip(self.0.sample(view)?) {
-            row.push(distance(first, at));
-            row.extend(at);
-            row.extend(velocity);
-            row.push(pressure);
+        for (row, state) in rows.iter_mut().zip(self.0.sample(view)?) {
+            row.push(distance(first, state.position));
+            row.extend(state.position);
+            row.extend(state.velocity);
+            row.push(state.pressure);
         }
         Ok(true)
     }
@@ -91,7 +91,7 @@ impl Located {
     }
 
     /// Returns the state at every point, in the order of the points, on rank 0; nothing on other ranks. Collective.
-    fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<Vec<Sample>, Error> {
+    fn sample<S: Space>(&mut self, view: &StateView<S>) -> Result<Vec<PointState>, Error> {
         let points = match self.points.take() {
             Some(points) => points,
             None => Points::new(&self.positions, &view.plan.scene.grid, view.domain)?,
@@ -119,8 +119,15 @@ struct Corners {
 /// Density deviation and velocity, in lattice units.
 type State = [f64; 4];
 
-/// Position \[m\], velocity \[m/s\] and pressure \[Pa\].
-type Sample = ([f64; 3], [f64; 3], f64);
+/// State of the fluid at a point.
+struct PointState {
+    /// Position \[m\].
+    position: [f64; 3],
+    /// Velocity [m/s].
+    velocity: [f64; 3],
+    /// Pressure \[Pa\].
+    pressure: f64,
+}
 
 impl Points {
     fn new(positions: &[[f64; 3]], grid: &Grid, domain: &Domain) -> Result<Self, Error> {
@@ -152,7 +159,7 @@ impl Points {
     }
 
     /// Returns the state at every point, in the order of the points, on rank 0; nothing on other ranks. Collective.
-    fn sample(&self, fluid: &dyn FluidView, domain: &Domain) -> Result<Vec<Sample>, Error> {
+    fn sample(&self, fluid: &dyn FluidView, domain: &Domain) -> Result<Vec<PointState>, Error> {
         let start = fluid.start();
         let mut bytes = Vec::new();
         for (cell, _) in self.cells.iter().filter(|c| c.1 == domain.rank()) {
@@ -189,11 +196,11 @@ impl Points {
                 }
             }
             let [deviation, u, v, w] = sum;
-            (
-                point.position,
-                [u, v, w].map(|u| units.velocity_to_si(u)),
-                units.density_deviation_to_pressure(deviation),
-            )
+            PointState {
+                position: point.position,
+                velocity: [u, v, w].map(|u| units.velocity_to_si(u)),
+                pressure: units.density_deviation_to_pressure(deviation),
+            }
         };
         Ok(self.points.iter().map(sample).collect())
     }

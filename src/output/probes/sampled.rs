@@ -22,90 +22,66 @@ use super::water_table::WaterTable;
 use super::{Heading, Rows, Run};
 use crate::view::StateView;
 use base::error::Error;
+use base::family::family;
 use dem::space::Space;
 use plan::scene::Scene;
 use plan::scene::observe::ProbeAt;
 use std::path::Path;
 
-/// Defines [`Sampled`], one of the quantities named, which passes each call on to it.
-macro_rules! quantities {
-    ($($name:ident),* $(,)?) => {
-        /// One of the quantities.
-        #[derive(Debug)]
-        pub(super) enum Sampled {
-            $($name(Box<$name>),)*
-        }
-
-        $(impl From<$name> for Sampled {
-            fn from(quantity: $name) -> Self {
-                Self::$name(Box::new(quantity))
-            }
-        })*
-
-        impl Quantity for Sampled {
-            fn headings(&self, scene: &Scene) -> Vec<Heading> {
-                match self {
-                    $(Self::$name(quantity) => quantity.headings(scene),)*
-                }
-            }
-
-            fn rows(&self) -> usize {
-                match self {
-                    $(Self::$name(quantity) => quantity.rows(),)*
-                }
-            }
-
-            fn delay(&self) -> f64 {
-                match self {
-                    $(Self::$name(quantity) => quantity.delay(),)*
-                }
-            }
-
-            fn begin(&mut self, run: &Run) -> Result<(), Error> {
-                match self {
-                    $(Self::$name(quantity) => quantity.begin(run),)*
-                }
-            }
-
-            fn remember(&mut self, table: &Path) -> io::Result<()> {
-                match self {
-                    $(Self::$name(quantity) => quantity.remember(table),)*
-                }
-            }
-
-            fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
-                match self {
-                    $(Self::$name(quantity) => quantity.sample(view, rows),)*
-                }
-            }
-        }
-    };
+family! {
+    /// One of the quantities.
+    #[derive(Debug)]
+    pub(super) enum Sampled, from {
+        Bed(Box<Bed>),
+        BlockLoad(Box<BlockLoad>),
+        Body(Box<Body>),
+        Crossing(Box<Crossing>),
+        Fabric(Box<Fabric>),
+        Gauge(Box<Gauge>),
+        Heave(Box<Heave>),
+        JointCell(Box<JointCell>),
+        Line(Box<Line>),
+        Mouth(Box<Mouth>),
+        Plane(Box<Plane>),
+        Point(Box<Point>),
+        PoreLine(Box<PoreLine>),
+        PorePoint(Box<PorePoint>),
+        Section(Box<Section>),
+        StructureLoad(Box<StructureLoad>),
+        SurfaceLoad(Box<SurfaceLoad>),
+        Uplift(Box<Uplift>),
+        Wall(Box<Wall>),
+        WallLoad(Box<WallLoad>),
+        WaterBalance(Box<WaterBalance>),
+        WaterTable(Box<WaterTable>),
+    }
 }
 
-quantities![
-    Bed,
-    BlockLoad,
-    Body,
-    Crossing,
-    Fabric,
-    Gauge,
-    Heave,
-    JointCell,
-    Line,
-    Mouth,
-    Plane,
-    Point,
-    PoreLine,
-    PorePoint,
-    Section,
-    StructureLoad,
-    SurfaceLoad,
-    Uplift,
-    Wall,
-    WallLoad,
-    WaterBalance,
-    WaterTable,
-];
+impl Quantity for Sampled {
+    fn headings(&self, scene: &Scene) -> Vec<Heading> {
+        each!(self, quantity => quantity.headings(scene))
+    }
+
+    fn rows(&self) -> usize {
+        each!(self, quantity => quantity.rows())
+    }
+
+    fn delay(&self) -> f64 {
+        each!(self, quantity => quantity.delay())
+    }
+
+    fn begin(&mut self, run: &Run) -> Result<(), Error> {
+        each!(self, quantity => quantity.begin(run))
+    }
+
+    fn remember(&mut self, table: &Path) -> io::Result<()> {
+        each!(self, quantity => quantity.remember(table))
+    }
+
+    fn sample<S: Space>(&mut self, view: &StateView<S>, rows: &mut Rows) -> Result<bool, Error> {
+        each!(self, quantity => quantity.sample(view, rows))
+    }
+}
 
 impl Sampled {
     /// Returns the quantity of a probe.
@@ -115,41 +91,52 @@ impl Sampled {
     pub(super) fn new(scene: &Scene, at: &ProbeAt) -> Result<Self, Error> {
         let in_pores = scene.seepage.is_some();
         Ok(match *at {
-            ProbeAt::Point(point) if in_pores => PorePoint(point).into(),
-            ProbeAt::Point(point) => Point::new(point).into(),
+            ProbeAt::Point(point) if in_pores => boxed(PorePoint(point)),
+            ProbeAt::Point(point) => boxed(Point::new(point)),
             ProbeAt::Line { from, to, points } if in_pores => {
-                PoreLine::new(from, to, points).into()
+                boxed(PoreLine::new(from, to, points))
             }
-            ProbeAt::Line { from, to, points } => Line::new(from, to, points).into(),
-            ProbeAt::Plane { axis, position } => Plane { axis, position }.into(),
-            ProbeAt::Gauge(cell) => Gauge::new(scene, cell)?.into(),
-            ProbeAt::Body(index) => Body::new(index).into(),
+            ProbeAt::Line { from, to, points } => boxed(Line::new(from, to, points)),
+            ProbeAt::Plane { axis, position } => boxed(Plane { axis, position }),
+            ProbeAt::Gauge(cell) => boxed(Gauge::new(scene, cell)?),
+            ProbeAt::Body(index) => boxed(Body::new(index)),
             ProbeAt::Structure { index, about } if in_pores => {
-                SurfaceLoad::new(scene, index, about)?.into()
+                boxed(SurfaceLoad::new(scene, index, about)?)
             }
-            ProbeAt::Structure { index, about } => StructureLoad { index, about }.into(),
+            ProbeAt::Structure { index, about } => boxed(StructureLoad { index, about }),
             ProbeAt::Section {
                 axis,
                 position,
                 part,
-            } => Section::new(scene, axis, position, part.as_ref())?.into(),
-            ProbeAt::Crossing { from, to } => Crossing::new(scene, from, to)?.into(),
-            ProbeAt::Heave(prisms) => Heave(prisms).into(),
+            } => boxed(Section::new(scene, axis, position, part.as_ref())?),
+            ProbeAt::Crossing { from, to } => boxed(Crossing::new(scene, from, to)?),
+            ProbeAt::Heave(prisms) => boxed(Heave(prisms)),
             ProbeAt::Uplift {
                 axis,
                 position,
                 part,
                 about,
-            } => Uplift::new(Section::new(scene, axis, position, part.as_ref())?, about).into(),
-            ProbeAt::WaterBalance => WaterBalance.into(),
-            ProbeAt::WaterTable(_) => WaterTable::new(scene)?.into(),
-            ProbeAt::Joint(point) => JointCell(point).into(),
-            ProbeAt::Mouth(index) => Mouth(index).into(),
-            ProbeAt::Block(index) => BlockLoad(index).into(),
-            ProbeAt::WallLoad { wall, about } => WallLoad::new(wall, about).into(),
-            ProbeAt::Wall(face) => Wall::new(scene, face)?.into(),
-            ProbeAt::Grains { part, .. } => Fabric::new(scene, part).into(),
-            ProbeAt::Bed(ref bed) => Bed::new(bed).into(),
+            } => {
+                let section = Section::new(scene, axis, position, part.as_ref())?;
+                boxed(Uplift::new(section, about))
+            }
+            ProbeAt::WaterBalance => boxed(WaterBalance),
+            ProbeAt::WaterTable(_) => boxed(WaterTable::new(scene)?),
+            ProbeAt::Joint(point) => boxed(JointCell(point)),
+            ProbeAt::Mouth(index) => boxed(Mouth(index)),
+            ProbeAt::Block(index) => boxed(BlockLoad(index)),
+            ProbeAt::WallLoad { wall, about } => boxed(WallLoad::new(wall, about)),
+            ProbeAt::Wall(face) => boxed(Wall::new(scene, face)?),
+            ProbeAt::Grains { part, .. } => boxed(Fabric::new(scene, part)),
+            ProbeAt::Bed(ref bed) => boxed(Bed::new(bed)),
         })
     }
+}
+
+/// Returns the quantity in the list.
+fn boxed<Q>(quantity: Q) -> Sampled
+where
+    Sampled: From<Box<Q>>,
+{
+    Box::new(quantity).into()
 }

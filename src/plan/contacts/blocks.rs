@@ -2,8 +2,8 @@
 //! energy.
 
 use super::{Limits, limit};
-use crate::scene::Scene;
 use crate::scene::findings::Findings;
+use crate::scene::{Scene, ScenePolyhedron};
 use base::error::Remedy;
 use base::number::to_u32;
 use dem::contact::Springs;
@@ -15,7 +15,10 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector3, Vector6};
 /// fixed body, and that with all faces in contact with neighbours that move against the block.
 pub(super) fn limits(scene: &Scene, law: &BlockLaw) -> Limits {
     let mut shortest = [f64::INFINITY; 2];
-    for (solid, material, _) in scene.polyhedra().filter(|(.., free)| *free) {
+    for ScenePolyhedron {
+        solid, material, ..
+    } in scene.polyhedra().filter(|one| one.free)
+    {
         let mass = scene.density(material) * solid.shape.volume();
         if mass <= 0.0 {
             continue;
@@ -165,7 +168,7 @@ pub(super) fn energy(scene: &Scene, law: &BlockLaw, findings: &mut Findings) {
     let Some(pair) = law.parameters.rows().find(bare) else {
         return;
     };
-    if law.mass_damping > 0.0 || scene.polyhedra().all(|(.., free)| !free) {
+    if law.mass_damping > 0.0 || scene.polyhedra().all(|one| !one.free) {
         return;
     }
     let remedy = || {

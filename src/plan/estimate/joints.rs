@@ -16,9 +16,9 @@ pub(super) fn joint_share(scene: &Scene) -> f64 {
     let reach = scene.grid.spacing;
     let mut boxes: Vec<Boxed> = scene
         .polyhedra()
-        .map(|(solid, ..)| {
+        .map(|one| {
             let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-            for vertex in solid.vertices() {
+            for vertex in one.solid.vertices() {
                 for a in 0..3 {
                     low[a] = low[a].min(vertex[a]);
                     high[a] = high[a].max(vertex[a] + reach);
@@ -27,7 +27,7 @@ pub(super) fn joint_share(scene: &Scene) -> f64 {
             Boxed {
                 low,
                 high,
-                area: solid.shape.area(),
+                area: one.solid.shape.area(),
                 joined: false,
             }
         })

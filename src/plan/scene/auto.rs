@@ -78,11 +78,51 @@ pub struct Chosen {
     pub size: Option<Vec<f64>>,
 }
 
+/// Subject of an automatic choice, under which its reason is found when a plan lists its models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(into = "&'static str")]
+#[allow(missing_docs, reason = "`name` is the documentation")]
+pub enum Subject {
+    Accuracy,
+    Collision,
+    ContactLaw,
+    Coupling,
+    CouplingInterval,
+    Populations,
+    Spacing,
+    TimeStep,
+    Turbulence,
+}
+
+impl Subject {
+    /// Returns the name that a plan prints.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Accuracy => "accuracy",
+            Self::Collision => "collision",
+            Self::ContactLaw => "contact law",
+            Self::Coupling => "coupling",
+            Self::CouplingInterval => "coupling interval",
+            Self::Populations => "populations",
+            Self::Spacing => "spacing",
+            Self::TimeStep => "time step",
+            Self::Turbulence => "turbulence",
+        }
+    }
+}
+
+impl From<Subject> for &'static str {
+    fn from(subject: Subject) -> Self {
+        subject.name()
+    }
+}
+
 /// Choice and its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reason {
-    /// Name of the choice: `spacing`, `time step`, `collision` and so on.
-    pub what: &'static str,
+    /// Subject of the choice.
+    pub what: Subject,
     /// Reason.
     pub text: String,
 }
@@ -99,7 +139,7 @@ pub struct Limit {
 impl Chosen {
     /// Returns the reason of a choice; none if it was not made automatically.
     #[must_use]
-    pub fn reason_of(&self, what: &str) -> Option<&str> {
+    pub fn reason_of(&self, what: Subject) -> Option<&str> {
         let found = self.reasons.iter().find(|reason| reason.what == what);
         found.map(|reason| reason.text.as_str())
     }
@@ -114,7 +154,7 @@ impl Chosen {
         }
     }
 
-    pub(crate) fn note(&mut self, what: &'static str, text: impl Into<String>) {
+    pub(crate) fn note(&mut self, what: Subject, text: impl Into<String>) {
         let text = text.into();
         self.reasons.push(Reason { what, text });
     }
@@ -157,7 +197,7 @@ pub(crate) fn with_choices<'a>(
     if case.coupling.is_none()
         && let Some(coupling) = coupling_of(case)
     {
-        chosen.note("coupling", solids::coupling(case).1);
+        chosen.note(Subject::Coupling, solids::coupling(case).1);
         filled.to_mut().coupling = Some(coupling);
     }
     filled

@@ -347,7 +347,10 @@ fn surface(
     let file = case.directory.join(&mesh.path);
     let read = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
         .map_err(|e| e.to_string())
-        .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)));
+        .and_then(|bytes| {
+            let origin = Vector3::from(origin);
+            stl::triangles(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
+        });
     let size = case.domain.size.to_array();
     if let (Ok(triangles), true) = (&read, size.iter().all(|length| *length > 0.0)) {
         let extent = stl::extent(triangles.iter().flatten().copied());
@@ -435,7 +438,9 @@ fn read(
     let file = case.directory.join(path);
     let read = io::plain::text(&file, io::plain::LONGEST_INPUT)
         .map_err(|e| vec![e.to_string()])
-        .and_then(|text| list::read(&text));
+        .and_then(|text| {
+            list::read(&text).map_err(|e| e.iter().map(ToString::to_string).collect())
+        });
     let at = "blocks.initial.file.path";
     let remedy = "correct the path (relative to the case) or the file";
     let found = match read {

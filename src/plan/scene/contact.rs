@@ -84,7 +84,7 @@ impl ContactTable {
             bond_at_start: grains.is_some_and(|grains| grains.bond_at_start),
             fastest_approach: fastest_approach(case, sample),
         };
-        let law = written.resolve(&facts, findings)?;
+        let law = written.model().resolve(&facts, findings)?;
         let path = "grains.bond_at_start";
         if facts.bond_at_start && !law.model().bonds() && !findings.wrong_in(&[path]) {
             findings.error(
@@ -105,7 +105,7 @@ impl ContactTable {
         }
         Some(Self {
             law,
-            local_damping: written.local_damping(),
+            local_damping: written.model().local_damping(),
         })
     }
 }
@@ -117,7 +117,7 @@ pub(crate) fn warn_of_friction(case: &Case, findings: &mut Findings) {
         && case
             .contact
             .as_ref()
-            .is_some_and(|law| !law.states_friction())
+            .is_some_and(|law| !law.model().states_friction())
     {
         findings.warn(
             "contact",

@@ -20,6 +20,15 @@ fn within(path: &str, section: &str) -> bool {
     below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
+/// Findings of a severity that are counted but not listed.
+#[derive(Debug)]
+struct Unlisted {
+    severity: Severity,
+    /// Index of their line in the problems.
+    line: usize,
+    count: usize,
+}
+
 /// Findings so far.
 #[derive(Debug)]
 pub(crate) struct Findings<'a> {
@@ -29,8 +38,7 @@ pub(crate) struct Findings<'a> {
     tree: OnceCell<Value>,
     /// Problems in the order found.
     pub(crate) problems: Vec<Problem>,
-    /// Severity of findings that are counted but not listed, the index of their line in `problems`, and their number.
-    unlisted: Vec<(Severity, usize, usize)>,
+    unlisted: Vec<Unlisted>,
     /// Paths of fields that the schema refuses.
     wrong: Vec<String>,
     /// Indices of findings that are valid only if the fields of some sections have no errors, with the names of these
@@ -112,12 +120,12 @@ impl<'a> Findings<'a> {
                 *path != problem.path
                     && (within(path, &problem.path) || within(&problem.path, path))
             });
-            let line = self.unlisted.iter_mut().find(|rest| rest.1 == n);
+            let line = self.unlisted.iter_mut().find(|rest| rest.line == n);
             if (follows || part) && line.is_none() {
                 continue;
             }
             if let Some(line) = line {
-                line.1 = kept.len();
+                line.line = kept.len();
             }
             if let Some(sections) = sections(n) {
                 self.dependent.push((kept.len(), sections));
@@ -195,8 +203,11 @@ impl<'a> Findings<'a> {
 
     /// Increases the number in the line that counts the findings not listed.
     fn only_count(&mut self, severity: Severity) {
-        let known = self.unlisted.iter_mut().find(|rest| rest.0 == severity);
-        let (_, at, count) = match known {
+        let known = self
+            .unlisted
+            .iter_mut()
+            .find(|rest| rest.severity == severity);
+        let unlisted = match known {
             Some(rest) => rest,
             None => {
                 self.problems.push(Problem {
@@ -206,13 +217,17 @@ impl<'a> Findings<'a> {
                     remedy: "correct those first".into(),
                     severity,
                 });
-                self.unlisted.push((severity, self.problems.len() - 1, 0));
+                self.unlisted.push(Unlisted {
+                    severity,
+                    line: self.problems.len() - 1,
+                    count: 0,
+                });
                 let last = self.unlisted.len() - 1;
                 &mut self.unlisted[last]
             }
         };
-        *count += 1;
-        self.problems[*at].value = format!("{count} more");
+        unlisted.count += 1;
+        self.problems[unlisted.line].value = format!("{} more", unlisted.count);
     }
 
     /// Returns `true` if the case is refused.

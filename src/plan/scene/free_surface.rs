@@ -522,17 +522,6 @@ fn refuse(case: &Case, lbm: &LatticeBoltzmann, findings: &mut Findings) {
                 .set(path, "non_equilibrium_bounce_back"),
         );
     }
-    if !lbm.porous_zones.is_empty() {
-        let path = format!("{LATTICE_PATH}.porous_zones");
-        findings.error(
-            &path,
-            "porous zones in water with a free surface are not verified yet",
-            Remedy::take_out(
-                "remove the zones, or replace the free surface by a face with free_slip (a rigid lid)",
-                &path,
-            ),
-        );
-    }
     if lbm.device == Device::Gpu {
         let path = format!("{LATTICE_PATH}.device");
         findings.error(

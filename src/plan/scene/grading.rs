@@ -49,6 +49,38 @@ pub enum Grading {
     Sieve(Vec<Class>),
 }
 
+/// Reason why the grains of a grading cannot be drawn. Classes are counted from 0, radii are in m.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the texts name the fields")]
+pub enum GradingError {
+    /// Grading without a class.
+    #[error("a grading needs at least one class")]
+    NoClass,
+    /// Radii that are not a range above 0.
+    #[error(
+        "class {class} has radii from {min} to {max} m; both must be above 0, the first no larger than the second"
+    )]
+    Radii { class: usize, min: f64, max: f64 },
+    /// Part that is not a fraction.
+    #[error("class {class} has a part of {part}; it must be above 0 and at most 1")]
+    Part { class: usize, part: f64 },
+    /// Sum of the parts that is not 1.
+    #[error("the parts add up to {0}, but must add up to 1")]
+    Sum(f64),
+    /// Class without a grain: `exact` of `number` grains belong to it.
+    #[error(
+        "class {class} (radii {min} to {max} m) would have {exact:.3} of {number} grains: its part needs at least \
+         about {} grains in total", (real(*.number) / .exact).ceil()
+    )]
+    EmptyClass {
+        class: usize,
+        min: f64,
+        max: f64,
+        exact: f64,
+        number: usize,
+    },
+}
+
 impl Grading {
     /// Returns the grading of a sieve curve.
     #[must_use]
@@ -89,7 +121,7 @@ impl Grading {
         number: usize,
         dimension: usize,
         (seed, first): (u64, usize),
-    ) -> Result<Vec<f64>, String> {
+    ) -> Result<Vec<f64>, GradingError> {
         let mut radii = Vec::with_capacity(number);
         let numbers = self.numbers(number, dimension)?;
         for (class, count) in self.classes().iter().zip(numbers) {
@@ -113,29 +145,29 @@ impl Grading {
     ///
     /// # Errors
     /// If ranges or fractions are inconsistent, or a class has no grain; the text names the class.
-    pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, String> {
+    pub fn numbers(&self, number: usize, dimension: usize) -> Result<Vec<usize>, GradingError> {
         let classes = self.classes();
         if classes.is_empty() {
-            return Err("a grading needs at least one class".into());
+            return Err(GradingError::NoClass);
         }
         for (n, class) in classes.iter().enumerate() {
             if !(class.min > 0.0 && class.min <= class.max && class.max.is_finite()) {
-                return Err(format!(
-                    "class {n} has radii from {} to {} m; both must be above 0, the first no larger than the \
-                     second",
-                    class.min, class.max
-                ));
+                return Err(GradingError::Radii {
+                    class: n,
+                    min: class.min,
+                    max: class.max,
+                });
             }
             if !(class.part > 0.0 && class.part <= 1.0) {
-                return Err(format!(
-                    "class {n} has a part of {}; it must be above 0 and at most 1",
-                    class.part
-                ));
+                return Err(GradingError::Part {
+                    class: n,
+                    part: class.part,
+                });
             }
         }
         let sum: f64 = classes.iter().map(|class| class.part).sum();
         if (sum - 1.0).abs() > 1e-6 {
-            return Err(format!("the parts add up to {sum}, but must add up to 1"));
+            return Err(GradingError::Sum(sum));
         }
         let weight = |class: &Class| match self {
             Self::ByCount(_) => class.part,
@@ -158,14 +190,13 @@ impl Grading {
             numbers[k] += 1;
         }
         if let Some(n) = numbers.iter().position(|n| *n == 0) {
-            return Err(format!(
-                "class {n} (radii {} to {} m) would have {:.3} of {number} grains: its part needs at least about \
-                 {} grains in total",
-                classes[n].min,
-                classes[n].max,
-                exact[n],
-                (real(number) / exact[n]).ceil()
-            ));
+            return Err(GradingError::EmptyClass {
+                class: n,
+                min: classes[n].min,
+                max: classes[n].max,
+                exact: exact[n],
+                number,
+            });
         }
         Ok(numbers)
     }
@@ -174,7 +205,7 @@ impl Grading {
     ///
     /// # Errors
     /// If [`Self::numbers`] fails.
-    pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, String> {
+    pub fn measure(&self, number: usize, dimension: usize) -> Result<f64, GradingError> {
         let factor = std::f64::consts::PI * if dimension == 2 { 1.0 } else { 4.0 / 3.0 };
         let numbers = self.numbers(number, dimension)?;
         let sums = self.classes().iter().zip(numbers);
@@ -226,8 +257,10 @@ mod tests {
 
     #[test]
     fn gradings_that_cannot_be_are_refused() {
-        let refused =
-            |classes: Vec<Class>, number| Grading::ByMass(classes).numbers(number, 3).unwrap_err();
+        let refused = |classes: Vec<Class>, number| {
+            let refused = Grading::ByMass(classes).numbers(number, 3);
+            refused.unwrap_err().to_string()
+        };
         assert!(refused(classes(), 8).contains("class 1"));
         assert!(refused(Vec::new(), 20).contains("needs at least one class"));
         let mut wrong = classes();
@@ -285,7 +318,7 @@ mod tests {
     #[test]
     fn a_sieve_without_a_grain_is_refused_with_the_number_that_it_needs() {
         let grading = Grading::of_sieves(&curve());
-        let reason = grading.numbers(10_000, 3).unwrap_err();
+        let reason = grading.numbers(10_000, 3).unwrap_err().to_string();
         assert!(reason.contains("class 3"), "{reason}");
         let needed: usize = reason.rsplit(' ').nth(3).unwrap().parse().unwrap();
         assert!(needed > 10_000);

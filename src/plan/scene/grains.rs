@@ -311,7 +311,11 @@ pub(crate) fn grains(
         names,
         default_material,
     };
-    let (mut source, radii, expected) = match &grains.initial {
+    let Source {
+        mut source,
+        radii,
+        expected,
+    } = match &grains.initial {
         Written::Growth(growth) => grow(growth, grid, findings)?,
         Written::Deposition(written) => {
             resolve_deposition(case, written, grid, materials, findings)?
@@ -399,7 +403,11 @@ fn resolve_list(
         resolved.push(listed_grain(case, grain, grid, materials, &path, findings));
     }
     let (radii, expected) = (bounds(&resolved), resolved.len());
-    (GrainSource::List(resolved), radii, expected)
+    Source {
+        source: GrainSource::List(resolved),
+        radii,
+        expected,
+    }
 }
 
 /// Resolves a listed grain.
@@ -447,7 +455,14 @@ struct Materials<'a> {
     default_material: usize,
 }
 
-type Source = (GrainSource, Option<(f64, f64)>, usize);
+/// Resolved source of grains.
+struct Source {
+    source: GrainSource,
+    /// Smallest and largest radius \[m\]; none without grains.
+    radii: Option<(f64, f64)>,
+    /// Expected number of grains.
+    expected: usize,
+}
 
 /// Returns the smallest and largest radius.
 fn bounds(grains: &[ListedGrain]) -> Option<(f64, f64)> {
@@ -522,7 +537,11 @@ fn sample(
         }
     }
     let (radii, expected) = (bounds(&grains), grains.len());
-    (GrainSource::File { path: file, grains }, radii, expected)
+    Source {
+        source: GrainSource::File { path: file, grains },
+        radii,
+        expected,
+    }
 }
 
 /// Minimum radius of a grain \[m\]: that of an atom. The mass and inertia of much smaller grains underflow.
@@ -623,7 +642,9 @@ pub(crate) fn check_radii(radii: &Radii, path: &str, findings: &mut Findings) ->
 /// Returns a cloud of grains that fit its box and are not too dense; otherwise reports findings. The caller sets
 /// its name.
 fn cloud(
-    (written, region, number_of): (&Grading, &Extent, u32),
+    written: &Grading,
+    region: &Extent,
+    number_of: u32,
     path: &str,
     grid: &Grid,
     findings: &mut Findings,
@@ -652,10 +673,10 @@ fn cloud(
     let number_of = number_of as usize;
     let measure = match grading.measure(number_of, grid.dimension) {
         Ok(measure) => measure,
-        Err(reason) => {
+        Err(error) => {
             findings.error(
                 &format!("{path}.grading.{name}"),
-                reason,
+                error.to_string(),
                 "correct the grading, or use more grains",
             );
             return None;
@@ -718,11 +739,11 @@ fn resolve_deposition(
     findings: &mut Findings,
 ) -> Option<Source> {
     let path = "grains.initial.deposition";
-    let first = (&written.grading, &written.region, written.number);
+    let (grading, number_of) = (&written.grading, written.number);
     let mut clouds = vec![Cloud {
         name: None,
         material: default,
-        ..cloud(first, path, grid, findings)?
+        ..cloud(grading, &written.region, number_of, path, grid, findings)?
     }];
     let mut known = Vec::new();
     for (n, layer) in written.layers.iter().enumerate() {
@@ -732,11 +753,11 @@ fn resolve_deposition(
             needs_density(case, name, findings);
             material(names, name, &format!("{path}.material"), findings).unwrap_or(default)
         });
-        let written = (&layer.grading, &layer.region, layer.number);
+        let (grading, number_of) = (&layer.grading, layer.number);
         clouds.push(Cloud {
             name: Some(layer.name.clone()),
             material: own.unwrap_or(default),
-            ..cloud(written, &path, grid, findings)?
+            ..cloud(grading, &layer.region, number_of, &path, grid, findings)?
         });
     }
     let along = (0..grid.dimension)
@@ -768,14 +789,14 @@ fn resolve_deposition(
         (least.min(low), most.max(high))
     });
     let number_of = clouds.iter().map(|cloud| cloud.number).sum();
-    Some((
-        GrainSource::Deposition {
+    Some(Source {
+        source: GrainSource::Deposition {
             clouds,
             deposition: written.clone(),
         },
-        Some(bounds),
-        number_of,
-    ))
+        radii: Some(bounds),
+        expected: number_of,
+    })
 }
 
 /// Resolves and checks grains that grow in a box.
@@ -832,24 +853,24 @@ fn grow(growth: &Growth, grid: &Grid, findings: &mut Findings) -> Option<Source>
     }
     let number_of = base::number::whole(number_of);
     if let Radii::Sieve(curve) = &growth.radii
-        && let Err(reason) = grading::Grading::of_sieves(curve).numbers(number_of, grid.dimension)
+        && let Err(error) = grading::Grading::of_sieves(curve).numbers(number_of, grid.dimension)
     {
         findings.error(
             &format!("{path}.radii.sieve"),
-            reason,
+            error.to_string(),
             "correct the curve, or use more grains or a larger box",
         );
         return None;
     }
-    Some((
-        GrainSource::Growth {
+    Some(Source {
+        source: GrainSource::Growth {
             block,
             number: number_of,
             growth: growth.clone(),
         },
-        Some(growth.radii.bounds()),
-        number_of,
-    ))
+        radii: Some(growth.radii.bounds()),
+        expected: number_of,
+    })
 }
 
 /// Returns `true` if the largest grain fits the box in which the grains grow; otherwise reports a finding.

@@ -308,7 +308,7 @@ pub fn read(
     default: usize,
 ) -> Result<Vec<ListedGrain>, String> {
     let mut columns = Columns::new(dimension);
-    let foreign = foreign::header(text, &columns.list)?;
+    let foreign = foreign::header(text, &columns.list).map_err(|e| e.to_string())?;
     if foreign.is_some() && dimension == 2 {
         columns.add_plane();
     }

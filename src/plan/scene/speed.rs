@@ -12,18 +12,55 @@ use super::boundaries::ScenePatch;
 use super::flow::{BodyForce, Flow, PATH};
 use super::free_surface::Opening;
 use super::initial::Initial;
-use super::porous;
+use super::terms;
 use lbm::boundary::SurfaceKind;
 use lbm::synthetic::Fluctuations;
 use std::f64::consts::PI;
+use std::fmt;
 
 /// Safety factor on the speed of a pilot run, which has coarse cells.
 pub(crate) const PILOT_MARGIN: f64 = 1.25;
 
+/// Cause of a speed of the fluid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SpeedCause {
+    /// Velocity of a pilot run, with a margin.
+    Pilot,
+    /// Body force and gravity on the water, against the obstacles.
+    Force,
+    /// Body force, also against a bed of grains.
+    BodyForce,
+    /// Difference of the imposed pressures.
+    Pressure,
+    /// Fall of water with a free surface.
+    Fall,
+    /// Prescribed motion of a body.
+    Body,
+    /// Settling or rising bodies.
+    Settling,
+    /// Boundary or initial state with this name.
+    Imposed(&'static str),
+}
+
+impl fmt::Display for SpeedCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pilot => "the velocity of the pilot with a margin",
+            Self::Force => "the force on the water (estimate)",
+            Self::BodyForce => "the body force (estimate)",
+            Self::Pressure => "the pressure difference (estimate)",
+            Self::Fall => "the fall of the water",
+            Self::Body => "the moving body",
+            Self::Settling => "settling (estimate)",
+            Self::Imposed(name) => name,
+        })
+    }
+}
+
 /// Estimated or imposed speed of the fluid.
 pub(crate) struct Speed {
     /// Cause of the speed.
-    pub(crate) what: String,
+    pub(crate) what: SpeedCause,
     /// JSON path of the field that determines the speed.
     pub(crate) path: String,
     /// Value of the speed [m/s].
@@ -36,7 +73,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let mut speeds = imposed(scene, flow);
     if let Some(pilot) = &flow.pilot {
         speeds.push(Speed {
-            what: "the velocity of the pilot with a margin".into(),
+            what: SpeedCause::Pilot,
             path: format!("{PATH}.pilot.speed"),
             value: PILOT_MARGIN * pilot.speed,
         });
@@ -46,7 +83,7 @@ pub(crate) fn all(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds.extend(driven_by_pressure(scene, flow));
     if let Some(value) = driven_by_forces(scene, flow) {
         speeds.push(Speed {
-            what: "the force on the water (estimate)".into(),
+            what: SpeedCause::Force,
             path: format!("{PATH}.body_force"),
             value,
         });
@@ -71,7 +108,7 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     let estimate = estimates.into_iter().flatten().reduce(f64::min);
     if let Some(value) = estimate.filter(|value| *value != 0.0) {
         speeds.push(Speed {
-            what: "the body force (estimate)".into(),
+            what: SpeedCause::BodyForce,
             path: format!("{PATH}.body_force"),
             value,
         });
@@ -82,13 +119,10 @@ pub(crate) fn speeds(scene: &Scene, flow: &Flow) -> Vec<Speed> {
     speeds
 }
 
-/// Name of the settling speed.
-pub(crate) const SETTLING: &str = "settling (estimate)";
-
 /// Returns the speed of settling or rising bodies.
 fn settling_speed(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = settling::fastest(scene, flow)?;
-    let what = SETTLING.into();
+    let what = SpeedCause::Settling;
     Some(Speed { what, path, value })
 }
 
@@ -126,7 +160,7 @@ fn fall_speed(scene: &Scene) -> Option<Speed> {
         |opening| opening.path.clone(),
     );
     (value > 0.0).then(|| Speed {
-        what: "the fall of the water".into(),
+        what: SpeedCause::Fall,
         path,
         value,
     })
@@ -136,10 +170,10 @@ fn fall_speed(scene: &Scene) -> Option<Speed> {
 pub(crate) fn imposed_on_fluid(flow: &Flow) -> Vec<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut speeds = Vec::new();
-    let mut add = |what: &str, path: String, value: f64| {
+    let mut add = |what: &'static str, path: String, value: f64| {
         if value != 0.0 {
             speeds.push(Speed {
-                what: what.into(),
+                what: SpeedCause::Imposed(what),
                 path,
                 value,
             });
@@ -196,7 +230,7 @@ pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<It
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let bodies = scene.bodies.iter().enumerate();
     let speeds = bodies.map(move |(n, body)| Speed {
-        what: "the moving body".into(),
+        what: SpeedCause::Body,
         path: format!("bodies[{n}].motion"),
         value: {
             let [velocity, spin] = body.largest_motion().map(norm);
@@ -210,7 +244,7 @@ pub(crate) fn of_bodies(scene: &Scene, rotation_alone: bool) -> impl Iterator<It
 pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let driven = scene.bodies.iter().enumerate().map(|(n, body)| Speed {
-        what: "the moving body".into(),
+        what: SpeedCause::Body,
         path: format!("bodies[{n}].motion"),
         value: norm(body.largest_motion()[0]),
     });
@@ -223,7 +257,7 @@ pub(crate) fn through_the_fluid(scene: &Scene, flow: &Flow) -> Option<Speed> {
 /// Returns the speed driven by a pressure difference.
 fn driven_by_pressure(scene: &Scene, flow: &Flow) -> Option<Speed> {
     let (path, value) = pressure_driven(scene, flow).filter(|(_, value)| *value != 0.0)?;
-    let what = "the pressure difference (estimate)".into();
+    let what = SpeedCause::Pressure;
     Some(Speed { what, path, value })
 }
 
@@ -240,7 +274,7 @@ pub(crate) struct PressureDifference {
 /// Returns the difference of the pressures imposed by boundaries; outflows count with the reference pressure.
 pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
     let mut bounds: Option<[f64; 2]> = None;
-    let mut largest: Option<(f64, String, usize)> = None;
+    let mut largest: Option<PressureDifference> = None;
     for patch in flow.patches() {
         let model = patch.condition.model();
         let imposed = model.pressure();
@@ -251,8 +285,12 @@ pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
             let known = bounds.unwrap_or([lo, hi]);
             bounds = Some([known[0].min(lo), known[1].max(hi)]);
             let size = lo.abs().max(hi.abs());
-            if largest.as_ref().is_none_or(|(s, ..)| size > *s) {
-                largest = Some((size, path, patch.face.axis()));
+            if largest.as_ref().is_none_or(|known| size > known.value) {
+                largest = Some(PressureDifference {
+                    value: size,
+                    path,
+                    axis: patch.face.axis(),
+                });
             }
         } else if model.pressure_floats()
             && let Some([lo, hi]) = bounds
@@ -260,11 +298,10 @@ pub(crate) fn pressure_difference(flow: &Flow) -> Option<PressureDifference> {
             bounds = Some([lo.min(0.0), hi.max(0.0)]);
         }
     }
-    let ([lo, hi], (_, path, axis)) = (bounds?, largest?);
+    let [lo, hi] = bounds?;
     Some(PressureDifference {
         value: hi - lo,
-        path,
-        axis,
+        ..largest?
     })
 }
 
@@ -274,7 +311,7 @@ fn pressure_driven(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     let (length, height) = passage(scene, axis);
     let viscous =
         value * height * height / (8.0 * flow.density * flow.kinematic_viscosity * length);
-    let resisted = porous::fastest(&scene.porous_zones, &scene.grid, axis, value / flow.density);
+    let resisted = terms::fastest(&scene.terms, &scene.grid, axis, value / flow.density);
     Some((path, free.min(viscous).min(resisted)))
 }
 
@@ -375,8 +412,8 @@ fn force_driven(scene: &Scene, flow: &Flow) -> Option<f64> {
             viscous.min(size * period / (std::f64::consts::TAU * flow.density))
         }
     };
-    let resisted = porous::fastest(
-        &scene.porous_zones,
+    let resisted = terms::fastest(
+        &scene.terms,
         &scene.grid,
         axis,
         size * scene.grid.size[axis] / flow.density,
@@ -420,8 +457,8 @@ fn driven_by_forces(scene: &Scene, flow: &Flow) -> Option<f64> {
         BodyForce::Constant(_) => scene.time.end,
         BodyForce::Oscillating { period, .. } => period / std::f64::consts::TAU,
     };
-    let resisted = porous::fastest(
-        &scene.porous_zones,
+    let resisted = terms::fastest(
+        &scene.terms,
         &scene.grid,
         axis,
         force * scene.grid.size[axis] / flow.density,

@@ -8,12 +8,52 @@
 //! precision, names the line in its messages, and compares the number of triangles with the length of the file
 //! before it allocates memory.
 
+use base::error::Error;
 use dem::FacetSurface;
 use nalgebra::Vector3;
 use std::collections::HashMap;
 
 /// Maximum distance of corners that are merged, relative to the extent of the surface.
 const MERGE_DISTANCE: f64 = 1e-7;
+
+/// Reason why a file of a surface cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum StlError {
+    /// File without a triangle.
+    #[error("the surface contains no triangle")]
+    Empty,
+    /// File without a triangle that has an area.
+    #[error("the file contains no triangle with an area above 0")]
+    NoArea,
+    /// Triangles that are not a surface.
+    #[error(transparent)]
+    Facets(#[from] Error),
+    /// Corner that is not finite.
+    #[error("a corner is not finite")]
+    NotFinite,
+    /// Vertex without three numbers.
+    #[error("line {line}: a vertex must have three numbers")]
+    Vertex { line: usize },
+    /// Facet that is not a triangle.
+    #[error("line {line}: a facet has {corners} corners instead of 3")]
+    Facet { line: usize, corners: usize },
+    /// Number of vertices that are not those of triangles.
+    #[error("the file has {0} vertices, which is not a multiple of 3")]
+    Vertices(usize),
+    /// Bytes that are neither text nor the head of a binary file.
+    #[error("the file is neither text STL nor binary STL, which has at least 84 bytes")]
+    Short,
+    /// Bytes that are neither text nor a complete binary file.
+    #[error(
+        "the file is neither text STL nor binary STL: {triangles} triangles need {needed} bytes, but the file has \
+         {found}"
+    )]
+    Length {
+        triangles: u64,
+        needed: u64,
+        found: usize,
+    },
+}
 
 /// Returns the surface of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
 ///
@@ -23,7 +63,7 @@ pub(crate) fn read(
     bytes: &[u8],
     scale: f64,
     origin: &Vector3<f64>,
-) -> Result<FacetSurface, String> {
+) -> Result<FacetSurface, StlError> {
     let corners = corners(bytes, scale, origin)?;
     let (vertices, numbers) = merged(&corners);
     let facets: Vec<Vec<u32>> = numbers
@@ -36,9 +76,9 @@ pub(crate) fn read(
         .map(<[u32]>::to_vec)
         .collect();
     if facets.is_empty() {
-        return Err("the file contains no triangle with an area above 0".into());
+        return Err(StlError::NoArea);
     }
-    FacetSurface::new(vertices, &facets).map_err(|e| e.to_string())
+    Ok(FacetSurface::new(vertices, &facets)?)
 }
 
 /// Returns the triangles of a file, scaled by `scale` metres per unit of the file and shifted by `origin` \[m\].
@@ -49,7 +89,7 @@ pub(crate) fn triangles(
     bytes: &[u8],
     scale: f64,
     origin: &Vector3<f64>,
-) -> Result<Vec<[Vector3<f64>; 3]>, String> {
+) -> Result<Vec<[Vector3<f64>; 3]>, StlError> {
     let corners = corners(bytes, scale, origin)?;
     Ok(corners
         .chunks_exact(3)
@@ -65,14 +105,14 @@ pub(crate) fn extent(corners: impl Iterator<Item = Vector3<f64>>) -> [[f64; 3]; 
 }
 
 /// Returns the corners of all triangles, one after the other.
-fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, String> {
+fn corners(bytes: &[u8], scale: f64, origin: &Vector3<f64>) -> Result<Vec<Vector3<f64>>, StlError> {
     let corners = binary(bytes).map_or_else(|| text(bytes), Ok)?;
     let corners: Vec<Vector3<f64>> = corners
         .into_iter()
         .map(|corner| Vector3::from(corner) * scale + origin)
         .collect();
     if corners.iter().any(|c| !c.norm_squared().is_finite()) {
-        return Err("a corner is not finite".into());
+        return Err(StlError::NotFinite);
     }
     Ok(corners)
 }
@@ -120,14 +160,11 @@ fn words(text: &str) -> impl Iterator<Item = (usize, &str)> {
         .flat_map(|(n, line)| line.split_whitespace().map(move |word| (n, word)))
 }
 
-/// Sentence about a file of a surface without triangles.
-const EMPTY: &str = "the surface contains no triangle";
-
 /// Returns the corners of a text file as a sequence of words, however divided into lines. The name of a solid may
 /// contain characters of any encoding.
-fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
+fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, StlError> {
     if bytes.len() == HEADER && bytes.ends_with(&[0; 4]) {
-        return Err(EMPTY.into());
+        return Err(StlError::Empty);
     }
     let padding = |byte: &u8| *byte == 0;
     let end = bytes
@@ -154,15 +191,16 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
             "vertex" => {
                 let mut number = || words.next()?.1.parse().ok();
                 let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
-                    return Err(format!("line {n}: a vertex must have three numbers"));
+                    return Err(StlError::Vertex { line: n });
                 };
                 corners.push([x, y, z]);
                 in_loop += 1;
             }
             "endloop" if in_loop != 3 => {
-                return Err(format!(
-                    "line {n}: a facet has {in_loop} corners instead of 3"
-                ));
+                return Err(StlError::Facet {
+                    line: n,
+                    corners: in_loop,
+                });
             }
             _ => {}
         }
@@ -170,34 +208,27 @@ fn text(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     if corners.is_empty() {
         let first = text.split_whitespace().next();
         return Err(match first.map(str::to_ascii_lowercase).as_deref() {
-            Some("solid") => EMPTY.into(),
+            Some("solid") => StlError::Empty,
             _ => no_text(bytes),
         });
     }
     if corners.len() % 3 != 0 {
-        return Err(format!(
-            "the file has {} vertices, which is not a multiple of 3",
-            corners.len()
-        ));
+        return Err(StlError::Vertices(corners.len()));
     }
     Ok(corners)
 }
 
 /// Returns the reason why bytes are neither text nor a complete binary file.
-fn no_text(bytes: &[u8]) -> String {
+fn no_text(bytes: &[u8]) -> StlError {
     let count = bytes.get(80..84).and_then(|count| count.try_into().ok());
-    count.map_or_else(
-        || "the file is neither text STL nor binary STL, which has at least 84 bytes".into(),
-        |count| {
-            let count = u64::from(u32::from_le_bytes(count));
-            format!(
-                "the file is neither text STL nor binary STL: {count} triangles need {} bytes, but the file has \
-                 {}",
-                84 + 50 * count,
-                bytes.len()
-            )
-        },
-    )
+    count.map_or(StlError::Short, |count| {
+        let triangles = u64::from(u32::from_le_bytes(count));
+        StlError::Length {
+            triangles,
+            needed: 84 + 50 * triangles,
+            found: bytes.len(),
+        }
+    })
 }
 
 /// Returns the merged vertices, and the vertex index of each corner.
@@ -319,9 +350,11 @@ mod tests {
         let bad = SQUARE
             .replace('\n', "\r")
             .replace("vertex 0 1 0", "vertex 0 1,5 0");
-        let refused = corners(bad.as_bytes(), 1.0, &Vector3::zeros()).unwrap_err();
+        let refused = corners(bad.as_bytes(), 1.0, &Vector3::zeros());
+        let refused = refused.unwrap_err().to_string();
         assert!(refused.contains("line 13"), "{refused}");
-        let short = corners(&as_binary()[..150], 1.0, &Vector3::zeros()).unwrap_err();
+        let short = corners(&as_binary()[..150], 1.0, &Vector3::zeros());
+        let short = short.unwrap_err().to_string();
         assert!(short.contains("184 bytes, but the file has 150"), "{short}");
     }
 
@@ -367,7 +400,10 @@ mod tests {
 
     #[test]
     fn files_that_are_no_surface_are_refused() {
-        let refused = |bytes: &[u8]| read(bytes, 1.0, &Vector3::zeros()).unwrap_err();
+        let refused = |bytes: &[u8]| {
+            let read = read(bytes, 1.0, &Vector3::zeros());
+            read.unwrap_err().to_string()
+        };
         assert!(refused(b"").contains("neither text STL nor binary STL"));
         assert!(
             refused(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

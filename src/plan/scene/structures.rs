@@ -87,7 +87,10 @@ pub(crate) fn images(
         let file = case.directory.join(&mesh.path);
         let triangles = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
             .map_err(|e| e.to_string())
-            .and_then(|bytes| stl::triangles(&bytes, mesh.scale, &Vector3::from(origin)))
+            .and_then(|bytes| {
+                let origin = Vector3::from(origin);
+                stl::triangles(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
+            })
             .map_err(|e| format!("{}: {e}", mesh.path.display()))?;
         Ok(triangles.into_iter().map(|t| t.map(Into::into)).collect())
     };

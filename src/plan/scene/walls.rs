@@ -477,7 +477,10 @@ fn facets(
             let file = case.directory.join(&mesh.path);
             let made = io::plain::bytes(&file, io::plain::LONGEST_INPUT)
                 .map_err(|e| e.to_string())
-                .and_then(|bytes| stl::read(&bytes, mesh.scale, &Vector3::from(origin)))
+                .and_then(|bytes| {
+                    let origin = Vector3::from(origin);
+                    stl::read(&bytes, mesh.scale, &origin).map_err(|e| e.to_string())
+                })
                 .map_err(|e| format!("{}: {e}", mesh.path.display()));
             (
                 format!("{path}.path"),

@@ -249,8 +249,7 @@ fn solids<Sp: Space, S: SavedNumber>(
     engine.restore(contacts)?;
     if let Some(walls) = origin.walls() {
         resume::drive_walls(plan, &mut engine);
-        let new = (walls, &parts.gates, now.step);
-        resume::check_new_walls(plan, new, particles, &now.domain)?;
+        resume::check_new_walls(plan, walls, &parts.gates, now.step, particles, &now.domain)?;
     }
     if origin.fluid_has_advanced() {
         engine.open_walls(&setup::temporary_walls(plan));

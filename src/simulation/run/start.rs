@@ -214,11 +214,9 @@ fn build_flow<Sp: Space, S: SavedNumber>(
         fluid.initialise(field.as_ref());
     }
     if plan.scene.surface.is_some() {
-        fluid.open_surface(domain).map_err(Error::Internal)?;
+        fluid.open_surface(domain)?;
         if let Some(tension) = setup::tension(plan, scene, &units) {
-            fluid
-                .add_surface_tension(tension, domain)
-                .map_err(Error::Internal)?;
+            fluid.add_surface_tension(tension, domain)?;
         }
     }
     let mut flow = coupled::flow::<Sp, S>(plan, fluid, units);
@@ -248,7 +246,7 @@ fn build_fluid<S: SavedNumber>(
             Error::Usage(format!("{path}: {error}; use {remedy}"))
         } else {
             // The memory cannot hold the slab.
-            Error::Io(error)
+            Error::Io(error.to_string())
         }
     })
 }

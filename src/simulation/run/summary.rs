@@ -48,6 +48,13 @@ fn bernoulli_speed(scene: &Scene, extremes: &Extremes) -> f64 {
     squared.sqrt()
 }
 
+/// Mass of water that has passed an opening, in cells.
+struct OpeningMass {
+    name: String,
+    entered: f64,
+    left: f64,
+}
+
 impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
     /// Returns the warning about mass per cell lost or gained by water without an opening.
     fn lost_mass(&self, change: f64) -> Option<String> {
@@ -328,11 +335,15 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         let names: Vec<String> = now.lattice().map_or_else(Vec::new, |flow| flow.patches());
         let passed = surface.passed().map(|(patch, passed)| {
             let name = names.get(patch).cloned().unwrap_or_default();
-            (name, all(passed.entered), all(passed.left))
+            OpeningMass {
+                name,
+                entered: all(passed.entered),
+                left: all(passed.left),
+            }
         });
-        let passed: Vec<(String, f64, f64)> = passed.collect();
-        let entered: f64 = passed.iter().map(|(_, entered, _)| entered).sum();
-        let left: f64 = passed.iter().map(|(_, _, left)| left).sum();
+        let passed: Vec<OpeningMass> = passed.collect();
+        let entered: f64 = passed.iter().map(|opening| opening.entered).sum();
+        let left: f64 = passed.iter().map(|opening| opening.left).sum();
         let handled = (before + entered).max(f64::MIN_POSITIVE);
         values["water"] = json!({
             "mass": cell * mass,
@@ -343,8 +354,8 @@ impl<Sp: Space, S: SavedNumber> Runner<Sp, S> {
         if !passed.is_empty() {
             values["water"]["entered"] = json!(cell * entered);
             values["water"]["left"] = json!(cell * left);
-            let rows = passed.into_iter().map(|(name, entered, left)| {
-                json!({"name": name, "entered": cell * entered, "left": cell * left})
+            let rows = passed.into_iter().map(|one| {
+                json!({"name": one.name, "entered": cell * one.entered, "left": cell * one.left})
             });
             values["water"]["openings"] = rows.collect();
         }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// If the scene is two-dimensional.
 pub fn shapes<S: Space>(plan: &Plan, particles: &mut Particles<S>) -> Result<(), Error> {
     let shapes: Arc<[Polyhedron]> = (plan.scene.polyhedra())
-        .map(|(solid, ..)| solid.shape.clone())
+        .map(|one| one.solid.shape.clone())
         .collect();
     if shapes.is_empty() {
         return Ok(());

@@ -413,12 +413,12 @@ fn set_fields(case: &mut Value, fields: impl Iterator<Item = (String, Value)>) -
                 let text = format!("{path}={number}");
                 found.extend(set::apply(case, &text).err().map(|p| *p));
             }
-            Err(reason) => {
+            Err(error) => {
                 let remedy = "refer to numbers of the case by their path, such as domain.spacing";
                 found.push(problem(
                     &path,
                     &expression::excerpt(&format!("={formula}")),
-                    reason,
+                    error.to_string(),
                     remedy,
                 ));
             }

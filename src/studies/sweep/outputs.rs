@@ -3,26 +3,13 @@
 use super::study::{Output, Study};
 use analysis::expression::evaluate;
 use analysis::measure::Take;
-use base::error::{Problem, Severity};
+use base::error::Problem;
 use case::set;
 use output::probe_columns;
 use plan::scene::Scene;
 use serde_json::Value;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-
-/// Tables of a run other than those of probes; their columns are not checked.
-const TABLES: [&str; 9] = [
-    "averages_profile.csv",
-    "bonds.csv",
-    "clusters.csv",
-    "collapse.csv",
-    "collapse_points.csv",
-    "crossings.csv",
-    "erosion.csv",
-    "removed.csv",
-    "surface.csv",
-];
 
 /// Returns the problems of the outputs of a member, given its case and scene.
 pub(super) fn check(study: &Study, case: &Value, scene: &Scene) -> Vec<Problem> {
@@ -54,7 +41,8 @@ fn of_output(
     let Some(file) = measure.file.as_ref().filter(|_| measure.summary.is_none()) else {
         return Vec::new();
     };
-    if TABLES.contains(&file.as_str()) {
+    // The columns of these tables are not checked.
+    if simulation::TABLES.contains(&file.as_str()) {
         return Vec::new();
     }
     let probe = file
@@ -67,13 +55,12 @@ fn of_output(
             .iter()
             .map(|probe| format!("probe_{}.csv", probe.name))
             .collect();
-        return vec![Problem {
-            path: path("file"),
-            value: format!("{file:?}"),
-            reason: "no run of this study writes this table".into(),
-            remedy: format!("tables of its probes: {}", tables.join(", ")).into(),
-            severity: Severity::Error,
-        }];
+        return vec![Problem::error(
+            path("file"),
+            format!("{file:?}"),
+            "no run of this study writes this table",
+            format!("tables of its probes: {}", tables.join(", ")),
+        )];
     };
     let columns = probe_columns(scene, &probe.at);
     let formulas = [
@@ -130,13 +117,12 @@ pub(crate) fn unknown(
             format!("{near}Columns: {}", columns.join(", "))
         }
     };
-    Some(Problem {
-        path: path.to_owned(),
-        value: format!("{formula:?}"),
-        reason: error,
-        remedy: remedy.into(),
-        severity: Severity::Error,
-    })
+    Some(Problem::error(
+        path,
+        format!("{formula:?}"),
+        error.to_string(),
+        remedy,
+    ))
 }
 
 #[cfg(test)]

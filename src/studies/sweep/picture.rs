@@ -9,7 +9,7 @@ use super::table::{MemberRow, SweepTable};
 use base::error::Verdict;
 use base::number::real;
 use figures::plot::{
-    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, Shape, Style, sequential,
+    CATEGORY, Figure, Layer, Legend, Mark, Panel, PlotAxis, PlotLabel, PlotShape, Style, sequential,
 };
 use io::csv::push_line;
 use std::fmt::Write as _;
@@ -55,9 +55,13 @@ fn output_figures(study: &Study, members: &[Member], table: &SweepTable) -> Figu
                 .map(|(x, y)| Mark::without_bars(*x, *y))
                 .collect();
             let style = Style::Filled;
-            layers.push(Layer::new(Shape::Marks { marks, style }, colour, &label));
+            layers.push(Layer::new(
+                PlotShape::Marks { marks, style },
+                colour,
+                &label,
+            ));
             let dashed = true;
-            layers.push(Layer::new(Shape::Line { points, dashed }, colour, ""));
+            layers.push(Layer::new(PlotShape::Line { points, dashed }, colour, ""));
         }
         Panel {
             title: name.clone(),
@@ -122,12 +126,16 @@ impl Front<'_> {
     ) -> Panel {
         let point = |row: &MemberRow| cost(row).zip(row.error);
         let mut layers = Vec::new();
-        for (colour, label, chosen) in self.groups() {
-            let marks = chosen.iter().filter_map(|&n| point(&self.table.rows[n]));
+        for group in self.groups() {
+            let marks = group
+                .members
+                .iter()
+                .filter_map(|&n| point(&self.table.rows[n]));
             let marks: Vec<Mark> = marks.map(|(x, y)| Mark::without_bars(x, y)).collect();
             if !marks.is_empty() {
                 let style = Style::Filled;
-                layers.push(Layer::new(Shape::Marks { marks, style }, &colour, &label));
+                let shape = PlotShape::Marks { marks, style };
+                layers.push(Layer::new(shape, &group.colour, &group.label));
             }
         }
         let rows = self.members.iter().zip(&self.table.rows);
@@ -137,7 +145,7 @@ impl Front<'_> {
             .collect();
         best.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let points: Vec<(f64, f64)> = best.iter().map(|(_, point)| *point).collect();
-        let line = Shape::Line {
+        let line = PlotShape::Line {
             points: points.clone(),
             dashed: true,
         };
@@ -147,16 +155,20 @@ impl Front<'_> {
             let style = Style::Ring;
             let label = format!("{} {name}", n + 1);
             layers.push(Layer::new(
-                Shape::Marks { marks, style },
+                PlotShape::Marks { marks, style },
                 CATEGORY[0],
                 &label,
             ));
         }
         let words = points.iter().enumerate();
         let words = words
-            .map(|(n, (x, y))| (*x, *y, (n + 1).to_string()))
+            .map(|(n, (x, y))| PlotLabel {
+                x: *x,
+                y: *y,
+                text: (n + 1).to_string(),
+            })
             .collect();
-        layers.push(Layer::new(Shape::Texts { words }, CATEGORY[0], ""));
+        layers.push(Layer::new(PlotShape::Texts { words }, CATEGORY[0], ""));
         let error = self.study.error.as_ref();
         Panel {
             title: title.to_owned(),
@@ -176,9 +188,8 @@ impl Front<'_> {
         }
     }
 
-    /// Returns the colour, label and members of each value of the first variation; without variations, each listed
-    /// member is a group.
-    fn groups(&self) -> Vec<(String, String, Vec<usize>)> {
+    /// Returns the group of each value of the first variation; without variations, each listed member is a group.
+    fn groups(&self) -> Vec<Group> {
         let labels: Vec<String> = match self.study.vary.0.first() {
             Some((_, variation)) => variation.labels(),
             None => self
@@ -193,22 +204,38 @@ impl Front<'_> {
             .0
             .first()
             .is_some_and(|(_, v)| v.is_numeric());
-        let mut groups: Vec<(String, String, Vec<usize>)> = Vec::new();
+        let mut groups: Vec<Group> = Vec::new();
         for (n, label) in labels.iter().enumerate() {
             let of_kind = CATEGORY.get(n + 1).filter(|_| !numeric);
             let colour = of_kind.map_or_else(|| sequential(n, labels.len()), |c| (*c).to_owned());
-            groups.push((colour, label.clone(), Vec::new()));
+            groups.push(Group {
+                colour,
+                label: label.clone(),
+                members: Vec::new(),
+            });
         }
         for (n, member) in self.members.iter().enumerate() {
             let own = member.labels.first().cloned().flatten();
             let own = own.unwrap_or_else(|| member.name.clone());
-            match groups.iter_mut().find(|(_, label, _)| *label == own) {
-                Some((.., chosen)) => chosen.push(n),
-                None => groups.push(("#999999".to_owned(), own, vec![n])),
+            match groups.iter_mut().find(|group| group.label == own) {
+                Some(group) => group.members.push(n),
+                None => groups.push(Group {
+                    colour: "#999999".to_owned(),
+                    label: own,
+                    members: vec![n],
+                }),
             }
         }
         groups
     }
+}
+
+/// Members with one colour and one entry in the legend.
+struct Group {
+    colour: String,
+    label: String,
+    /// Indices of the members.
+    members: Vec<usize>,
 }
 
 /// Prediction of the plan and outcome of a member, with its coordinates on the map.
@@ -230,44 +257,44 @@ pub struct Map {
     places: Vec<Place>,
 }
 
-/// Kinds of outcomes: prediction of the plan, whether the member finished, colour, style, and text of the legend.
-const KINDS: [(Verdict, bool, &str, Style, &str); 6] = [
-    (Verdict::Valid, true, "#009E73", Style::Square, "finished"),
-    (
-        Verdict::Unstable,
-        true,
-        "#E69F00",
-        Style::Square,
-        "unstable, finished",
-    ),
-    (
-        Verdict::Refused,
-        true,
-        "#D55E00",
-        Style::OpenSquare,
-        "refused by the plan, but finished",
-    ),
-    (
-        Verdict::Refused,
-        false,
-        "#D55E00",
-        Style::Square,
-        "refused, did not finish",
-    ),
-    (
-        Verdict::Unstable,
-        false,
-        "#222222",
-        Style::OpenSquare,
-        "unstable, did not finish",
-    ),
-    (
-        Verdict::Valid,
-        false,
-        "#222222",
-        Style::Square,
-        "did not finish, no finding",
-    ),
+/// Kind of an outcome on the map.
+struct Kind {
+    /// Prediction of the plan.
+    verdict: Verdict,
+    /// `true` if the member finished.
+    finished: bool,
+    colour: &'static str,
+    style: Style,
+    /// Text of the legend.
+    label: &'static str,
+}
+
+/// Returns a kind of outcomes.
+const fn kind(
+    verdict: Verdict,
+    finished: bool,
+    colour: &'static str,
+    style: Style,
+    label: &'static str,
+) -> Kind {
+    Kind {
+        verdict,
+        finished,
+        colour,
+        style,
+        label,
+    }
+}
+
+/// Kinds of outcomes.
+#[rustfmt::skip]
+const KINDS: [Kind; 6] = [
+    kind(Verdict::Valid, true, "#009E73", Style::Square, "finished"),
+    kind(Verdict::Unstable, true, "#E69F00", Style::Square, "unstable, finished"),
+    kind(Verdict::Refused, true, "#D55E00", Style::OpenSquare, "refused by the plan, but finished"),
+    kind(Verdict::Refused, false, "#D55E00", Style::Square, "refused, did not finish"),
+    kind(Verdict::Unstable, false, "#222222", Style::OpenSquare, "unstable, did not finish"),
+    kind(Verdict::Valid, false, "#222222", Style::Square, "did not finish, no finding"),
 ];
 
 impl Map {
@@ -340,26 +367,23 @@ impl Map {
     }
 
     fn panel(&self, rest: &str, last: bool) -> Panel {
-        let layers = KINDS
-            .iter()
-            .map(|(verdict, finished, colour, style, words)| {
-                let of_kind = |place: &&Place| place.is_of(*verdict, *finished);
-                let all = self.places.iter().filter(of_kind).count();
-                let here = self
-                    .places
-                    .iter()
-                    .filter(of_kind)
-                    .filter(|place| place.rest == rest);
-                let marks = here
-                    .map(|place| Mark::without_bars(place.x, place.y))
-                    .collect();
-                let style = *style;
-                Layer::new(
-                    Shape::Marks { marks, style },
-                    colour,
-                    &format!("{words}: {all}"),
-                )
-            });
+        let layers = KINDS.iter().map(|kind| {
+            let of_kind = |place: &&Place| place.is_of(kind.verdict, kind.finished);
+            let all = self.places.iter().filter(of_kind).count();
+            let here = self
+                .places
+                .iter()
+                .filter(of_kind)
+                .filter(|place| place.rest == rest);
+            let marks = here
+                .map(|place| Mark::without_bars(place.x, place.y))
+                .collect();
+            let shape = PlotShape::Marks {
+                marks,
+                style: kind.style,
+            };
+            Layer::new(shape, kind.colour, &format!("{}: {all}", kind.label))
+        });
         let positive =
             |value: fn(&Place) -> f64| self.places.iter().all(|place| value(place) > 0.0);
         let axis = |name: &str, log: bool| {

@@ -1,6 +1,6 @@
 //! Problems of a study.
 
-use base::error::{Problem, Severity};
+use base::error::Problem;
 use case::check;
 
 /// Returns the problem of an unknown name.
@@ -20,11 +20,5 @@ pub(crate) fn unknown(path: &str, name: &str, kind: &str, known: &[&str]) -> Pro
 
 /// Returns a problem that ends the study.
 pub(crate) fn problem(path: &str, value: &str, reason: String, remedy: &str) -> Problem {
-    Problem {
-        path: path.into(),
-        value: value.into(),
-        reason,
-        remedy: remedy.into(),
-        severity: Severity::Error,
-    }
+    Problem::error(path, value, reason, remedy)
 }

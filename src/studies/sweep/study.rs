@@ -511,8 +511,9 @@ impl Output {
 
 /// Adds a problem if a formula cannot be read whatever names are defined.
 pub(crate) fn check_formula(path: &str, formula: &str, found: &mut Vec<Problem>) {
-    if let Err(reason) = expression::evaluate(formula, &|_| Some(1.0)) {
+    if let Err(error) = expression::evaluate(formula, &|_| Some(1.0)) {
         let remedy = "write numbers, names, + - * / ^ and brackets";
+        let reason = error.to_string();
         found.push(problem(path, &expression::excerpt(formula), reason, remedy));
     }
 }

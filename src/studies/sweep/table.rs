@@ -5,7 +5,7 @@ use super::members::Member;
 use super::record::{Outcome, Record};
 use super::study::{Cost, FoundReference, Output, Reference, Study};
 use analysis::expression::evaluate;
-use analysis::measure::Profile;
+use analysis::measure::{MeasureError, Profile};
 use base::error::Severity;
 use io::csv::push_line;
 use serde_json::Value;
@@ -344,9 +344,9 @@ fn read_output(
     study_folder: &Path,
     folder: &Path,
     known: &dyn Fn(&str) -> Option<f64>,
-) -> Result<ReadOutput, String> {
+) -> Result<ReadOutput, MeasureError> {
     if let Some(formula) = &output.is {
-        return evaluate(formula, known).map(ReadOutput::Number);
+        return Ok(ReadOutput::Number(evaluate(formula, known)?));
     }
     if let Some(over) = &output.over {
         return output
@@ -358,6 +358,17 @@ fn read_output(
         .measure
         .number(folder, study_folder, known)
         .map(ReadOutput::Number)
+}
+
+/// Reason why an output of a member is not compared with a reference.
+#[derive(Debug, thiserror::Error)]
+enum ComparisonError {
+    /// Reference that cannot be read.
+    #[error(transparent)]
+    Reference(#[from] MeasureError),
+    /// Name of a member without this output.
+    #[error("the reference {0} does not have this output")]
+    NoOutput(String),
 }
 
 /// Comparison of a member with the references.
@@ -376,7 +387,7 @@ impl Comparison<'_> {
         &self,
         name: &str,
         reference: &Reference,
-    ) -> Result<(Option<f64>, Option<f64>), String> {
+    ) -> Result<(Option<f64>, Option<f64>), ComparisonError> {
         let Some((n, output)) = self.study.outputs.find(name) else {
             return Ok((None, None));
         };
@@ -384,7 +395,8 @@ impl Comparison<'_> {
         let wanted = match reference {
             Reference::Number(number) => ReadOutput::Number(*number),
             Reference::Formula(formula) => {
-                ReadOutput::Number(evaluate(formula, &|word| member.number(word))?)
+                let value = evaluate(formula, &|word| member.number(word));
+                ReadOutput::Number(value.map_err(MeasureError::from)?)
             }
             Reference::Found(FoundReference::Table(path)) => {
                 ReadOutput::Profile(Profile::read(&self.study_folder.join(path))?)
@@ -419,16 +431,17 @@ impl Comparison<'_> {
     }
 
     /// Returns an output of another member; none for the member itself.
-    fn of_member(&self, other: Option<usize>, output: usize) -> Result<Option<ReadOutput>, String> {
+    fn of_member(
+        &self,
+        other: Option<usize>,
+        output: usize,
+    ) -> Result<Option<ReadOutput>, ComparisonError> {
         let other = other.filter(|other| *other != self.at);
         let Some(other) = other else { return Ok(None) };
         let found = self.found[other].get(output).cloned().flatten();
-        found.map(Some).ok_or_else(|| {
-            format!(
-                "the reference {} does not have this output",
-                self.members[other].name
-            )
-        })
+        found
+            .map(Some)
+            .ok_or_else(|| ComparisonError::NoOutput(self.members[other].name.clone()))
     }
 
     /// Returns the member with the smallest value of a field among those with the same values of all other

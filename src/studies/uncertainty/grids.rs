@@ -19,7 +19,7 @@
 //! with the cells: the error in time decreases with h² like that of the cells, and the estimate contains both. A
 //! seepage through grains has cells of the size of grains and is not refined.
 
-use base::error::{Error, Problem, Severity};
+use base::error::{Error, Problem};
 use base::number::{common_divisor, real, to_u32, whole};
 use case::coupling::{Coupling, Scheme};
 use case::darcy::Zone;
@@ -142,12 +142,11 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
     if let Some(seepage) = refinable_seepage(scene) {
         return ratios_of_seepage(seepage, grid.dimension, finer);
     }
-    let common = grid.cells[..grid.dimension]
-        .iter()
-        .fold(0, |a, b| common_divisor(a, *b));
-    let wanted = RATIO[usize::from(grid.dimension == 3)];
-    let allowed =
-        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (MIN_CELLS * grid.spacing));
+    let Coarsening {
+        common,
+        wanted,
+        allowed,
+    } = Coarsening::new(scene);
     let mut chosen = Vec::new();
     let coarser = coarser_ratios(common, wanted, allowed, if finer { 1 } else { 2 });
     // If no coarser cells divide the edges, a finer grid is used.
@@ -165,17 +164,38 @@ pub fn ratios(scene: &Scene, finer: bool) -> Vec<f64> {
 /// coarser grid failed, it is coarser than all that ran. The last choice is a grid finer than that of the case.
 #[must_use]
 pub fn replacement_grid(scene: &Scene, usable: &[f64], failed: &[f64]) -> Option<f64> {
-    let grid = &scene.grid;
     if scene.seepage.is_some() {
         return None;
     }
-    let common = grid.cells[..grid.dimension]
-        .iter()
-        .fold(0, |a, b| common_divisor(a, *b));
-    let wanted = RATIO[usize::from(grid.dimension == 3)];
-    let allowed =
-        smallest_diameter(scene).map_or(f64::INFINITY, |d| d / (MIN_CELLS * grid.spacing));
+    let Coarsening {
+        common,
+        wanted,
+        allowed,
+    } = Coarsening::new(scene);
     common_divisor_grid(common, wanted, allowed, usable, failed)
+}
+
+/// Limits of coarser grids of a scene.
+struct Coarsening {
+    /// Cells in the common divisor of the edges.
+    common: usize,
+    /// Wanted ratio of two grids.
+    wanted: f64,
+    /// Largest ratio at which the smallest body has enough cells.
+    allowed: f64,
+}
+
+impl Coarsening {
+    fn new(scene: &Scene) -> Self {
+        let grid = &scene.grid;
+        let cells = grid.cells[..grid.dimension].iter();
+        let diameter = smallest_diameter(scene);
+        Self {
+            common: cells.fold(0, |a, b| common_divisor(a, *b)),
+            wanted: RATIO[usize::from(grid.dimension == 3)],
+            allowed: diameter.map_or(f64::INFINITY, |d| d / (MIN_CELLS * grid.spacing)),
+        }
+    }
 }
 
 /// Returns the result of [`replacement_grid`] for edges with `common` cells in their common divisor.
@@ -429,24 +449,15 @@ pub(super) fn with_time_step(tree: &mut Value, plan: &Plan, factor: f64) {
 /// # Errors
 /// If the case cannot be run on other cells; the error contains the field and a remedy.
 pub fn check(stated: &Value) -> Result<(), Error> {
-    let one = |path: &str, value: String, reason: &str, remedy: &str| {
-        Error::Case(vec![Problem {
-            path: path.into(),
-            value,
-            reason: reason.into(),
-            remedy: remedy.into(),
-            severity: Severity::Error,
-        }])
-    };
     let path = "fluid.lattice_boltzmann.initial";
     let initial = &stated["fluid"]["lattice_boltzmann"]["initial"];
     if let Ok(Initial::File { .. }) = serde_json::from_value(initial.clone()) {
-        return Err(one(
+        return Err(Error::Case(vec![Problem::error(
             path,
             initial.to_string(),
             "a field from a file has one spacing, but an estimate runs several",
             "start from another initial state, or warm up the fluid",
-        ));
+        )]));
     }
     Ok(())
 }

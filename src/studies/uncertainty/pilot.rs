@@ -38,13 +38,12 @@ pub fn command(
 ) -> Result<Option<(Pilot, Value)>, Error> {
     enough_cores(run)?;
     if plan.scene.flow.is_none() {
-        return Err(Error::Case(vec![Problem {
-            path: "fluid".into(),
-            value: String::new(),
-            reason: "a pilot measures water on a lattice, and this case has none".into(),
-            remedy: "run the case itself".into(),
-            severity: Severity::Error,
-        }]));
+        return Err(Error::Case(vec![Problem::error(
+            "fluid",
+            String::new(),
+            "a pilot measures water on a lattice, and this case has none",
+            "run the case itself",
+        )]));
     }
     let Some((chosen, ratio)) = coarse(plan)? else {
         return Ok(None);

@@ -44,27 +44,43 @@ const OTHER_WALE: f64 = 0.325;
 /// scene does not have the setting.
 type Change = fn(&mut Value, &Plan, Scaling) -> Option<String>;
 
+/// Setting before it is applied to a case.
+struct Alternative {
+    name: &'static str,
+    folder: &'static str,
+    change: Change,
+}
+
+/// Returns an alternative.
+const fn alternative(name: &'static str, folder: &'static str, change: Change) -> Alternative {
+    Alternative {
+        name,
+        folder,
+        change,
+    }
+}
+
 /// All settings.
-const SETTINGS: &[(&str, &str, Change)] = &[
-    ("contact stiffness", "stiffness", stiffness),
-    ("solid time step", "solid-step", solid_step),
-    ("coupling interval", "interval", interval),
-    ("cells of the seepage", "seepage-cells", cells),
-    ("law of resistance", "resistance", resistance),
-    ("steps in time", "content-error", content_error),
-    ("eddy viscosity", "eddies", eddies),
-    ("lattice velocity", "velocity", velocity),
+const SETTINGS: &[Alternative] = &[
+    alternative("contact stiffness", "stiffness", stiffness),
+    alternative("solid time step", "solid-step", solid_step),
+    alternative("coupling interval", "interval", interval),
+    alternative("cells of the seepage", "seepage-cells", cells),
+    alternative("law of resistance", "resistance", resistance),
+    alternative("steps in time", "content-error", content_error),
+    alternative("eddy viscosity", "eddies", eddies),
+    alternative("lattice velocity", "velocity", velocity),
 ];
 
 /// Returns the settings of a scene.
 #[must_use]
 pub fn scene_settings(case: &Value, plan: &Plan, scaling: Scaling) -> Vec<Setting> {
-    let one = |(name, folder, change): &(&'static str, &'static str, Change)| {
+    let one = |alternative: &Alternative| {
         let mut case = case.clone();
-        let change = change(&mut case, plan, scaling)?;
+        let change = (alternative.change)(&mut case, plan, scaling)?;
         Some(Setting {
-            name,
-            folder,
+            name: alternative.name,
+            folder: alternative.folder,
             change,
             case,
         })

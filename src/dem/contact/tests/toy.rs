@@ -75,7 +75,7 @@ impl ContactModel for Toy {
         Springs::damped(stiffness, false, ([0.0; 2], 1.0), contact.mass)
     }
 
-    fn time_limits(&self, material: u32, _: f64, mass: f64) -> TimeLimits {
+    fn time_limits(&self, material: u32, _: [f64; 2], mass: f64) -> TimeLimits {
         let pairs = self.parameters.rows_of(material);
         let stiffest = pairs.map(|toy| 2.0 * toy.stiffness * toy.deepest);
         TimeLimits::of_spring(mass, stiffest.fold(0.0, f64::max))

@@ -92,7 +92,12 @@ impl<'a, S: Space> StepInput<'a, S> {
         let (i, j) = pair.ends();
         if self.shape(i).is_none() && self.shape(j).is_none() {
             let distance = span.squared.sqrt();
-            let measured = (&span.between, span.squared, distance, 1.0 / distance);
+            let measured = PairSpan {
+                between: &span.between,
+                squared: span.squared,
+                distance,
+                inverse: 1.0 / distance,
+            };
             let grains = dry(self.view.motion);
             let record = &mut tally.deepest;
             return act::<S, BlockLaw>(self.rows, pair, grains, measured, record, self.time_step);

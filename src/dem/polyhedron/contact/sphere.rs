@@ -20,7 +20,11 @@ impl Narrow {
             return None;
         }
         let centre = block.rotation.tr_mul(separation);
-        let (foot, normal, distance) = closest(block.shape, &centre);
+        let Foot {
+            point: foot,
+            normal,
+            distance,
+        } = closest(block.shape, &centre);
         let depth = radius - distance;
         if depth <= 0.0 {
             return None;
@@ -43,9 +47,17 @@ impl Narrow {
     }
 }
 
-/// Returns the point of a block's surface closest to a point in the frame of the block, the unit normal at it, and the
-/// signed distance \[m\].
-fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>, f64) {
+/// Point of a block's surface that is closest to another point.
+struct Foot {
+    point: Vector3<f64>,
+    /// Unit normal.
+    normal: Vector3<f64>,
+    /// Signed distance of the other point \[m\].
+    distance: f64,
+}
+
+/// Returns the point of a block's surface closest to a point in the frame of the block.
+fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> Foot {
     let mut highest = (f64::NEG_INFINITY, Vector3::z());
     for plane in shape.half_spaces() {
         let height = plane.height(point);
@@ -54,7 +66,11 @@ fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f
         }
     }
     if highest.0 <= 0.0 {
-        return (point - highest.1 * highest.0, highest.1, highest.0);
+        return Foot {
+            point: point - highest.1 * highest.0,
+            normal: highest.1,
+            distance: highest.0,
+        };
     }
     let mut best = (f64::INFINITY, *point);
     for (face, plane) in shape.half_spaces().iter().enumerate() {
@@ -91,5 +107,9 @@ fn closest(shape: &Polyhedron, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f
     } else {
         highest.1
     };
-    (best.1, normal, distance)
+    Foot {
+        point: best.1,
+        normal,
+        distance,
+    }
 }

@@ -28,7 +28,7 @@ fn setup(set: VelocitySet, operator: Operator, cells: [usize; 3]) -> Setup<f32> 
     }
 }
 
-fn serial<S: Stored>(axis: usize, setup: Setup<S>) -> Result<Fluid<S>, String> {
+fn serial<S: Stored>(axis: usize, setup: Setup<S>) -> Result<Fluid<S>, FluidError> {
     use decomposition::SplitAxis::{X, Y, Z};
     let domain = Domain::serial([X, Y, Z][axis], setup.cells[axis], setup.periodic[axis]);
     Fluid::new(setup, &domain)
@@ -245,7 +245,10 @@ fn a_shear_wave_decays_as_in_f64() {
 fn what_has_no_collision_in_f32_is_refused() {
     let cells = [8, 8, 8];
     let plain = || setup(VelocitySet::D3Q27, trt(), cells);
-    let reason = |setup: Setup<f32>| serial(0, setup).err().unwrap_or_default();
+    let reason = |setup: Setup<f32>| {
+        let refused = serial(0, setup).err();
+        refused.map_or(String::new(), |error| error.to_string())
+    };
     assert_eq!(reason(plain()), "");
     let mut eddies = plain();
     eddies.turbulence = Some(EddyViscosity::Wale(Wale { constant: 0.5 }));
@@ -266,6 +269,6 @@ fn what_has_no_collision_in_f32_is_refused() {
     assert!(reason(on_gpu).contains("a GPU does not run"));
     let mut double = super::setup(VelocitySet::D2Q9, trt(), 0.7, [8, 8, 1]);
     double.single = true;
-    let refused = serial(0, double).err().unwrap_or_default();
-    assert!(refused.contains("no collision in f32"));
+    let refused = serial(0, double).err().unwrap();
+    assert!(refused.to_string().contains("no collision in f32"));
 }

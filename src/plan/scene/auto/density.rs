@@ -26,7 +26,6 @@ use crate::scene::Scene;
 use crate::scene::boundaries::ScenePatch;
 use crate::scene::flow::{Flow, PATH};
 use crate::scene::initial::Initial;
-use crate::scene::porous;
 use crate::scene::speed::{PILOT_MARGIN, passage};
 use lbm::boundary::profile::VelocityProfile;
 use lbm::boundary::{Condition, Inflow, Strength, SurfaceKind};
@@ -116,12 +115,26 @@ pub(crate) fn smallest_change(causes: &[Cause], time_step: f64, spacing: f64, de
     changes.sum()
 }
 
+/// Bound of the density change of a lattice fluid.
+pub(crate) struct DensityBound {
+    /// Largest relative change.
+    pub(crate) bound: f64,
+    /// Spacing \[m\].
+    pub(crate) spacing: f64,
+    /// Density at rest [kg/m³].
+    pub(crate) density: f64,
+}
+
 /// Returns the longest time step \[s\] for which the sum of all density changes stays within a bound, and the
 /// largest cause; none without causes.
-pub(crate) fn longest_step(
-    causes: &[Cause],
-    (bound, spacing, density): (f64, f64, f64),
-) -> Option<(&Cause, f64)> {
+pub(crate) fn longest_step<'a>(
+    causes: &'a [Cause],
+    &DensityBound {
+        bound,
+        spacing,
+        density,
+    }: &DensityBound,
+) -> Option<(&'a Cause, f64)> {
     // A lattice velocity of one exceeds every limit.
     let fastest = causes
         .iter()
@@ -184,11 +197,11 @@ pub(crate) fn flow_causes(scene: &Scene, flow: &Flow, narrow_gaps: &[(usize, Gap
             causes.extend(
                 loss.map(|(what, pressure)| Cause::steady(what, inlet.path.clone(), pressure)),
             );
-            let losses = porous::losses(&scene.porous_zones, &scene.grid, axis, discharge);
-            causes.extend(losses.map(|(path, loss)| {
-                let what = "the resistance of a porous zone";
-                Cause::steady(what, path.to_owned(), flow.density * loss)
-            }));
+            let terms = scene.terms.iter();
+            let losses = terms.flat_map(|term| term.model().losses(&scene.grid, axis, discharge));
+            causes.extend(
+                losses.map(|one| Cause::steady(one.what, one.path, flow.density * one.loss)),
+            );
         }
     }
     causes.extend(force_against_walls(scene, flow));

@@ -22,8 +22,8 @@
 mod lengths;
 
 use super::bound::{Bound, Point};
-use super::requested_accuracy;
 use super::spacing::{SEEPAGE_CELLS, Spacing, fits_one, whole_cells};
+use super::{Subject, measured, requested_accuracy};
 use crate::scene::Scene;
 use crate::scene::aligned_box::AlignedBox;
 use crate::scene::findings::{Findings, number};
@@ -32,7 +32,6 @@ use crate::scene::seepage::Seepage;
 use base::number::{real, whole};
 use case::Case;
 use case::darcy::InitialState;
-use io::csv::Reader;
 pub use lengths::{Ground, GroundLength};
 use lengths::{INFILTRATION, MIN_LAYER, WITHIN_CELLS};
 use serde::{Deserialize, Serialize};
@@ -83,15 +82,7 @@ pub struct PromisedAnswer {
 
 /// Returns all rows.
 fn rows() -> &'static [Row] {
-    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
-        let mut reader = Reader::new(TABLE);
-        let mut rows = Vec::new();
-        while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test checks that every row can be read.
-            rows.extend(row.read());
-        }
-        rows
-    });
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| measured::read(TABLE));
     &ROWS
 }
 
@@ -144,7 +135,7 @@ pub(super) fn promise(
         Ok(ground) => ground,
         Err(reason) => {
             scene.chosen.note(
-                "accuracy",
+                Subject::Accuracy,
                 format!("nothing is promised: {reason}; {ESTIMATE}"),
             );
             return;
@@ -163,7 +154,7 @@ pub(super) fn promise(
     }
     scene.chosen.details = details(&ground, &answers);
     let text = summary(&ground, &answers);
-    scene.chosen.note("accuracy", text);
+    scene.chosen.note(Subject::Accuracy, text);
     let largest = answers.iter().filter_map(|a| a.error).reduce(f64::max);
     let all = answers.iter().all(|answer| answer.error.is_some());
     scene.chosen.promised = largest.filter(|_| all);

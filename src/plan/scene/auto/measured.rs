@@ -8,6 +8,7 @@
 //! [`bound`](super::bound) computes a bound of the error from all rows of an obstacle.
 
 use io::csv::Reader;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
@@ -45,16 +46,18 @@ pub struct MeasuredRow {
 
 /// Returns all rows.
 pub(crate) fn rows() -> impl Iterator<Item = &'static MeasuredRow> {
-    static ROWS: LazyLock<Vec<MeasuredRow>> = LazyLock::new(|| {
-        let mut reader = Reader::new(TABLE);
-        let mut rows = Vec::new();
-        while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test checks that every row can be read.
-            rows.extend(row.read());
-        }
-        rows
-    });
+    static ROWS: LazyLock<Vec<MeasuredRow>> = LazyLock::new(|| read(TABLE));
     ROWS.iter()
+}
+
+/// Returns the rows of a table of this program. A test of each table checks that every row can be read.
+pub(super) fn read<R: DeserializeOwned>(table: &str) -> Vec<R> {
+    let mut reader = Reader::new(table);
+    let mut rows = Vec::new();
+    while let Some(row) = reader.as_mut().and_then(Reader::row) {
+        rows.extend(row.read());
+    }
+    rows
 }
 
 #[cfg(test)]

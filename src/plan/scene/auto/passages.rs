@@ -143,10 +143,24 @@ struct Ground<'a> {
     dimension: usize,
     size: Point,
     bodies: Vec<Body>,
-    /// Faces that are walls, and the openings in them.
-    walls: Vec<(usize, bool, Vec<[Point; 2]>)>,
-    /// Openings: axis, side and rectangle \[m\].
-    openings: Vec<(usize, bool, [Point; 2])>,
+    walls: Vec<WallFace>,
+    openings: Vec<FaceOpening>,
+}
+
+/// Face of the domain that is a wall.
+struct WallFace {
+    axis: usize,
+    upper: bool,
+    /// Rectangles of the openings in it \[m\].
+    openings: Vec<[Point; 2]>,
+}
+
+/// Opening in a face of the domain.
+struct FaceOpening {
+    axis: usize,
+    upper: bool,
+    /// Rectangle \[m\].
+    ends: [Point; 2],
 }
 
 impl<'a> Ground<'a> {
@@ -163,15 +177,23 @@ impl<'a> Ground<'a> {
         let openings: Vec<_> = flow
             .patches()
             .filter(passes)
-            .map(|patch| (patch.face.axis(), patch.face.is_max(), rectangle(patch)))
+            .map(|patch| FaceOpening {
+                axis: patch.face.axis(),
+                upper: patch.face.is_max(),
+                ends: rectangle(patch),
+            })
             .collect();
         let mut walls = Vec::new();
         for axis in (0..grid.dimension).filter(|a| !grid.periodic[*a]) {
             for upper in [false, true] {
                 let on_it = openings
                     .iter()
-                    .filter(|(a, u, _)| (*a, *u) == (axis, upper));
-                walls.push((axis, upper, on_it.map(|(_, _, ends)| *ends).collect()));
+                    .filter(|one| (one.axis, one.upper) == (axis, upper));
+                walls.push(WallFace {
+                    axis,
+                    upper,
+                    openings: on_it.map(|one| one.ends).collect(),
+                });
             }
         }
         let named = scene.bodies.iter().filter_map(|body| {
@@ -197,7 +219,11 @@ impl<'a> Ground<'a> {
     }
 
     fn wall(&self, wall: usize, at: Point) -> f64 {
-        let (axis, upper, openings) = &self.walls[wall];
+        let WallFace {
+            axis,
+            upper,
+            openings,
+        } = &self.walls[wall];
         let away = if *upper {
             self.size[*axis] - at[*axis]
         } else {
@@ -234,8 +260,9 @@ impl<'a> Ground<'a> {
                 found[place] = (distance, Some(neighbour));
             }
         };
-        for (k, (axis, upper, _)) in self.walls.iter().enumerate() {
-            offer(&mut found, self.wall(k, at), Neighbour::Wall(*axis, *upper));
+        for (k, wall) in self.walls.iter().enumerate() {
+            let neighbour = Neighbour::Wall(wall.axis, wall.upper);
+            offer(&mut found, self.wall(k, at), neighbour);
         }
         for (k, structure) in self.structures() {
             offer(
@@ -576,7 +603,12 @@ fn narrowest(ground: &Ground<'_>, samples: &Samples) -> Vec<Narrow> {
             }
         });
         let (at, cell) = (samples.point(k), samples.cell(k));
-        for (n, (axis, upper, [low, high])) in openings.iter().enumerate() {
+        for (n, opening) in openings.iter().enumerate() {
+            let FaceOpening {
+                axis,
+                upper,
+                ends: [low, high],
+            } = opening;
             let end = if *upper { samples.count[*axis] - 1 } else { 0 };
             let mut across = (0..ground.dimension).filter(|a| a != axis);
             if cell[*axis] == end && across.all(|a| low[a] <= at[a] && at[a] <= high[a]) {

@@ -9,7 +9,7 @@
 use super::bound::Bound;
 use super::density::{self, Cause};
 use super::features::{self, Feature};
-use super::{sound, step};
+use super::{Subject, sound, step};
 use crate::scene::bodies::{Mobility, NamedBody};
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::Flow;
@@ -103,7 +103,7 @@ pub(crate) fn compute_promise(
         "{cells} cells across the {what}: {parts}, according to {rows} measured runs",
         rows = bound.rows
     );
-    scene.chosen.note("accuracy", text);
+    scene.chosen.note(Subject::Accuracy, text);
     if promised > target * (1.0 + 1e-9) {
         findings.warn(
             "accuracy",
@@ -157,7 +157,7 @@ fn promise_nothing(scene: &mut Scene, reasons: &[String], findings: &mut Finding
         more => format!(", and {more} more reasons, which `solver plan --details` lists"),
     };
     let text = format!("nothing is promised: {first}{more}");
-    scene.chosen.note("accuracy", text);
+    scene.chosen.note(Subject::Accuracy, text);
     findings.warn(
         "accuracy",
         format!("the plan promises no error: {first}{more}"),
@@ -250,9 +250,11 @@ fn of_feature<'a>(
 /// Returns the models and parameters of the lattice without measured rows.
 fn uncovered_models(scene: &Scene, flow: &Flow, lattice_velocity: f64) -> Vec<String> {
     let mut new = Vec::new();
-    if !scene.porous_zones.is_empty() {
-        new.push("no error was measured for flow next to porous zones".to_owned());
-    }
+    let terms = scene
+        .terms
+        .iter()
+        .filter_map(|term| term.model().unmeasured());
+    new.extend(terms.map(|subject| format!("no error was measured for {subject}")));
     if flow.turbulence.is_some() {
         new.push("a turbulence model is used, whose error was not measured".to_owned());
     }

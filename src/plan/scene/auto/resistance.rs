@@ -116,10 +116,7 @@ pub(super) fn error(scene: &Scene) -> Result<(f64, String), String> {
     if written.mean_diameter != MeanDiameter::Sauter && high > EQUAL * low {
         return Err(format!("{unknown} for diameters that are not Sauter means"));
     }
-    let liquid = Liquid {
-        density: written.density,
-        viscosity: written.viscosity,
-    };
+    let liquid = written.liquid();
     let (loosest, densest) = solid_fractions(grains, scene.grid.dimension);
     if loosest < ARRAYS[0].0 * (1.0 - 1e-3) || densest > DENSEST {
         return Err(format!(

@@ -21,12 +21,11 @@
 //! differs by at most 0.8 % from that of a coupling in each solid step, the mass eroded from sand by 0.5 %
 //! (`jobs/verification/coupling-interval`).
 
-use super::{resistance, step};
+use super::{Subject, measured, resistance, step};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::grains::Grains;
 use base::number::to_u32;
-use io::csv::Reader;
 use serde::Deserialize;
 use std::sync::LazyLock;
 
@@ -40,12 +39,31 @@ const SOLID: f64 = 0.6;
 /// Maximum overlap of an impact in diameters: falling grains come to rest before the run.
 const IMPACT: f64 = 0.1;
 
+/// Quantity of a measured row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Quantity {
+    /// Overlap of the contacts in diameters.
+    Overlap,
+    /// Coupling interval over the time in which a free grain moves half a diameter.
+    Interval,
+}
+
+impl Quantity {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Overlap => "overlap",
+            Self::Interval => "interval",
+        }
+    }
+}
+
 /// Measured row.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Row {
-    /// Quantity: `overlap` or `interval`.
-    what: String,
+    /// Quantity on which the error depends.
+    what: Quantity,
     /// Largest value of the quantity for which the row is valid.
     value: f64,
     /// Largest relative error of the flow.
@@ -57,38 +75,30 @@ pub(crate) struct Row {
 impl Row {
     fn name(&self) -> String {
         let error = number(100.0 * self.error);
-        format!("`{} {}: {error} %`", self.what, number(self.value))
+        format!("`{} {}: {error} %`", self.what.name(), number(self.value))
     }
 }
 
-fn rows(what: &str) -> impl Iterator<Item = &'static Row> {
+fn rows(what: Quantity) -> impl Iterator<Item = &'static Row> {
     all().iter().filter(move |row| row.what == what)
 }
 
 /// Returns all rows.
 fn all() -> &'static [Row] {
-    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
-        let mut reader = Reader::new(TABLE);
-        let mut rows = Vec::new();
-        while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test checks that every row can be read.
-            rows.extend(row.read());
-        }
-        rows
-    });
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| measured::read(TABLE));
     &ROWS
 }
 
 /// Returns the cheapest row, that with the largest value, whose error is within a bound; without such a row, the one
 /// with the smallest error.
-fn cheapest_row(what: &str, bound: f64) -> Option<&'static Row> {
+fn cheapest_row(what: Quantity, bound: f64) -> Option<&'static Row> {
     let good = rows(what).filter(|row| row.error <= bound);
     good.max_by(|a, b| a.value.total_cmp(&b.value))
         .or_else(|| rows(what).min_by(|a, b| a.value.total_cmp(&b.value)))
 }
 
 /// Returns the row that covers a value; none above all rows.
-fn covering_row(what: &str, value: f64) -> Option<&'static Row> {
+fn covering_row(what: Quantity, value: f64) -> Option<&'static Row> {
     rows(what)
         .filter(|row| value <= row.value * (1.0 + 1e-9))
         .min_by(|a, b| a.value.total_cmp(&b.value))
@@ -147,7 +157,7 @@ pub(super) fn stiffness(
     impact: impl Fn(f64) -> f64,
 ) -> Option<(f64, String)> {
     let bed = Bed::new(scene)?;
-    let row = cheapest_row("overlap", CONTACT_SHARE * target)?;
+    let row = cheapest_row(Quantity::Overlap, CONTACT_SHARE * target)?;
     let value = bed.stiffness(row.value).max(impact(IMPACT));
     let text = format!(
         "{} N/m: contacts overlap by at most {} % of a diameter under {} Pa, and by {} % for falling grains",
@@ -168,10 +178,10 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
     };
     if seepage.written.coupling_interval.is_some() {
         let text = "the case sets its own coupling interval, whose error is not known";
-        scene.chosen.note("accuracy", text);
+        scene.chosen.note(Subject::Accuracy, text);
         return;
     }
-    let Some(interval) = cheapest_row("interval", INTERVAL_SHARE * target) else {
+    let Some(interval) = cheapest_row(Quantity::Interval, INTERVAL_SHARE * target) else {
         return;
     };
     let time = interval.value * bed.time();
@@ -181,7 +191,7 @@ pub(super) fn choose(scene: &mut Scene, target: f64, findings: &mut Findings) {
         number(time),
         number(interval.value)
     );
-    scene.chosen.note("coupling interval", text);
+    scene.chosen.note(Subject::CouplingInterval, text);
     report_error(scene, &bed, interval, target, findings);
 }
 
@@ -196,7 +206,7 @@ fn report_error(
     let Some(overlap) = softest(scene).map(|k| bed.force / (k * bed.diameters.1)) else {
         return;
     };
-    let Some(contacts) = covering_row("overlap", overlap) else {
+    let Some(contacts) = covering_row(Quantity::Overlap, overlap) else {
         findings.warn(
             "accuracy",
             format!(
@@ -221,7 +231,7 @@ fn report_error(
         Ok(error) => error,
         Err(reason) => {
             let text = format!("{of_numerics}; nothing further is promised: {reason}");
-            scene.chosen.note("accuracy", text);
+            scene.chosen.note(Subject::Accuracy, text);
             findings.warn(
                 "accuracy",
                 format!(
@@ -237,7 +247,7 @@ fn report_error(
     let promised = numerics + law;
     scene.chosen.promised = Some(promised);
     let text = format!("{of_numerics}; law of resistance {of_law}");
-    scene.chosen.note("accuracy", text);
+    scene.chosen.note(Subject::Accuracy, text);
     if promised > target {
         findings.warn(
             "accuracy",
@@ -260,7 +270,10 @@ fn softest(scene: &Scene) -> Option<f64> {
     let radius = grains.radii?.1;
     let mass = scene.mass(grains.material, radius);
     let material = to_u32(grains.material);
-    let time = contact.model().time_limits(material, [radius; 2], mass).spring;
+    let time = contact
+        .model()
+        .time_limits(material, [radius; 2], mass)
+        .spring;
     Some(4.0 * mass / (time * time))
 }
 
@@ -271,13 +284,13 @@ mod tests {
     #[test]
     fn every_line_of_the_table_is_a_row_and_errors_grow() {
         assert_eq!(
-            rows("overlap").count() + rows("interval").count() + 1,
+            rows(Quantity::Overlap).count() + rows(Quantity::Interval).count() + 1,
             TABLE.lines().count()
         );
-        for what in ["overlap", "interval"] {
+        for what in [Quantity::Overlap, Quantity::Interval] {
             let all: Vec<&Row> = rows(what).collect();
             let grows = |w: &[&Row]| w[0].value < w[1].value && w[0].error <= w[1].error;
-            assert!(all.windows(2).all(grows), "{what}");
+            assert!(all.windows(2).all(grows), "{what:?}");
             assert!(
                 all.iter()
                     .all(|row| row.error > 0.0 && !row.place.is_empty())
@@ -287,20 +300,20 @@ mod tests {
 
     #[test]
     fn a_smaller_target_is_never_softer_nor_coupled_more_rarely() {
-        for what in ["overlap", "interval"] {
+        for what in [Quantity::Overlap, Quantity::Interval] {
             let value = |bound| cheapest_row(what, bound).unwrap().value;
             assert!(
                 value(0.03) >= value(0.015) && value(0.015) >= value(0.001),
-                "{what}"
+                "{what:?}"
             );
         }
     }
 
     #[test]
     fn what_no_row_covers_is_not_promised() {
-        let softest = rows("overlap").last().unwrap();
-        assert!(covering_row("overlap", 0.99 * softest.value).is_some());
-        assert!(covering_row("overlap", 1.01 * softest.value).is_none());
+        let softest = rows(Quantity::Overlap).last().unwrap();
+        assert!(covering_row(Quantity::Overlap, 0.99 * softest.value).is_some());
+        assert!(covering_row(Quantity::Overlap, 1.01 * softest.value).is_none());
     }
 
     /// Column of 0.1 m under 500 Pa: the stress 0.6 * 1650 * 9.81 * 0.1 Pa + 500 Pa = 1471.19 Pa acts on grains of at

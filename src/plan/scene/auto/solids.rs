@@ -1,6 +1,6 @@
 //! Automatic choice of the coupling of solids and fluid, and of the contact law.
 
-use super::{seepage, step};
+use super::{Subject, seepage, step};
 use crate::scene::Scene;
 use crate::scene::bodies::Mobility;
 use crate::scene::contact::{ContactTable, fastest_approach};
@@ -137,7 +137,7 @@ pub(crate) fn choose_contact(
     } else {
         return;
     };
-    scene.chosen.note("contact law", text);
+    scene.chosen.note(Subject::ContactLaw, text);
     if scene.grains.is_some() && case.contact.is_none() {
         findings.warn(
             "contact",
@@ -200,8 +200,7 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     );
     let moving = moving(scene);
     let impact = |part: f64| {
-        let needed =
-            |&(diameter, mass, _): &(f64, f64, bool)| mass * (speed / (part * diameter)).powi(2);
+        let needed = |solid: &MovingSolid| solid.mass * (speed / (part * solid.diameter)).powi(2);
         moving.iter().map(needed).fold(0.0, f64::max)
     };
     if let Some(chosen) = target.and_then(|target| seepage::stiffness(scene, target, impact)) {
@@ -211,13 +210,13 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     let axis = (0..scene.grid.dimension)
         .max_by(|a, b| scene.gravity[*a].abs().total_cmp(&scene.gravity[*b].abs()));
     let height = axis.map_or(0.0, |axis| scene.grid.size[axis]);
-    let weight = |&(diameter, mass, alone): &(f64, f64, bool)| {
-        let layers = if alone {
+    let weight = |solid: &MovingSolid| {
+        let layers = if solid.named {
             1.0
         } else {
-            (height / diameter).max(1.0)
+            (height / solid.diameter).max(1.0)
         };
-        mass * gravity * layers / (OVERLAP * diameter)
+        solid.mass * gravity * layers / (OVERLAP * solid.diameter)
     };
     let stiffest = moving.iter().map(weight).fold(impact(OVERLAP), f64::max);
     let stiffest = if stiffest > 0.0 { stiffest } else { 1.0 };
@@ -230,11 +229,25 @@ fn stiffness(scene: &Scene, case: &Case, target: Option<f64>) -> (f64, String) {
     (stiffest, text)
 }
 
-/// Returns the diameter \[m\] and mass \[kg\] of every freely moving solid, and `true` if it is a named body.
-fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
+/// Freely moving solid.
+struct MovingSolid {
+    /// Diameter \[m\].
+    diameter: f64,
+    /// Mass \[kg\].
+    mass: f64,
+    /// `true` for a named body, which lies alone.
+    named: bool,
+}
+
+/// Returns every freely moving solid.
+fn moving(scene: &Scene) -> Vec<MovingSolid> {
     let mut list = Vec::new();
-    let mut add = |material: usize, radius: f64, alone: bool| {
-        list.push((2.0 * radius, scene.mass(material, radius), alone));
+    let mut add = |material: usize, radius: f64, named: bool| {
+        list.push(MovingSolid {
+            diameter: 2.0 * radius,
+            mass: scene.mass(material, radius),
+            named,
+        });
     };
     for body in scene
         .bodies
@@ -255,6 +268,6 @@ fn moving(scene: &Scene) -> Vec<(f64, f64, bool)> {
             }
         }
     }
-    list.retain(|(diameter, ..)| *diameter > 0.0);
+    list.retain(|solid| solid.diameter > 0.0);
     list
 }

@@ -344,15 +344,31 @@ pub fn resistance(passage: &Passage) -> f64 {
     }
 }
 
+/// Cells, water and duration of the filling of a chamber.
+#[derive(Clone, Copy, Debug)]
+pub struct FillingScale {
+    /// Spacing \[m\].
+    pub spacing: f64,
+    /// Kinematic viscosity [m²/s].
+    pub viscosity: f64,
+    /// Time after which the pressure has risen \[s\].
+    pub time: f64,
+}
+
 /// Returns the longest time step \[s\] for which the pressure upstream of `rows` such passages in series has risen
-/// after `time`. Each passage fills a volume of `length` along the flow and `height` across it \[m\].
+/// after the time of `scale`. Each passage fills a volume of `length` along the flow and `height` across it \[m\].
 #[must_use]
 pub fn filling(
     passage: &Passage,
     rows: usize,
     [length, height]: [f64; 2],
-    (spacing, viscosity, time): (f64, f64, f64),
+    scale: &FillingScale,
 ) -> f64 {
+    let FillingScale {
+        spacing,
+        viscosity,
+        time,
+    } = *scale;
     let series = 12.0 * viscosity * real(rows) * resistance(passage) * length * height;
     // t = m T = m series/c² with c² = h²/(3 Δt²).
     spacing * (time / (3.0 * TIME_CONSTANTS * series)).sqrt()
@@ -367,8 +383,12 @@ pub(super) fn building_up(scene: &Scene, viscosity: f64, axis: usize, gap: &Gap)
         .map(|side| scene.grid.size[side])
         .fold(gap.adjacent_width + gap.width, f64::min);
     let time = first_use_time(scene);
-    let scale = (scene.grid.spacing, viscosity, time);
-    let step = filling(&passage, 1, [scene.grid.size[axis], across], scale);
+    let scale = FillingScale {
+        spacing: scene.grid.spacing,
+        viscosity,
+        time,
+    };
+    let step = filling(&passage, 1, [scene.grid.size[axis], across], &scale);
     let what = format!(
         "the build-up of the pressure in front of the {} in {} s",
         gap.what,
@@ -398,7 +418,11 @@ mod tests {
             &passage,
             1,
             [chamber / 1.12e-3, 1.12e-3],
-            (spacing, viscosity, TIME_CONSTANTS * measured),
+            &FillingScale {
+                spacing,
+                viscosity,
+                time: TIME_CONSTANTS * measured,
+            },
         );
         let of_the_run = spacing * spacing / (6.0 * viscosity);
         approx::assert_relative_eq!(step, of_the_run, max_relative = 0.03);
@@ -414,7 +438,12 @@ mod tests {
             adjacent: AdjacentSolids::Flat(length),
         };
         let (spacing, viscosity, time) = (1e-5, 1e-6, 2.0);
-        let step = filling(&passage, 1, [length, width], (spacing, viscosity, time));
+        let scale = FillingScale {
+            spacing,
+            viscosity,
+            time,
+        };
+        let step = filling(&passage, 1, [length, width], &scale);
         let sound = spacing / (3.0_f64.sqrt() * step);
         let diffusivity = sound * sound * width * width / (12.0 * viscosity);
         let constant = length * length / diffusivity;

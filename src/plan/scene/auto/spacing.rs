@@ -3,7 +3,7 @@
 
 use super::bound::Bound;
 use super::features::{self, Feature};
-use super::{Chosen, requested_accuracy, step};
+use super::{Chosen, Subject, requested_accuracy, step};
 use crate::scene::findings::{Findings, length_of, number};
 use crate::scene::{Scene, sample};
 use base::error::Remedy;
@@ -66,7 +66,7 @@ impl Spacing {
 
     pub(crate) fn note(&self, chosen: &mut Chosen) {
         if let Some(reason) = &self.reason {
-            chosen.note("spacing", reason.clone());
+            chosen.note(Subject::Spacing, reason.clone());
         }
     }
 }

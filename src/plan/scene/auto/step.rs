@@ -23,16 +23,17 @@
 //! model completed such runs. If the cells are larger than four Kolmogorov lengths eta = L Re^(-3/4), the WALE
 //! model represents the unresolved eddies (Pope 2000, section 6.1, for eta; DNS needs about 2 eta).
 
+use super::density::DensityBound;
 use super::gaps::Gap;
-use super::{Limit, density, sound};
+use super::{Limit, Subject, density, sound};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::check_operator;
 use crate::scene::flow::{BodyForce, Flow, Lattice, PATH};
 use crate::scene::initial::Initial;
 use crate::scene::packed::{in_a_bed, lie_packed};
-use crate::scene::porous;
 use crate::scene::speed::{self, Speed};
+use crate::scene::terms;
 use base::error::Remedy;
 use base::number::{real, whole};
 use base::units::LatticeUnits;
@@ -230,7 +231,7 @@ fn time_step(
         if flow.time_step < limit.time_step * (1.0 - ROUNDING) {
             text += ", shortened so that the intervals of samples are multiples of it";
         }
-        scene.chosen.note("time step", text);
+        scene.chosen.note(Subject::TimeStep, text);
     }
     scene.chosen.limits = limits;
 }
@@ -272,17 +273,12 @@ fn limits(
             LatticeUnits::time_step_for(tau, h, nu),
         );
     }
-    if let Some(limit) =
-        porous::step_limit(&scene.porous_zones, speed.map_or(0.0, |speed| speed.value))
-    {
-        let what = format!(
-            "a stable resistance of the porous zone `{}`",
-            limit.zone.name
-        );
+    let fastest = speed.map_or(0.0, |speed| speed.value);
+    if let Some(limit) = terms::step_limit(&scene.terms, fastest) {
         // The eddy viscosity is chosen later, if the water is fast.
         let eddies = speed.is_some() && scene.grid.dimension == 3;
         add(
-            what,
+            limit.requirement,
             if eddies {
                 limit.with_eddies
             } else {
@@ -347,14 +343,18 @@ fn density_limits(scene: &Scene, flow: &Flow, target: f64) -> Vec<Limit> {
     );
     let guard = GUARD_SHARE * scene.guards.max_compression;
     for (bound, steady) in [(guard, false), (compression, true)] {
-        let of = (bound, h, flow.density);
+        let of = DensityBound {
+            bound,
+            spacing: h,
+            density: flow.density,
+        };
         let causes: Vec<density::Cause> = scene
             .density_causes
             .iter()
             .filter(|cause| !steady || cause.is_loss())
             .cloned()
             .collect();
-        if let Some((cause, time_step)) = density::longest_step(&causes, of) {
+        if let Some((cause, time_step)) = density::longest_step(&causes, &of) {
             let what = format!(
                 "a density change of {} %{}, mainly by {}",
                 number(100.0 * bound),
@@ -467,7 +467,7 @@ fn eddies(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, speed: Opt
         (None, text)
     };
     flow.turbulence = model;
-    scene.chosen.note("turbulence", text);
+    scene.chosen.note(Subject::Turbulence, text);
 }
 
 /// Chooses the cheapest operator that is stable at the relaxation time, and the velocity set that it needs.
@@ -488,13 +488,13 @@ fn operator(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, findings
             flow.collision = Collision::Cumulant(cumulant::CumulantParameters::default());
             flow.lattice = Lattice::D3Q27;
             let text = format!("robust near tau = 0.5; here {tau:.5}");
-            scene.chosen.note("collision", text);
+            scene.chosen.note(Subject::Collision, text);
         } else {
             let text = format!(
                 "the least expensive operator whose wall position does not depend on the viscosity; tau = {}",
                 number(tau)
             );
-            scene.chosen.note("collision", text);
+            scene.chosen.note(Subject::Collision, text);
         }
     }
     // The bound was measured with this operator; others have maps of their own.
@@ -537,7 +537,7 @@ fn storage(scene: &mut Scene, flow: &mut Flow, lbm: &LatticeBoltzmann, target: f
     if free && scene.grid.dimension == 3 && target >= DRAFT {
         flow.storage = Precision::F32;
         let text = "accuracy draft in 3-D: half the memory; arithmetic in f64";
-        scene.chosen.note("populations", text);
+        scene.chosen.note(Subject::Populations, text);
     }
 }
 

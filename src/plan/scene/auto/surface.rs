@@ -24,10 +24,10 @@ mod kinds;
 
 use super::bound::{Bound, Point};
 use super::ground::PromisedAnswer;
+use super::{Subject, measured};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::observe::ProbeAt;
-use io::csv::Reader;
 use kinds::Flow;
 pub use kinds::{SurfaceFlow, SurfaceLength};
 use serde::Deserialize;
@@ -120,15 +120,7 @@ impl Measured {
 
 /// Returns all rows.
 fn rows() -> &'static [Row] {
-    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| {
-        let mut reader = Reader::new(TABLE);
-        let mut rows = Vec::new();
-        while let Some(row) = reader.as_mut().and_then(Reader::row) {
-            // A test checks that every row can be read.
-            rows.extend(row.read());
-        }
-        rows
-    });
+    static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| measured::read(TABLE));
     &ROWS
 }
 
@@ -219,7 +211,7 @@ pub(super) fn promise(scene: &mut Scene, target: Option<f64>, findings: &mut Fin
         return;
     };
     let text = summary(&flow, &answers);
-    scene.chosen.note("accuracy", text);
+    scene.chosen.note(Subject::Accuracy, text);
     if let Some(target) = target.filter(|target| largest > target * (1.0 + 1e-9)) {
         findings.warn(
             "accuracy",
@@ -240,7 +232,7 @@ pub(super) fn promise(scene: &mut Scene, target: Option<f64>, findings: &mut Fin
 fn say_nothing(scene: &mut Scene, target: Option<f64>, reason: &str, findings: &mut Findings) {
     scene.chosen.details.push(reason.to_owned());
     scene.chosen.note(
-        "accuracy",
+        Subject::Accuracy,
         format!("nothing is promised: {reason}; {ESTIMATE}"),
     );
     if target.is_some() {

@@ -72,7 +72,11 @@ fn a_file_holds_what_the_joints_made() {
     let bed = json!({"fixed": [{"from": [0, 0, 0], "to": [4, 4, 1]}]});
     let made = scene(&joints(&bed)).blocks.expect("blocks");
     let folder = tempfile::tempdir().expect("a folder");
-    let entries = made.list.iter().map(|b| (&b.solid, "slate", b.fixed));
+    let entries = made.list.iter().map(|b| super::list::SavedBlock {
+        solid: &b.solid,
+        material: "slate",
+        fixed: b.fixed,
+    });
     let text = super::list::write(entries);
     std::fs::write(folder.path().join("blocks.json"), text).expect("a file");
     let file =

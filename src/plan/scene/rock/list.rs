@@ -15,6 +15,7 @@
 //!
 //! Polyhedra of a legacy VTK file are the third format ([`vtk`]), polyhedra of LMGC90 the fourth ([`lmgc90`]).
 
+mod error;
 mod faces;
 mod lmgc90;
 mod vtk;
@@ -24,6 +25,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use dem::polyhedron::{HalfSpace, PlacedPolyhedron, Polyhedron, ShapeError};
+
+pub use error::{ListError, Origin};
 
 /// Maximum number of errors listed for one file.
 const MAX_LISTED_ERRORS: usize = 20;
@@ -82,7 +85,7 @@ struct Face {
 ///
 /// # Errors
 /// If blocks are invalid; each text names its block.
-pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
+pub fn read(text: &str) -> Result<Vec<Listed>, Vec<ListError>> {
     if vtk::is_vtk(text) {
         return collected(vtk::read(text).map_err(|e| vec![e])?);
     }
@@ -91,7 +94,7 @@ pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
     }
     let mut values = Vec::new();
     for value in serde_json::Deserializer::from_str(text).into_iter::<Value>() {
-        values.push(value.map_err(|e| vec![format!("the file is not JSON: {e}")])?);
+        values.push(value.map_err(|e| vec![ListError::NotJson(e)])?);
     }
     let own = matches!(&values[..], [Value::Object(map)] if !map.contains_key("faces"));
     let made = if own {
@@ -103,24 +106,26 @@ pub fn read(text: &str) -> Result<Vec<Listed>, Vec<String>> {
 }
 
 /// Reads the format of this program.
-fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, String>>, Vec<String>> {
+fn own_form(values: Vec<Value>) -> Result<Vec<Result<Listed, ListError>>, Vec<ListError>> {
     let whole = values.into_iter().next().unwrap_or_default();
-    let mut file: File = serde_path_to_error::deserialize(whole)
-        .map_err(|e| vec![format!("{}: {}", e.path(), e.inner())])?;
+    let mut file: File =
+        serde_path_to_error::deserialize(whole).map_err(|e| vec![ListError::Field(e)])?;
     file.blocks.sort_by_key(|entry| entry.id);
     let mut last = None;
     let made = file.blocks.into_iter().map(|entry| {
         let id = entry.id;
-        if last.replace(id) == Some(id) {
-            return Err(format!("block {id}: another block has this id"));
-        }
-        entry.listed().map_err(|e| format!("block {id}: {e}"))
+        let listed = if last.replace(id) == Some(id) {
+            Err(ListError::KnownId)
+        } else {
+            entry.listed()
+        };
+        listed.map_err(|e| e.with_origin(Origin::Block(id)))
     });
     Ok(made.collect())
 }
 
 impl Entry {
-    fn listed(self) -> Result<Listed, String> {
+    fn listed(self) -> Result<Listed, ListError> {
         let solid = match (&self.half_spaces, &self.vertices) {
             (Some(planes), None) => {
                 let planes: Vec<HalfSpace> = planes.iter().map(half_space).collect();
@@ -130,10 +135,10 @@ impl Entry {
                 let points: Vec<Vector3<f64>> = vertices.iter().map(|&v| v.into()).collect();
                 Polyhedron::from_vertices(&points)
             }
-            _ => return Err("the block needs either `half_spaces` or `vertices`".into()),
+            _ => return Err(ListError::NoGeometry),
         };
         Ok(Listed {
-            solid: solid.map_err(|e| e.to_string())?,
+            solid: solid?,
             material: self.material,
             fixed: self.fixed,
         })
@@ -141,15 +146,15 @@ impl Entry {
 }
 
 /// Reads the format of `SparkRocks`.
-fn sliced(values: Vec<Value>) -> Vec<Result<Listed, String>> {
+fn sliced(values: Vec<Value>) -> Vec<Result<Listed, ListError>> {
     let blocks = values.into_iter().flat_map(|value| match value {
         Value::Array(list) => list,
         other => vec![other],
     });
-    let made = (0..).zip(blocks).map(|(n, value): (usize, Value)| {
-        let slice: Slice = serde_path_to_error::deserialize(value)
-            .map_err(|e| format!("block {n}: {}: {}", e.path(), e.inner()))?;
-        slice.listed().map_err(|e| format!("block {n}: {e}"))
+    let made = (0..).zip(blocks).map(|(n, value): (u64, Value)| {
+        let slice = serde_path_to_error::deserialize(value).map_err(ListError::Field);
+        let listed = slice.and_then(|slice: Slice| Ok(slice.listed()?));
+        listed.map_err(|e| e.with_origin(Origin::Block(n)))
     });
     made.collect()
 }
@@ -176,7 +181,7 @@ impl Slice {
 }
 
 /// Returns all blocks, or the first errors and the number of the others.
-fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<String>> {
+fn collected(made: Vec<Result<Listed, ListError>>) -> Result<Vec<Listed>, Vec<ListError>> {
     let mut blocks = Vec::with_capacity(made.len());
     let mut problems = Vec::new();
     for one in made {
@@ -188,11 +193,11 @@ fn collected(made: Vec<Result<Listed, String>>) -> Result<Vec<Listed>, Vec<Strin
     if problems.len() > MAX_LISTED_ERRORS {
         let more = problems.len() - MAX_LISTED_ERRORS;
         problems.truncate(MAX_LISTED_ERRORS);
-        problems.push(format!("{more} more blocks cannot be used"));
+        problems.push(ListError::More(more));
     }
     match (blocks.is_empty(), problems.is_empty()) {
         (_, false) => Err(problems),
-        (true, true) => Err(vec!["the file contains no block".into()]),
+        (true, true) => Err(vec![ListError::NoBlock]),
         (false, true) => Ok(blocks),
     }
 }
@@ -205,21 +210,32 @@ pub(crate) fn half_space(row: &[f64; 4]) -> HalfSpace {
     }
 }
 
+/// Block as [`write()`] saves it.
+#[derive(Clone, Copy, Debug)]
+pub struct SavedBlock<'a> {
+    /// Shape in its initial position.
+    pub solid: &'a PlacedPolyhedron,
+    /// Name of the material.
+    pub material: &'a str,
+    /// `true` if it never moves.
+    pub fixed: bool,
+}
+
 /// Returns the text of a file in the format of this program, with blocks numbered in order.
 #[must_use]
-pub fn write<'a>(blocks: impl Iterator<Item = (&'a PlacedPolyhedron, &'a str, bool)>) -> String {
+pub fn write<'a>(blocks: impl Iterator<Item = SavedBlock<'a>>) -> String {
     let row = |plane: &HalfSpace| {
         let n = plane.normal;
         [n.x, n.y, n.z, plane.offset]
     };
     let mut lines = Vec::new();
-    for (id, (solid, material, fixed)) in (0..).zip(blocks) {
+    for (id, block) in (0..).zip(blocks) {
         let entry = Entry {
             id,
-            half_spaces: Some(solid.half_spaces().iter().map(row).collect()),
+            half_spaces: Some(block.solid.half_spaces().iter().map(row).collect()),
             vertices: None,
-            material: Some(material.to_owned()),
-            fixed,
+            material: Some(block.material.to_owned()),
+            fixed: block.fixed,
         };
         lines.extend(serde_json::to_string(&entry));
     }

@@ -14,11 +14,94 @@
 use io::sheet::{Column, Header};
 use std::fmt::Write;
 
+/// Reason why a list of grains of another program cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum FormatError {
+    /// Table that cannot be read.
+    #[error("{0}")]
+    Table(String),
+    /// Sphere pack without a sphere.
+    #[error("this sphere pack contains no sphere")]
+    EmptyPack,
+    /// Shape of a pack that is not a sphere.
+    #[error("line {line}: `{kind}` is not a sphere, but samples can contain spheres only")]
+    NotASphere { line: usize, kind: String },
+    /// LAMMPS data file whose atoms have no diameters, because its types have masses.
+    #[error(
+        "line {line}: this data file has a mass for each type and therefore no diameters; atoms of the style \
+         `sphere` ({SPHERE}) have them: {DUMP}"
+    )]
+    Masses { line: usize },
+    /// Atom without a style that has not as many columns as a sphere.
+    #[error(
+        "line {line}: an atom has {columns} columns, and `Atoms` names no style; only atoms of the style \
+         `sphere` ({SPHERE}) contain their diameters: {DUMP}"
+    )]
+    AtomColumns { line: usize, columns: usize },
+    /// Atom without a style whose numbers are not those of a sphere.
+    #[error(
+        "line {line}: `Atoms` names no style, and this is not an atom of the style `sphere` ({SPHERE}), \
+         because its {name} would be {word}: {DUMP}"
+    )]
+    NotOfSpheres {
+        line: usize,
+        name: &'static str,
+        word: String,
+    },
+    /// LAMMPS data file of another style.
+    #[error(
+        "line {line}: the atoms of this data file have the style `{style}`, which, unlike `sphere`, \
+         contains no diameters: {DUMP}"
+    )]
+    Style { line: usize, style: String },
+    /// Sphere of a LAMMPS data file with too few columns.
+    #[error("line {line}: an atom of the style `sphere` must have the columns {SPHERE}")]
+    FewColumns { line: usize },
+    /// Dump without the line of its columns.
+    #[error("this is a dump without a line `{ATOMS}` that names its columns")]
+    NoAtoms,
+    /// Dump with scaled coordinates.
+    #[error(
+        "line {line}: the coordinates of this dump are scaled with its box: dump `x y z radius`"
+    )]
+    Scaled { line: usize },
+    /// Dump without radii.
+    #[error(
+        "line {line}: this dump has no column `radius` or `diameter`: write a dump of `id x y z radius`"
+    )]
+    NoRadius { line: usize },
+    /// Dump of superquadrics.
+    #[error("line {line}: this is a dump of superquadrics, but samples can contain spheres only")]
+    Superquadrics { line: usize },
+    /// Last snapshot of a dump that is incomplete.
+    #[error("the last snapshot of this dump has only {found} of its {stated} grains")]
+    ShortSnapshot { found: usize, stated: usize },
+    /// Ball of PFC without a value.
+    #[error("line {line}: this ball has no {name}")]
+    Ball { line: usize, name: &'static str },
+    /// Command of PFC that places balls by itself.
+    #[error(
+        "line {line}: with this command PFC itself chooses the positions of the balls: export the balls with \
+         their positions"
+    )]
+    Generated { line: usize },
+    /// Keyword of PFC without a number.
+    #[error("line {line}: `{word}` is followed by {found}, but a number is needed")]
+    NoNumber {
+        line: usize,
+        word: String,
+        found: String,
+    },
+}
+
 /// Returns header and rows of a text written by another program; none for a table.
 ///
 /// # Errors
 /// If a text begins like one of the formats but cannot be read.
-pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Header<'t>>, String> {
+pub(super) fn header<'t>(
+    text: &'t str,
+    columns: &[Column],
+) -> Result<Option<Header<'t>>, FormatError> {
     let text = text.trim_start_matches('\u{feff}');
     let mut lines = text.lines().map(str::trim);
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#']));
@@ -46,7 +129,7 @@ pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Hea
         .map(str::trim)
         .take_while(|line| line.is_empty() || line.starts_with('#'));
     if let Some(format) = comments.find_map(|line| line.strip_prefix("#format ")) {
-        let found = Header::find(text, columns)?;
+        let found = Header::find(text, columns).map_err(FormatError::Table)?;
         return Ok(Some(without_attributes(found, format)));
     }
     let of_points = ["points:0", "points_0"];
@@ -54,7 +137,9 @@ pub(super) fn header<'t>(text: &'t str, columns: &[Column]) -> Result<Option<Hea
         .iter()
         .any(|name| first.to_lowercase().contains(name))
     {
-        return Header::find(text, columns).map(Some);
+        return Header::find(text, columns)
+            .map(Some)
+            .map_err(FormatError::Table);
     }
     Ok(None)
 }
@@ -84,13 +169,13 @@ fn without_attributes<'t>(mut found: Header<'t>, format: &str) -> Header<'t> {
 const PERIODIC: &str = "##PERIODIC::";
 
 /// Converts a sphere pack, whose rows have no column names: the number and the kind of a shape may come first.
-fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
+fn pack(text: &str, at: usize) -> Result<Header<'_>, FormatError> {
     let above = text[..at].lines().count() + 1;
     let rows = text[at..].split_once('\n').map_or("", |(_, rows)| rows);
     let mut lines = (above + 1..).zip(rows.lines());
     let filled = |line: &str| !line.trim().is_empty() && !line.starts_with('#');
     let Some((_, first)) = lines.clone().find(|(_, line)| filled(line)) else {
-        return Err("this sphere pack contains no sphere".into());
+        return Err(FormatError::EmptyPack);
     };
     let words: Vec<&str> = first.split_whitespace().collect();
     let names: &[&str] = match words[..] {
@@ -104,9 +189,7 @@ fn pack(text: &str, at: usize) -> Result<Header<'_>, String> {
             lines.find(|(_, line)| filled(line) && kind(line).is_none_or(|kind| kind != "Sphere"))
     {
         let kind = kind(line).unwrap_or_default();
-        return Err(format!(
-            "line {n}: `{kind}` is not a sphere, but samples can contain spheres only"
-        ));
+        return Err(FormatError::NotASphere { line: n, kind });
     }
     Ok(Header {
         names: names.iter().map(|name| (*name).to_owned()).collect(),
@@ -175,31 +258,26 @@ fn style_of(line: &str) -> Option<&str> {
 
 /// Checks that the atoms of a data file that names no style can be spheres. Other styles have as many columns, with
 /// other content: those of `full` are a molecule, a type and a charge.
-fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), String> {
+fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), FormatError> {
     let mut lines = (1..).zip(text.lines());
     if let Some((n, _)) = lines.find(|(_, line)| words(line) == ["Masses"]) {
-        return Err(format!(
-            "line {n}: this data file has a mass for each type and therefore no diameters; atoms of the style \
-             `sphere` ({SPHERE}) have them: {DUMP}"
-        ));
+        return Err(FormatError::Masses { line: n });
     }
     for (n, words) in atoms {
         let columns = words.len();
         if !matches!(columns, 7 | 10) {
-            return Err(format!(
-                "line {n}: an atom has {columns} columns, and `Atoms` names no style; only atoms of the style \
-                 `sphere` ({SPHERE}) contain their diameters: {DUMP}"
-            ));
+            return Err(FormatError::AtomColumns { line: *n, columns });
         }
         let above_0 = |word: &str| word.parse::<f64>().is_ok_and(|number| number > 0.0);
         if let Some((name, word)) = [("diameter", words[2]), ("density", words[3])]
             .into_iter()
             .find(|(_, word)| !above_0(word))
         {
-            return Err(format!(
-                "line {n}: `Atoms` names no style, and this is not an atom of the style `sphere` ({SPHERE}), \
-                 because its {name} would be {word}: {DUMP}"
-            ));
+            return Err(FormatError::NotOfSpheres {
+                line: *n,
+                name,
+                word: word.to_owned(),
+            });
         }
     }
     Ok(())
@@ -207,17 +285,17 @@ fn check_spheres(text: &str, atoms: &[(usize, Vec<&str>)]) -> Result<(), String>
 
 /// Converts a LAMMPS data file of spheres: `id type diameter density x y z` and, in the section of velocities,
 /// `id vx vy vz wx wy wz`.
-fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
+fn data(text: &str, at: usize) -> Result<Header<'_>, FormatError> {
     let line = text[at..].lines().next().unwrap_or_default();
     let number = text[..at].lines().count() + 1;
     let atoms = section(text, at);
     match style_of(line) {
         Some("sphere" | "granular") => {}
         Some(style) => {
-            return Err(format!(
-                "line {number}: the atoms of this data file have the style `{style}`, which, unlike `sphere`, \
-                 contains no diameters: {DUMP}"
-            ));
+            return Err(FormatError::Style {
+                line: number,
+                style: style.to_owned(),
+            });
         }
         None => check_spheres(text, &atoms)?,
     }
@@ -234,9 +312,7 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
     let mut below = number;
     for (n, words) in &atoms {
         let [id, _, diameter, _, x, y, z, ..] = words[..] else {
-            return Err(format!(
-                "line {n}: an atom of the style `sphere` must have the columns {SPHERE}"
-            ));
+            return Err(FormatError::FewColumns { line: *n });
         };
         // Empty lines preserve the line numbers.
         rows.extend(std::iter::repeat_n('\n', n - below - 1));
@@ -263,11 +339,9 @@ fn data(text: &str, at: usize) -> Result<Header<'_>, String> {
 const ATOMS: &str = "ITEM: ATOMS";
 
 /// Converts the last snapshot of a dump.
-fn dump(text: &str) -> Result<Header<'_>, String> {
+fn dump(text: &str) -> Result<Header<'_>, FormatError> {
     let Some(at) = text.rfind(ATOMS) else {
-        return Err(format!(
-            "this is a dump without a line `{ATOMS}` that names its columns"
-        ));
+        return Err(FormatError::NoAtoms);
     };
     let above = text[..at].lines().count();
     let (names, rows) = text[at..].split_once('\n').unwrap_or((&text[at..], ""));
@@ -275,22 +349,13 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     if !["x", "xu"].iter().any(|plain| names.contains(plain))
         && ["xs", "xsu"].iter().any(|scaled| names.contains(scaled))
     {
-        return Err(format!(
-            "line {}: the coordinates of this dump are scaled with its box: dump `x y z radius`",
-            above + 1
-        ));
+        return Err(FormatError::Scaled { line: above + 1 });
     }
     if !names.contains(&"radius") && !names.contains(&"diameter") {
-        return Err(format!(
-            "line {}: this dump has no column `radius` or `diameter`: write a dump of `id x y z radius`",
-            above + 1
-        ));
+        return Err(FormatError::NoRadius { line: above + 1 });
     }
     if names.contains(&"shapex") || names.contains(&"blockiness1") {
-        return Err(format!(
-            "line {}: this is a dump of superquadrics, but samples can contain spheres only",
-            above + 1
-        ));
+        return Err(FormatError::Superquadrics { line: above + 1 });
     }
     // If a quantity is given in two forms, the first is read.
     for [first, second] in [
@@ -309,9 +374,7 @@ fn dump(text: &str) -> Result<Header<'_>, String> {
     let rows = &rows[..end];
     let found = rows.lines().filter(|row| !row.trim().is_empty()).count();
     if let Some(stated) = number_of_atoms(&text[..at]).filter(|stated| *stated != found) {
-        return Err(format!(
-            "the last snapshot of this dump has only {found} of its {stated} grains"
-        ));
+        return Err(FormatError::ShortSnapshot { found, stated });
     }
     Ok(Header {
         names: names.into_iter().map(str::to_owned).collect(),
@@ -379,7 +442,7 @@ const NAMES: [&str; 8] = [
 const ID: usize = 4;
 
 /// Converts commands that create balls to one row per line of the text, empty for lines that create none.
-fn balls(text: &str) -> Result<Header<'_>, String> {
+fn balls(text: &str) -> Result<Header<'_>, FormatError> {
     let all: Vec<Option<[Option<f64>; 8]>> = text
         .lines()
         .enumerate()
@@ -397,8 +460,10 @@ fn balls(text: &str) -> Result<Header<'_>, String> {
                 Some(number) => write!(rows, "{number:?}\t"),
                 None if *k > ID => write!(rows, "0\t"),
                 None => {
-                    let name = NAMES[*k];
-                    return Err(format!("line {}: this ball has no {name}", n + 1));
+                    return Err(FormatError::Ball {
+                        line: n + 1,
+                        name: NAMES[*k],
+                    });
                 }
             };
         }
@@ -414,16 +479,13 @@ fn balls(text: &str) -> Result<Header<'_>, String> {
 }
 
 /// Returns the values of a command in the columns of [`NAMES`].
-fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
+fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], FormatError> {
     let mut ball = [None; 8];
     if words
         .split_whitespace()
         .any(|word| GENERATED.contains(&word))
     {
-        return Err(format!(
-            "line {line}: with this command PFC itself chooses the positions of the balls: export the balls with \
-             their positions"
-        ));
+        return Err(FormatError::Generated { line });
     }
     let mut words = words.split_whitespace().peekable();
     while let Some(word) = words.next() {
@@ -448,9 +510,11 @@ fn created(words: &str, line: usize) -> Result<[Option<f64>; 8], String> {
                     break;
                 }
                 let found = words.peek().copied().unwrap_or("nothing");
-                return Err(format!(
-                    "line {line}: `{word}` is followed by {found}, but a number is needed"
-                ));
+                return Err(FormatError::NoNumber {
+                    line,
+                    word: word.to_owned(),
+                    found: found.to_owned(),
+                });
             };
             ball[k] = Some(number);
             words.next();

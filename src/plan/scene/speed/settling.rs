@@ -61,34 +61,54 @@ pub(crate) fn diameter(body: &NamedBody) -> f64 {
     volume.map_or(2.0 * body.radius, of_volume)
 }
 
-/// Returns JSON path, diameter \[m\] (for a polyhedron that of the sphere of equal volume) and material of each
-/// freely moving body.
-fn free_bodies(scene: &Scene) -> Vec<(String, f64, usize)> {
+/// Freely moving body.
+struct FreeBody {
+    /// JSON path.
+    path: String,
+    /// Diameter \[m\]; for a polyhedron that of the sphere of equal volume.
+    diameter: f64,
+    /// Index of the material.
+    material: usize,
+}
+
+/// Returns each freely moving body.
+fn free_bodies(scene: &Scene) -> Vec<FreeBody> {
     let mut list = Vec::new();
+    let mut add = |path: String, diameter: f64, material: usize| {
+        list.push(FreeBody {
+            path,
+            diameter,
+            material,
+        });
+    };
     for (n, body) in scene.bodies.iter().enumerate() {
         if body.mobility == Mobility::Free {
             let path = format!("bodies[{n}].motion.free");
-            list.push((path, diameter(body), body.material));
+            add(path, diameter(body), body.material);
         }
     }
     if let Some(grains) = &scene.grains {
         let path = || String::from("grains.initial");
         match &grains.source {
             GrainSource::List(grains) | GrainSource::File { grains, .. } => {
-                let each = grains.iter();
-                list.extend(each.map(|g| (path(), 2.0 * g.radius, g.material)));
+                for grain in grains {
+                    add(path(), 2.0 * grain.radius, grain.material);
+                }
             }
             _ => {
-                let largest = grains.radii.map(|(_, r)| 2.0 * r);
-                let kinds = grains.materials();
-                list.extend(kinds.filter_map(|material| Some((path(), largest?, material))));
+                if let Some((_, largest)) = grains.radii {
+                    for material in grains.materials() {
+                        add(path(), 2.0 * largest, material);
+                    }
+                }
             }
         }
     }
     if let Some(blocks) = &scene.blocks {
-        let each = blocks.list.iter().filter(|block| !block.fixed);
-        let volume = each.map(|b| (of_volume(b.solid.shape.volume()), b.material));
-        list.extend(volume.map(|(d, material)| (String::from("blocks"), d, material)));
+        for block in blocks.list.iter().filter(|block| !block.fixed) {
+            let diameter = of_volume(block.solid.shape.volume());
+            add(String::from("blocks"), diameter, block.material);
+        }
     }
     list
 }
@@ -113,8 +133,9 @@ pub(crate) fn body_settling_speed(
 pub(crate) fn fastest(scene: &Scene, flow: &Flow) -> Option<(String, f64)> {
     free_bodies(scene)
         .into_iter()
-        .map(|(path, diameter, material)| {
-            (path, body_settling_speed(scene, flow, diameter, material))
+        .map(|body| {
+            let speed = body_settling_speed(scene, flow, body.diameter, body.material);
+            (body.path, speed)
         })
         .filter(|(_, speed)| *speed > 0.0)
         .max_by(|a, b| a.1.total_cmp(&b.1))

@@ -227,7 +227,9 @@ fn finer_cells_are_promised_smaller_errors() {
     }
     let reason = format!(
         "{:?}",
-        scene(&dam(1.0, Some(0.5))).chosen.reason_of("accuracy")
+        scene(&dam(1.0, Some(0.5)))
+            .chosen
+            .reason_of(Subject::Accuracy)
     );
     assert!(
         reason.contains("discharge") && reason.contains("6 cells"),
@@ -253,7 +255,7 @@ fn the_spacing_follows_from_the_accuracy() {
         );
         let ground = scene.chosen.ground.as_ref().unwrap();
         assert_eq!(ground.kind, lengths::SATURATED, "{h}");
-        let reason = scene.chosen.reason_of("spacing").unwrap();
+        let reason = scene.chosen.reason_of(Subject::Spacing).unwrap();
         assert!(reason.contains("structure `wall` along y"), "{reason}");
     }
 }
@@ -273,7 +275,7 @@ fn ground_of_which_no_row_exists_has_no_promise() {
     ] {
         let scene = scene(&case);
         assert_eq!(scene.chosen.promised, None, "{zone}");
-        let text = scene.chosen.reason_of("accuracy").unwrap();
+        let text = scene.chosen.reason_of(Subject::Accuracy).unwrap();
         assert!(
             text.contains(reason) && text.contains("solver estimate"),
             "{text}"

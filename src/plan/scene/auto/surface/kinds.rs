@@ -152,8 +152,8 @@ fn covered(scene: &Scene, surface: &FreeSurface) -> Result<(), String> {
     if surface.tension.is_some() {
         return none("a surface tension");
     }
-    if !scene.porous_zones.is_empty() {
-        return none("porous zones below a free surface");
+    if let Some(term) = scene.terms.first() {
+        return none(&format!("{} below a free surface", term.model().name()));
     }
     Ok(())
 }

@@ -159,13 +159,13 @@ fn the_plan_states_what_it_promises_and_that_it_does_not_know() {
     assert!(chosen.promised.is_some(), "{:?}", chosen.details);
     let names: Vec<&str> = chosen.answers.iter().map(|a| a.answer.as_str()).collect();
     assert_eq!(names, ["g: time of arrival", "g: depth at the end"]);
-    let text = chosen.reason_of("accuracy").unwrap();
+    let text = chosen.reason_of(Subject::Accuracy).unwrap();
     assert!(text.contains("at a confidence of 95 %"), "{text}");
     assert!(made.to_string().contains("answers within"), "{made}");
 
     case["probes"] = json!([{"name": "w", "every": 0.01, "at": {"wall": {"face": "x_max"}}}]);
     let made = plan(&case);
-    let text = made.scene.chosen.reason_of("accuracy").unwrap();
+    let text = made.scene.chosen.reason_of(Subject::Accuracy).unwrap();
     assert!(
         text.starts_with("nothing is promised: no error was measured for this answer"),
         "{text}"
@@ -194,7 +194,11 @@ fn examples_with_a_surface_say_what_is_known() {
         if made.scene.surface.is_some() {
             seen += 1;
             let chosen = &made.scene.chosen;
-            assert!(chosen.reason_of("accuracy").is_some(), "{}", example.name);
+            assert!(
+                chosen.reason_of(Subject::Accuracy).is_some(),
+                "{}",
+                example.name
+            );
             assert!(!chosen.details.is_empty(), "{}", example.name);
         }
     }

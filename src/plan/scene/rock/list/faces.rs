@@ -1,6 +1,6 @@
 //! Blocks from points and faces, as formats that list both have them.
 
-use super::Listed;
+use super::{ListError, Listed};
 use dem::polyhedron::Polyhedron;
 use nalgebra::Vector3;
 
@@ -13,24 +13,18 @@ const CONVEX: f64 = 1e-4;
 ///
 /// # Errors
 /// If an index has no point, or the faces enclose another volume than the hull, because the block is not convex.
-pub(super) fn block(points: &[Vector3<f64>], faces: &[Vec<usize>]) -> Result<Listed, String> {
+pub(super) fn block(points: &[Vector3<f64>], faces: &[Vec<usize>]) -> Result<Listed, ListError> {
     let mut used: Vec<usize> = faces.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
-    let corners = used.iter().map(|at| {
-        points
-            .get(*at)
-            .copied()
-            .ok_or_else(|| format!("there is no point {at}"))
-    });
+    let corners = used
+        .iter()
+        .map(|at| points.get(*at).copied().ok_or(ListError::NoPoint(*at)));
     let corners: Vec<Vector3<f64>> = corners.collect::<Result<_, _>>()?;
-    let solid = Polyhedron::from_vertices(&corners).map_err(|e| e.to_string())?;
+    let solid = Polyhedron::from_vertices(&corners)?;
     let (inside, hull) = (enclosed(points, faces), solid.shape.volume());
     if (inside - hull).abs() > CONVEX * hull {
-        return Err(format!(
-            "the polyhedron is not convex: its faces enclose {inside} m3, its convex hull {hull} m3; cut it into \
-             convex blocks"
-        ));
+        return Err(ListError::NotConvex { inside, hull });
     }
     Ok(Listed {
         solid,

@@ -19,14 +19,13 @@
 //! Behaviour laws, colours and inertia are not used: materials and contact laws are in the case. Bodies that do not
 //! move are named in another file of LMGC90 (`DRV_DOF.DAT`), which is not read.
 
-use super::{Listed, faces};
+use super::error::END;
+use super::{ListError, Listed, Origin, faces};
 use dem::polyhedron::Polyhedron;
 use nalgebra::Vector3;
 
 /// First word of each body.
 const BODY: &str = "$bdyty";
-/// Line after the last word of a body.
-const END: &str = "$$$$$$";
 
 /// Returns `true` if a text begins with a body of LMGC90, or with the end of one, after comments.
 pub(super) fn is_bodies(text: &str) -> bool {
@@ -38,7 +37,7 @@ pub(super) fn is_bodies(text: &str) -> bool {
 }
 
 /// Returns the blocks of a text in the order of the file; the inner errors are those of single bodies.
-pub(super) fn read(text: &str) -> Vec<Result<Listed, String>> {
+pub(super) fn read(text: &str) -> Vec<Result<Listed, ListError>> {
     let lines = (1..).zip(text.lines().map(str::trim));
     let lines: Vec<(usize, &str)> = lines
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('!'))
@@ -47,48 +46,39 @@ pub(super) fn read(text: &str) -> Vec<Result<Listed, String>> {
     bodies
         .map(|body| {
             let first = body.first().map_or(0, |(number, _)| *number);
-            block(body).map_err(|e| format!("body of line {first}: {e}"))
+            block(body).map_err(|e| e.with_origin(Origin::Body(first)))
         })
         .collect()
 }
 
 /// Returns the block of the lines of a body, each with its number in the file.
-fn block(lines: &[(usize, &str)]) -> Result<Listed, String> {
-    let (_, head) = lines.first().ok_or("the file ends before the body")?;
+fn block(lines: &[(usize, &str)]) -> Result<Listed, ListError> {
+    let (_, head) = lines.first().ok_or(ListError::NoBody)?;
     if !head.starts_with("RBDY3") {
-        return Err(format!(
-            "`{head}` is not read; a block is a rigid body in space (RBDY3)"
-        ));
+        return Err(ListError::NotRigid((*head).to_owned()));
     }
     if !lines.iter().any(|(_, line)| line.starts_with(END)) {
-        return Err(format!("the file ends before `{END}`"));
+        return Err(ListError::NoEnd);
     }
     let position = position(lines)?;
     let contactors: Vec<usize> = (0..lines.len())
         .filter(|at| lines[*at].1.contains("color"))
         .collect();
     let [only] = contactors[..] else {
-        return Err(format!(
-            "the body has {} contactors; a block is one polyhedron (POLYR): make a body of each",
-            contactors.len()
-        ));
+        return Err(ListError::Contactors(contactors.len()));
     };
     let kind = lines[only].1.split_whitespace().next().unwrap_or_default();
     match kind {
         "POLYR" => polyhedron(&lines[only..], position),
         "PLANx" => plane(&lines[only..], position),
-        _ => Err(format!(
-            "a contactor {kind} is not a block; remove the body and use `walls` or `grains`"
-        )),
+        _ => Err(ListError::Contactor(kind.to_owned())),
     }
 }
 
 /// Returns the block of a plane, whose contactor is on the first of the lines.
-fn plane(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, String> {
+fn plane(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, ListError> {
     if let Some((number, line)) = lines.get(1).filter(|(_, line)| !line.starts_with(END)) {
-        return Err(format!(
-            "line {number}: `{line}` of a plane is not read; write a polyhedron (POLYR)"
-        ));
+        return Err(ListError::OfPlane((*line).to_owned()).with_origin(Origin::Line(*number)));
     }
     let axes = Vector3::from(values::<f64, 3>(lines[0])?);
     let signs = (0..8).map(|n| Vector3::from_fn(|a, _| if n >> a & 1 == 0 { -1.0 } else { 1.0 }));
@@ -96,30 +86,31 @@ fn plane(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, Stri
         .map(|sign| position + axes.component_mul(&sign))
         .collect();
     Ok(Listed {
-        solid: Polyhedron::from_vertices(&corners).map_err(|e| e.to_string())?,
+        solid: Polyhedron::from_vertices(&corners)?,
         material: None,
         fixed: true,
     })
 }
 
 /// Returns the block of a polyhedron, whose contactor is on the first of the lines.
-fn polyhedron(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, String> {
+fn polyhedron(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed, ListError> {
     let [vertices, facets] = values(lines[0])?;
     let following = |skip: usize, count: usize| {
         let rows = lines.get(1 + skip..)?;
         rows.get(..count)
     };
-    let short = || "the list of its corners and facets is incomplete".to_owned();
-    let corners = following(0, vertices).ok_or_else(short)?.iter();
-    let corners: Result<Vec<Vector3<f64>>, String> = corners
+    let corners = following(0, vertices).ok_or(ListError::FewLines)?.iter();
+    let corners: Result<Vec<Vector3<f64>>, ListError> = corners
         .map(|row| Ok(position + Vector3::from(values::<f64, 3>(*row)?)))
         .collect();
-    let facets = following(vertices, facets).ok_or_else(short)?.iter();
-    let facets: Result<Vec<Vec<usize>>, String> = facets
+    let facets = following(vertices, facets)
+        .ok_or(ListError::FewLines)?
+        .iter();
+    let facets: Result<Vec<Vec<usize>>, ListError> = facets
         .map(|row| {
             let numbers = values::<usize, 3>(*row)?;
             match numbers.iter().find(|n| !(1..=vertices).contains(*n)) {
-                Some(wrong) => Err(format!("line {}: there is no corner {wrong}", row.0)),
+                Some(wrong) => Err(ListError::NoCorner(*wrong).with_origin(Origin::Line(row.0))),
                 None => Ok(numbers.map(|number| number - 1).to_vec()),
             }
         })
@@ -128,15 +119,12 @@ fn polyhedron(lines: &[(usize, &str)], position: Vector3<f64>) -> Result<Listed,
 }
 
 /// Returns the position of a body \[m\].
-fn position(lines: &[(usize, &str)]) -> Result<Vector3<f64>, String> {
-    let missing = "the body has no node NO6xx";
+fn position(lines: &[(usize, &str)]) -> Result<Vector3<f64>, ListError> {
     let node = lines.iter().position(|(_, line)| line.starts_with("NO6xx"));
-    let node = node.ok_or(missing)?;
-    let turned = values::<f64, 3>(*lines.get(node + 1).ok_or(missing)?)?;
+    let node = node.ok_or(ListError::NoNode)?;
+    let turned = values::<f64, 3>(*lines.get(node + 1).ok_or(ListError::NoNode)?)?;
     if turned.iter().any(|angle| angle.abs() > 0.0) {
-        return Err(
-            "the body is turned (coo4, coo5, coo6); write its corners where they are".into(),
-        );
+        return Err(ListError::Turned);
     }
     Ok(values::<f64, 3>(lines[node])?.into())
 }
@@ -144,13 +132,17 @@ fn position(lines: &[(usize, &str)]) -> Result<Vector3<f64>, String> {
 /// Returns the numbers after the signs `=` of a line, whose exponents may be written with D.
 fn values<N: std::str::FromStr, const COUNT: usize>(
     (number, line): (usize, &str),
-) -> Result<[N; COUNT], String> {
+) -> Result<[N; COUNT], ListError> {
     let words = line.split('=').skip(1);
     let words = words.map(|part| part.split_whitespace().next().unwrap_or_default());
     let numbers: Vec<N> = words
         .map_while(|word| word.replace(['D', 'd'], "e").parse().ok())
         .collect();
+    let short = || ListError::FewNumbers {
+        line: line.to_owned(),
+        count: COUNT,
+    };
     numbers
         .try_into()
-        .map_err(|_| format!("line {number}: `{line}` does not have {COUNT} numbers after `=`"))
+        .map_err(|_| short().with_origin(Origin::Line(number)))
 }

@@ -20,6 +20,13 @@ fn lines() -> String {
     format!("{}\n{}\n", cube(0.5), cube(1.5))
 }
 
+/// Returns the errors of a text.
+fn errors(text: &str) -> String {
+    let errors = read(text).unwrap_err();
+    let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+    errors.join("; ")
+}
+
 #[test]
 fn spark_rocks_blocks_stand_where_their_centres_say() {
     let array = format!("[{}]", lines().trim().replace('\n', ","));
@@ -50,7 +57,11 @@ fn what_is_written_is_read_again() {
     assert_eq!(blocks[1].material.as_deref(), Some("slate"));
     assert_relative_eq!(blocks[1].solid.shape.volume(), 4.0, epsilon = 1e-13);
 
-    let again = write(blocks.iter().map(|b| (&b.solid, "slate", b.fixed)));
+    let again = write(blocks.iter().map(|b| SavedBlock {
+        solid: &b.solid,
+        material: "slate",
+        fixed: b.fixed,
+    }));
     let again = read(&again).unwrap();
     for (one, other) in blocks.iter().zip(&again) {
         assert_eq!(other.material.as_deref(), Some("slate"));
@@ -63,7 +74,7 @@ fn what_is_written_is_read_again() {
 
 #[test]
 fn what_is_no_block_is_refused_by_its_number() {
-    let refused = |text: &str| read(text).unwrap_err().join("; ");
+    let refused = errors;
     assert!(refused("{").contains("not JSON"));
     assert!(refused(r#"{"blocks": []}"#).contains("contains no block"));
     assert!(refused(r#"{"blocks": [{"id": 0, "fixd": true}]}"#).contains("fixd"));
@@ -154,9 +165,9 @@ fn polyhedra_that_are_no_blocks_are_refused_by_their_number() {
         ),
     ];
     for (text, expected) in cases {
-        let errors = read(&text).unwrap_err();
-        assert_eq!(errors.len(), 1, "{errors:?}");
-        assert!(errors[0].contains(expected), "{errors:?}, not {expected}");
+        assert_eq!(read(&text).unwrap_err().len(), 1);
+        let errors = errors(&text);
+        assert!(errors.contains(expected), "{errors}, not {expected}");
     }
 }
 
@@ -270,7 +281,7 @@ fn bodies_of_lmgc90_that_are_no_blocks_are_refused_by_their_line() {
         ),
     ];
     for (text, expected) in cases {
-        let problems = read(&text).unwrap_err().join("; ");
+        let problems = errors(&text);
         assert!(problems.contains(expected), "{expected} in {problems}");
     }
 }
@@ -298,10 +309,5 @@ fn a_plane_of_lmgc90_is_a_fixed_cuboid() {
         "0.5D+00\n$$$$$$",
         "0.5D+00\n localframe  alp1= 1.0D+00\n$$$$$$",
     );
-    assert!(
-        read(&turned)
-            .unwrap_err()
-            .join(";")
-            .contains("of a plane is not read")
-    );
+    assert!(errors(&turned).contains("of a plane is not read"));
 }

@@ -11,15 +11,13 @@
 //! Fields of points and cells are not used. A block is the convex hull of its points. A polyhedron whose faces enclose
 //! another volume is refused, because it is not convex.
 
-use super::Listed;
+use super::error::{POLYHEDRON, TETRAHEDRON};
 use super::faces::block;
+use super::{ListError, Listed, Origin};
 use nalgebra::Vector3;
 
 /// First words of a legacy VTK file.
 const FIRST: &str = "# vtk DataFile";
-/// Types of cells that may be blocks.
-const TETRAHEDRON: usize = 10;
-const POLYHEDRON: usize = 42;
 
 /// Returns `true` if a text is a legacy VTK file.
 pub(super) fn is_vtk(text: &str) -> bool {
@@ -30,10 +28,10 @@ pub(super) fn is_vtk(text: &str) -> bool {
 ///
 /// # Errors
 /// If the text is not such a data set.
-pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, String>>, String> {
+pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, ListError>>, ListError> {
     let mut lines = text.lines().skip(2);
     if lines.next().map(str::trim) != Some("ASCII") {
-        return Err("a binary VTK file is not read: save it as text (ASCII)".into());
+        return Err(ListError::Binary);
     }
     let mut words = Words {
         rest: lines.flat_map(str::split_whitespace),
@@ -41,9 +39,7 @@ pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, String>>, String> {
     words.expect("DATASET")?;
     let kind = words.next("the kind of the data set")?;
     if kind != "UNSTRUCTURED_GRID" {
-        return Err(format!(
-            "a VTK file of blocks has the data set UNSTRUCTURED_GRID with one cell for each block, not {kind}"
-        ));
+        return Err(ListError::DataSet(kind.to_owned()));
     }
     words.expect("POINTS")?;
     let count = words.number::<usize>("the number of points")?;
@@ -62,7 +58,7 @@ pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, String>>, String> {
     let mut cells = Vec::new();
     for _ in 0..count {
         let length = words.number::<usize>("the length of a cell")?;
-        let cell: Result<Vec<usize>, String> = (0..length)
+        let cell: Result<Vec<usize>, ListError> = (0..length)
             .map(|_| words.number::<usize>("a number of a cell"))
             .collect();
         cells.push(cell?);
@@ -72,7 +68,7 @@ pub(super) fn read(text: &str) -> Result<Vec<Result<Listed, String>>, String> {
     let mut blocks = Vec::new();
     for (n, cell) in cells.iter().enumerate() {
         let kind = words.number::<usize>("a cell type")?;
-        blocks.push(block_of_cell(&points, kind, cell).map_err(|e| format!("cell {n}: {e}")));
+        blocks.push(block_of_cell(&points, kind, cell).map_err(|e| e.with_origin(Origin::Cell(n))));
     }
     Ok(blocks)
 }
@@ -83,62 +79,65 @@ struct Words<'t, W: Iterator<Item = &'t str>> {
 }
 
 impl<'t, W: Iterator<Item = &'t str>> Words<'t, W> {
-    fn next(&mut self, meaning: &str) -> Result<&'t str, String> {
+    fn next(&mut self, meaning: &str) -> Result<&'t str, ListError> {
         self.rest
             .next()
-            .ok_or_else(|| format!("the VTK file ends before {meaning}"))
+            .ok_or_else(|| ListError::Ends(meaning.to_owned()))
     }
 
-    fn expect(&mut self, keyword: &str) -> Result<(), String> {
+    fn expect(&mut self, keyword: &str) -> Result<(), ListError> {
         let word = self.next(keyword)?;
         if word.eq_ignore_ascii_case(keyword) {
             Ok(())
         } else {
-            Err(format!(
-                "the VTK file has `{word}` where `{keyword}` is expected"
-            ))
+            Err(ListError::Word {
+                word: word.to_owned(),
+                expected: format!("`{keyword}`"),
+            })
         }
     }
 
-    fn number<N: std::str::FromStr>(&mut self, meaning: &str) -> Result<N, String> {
+    fn number<N: std::str::FromStr>(&mut self, meaning: &str) -> Result<N, ListError> {
         let word = self.next(meaning)?;
-        word.parse()
-            .map_err(|_| format!("the VTK file has `{word}` where {meaning} is expected"))
+        word.parse().map_err(|_| ListError::Word {
+            word: word.to_owned(),
+            expected: meaning.to_owned(),
+        })
     }
 }
 
 /// Returns the block of a cell.
-fn block_of_cell(points: &[Vector3<f64>], kind: usize, cell: &[usize]) -> Result<Listed, String> {
+fn block_of_cell(
+    points: &[Vector3<f64>],
+    kind: usize,
+    cell: &[usize],
+) -> Result<Listed, ListError> {
     let faces = match kind {
         TETRAHEDRON => match *cell {
             [a, b, c, d] => vec![vec![a, b, c], vec![a, c, d], vec![a, d, b], vec![b, d, c]],
-            _ => return Err(format!("a tetrahedron has 4 points, not {}", cell.len())),
+            _ => return Err(ListError::Tetrahedron(cell.len())),
         },
         POLYHEDRON => faces(cell)?,
         _ => {
-            return Err(format!(
-                "cells of type {kind} are not read; a block is a tetrahedron ({TETRAHEDRON}) or a polyhedron \
-                 ({POLYHEDRON})"
-            ));
+            return Err(ListError::CellType(kind));
         }
     };
     block(points, &faces)
 }
 
 /// Returns the points of each face of a polyhedron.
-fn faces(cell: &[usize]) -> Result<Vec<Vec<usize>>, String> {
-    let short = || "the list of its faces is incomplete".to_owned();
-    let (&count, mut rest) = cell.split_first().ok_or_else(short)?;
+fn faces(cell: &[usize]) -> Result<Vec<Vec<usize>>, ListError> {
+    let (&count, mut rest) = cell.split_first().ok_or(ListError::FewFaces)?;
     let mut faces = Vec::new();
     for _ in 0..count {
-        let (&length, behind) = rest.split_first().ok_or_else(short)?;
-        let (face, behind) = behind.split_at_checked(length).ok_or_else(short)?;
+        let (&length, behind) = rest.split_first().ok_or(ListError::FewFaces)?;
+        let (face, behind) = behind.split_at_checked(length).ok_or(ListError::FewFaces)?;
         faces.push(face.to_vec());
         rest = behind;
     }
     if rest.is_empty() {
         Ok(faces)
     } else {
-        Err(format!("{} numbers follow the last face", rest.len()))
+        Err(ListError::ManyNumbers(rest.len()))
     }
 }

@@ -1,11 +1,11 @@
-//! Limit of the time step by the resistance of porous zones ([`lbm::term::porous`]).
+//! Limit of the time step by the terms of the fluid step ([`crate::scene::terms`]), whose files have the theory.
 
 use super::margin::{Margin, margin, slower_clock};
 use crate::scene::Scene;
 use crate::scene::findings::{Findings, number};
 use crate::scene::flow::{Flow, PATH};
-use crate::scene::porous;
 use crate::scene::speed::speeds;
+use crate::scene::terms;
 
 /// Fraction of the limit that a remedy proposes.
 const PROPOSED_FRACTION: f64 = 0.9;
@@ -21,16 +21,11 @@ pub(super) fn check(
         .iter()
         .map(|speed| speed.value)
         .fold(0.0, f64::max);
-    let Some(limit) = porous::step_limit(&scene.porous_zones, speed) else {
+    let Some(limit) = terms::step_limit(&scene.terms, speed) else {
         return;
     };
-    let path = format!("{}.resistance", limit.zone.path);
-    let found = margin(
-        "time step for the resistance of a porous zone",
-        flow.time_step,
-        limit.stable,
-        &path,
-    );
+    let found = margin(limit.margin, flow.time_step, limit.stable, &limit.path);
+    let excess = &limit.excess;
     let slower = |longest: f64, text: String| {
         slower_clock(
             flow,
@@ -43,17 +38,19 @@ pub(super) fn check(
         findings.error(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
-                "the resistance of the zone `{}` removes {} times the momentum of its water in a time step of {} \
-                 s: above 2 the velocity oscillates from step to step",
-                limit.zone.name,
+                "{} {} {} in a time step of {} s: {}",
+                excess.subject,
                 number(2.0 * found.used),
-                number(flow.time_step)
+                excess.object,
+                number(flow.time_step),
+                excess.consequence
             ),
             slower(
                 limit.stable,
                 format!(
-                    "use a time step of at most {} s; for slow flow through soil use `fluid.darcy`",
-                    number(PROPOSED_FRACTION * limit.stable)
+                    "use a time step of at most {} s; {}",
+                    number(PROPOSED_FRACTION * limit.stable),
+                    excess.instead
                 ),
             ),
         );
@@ -61,13 +58,16 @@ pub(super) fn check(
         findings.warn(
             &format!("{PATH}.{}", flow.fixed_by),
             format!(
-                "the eddy viscosity uses velocities with an error of up to {} % at the surface of the zone `{}`",
+                "the eddy viscosity uses velocities with an error of up to {} % {}",
                 number(100.0 * found.used),
-                limit.zone.name
+                excess.surface
             ),
             slower(
                 limit.with_eddies,
-                format!("use a time step of at most {} s", number(PROPOSED_FRACTION * limit.with_eddies)),
+                format!(
+                    "use a time step of at most {} s",
+                    number(PROPOSED_FRACTION * limit.with_eddies)
+                ),
             ),
         );
     }

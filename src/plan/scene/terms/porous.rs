@@ -4,17 +4,26 @@
 //! signed distance d of its centre. This is exact for faces of boxes, so that a zone of any thickness causes the
 //! pressure loss of its own thickness. Resistances of overlapping zones add up.
 
-use super::findings::{Findings, LATTICE_PATH as PATH, number};
-use super::grid::Grid;
-use super::{structures, unique};
+use super::{FlowTerm, TermExcess, TermLoss, TermStepLimit};
+use crate::scene::findings::{Findings, LATTICE_PATH as PATH, number};
+use crate::scene::flow::Flow;
+use crate::scene::grid::Grid;
+use crate::scene::{structures, unique};
 use base::error::Remedy;
 use base::number::real;
 use case::Case;
 use case::fluid::Fluid;
-use lbm::term::porous::{Coefficients, Resistance, Resisted};
+use lbm::lanes::Stored;
+use lbm::term::TermBuilder;
+use lbm::term::porous::{Coefficients, Porous, Resistance, Resisted};
 use serde::Serialize;
 use std::sync::Arc;
 use structure::Images;
+
+/// Porous zones of a flow, in the order of the case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct PorousZones(pub Vec<PorousZone>);
 
 /// Zone that resists the water.
 #[derive(Clone, Debug, Serialize)]
@@ -55,10 +64,10 @@ const COLUMNS: usize = 16;
 /// Number of samples along a column.
 const SAMPLES: usize = 256;
 
-/// Returns the porous zones of a case.
-pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<PorousZone> {
+/// Returns the porous zones of a case, if it has any.
+pub(super) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Option<PorousZones> {
     let Some(Fluid::LatticeBoltzmann(lbm)) = &case.fluid else {
-        return Vec::new();
+        return None;
     };
     let mut known = Vec::new();
     let mut zones = Vec::new();
@@ -92,7 +101,93 @@ pub(crate) fn zones(case: &Case, grid: &Grid, findings: &mut Findings) -> Vec<Po
             });
         }
     }
-    zones
+    (!lbm.porous_zones.is_empty()).then_some(PorousZones(zones))
+}
+
+impl PorousZones {
+    /// Returns the function that makes the term for a slab.
+    pub(super) fn build<S: Stored>(&self, grid: &Grid, flow: &Flow) -> TermBuilder<S> {
+        let (zones, grid, time_step) = (self.0.clone(), grid.clone(), flow.time_step);
+        Box::new(move |populations, start| {
+            let cells = cells(&zones, (&grid, time_step), start, populations.cells());
+            Box::new(Porous::new(populations, start, &cells))
+        })
+    }
+}
+
+impl FlowTerm for PorousZones {
+    fn name(&self) -> &'static str {
+        "porous zones"
+    }
+
+    fn short_name(&self) -> &'static str {
+        "zones"
+    }
+
+    fn path(&self) -> &'static str {
+        "fluid.lattice_boltzmann.porous_zones"
+    }
+
+    fn describe(&self) -> Vec<[String; 3]> {
+        self.0.iter().map(PorousZone::describe).collect()
+    }
+
+    fn unmeasured(&self) -> Option<String> {
+        Some("flow next to porous zones".to_owned())
+    }
+
+    /// Returns the bound by zones that close a section; infinite if the water can bypass all zones.
+    fn fastest(&self, grid: &Grid, axis: usize, drop: f64) -> f64 {
+        let bounds = self.0.iter().map(|zone| {
+            let Thickness { smallest, .. } = zone.thickness(grid, axis);
+            if smallest > 0.0 {
+                zone.coefficients.velocity(drop / smallest)
+            } else {
+                f64::INFINITY
+            }
+        });
+        bounds.fold(f64::INFINITY, f64::min)
+    }
+
+    fn losses(&self, grid: &Grid, axis: usize, discharge: f64) -> Vec<TermLoss> {
+        let across = (0..grid.dimension).filter(move |a| *a != axis);
+        let area: f64 = across.map(|a| grid.size[a]).product();
+        let losses = self.0.iter().map(move |zone| {
+            let Thickness { largest, open, .. } = zone.thickness(grid, axis);
+            let speed = discharge / area;
+            let through = zone.coefficients.deceleration(speed) * largest;
+            // If the zone leaves a part of the section open, all the water may pass there: a contraction loses at
+            // most (U/open)².
+            let past = (speed / open).powi(2);
+            TermLoss {
+                what: "the resistance of a porous zone",
+                path: zone.path.clone(),
+                loss: through.min(past),
+            }
+        });
+        losses.collect()
+    }
+
+    fn step_limit(&self, speed: f64) -> Option<TermStepLimit> {
+        let rate =
+            |zone: &PorousZone| zone.coefficients.linear + zone.coefficients.quadratic * speed;
+        let zone = self.0.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
+        let name = &zone.name;
+        Some(TermStepLimit {
+            requirement: format!("a stable resistance of the porous zone `{name}`"),
+            margin: "time step for the resistance of a porous zone",
+            path: format!("{}.resistance", zone.path),
+            stable: MAX_WITHOUT_OSCILLATION / rate(zone),
+            with_eddies: MAX_WITH_EDDIES / rate(zone),
+            excess: TermExcess {
+                subject: format!("the resistance of the zone `{name}` removes"),
+                object: "times the momentum of its water".to_owned(),
+                consequence: "above 2 the velocity oscillates from step to step".to_owned(),
+                instead: "for slow flow through soil use `fluid.darcy`".to_owned(),
+                surface: format!("at the surface of the zone `{name}`"),
+            },
+        })
+    }
 }
 
 impl PorousZone {
@@ -141,7 +236,7 @@ impl PorousZone {
     }
 
     /// Returns name, resistance and reason, as printed in a plan.
-    pub(crate) fn describe(&self) -> [String; 3] {
+    fn describe(&self) -> [String; 3] {
         let Coefficients { linear, quadratic } = self.coefficients;
         [
             format!("porous zone {}", self.name),
@@ -158,7 +253,7 @@ impl PorousZone {
 
 /// Returns the cells of a part of the domain with a resistance, in lattice units at a time step \[s\]. `first` is
 /// the first cell of the part and `cells` its size.
-pub fn cells(
+fn cells(
     zones: &[PorousZone],
     (grid, time_step): (&Grid, f64),
     first: [usize; 3],
@@ -186,60 +281,4 @@ pub fn cells(
         }
     }
     found
-}
-
-/// Returns an upper bound of the speed [m/s] that a pressure drop over the density [m²/s²] along an axis drives
-/// through zones that close a section; infinite if the water can bypass all zones.
-pub(crate) fn fastest(zones: &[PorousZone], grid: &Grid, axis: usize, drop: f64) -> f64 {
-    let bounds = zones.iter().map(|zone| {
-        let Thickness { smallest, .. } = zone.thickness(grid, axis);
-        if smallest > 0.0 {
-            zone.coefficients.velocity(drop / smallest)
-        } else {
-            f64::INFINITY
-        }
-    });
-    bounds.fold(f64::INFINITY, f64::min)
-}
-
-/// Returns the pressure losses over the density [m²/s²] of a discharge through zones along an axis, with the paths
-/// of the zones.
-pub(crate) fn losses<'a>(
-    zones: &'a [PorousZone],
-    grid: &'a Grid,
-    axis: usize,
-    discharge: f64,
-) -> impl Iterator<Item = (&'a str, f64)> {
-    let across = (0..grid.dimension).filter(move |a| *a != axis);
-    let area: f64 = across.map(|a| grid.size[a]).product();
-    zones.iter().map(move |zone| {
-        let Thickness { largest, open, .. } = zone.thickness(grid, axis);
-        let speed = discharge / area;
-        let through = zone.coefficients.deceleration(speed) * largest;
-        // If the zone leaves a part of the section open, all the water may pass there: a contraction loses at most
-        // (U/open)².
-        let past = (speed / open).powi(2);
-        (zone.path.as_str(), through.min(past))
-    })
-}
-
-/// Limit of the time step by the resistance of a zone.
-pub(crate) struct StepLimit<'a> {
-    /// Zone with the largest resistance.
-    pub(crate) zone: &'a PorousZone,
-    /// Longest time step \[s\] without oscillation.
-    pub(crate) stable: f64,
-    /// Longest time step \[s\] for accurate velocities in an eddy-viscosity model.
-    pub(crate) with_eddies: f64,
-}
-
-/// Returns the limit of the time step at a speed [m/s]; none without zones.
-pub(crate) fn step_limit(zones: &[PorousZone], speed: f64) -> Option<StepLimit<'_>> {
-    let rate = |zone: &PorousZone| zone.coefficients.linear + zone.coefficients.quadratic * speed;
-    let zone = zones.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
-    Some(StepLimit {
-        zone,
-        stable: MAX_WITHOUT_OSCILLATION / rate(zone),
-        with_eddies: MAX_WITH_EDDIES / rate(zone),
-    })
 }
